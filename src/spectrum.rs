@@ -1,0 +1,99 @@
+//! Wavelengths travel together: up to four of them ride in the lanes of one SIMD register.
+//!
+//! Every spectral quantity (albedo, Mueller element, irradiance) is a [`Spectral`] with lane `i` belonging to
+//! wavelength `i` of the scene's [`Wavelengths`]. Unused lanes are zero.
+
+use serde::{Deserialize, Serialize};
+
+/// One value per wavelength lane; lanes past the scene's wavelength count are zero.
+pub type Spectral = wide::f32x4;
+
+/// The most wavelengths one render can carry.
+pub const MAX_WAVELENGTHS: usize = 4;
+
+/// The vacuum wavelengths of a render, in nanometres, 1 to 4 of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wavelengths(Vec<f64>);
+
+/// Why a wavelength list was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WavelengthError {
+    /// The list is empty or longer than [`MAX_WAVELENGTHS`].
+    #[error("{0} wavelengths given; a render carries 1 to 4 at once")]
+    Count(usize),
+    /// A value is not a plausible optical wavelength in nanometres.
+    #[error("wavelength {0} is outside 100..100000 nm")]
+    Range(f64),
+    /// Two wavelengths are equal or out of order.
+    #[error("wavelengths must rise strictly: {0} nm is followed by {1} nm")]
+    Order(f64, f64),
+}
+
+impl Wavelengths {
+    /// Checks and takes a list of vacuum wavelengths in nanometres.
+    ///
+    /// # Errors
+    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order does not rise.
+    pub fn new(nm: Vec<f64>) -> Result<Self, WavelengthError> {
+        if nm.is_empty() || nm.len() > MAX_WAVELENGTHS {
+            return Err(WavelengthError::Count(nm.len()));
+        }
+        if let Some(&bad) = nm.iter().find(|w| !(100.0..=100_000.0).contains(*w)) {
+            return Err(WavelengthError::Range(bad));
+        }
+        if let Some(w) = nm.windows(2).find(|w| w[0] >= w[1]) {
+            return Err(WavelengthError::Order(w[0], w[1]));
+        }
+        Ok(Self(nm))
+    }
+
+    /// How many wavelengths the render carries (1 to 4).
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The wavelengths in nanometres, rising.
+    #[must_use]
+    pub fn nm(&self) -> &[f64] {
+        &self.0
+    }
+
+    /// A register with `f(nm)` in each used lane and zero in the rest.
+    pub fn map(&self, f: impl Fn(f64) -> f32) -> Spectral {
+        let mut lanes = [0.0; MAX_WAVELENGTHS];
+        for (lane, &nm) in lanes.iter_mut().zip(&self.0) {
+            *lane = f(nm);
+        }
+        Spectral::new(lanes)
+    }
+
+    /// One in every used lane, zero in the rest.
+    #[must_use]
+    pub fn ones(&self) -> Spectral {
+        self.map(|_| 1.0)
+    }
+}
+
+/// The largest lane of a register.
+#[inline]
+#[must_use]
+pub fn max_lane(s: Spectral) -> f32 {
+    let a = s.to_array();
+    a[0].max(a[1]).max(a[2].max(a[3]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_checked() {
+        assert_eq!(Wavelengths::new(vec![]), Err(WavelengthError::Count(0)));
+        assert_eq!(Wavelengths::new(vec![1.0]), Err(WavelengthError::Range(1.0)));
+        assert!(Wavelengths::new(vec![550.0, 450.0]).is_err());
+        assert!(Wavelengths::new(vec![f64::NAN]).is_err());
+        let w = Wavelengths::new(vec![450.0, 550.0, 660.0]).unwrap();
+        assert_eq!(w.ones().to_array(), [1.0, 1.0, 1.0, 0.0]);
+    }
+}

@@ -1,0 +1,369 @@
+//! Named, unit-carrying axes of a stored slice, in one fixed order.
+//!
+//! Order: `y, x | v, u | t | bounces | component | stokes_out, stokes_in | wavelength`, each present only where the
+//! slice resolves it. `wavelength` is always last, so one tensor element is one SIMD register of lanes.
+
+use super::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+
+/// A chunk never holds more elements than this (8 MiB of f32), so that memory stays bounded by the tile.
+pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
+
+/// Which dimension of T an axis resolves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum AxisKind {
+    /// Camera row.
+    Y,
+    /// Camera column.
+    X,
+    /// Projector row.
+    V,
+    /// Projector column.
+    U,
+    /// Travel time.
+    T,
+    /// Number of surface interactions.
+    Bounces,
+    /// 0 direct, 1 indirect.
+    Component,
+    /// Stokes element that leaves (p).
+    StokesOut,
+    /// Stokes element that enters (p').
+    StokesIn,
+    /// Wavelength.
+    Wavelength,
+}
+
+impl AxisKind {
+    /// All kinds, in storage order.
+    pub const ALL: [Self; 10] = [
+        Self::Y,
+        Self::X,
+        Self::V,
+        Self::U,
+        Self::T,
+        Self::Bounces,
+        Self::Component,
+        Self::StokesOut,
+        Self::StokesIn,
+        Self::Wavelength,
+    ];
+
+    /// The dimension name written to the store.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Y => "y",
+            Self::X => "x",
+            Self::V => "v",
+            Self::U => "u",
+            Self::T => "t",
+            Self::Bounces => "bounces",
+            Self::Component => "component",
+            Self::StokesOut => "stokes_out",
+            Self::StokesIn => "stokes_in",
+            Self::Wavelength => "wavelength",
+        }
+    }
+
+    /// The kind with this dimension name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.name() == name)
+    }
+
+    /// Units of the coordinate values ("1" for plain indices).
+    #[must_use]
+    pub fn units(self) -> &'static str {
+        match self {
+            Self::Y | Self::X | Self::V | Self::U => "pixel",
+            Self::T => "ps",
+            Self::Wavelength => "nm",
+            Self::Bounces | Self::Component | Self::StokesOut | Self::StokesIn => "1",
+        }
+    }
+
+    /// One line for people.
+    #[must_use]
+    pub fn long_name(self) -> &'static str {
+        match self {
+            Self::Y => "camera row (pixel centre)",
+            Self::X => "camera column (pixel centre)",
+            Self::V => "projector row (pixel centre)",
+            Self::U => "projector column (pixel centre)",
+            Self::T => "travel time (bin centre)",
+            Self::Bounces => "surface interactions between projector and camera",
+            Self::Component => "0 = direct (one surface interaction), 1 = indirect",
+            Self::StokesOut => "Stokes element that reaches the camera, camera frame",
+            Self::StokesIn => "Stokes element that leaves the projector, projector frame",
+            Self::Wavelength => "vacuum wavelength",
+        }
+    }
+}
+
+/// One axis of a stored slice with its coordinate values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    pub kind: AxisKind,
+    /// Pixel centres are index + 0.5 less one half, that is the index itself; bins of pixels and time give centres.
+    pub coords: Vec<f64>,
+    /// Length of a chunk along this axis.
+    pub chunk: u64,
+}
+
+impl Axis {
+    /// Number of entries along the axis.
+    #[must_use]
+    pub fn len(&self) -> u64 {
+        self.coords.len() as u64
+    }
+
+    /// True for an axis without entries.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.coords.is_empty()
+    }
+}
+
+/// The sizes that turn a [`Slice`] into axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extents {
+    /// Camera width and height in pixels.
+    pub camera: [u32; 2],
+    /// Projector width and height in pixels; `None` where the scene has no projector.
+    pub projector: Option<[u32; 2]>,
+    /// Wavelengths in nanometres.
+    pub wavelengths_nm: Vec<f64>,
+    /// Longest path kept: bounces run from 0 to `max_depth - 1`.
+    pub max_depth: u32,
+    /// Edge of a square tile of camera pixels.
+    pub tile: u32,
+}
+
+/// The axes of one stored slice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SliceLayout {
+    /// Name of the group in the store.
+    pub name: String,
+    /// Axes in storage order (row-major, last axis fastest).
+    pub axes: Vec<Axis>,
+    /// For a slice with a time axis: first edge and bin width in picoseconds.
+    pub time: Option<(f64, f64)>,
+}
+
+fn indices(n: u32) -> Vec<f64> {
+    (0..n).map(f64::from).collect()
+}
+
+fn listed(list: &[u32]) -> Vec<f64> {
+    list.iter().copied().map(f64::from).collect()
+}
+
+fn span(first: u32, count: u32) -> Vec<f64> {
+    (first..first + count).map(f64::from).collect()
+}
+
+/// Centres of boxes of `n` pixels over `total` (a last, smaller box keeps its own centre).
+fn binned(total: u32, n: u32) -> Vec<f64> {
+    (0..total)
+        .step_by(n as usize)
+        .map(|a| f64::from(a + (a + n).min(total) - 1) / 2.0)
+        .collect()
+}
+
+impl SliceLayout {
+    /// Lays a slice out over the given extents and chooses its chunks.
+    #[must_use]
+    pub fn new(slice: &Slice, extents: &Extents) -> Self {
+        let mut axes = Vec::new();
+        let mut push = |kind, coords: Vec<f64>, chunk: u64| {
+            axes.push(Axis {
+                kind,
+                chunk: chunk.clamp(1, coords.len().max(1) as u64),
+                coords,
+            });
+        };
+        let [w, h] = extents.camera;
+        let tile = u64::from(extents.tile);
+        match &slice.camera {
+            CameraSelect::All => {
+                push(AxisKind::Y, indices(h), tile);
+                push(AxisKind::X, indices(w), tile);
+            }
+            CameraSelect::Rows(rows) => {
+                push(AxisKind::Y, listed(rows), 1);
+                push(AxisKind::X, indices(w), tile);
+            }
+            CameraSelect::Columns(columns) => {
+                push(AxisKind::Y, indices(h), tile);
+                push(AxisKind::X, listed(columns), 1);
+            }
+            CameraSelect::Block(b) => {
+                push(AxisKind::Y, span(b.y, b.h), tile);
+                push(AxisKind::X, span(b.x, b.w), tile);
+            }
+            CameraSelect::Binned { nx, ny } => {
+                push(AxisKind::Y, binned(h, *ny), tile / u64::from(*ny));
+                push(AxisKind::X, binned(w, *nx), tile / u64::from(*nx));
+            }
+        }
+        if let Some([pw, ph]) = extents.projector {
+            let whole = u64::MAX;
+            match &slice.projector {
+                ProjectorSelect::All => {
+                    push(AxisKind::V, indices(ph), whole);
+                    push(AxisKind::U, indices(pw), whole);
+                }
+                ProjectorSelect::Rows(rows) => {
+                    push(AxisKind::V, listed(rows), whole);
+                    push(AxisKind::U, indices(pw), whole);
+                }
+                ProjectorSelect::Columns(columns) => {
+                    push(AxisKind::V, indices(ph), whole);
+                    push(AxisKind::U, listed(columns), whole);
+                }
+                ProjectorSelect::Block(Block { x, y, w, h }) => {
+                    push(AxisKind::V, span(*y, *h), whole);
+                    push(AxisKind::U, span(*x, *w), whole);
+                }
+                ProjectorSelect::Binned { nx, ny } => {
+                    push(AxisKind::V, binned(ph, *ny), whole);
+                    push(AxisKind::U, binned(pw, *nx), whole);
+                }
+                ProjectorSelect::Sum
+                | ProjectorSelect::Mask { .. }
+                | ProjectorSelect::Epipolar { .. }
+                | ProjectorSelect::NonEpipolar { .. }
+                | ProjectorSelect::Coaxial => {}
+            }
+        }
+        let mut time = None;
+        if let TimeSelect::Bins {
+            start_ps,
+            bin_ps,
+            bins,
+        } = slice.time
+        {
+            let centres = (0..bins).map(|i| start_ps + (f64::from(i) + 0.5) * bin_ps);
+            push(AxisKind::T, centres.collect(), u64::MAX);
+            time = Some((start_ps, bin_ps));
+        }
+        if slice.bounces {
+            push(AxisKind::Bounces, indices(extents.max_depth), u64::MAX);
+        }
+        if slice.split_first_bounce {
+            push(AxisKind::Component, indices(2), u64::MAX);
+        }
+        if slice.polarization == Polarization::Mueller {
+            push(AxisKind::StokesOut, indices(4), 4);
+            push(AxisKind::StokesIn, indices(4), 4);
+        }
+        push(AxisKind::Wavelength, extents.wavelengths_nm.clone(), 4);
+        bound_chunks(&mut axes);
+        Self {
+            name: slice.name.clone(),
+            axes,
+            time,
+        }
+    }
+
+    /// Length of every axis.
+    #[must_use]
+    pub fn shape(&self) -> Vec<u64> {
+        self.axes.iter().map(Axis::len).collect()
+    }
+
+    /// Length of a chunk along every axis.
+    #[must_use]
+    pub fn chunk_shape(&self) -> Vec<u64> {
+        self.axes.iter().map(|a| a.chunk).collect()
+    }
+
+    /// Position of an axis kind among the axes.
+    #[must_use]
+    pub fn find(&self, kind: AxisKind) -> Option<usize> {
+        self.axes.iter().position(|a| a.kind == kind)
+    }
+
+    /// The same layout without its time axis: that of the overflow arrays. Keeps the name.
+    #[must_use]
+    pub fn without_time(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            axes: self
+                .axes
+                .iter()
+                .filter(|a| a.kind != AxisKind::T)
+                .cloned()
+                .collect(),
+            time: None,
+        }
+    }
+}
+
+/// Halves the chunk of the axes between camera and Stokes, outermost first, until a chunk is small enough.
+fn bound_chunks(axes: &mut [Axis]) {
+    let size = |axes: &[Axis]| axes.iter().map(|a| a.chunk).product::<u64>();
+    for kind in [AxisKind::V, AxisKind::U, AxisKind::T] {
+        while size(axes) > MAX_CHUNK_ELEMENTS {
+            match axes.iter_mut().find(|a| a.kind == kind && a.chunk > 1) {
+                Some(axis) => axis.chunk = axis.chunk.div_ceil(2),
+                None => break,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extents() -> Extents {
+        Extents {
+            camera: [64, 48],
+            projector: Some([32, 16]),
+            wavelengths_nm: vec![450.0, 550.0, 660.0],
+            max_depth: 6,
+            tile: 16,
+        }
+    }
+
+    fn slice() -> Slice {
+        Slice {
+            name: "s".into(),
+            camera: CameraSelect::All,
+            projector: ProjectorSelect::All,
+            time: TimeSelect::Bins {
+                start_ps: 100.0,
+                bin_ps: 25.0,
+                bins: 256,
+            },
+            polarization: Polarization::Mueller,
+            bounces: true,
+            split_first_bounce: true,
+        }
+    }
+
+    #[test]
+    fn every_axis_in_order_and_chunks_bounded() {
+        let l = SliceLayout::new(&slice(), &extents());
+        assert_eq!(l.shape(), [48, 64, 16, 32, 256, 6, 2, 4, 4, 3]);
+        assert!(l.chunk_shape().iter().product::<u64>() <= MAX_CHUNK_ELEMENTS);
+        assert_eq!(l.axes[4].coords[0], 112.5);
+        assert_eq!(l.without_time().shape(), [48, 64, 16, 32, 6, 2, 4, 4, 3]);
+    }
+
+    #[test]
+    fn bins_keep_their_centres() {
+        assert_eq!(binned(10, 4), [1.5, 5.5, 8.5]);
+        let mut s = slice();
+        s.camera = CameraSelect::Binned { nx: 2, ny: 4 };
+        s.projector = ProjectorSelect::Sum;
+        s.time = TimeSelect::Sum;
+        s.bounces = false;
+        s.split_first_bounce = false;
+        s.polarization = Polarization::Intensity;
+        let l = SliceLayout::new(&s, &extents());
+        assert_eq!(l.shape(), [12, 32, 3]);
+        assert_eq!(l.chunk_shape(), [4, 8, 3]);
+    }
+}

@@ -1,0 +1,6 @@
+//! The hinge of the program: slices of T(s, s', p, p', t) and what can be done with them.
+//!
+//! Knows nothing of scenes, rigs or plots.
+
+pub mod axes;
+pub mod slice;
