@@ -2,5 +2,7 @@
 //!
 //! Knows nothing of scenes, rigs or plots.
 
+pub mod array;
 pub mod axes;
 pub mod slice;
+pub mod view;

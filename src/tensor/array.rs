@@ -1,0 +1,150 @@
+//! A dense piece of a stored slice in memory, with its axes: what probing returns and figures draw.
+
+use super::axes::{Axis, AxisKind};
+
+/// Row-major values over named axes (last axis fastest).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    /// What it is, for titles and file names.
+    pub name: String,
+    /// Axes in storage order; may be empty for a single number.
+    pub axes: Vec<Axis>,
+    /// Values; its length is the product of the axes' lengths.
+    pub data: Vec<f32>,
+}
+
+impl Tensor {
+    /// Zeros over the given axes.
+    #[must_use]
+    pub fn zeros(name: &str, axes: Vec<Axis>) -> Self {
+        let n = axes.iter().map(|a| a.coords.len()).product();
+        Self {
+            name: name.to_owned(),
+            axes,
+            data: vec![0.0; n],
+        }
+    }
+
+    /// Length of every axis.
+    #[must_use]
+    pub fn shape(&self) -> Vec<usize> {
+        self.axes.iter().map(|a| a.coords.len()).collect()
+    }
+
+    /// Position of an axis kind.
+    #[must_use]
+    pub fn find(&self, kind: AxisKind) -> Option<usize> {
+        self.axes.iter().position(|a| a.kind == kind)
+    }
+
+    /// Length of an axis, 1 if it is absent.
+    #[must_use]
+    pub fn extent(&self, kind: AxisKind) -> usize {
+        self.find(kind).map_or(1, |i| self.axes[i].coords.len())
+    }
+
+    /// Value at the given indices; axes that are not named are taken at index 0, axes that are absent are ignored.
+    ///
+    /// # Panics
+    /// If an index lies outside its axis.
+    #[must_use]
+    pub fn at(&self, indices: &[(AxisKind, usize)]) -> f32 {
+        let mut offset = 0;
+        for axis in &self.axes {
+            let i = indices
+                .iter()
+                .find(|(k, _)| *k == axis.kind)
+                .map_or(0, |(_, i)| *i);
+            assert!(
+                i < axis.coords.len(),
+                "index {i} is outside axis {}",
+                axis.kind.name()
+            );
+            offset = offset * axis.coords.len() + i;
+        }
+        self.data[offset]
+    }
+
+    /// (elements before, length, elements after) an axis, for loops over it.
+    fn strides(&self, axis: usize) -> (usize, usize, usize) {
+        let shape = self.shape();
+        (
+            shape[..axis].iter().product(),
+            shape[axis],
+            shape[axis + 1..].iter().product(),
+        )
+    }
+
+    /// The sub-tensor at one index of an axis; the axis disappears. Unchanged if the axis is absent.
+    #[must_use]
+    pub fn select(&self, kind: AxisKind, index: usize) -> Self {
+        self.reduce(kind, |lane, inner, out, k| {
+            out.copy_from_slice(&lane[index * inner..(index + 1) * inner]);
+            debug_assert!(index < k);
+        })
+    }
+
+    /// The sum over an axis (accumulated in f64); the axis disappears. Unchanged if the axis is absent.
+    #[must_use]
+    pub fn sum(&self, kind: AxisKind) -> Self {
+        self.reduce(kind, |lane, inner, out, k| {
+            for (j, o) in out.iter_mut().enumerate() {
+                *o = (0..k).map(|i| f64::from(lane[i * inner + j])).sum::<f64>() as f32;
+            }
+        })
+    }
+
+    /// Applies `f(lane, inner, out, length)` to every block of the axis, where `lane` holds `length` runs of `inner`
+    /// values and `out` one run.
+    fn reduce(&self, kind: AxisKind, f: impl Fn(&[f32], usize, &mut [f32], usize)) -> Self {
+        let Some(axis) = self.find(kind) else {
+            return self.clone();
+        };
+        let (outer, k, inner) = self.strides(axis);
+        let mut axes = self.axes.clone();
+        axes.remove(axis);
+        let mut data = vec![0.0; outer * inner];
+        if inner > 0 {
+            for (o, out) in data.chunks_exact_mut(inner).enumerate() {
+                f(&self.data[o * k * inner..(o + 1) * k * inner], inner, out, k);
+            }
+        }
+        Self {
+            name: self.name.clone(),
+            axes,
+            data,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(kind: AxisKind, n: usize) -> Axis {
+        Axis {
+            kind,
+            coords: (0..n).map(|i| i as f64).collect(),
+            chunk: n as u64,
+        }
+    }
+
+    #[test]
+    fn select_and_sum_drop_their_axis() {
+        let mut t = Tensor::zeros(
+            "t",
+            vec![axis(AxisKind::Y, 2), axis(AxisKind::X, 3), axis(AxisKind::T, 4)],
+        );
+        t.data = (0..24).map(|i| i as f32).collect();
+        assert_eq!(
+            t.at(&[(AxisKind::Y, 1), (AxisKind::X, 2), (AxisKind::T, 3)]),
+            23.0
+        );
+        let s = t.select(AxisKind::X, 1);
+        assert_eq!(s.shape(), [2, 4]);
+        assert_eq!(s.data, [4., 5., 6., 7., 16., 17., 18., 19.]);
+        let s = t.sum(AxisKind::T);
+        assert_eq!(s.data, [6., 22., 38., 54., 70., 86.]);
+        assert_eq!(t.sum(AxisKind::V), t);
+    }
+}

@@ -1,0 +1,119 @@
+//! Views: which picture to draw of which slice. Plain data shared by scene files, stores and the command line.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A named picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Figure {
+    /// File stem of the picture.
+    pub name: String,
+    /// What to draw.
+    pub view: View,
+}
+
+/// What to draw of a slice.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum View {
+    /// Colour photograph of M00 (time, bounces and components summed).
+    Photo(PhotoView),
+    /// 4×4 grid of signed images of the Mueller elements at one wavelength.
+    Mueller(MuellerView),
+    /// s–s' map: camera scanline against projector column (or row).
+    SpaceSpace(MapView),
+    /// x–t map: camera scanline against travel time.
+    SpaceTime(MapView),
+    /// Light in flight: a contact sheet of frames of a time-resolved image.
+    Flight(FlightView),
+    /// Time profile of one camera pixel with its error band.
+    Profile(ProfileView),
+}
+
+impl View {
+    /// Name of the slice that is drawn.
+    #[must_use]
+    pub fn slice(&self) -> &str {
+        match self {
+            Self::Photo(v) => &v.slice,
+            Self::Mueller(v) => &v.slice,
+            Self::SpaceSpace(v) | Self::SpaceTime(v) => &v.slice,
+            Self::Flight(v) => &v.slice,
+            Self::Profile(v) => &v.slice,
+        }
+    }
+}
+
+/// See [`View::Photo`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PhotoView {
+    /// Slice to draw.
+    pub slice: String,
+    /// Camera value shown as white; absent: the 99th percentile.
+    pub white: Option<f32>,
+}
+
+/// See [`View::Mueller`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MuellerView {
+    /// Slice to draw (polarization `mueller`).
+    pub slice: String,
+    /// Wavelength to draw (nearest); absent: the middle one.
+    pub wavelength_nm: Option<f64>,
+    /// Divide every element by M00 of its pixel (M00 itself is shown as it is, scaled to its 99th percentile).
+    #[serde(default = "yes")]
+    pub normalized: bool,
+    /// Value at the ends of the symmetric colour scale; absent: 1 if normalized, else the 99th percentile of |M|.
+    pub limit: Option<f32>,
+}
+
+/// See [`View::SpaceSpace`] and [`View::SpaceTime`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MapView {
+    /// Slice to draw.
+    pub slice: String,
+    /// Wavelength to draw (nearest); absent: colour from all wavelengths for M00, the middle one for other elements.
+    pub wavelength_nm: Option<f64>,
+    /// Index into the slice's camera rows (0: its first row); drawn along x.
+    #[serde(default)]
+    pub row: usize,
+    /// Mueller element [out, in] to draw; other than [0, 0] it is drawn signed and normalized by M00.
+    #[serde(default)]
+    pub element: [usize; 2],
+}
+
+/// See [`View::Flight`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlightView {
+    /// Slice to draw (camera pixels and time bins resolved).
+    pub slice: String,
+    /// Number of frames, spread evenly over the bins that hold light.
+    #[serde(default = "twelve")]
+    pub frames: usize,
+}
+
+/// See [`View::Profile`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProfileView {
+    /// Slice to draw (time bins resolved).
+    pub slice: String,
+    /// Camera pixel [x, y] in full-resolution pixels (nearest kept pixel).
+    pub pixel: [f64; 2],
+    /// Mueller element [out, in].
+    #[serde(default)]
+    pub element: [usize; 2],
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn twelve() -> usize {
+    12
+}
