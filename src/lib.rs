@@ -6,4 +6,6 @@
 pub mod spectrum;
 pub mod units;
 
+pub mod geometry;
+
 pub mod tensor;

@@ -1,0 +1,365 @@
+//! Indexed triangle meshes as plain tables.
+//!
+//! A triangle (a, b, c) has the geometric normal (b - a) x (c - a): it faces the side from which its corners run
+//! counter-clockwise. Under an affine map x -> M x + t that vector becomes cof(M) n, where cof(M) = det(M) M^-T is the
+//! cofactor matrix (Turkowski, "Properties of surface-normal transformations", Graphics Gems, 1990).
+
+use glam::{Affine3A, DMat3, DVec3, Vec2, Vec3};
+
+/// A triangle mesh. The fields are open; call [`Mesh::validate`] after filling them by hand.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions, metres.
+    pub positions: Vec<Vec3>,
+    /// Unit shading normals, one a vertex, or empty for flat shading.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one a vertex, or empty.
+    pub uvs: Vec<Vec2>,
+    /// Corners of each triangle, counter-clockwise seen from outside.
+    pub indices: Vec<[u32; 3]>,
+}
+
+/// Why a mesh was refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeshError {
+    /// No vertex or no triangle.
+    #[error("has no triangles of non-zero area; export it with faces, or leave it out")]
+    Empty,
+    /// An attribute table is neither empty nor as long as the positions.
+    #[error("has {found} {what} for {vertices} vertices; give every vertex one, or none at all")]
+    Length {
+        /// Name of the attribute.
+        what: &'static str,
+        /// Entries present.
+        found: usize,
+        /// Entries needed.
+        vertices: usize,
+    },
+    /// A coordinate is infinite or not a number.
+    #[error("{what} of vertex {vertex} is not finite; repair the mesh where it was made")]
+    NonFinite {
+        /// Name of the attribute.
+        what: &'static str,
+        /// Vertex index, from 0.
+        vertex: usize,
+    },
+    /// A shading normal has no direction.
+    #[error("normal of vertex {vertex} has length zero; leave all normals out for flat shading")]
+    ZeroNormal {
+        /// Vertex index, from 0.
+        vertex: usize,
+    },
+    /// A triangle refers to a vertex that does not exist.
+    #[error("triangle {triangle} uses vertex {index}, but there are only {vertices} (counted from 0)")]
+    Index {
+        /// Triangle index, from 0.
+        triangle: usize,
+        /// The index it holds.
+        index: u32,
+        /// Vertices present.
+        vertices: usize,
+    },
+    /// More vertices than 32-bit indices can name.
+    #[error("has {0} vertices, more than 32-bit indices can name; split it")]
+    TooLarge(usize),
+}
+
+impl Mesh {
+    /// Checks every invariant the tracer relies on.
+    ///
+    /// # Errors
+    /// [`MeshError`] if the mesh is empty, a table has the wrong length, a number is not finite, a normal is zero or
+    /// an index is out of range.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        let vertices = self.positions.len();
+        if vertices == 0 || self.indices.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        if u32::try_from(vertices).is_err() {
+            return Err(MeshError::TooLarge(vertices));
+        }
+        for (what, found) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
+            if found != 0 && found != vertices {
+                return Err(MeshError::Length { what, found, vertices });
+            }
+        }
+        let finite = |what, bad: Option<usize>| match bad {
+            Some(vertex) => Err(MeshError::NonFinite { what, vertex }),
+            None => Ok(()),
+        };
+        finite("position", self.positions.iter().position(|p| !p.is_finite()))?;
+        finite("normal", self.normals.iter().position(|n| !n.is_finite()))?;
+        finite("uv", self.uvs.iter().position(|t| !t.is_finite()))?;
+        if let Some(vertex) = self.normals.iter().position(|&n| n == Vec3::ZERO) {
+            return Err(MeshError::ZeroNormal { vertex });
+        }
+        for (triangle, corners) in self.indices.iter().enumerate() {
+            if let Some(&index) = corners.iter().find(|&&i| i as usize >= vertices) {
+                return Err(MeshError::Index {
+                    triangle,
+                    index,
+                    vertices,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves the mesh by an affine map (metres to metres). Normals turn by the inverse transpose and are renormalized;
+    /// a reflection also flips the winding, so that geometric and shading normals still agree and an outward-facing
+    /// mesh stays outward-facing. A map that flattens space and leaves a normal without direction drops the normals.
+    pub fn transform(&mut self, map: &Affine3A) {
+        for p in &mut self.positions {
+            *p = map.transform_point3(*p);
+        }
+        let m = DMat3::from_cols(
+            map.matrix3.x_axis.as_dvec3(),
+            map.matrix3.y_axis.as_dvec3(),
+            map.matrix3.z_axis.as_dvec3(),
+        );
+        let cofactors = DMat3::from_cols(
+            m.y_axis.cross(m.z_axis),
+            m.z_axis.cross(m.x_axis),
+            m.x_axis.cross(m.y_axis),
+        );
+        let reflects = m.determinant() < 0.0;
+        let sign = if reflects { -1.0 } else { 1.0 };
+        for n in &mut self.normals {
+            let turned = sign * (cofactors * n.as_dvec3());
+            *n = turned.try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
+        }
+        if self.normals.contains(&Vec3::ZERO) {
+            self.normals.clear();
+        }
+        if reflects {
+            for corners in &mut self.indices {
+                corners.swap(1, 2);
+            }
+        }
+    }
+
+    /// Drops triangles without area (repeated or collinear corners, to the precision of the stored positions) and
+    /// returns how many went. Triangles with an index out of range are kept for [`Mesh::validate`] to name.
+    pub fn drop_degenerate(&mut self) -> usize {
+        let before = self.indices.len();
+        let positions = &self.positions;
+        let corner = |i: u32| positions.get(i as usize).map(|p| p.as_dvec3());
+        self.indices.retain(|&[a, b, c]| match (corner(a), corner(b), corner(c)) {
+            (Some(a), Some(b), Some(c)) => !without_area(a, b, c),
+            _ => true,
+        });
+        before - self.indices.len()
+    }
+
+    /// Drops vertices that no triangle uses, keeping the order of the rest. Call it on valid meshes only: indices out
+    /// of range make it do nothing.
+    pub fn compact(&mut self) {
+        let n = self.positions.len();
+        let mut used = vec![false; n];
+        for &i in self.indices.as_flattened() {
+            match used.get_mut(i as usize) {
+                Some(u) => *u = true,
+                None => return,
+            }
+        }
+        if used.iter().all(|&u| u) {
+            return;
+        }
+        let mut renumbered = vec![0; n];
+        let mut next = 0;
+        for (new, _) in renumbered.iter_mut().zip(&used).filter(|(_, u)| **u) {
+            *new = next;
+            next += 1;
+        }
+        keep_used(&mut self.positions, &used);
+        keep_used(&mut self.normals, &used);
+        keep_used(&mut self.uvs, &used);
+        for i in self.indices.as_flattened_mut() {
+            *i = renumbered[*i as usize];
+        }
+    }
+
+    /// The square [-1, 1]^2 m in the plane z = 0, normal +z, uv from 0 to 1.
+    #[must_use]
+    pub fn rectangle() -> Self {
+        let mut mesh = Self::default();
+        mesh.push_square(Vec3::ZERO, Vec3::X, Vec3::Y);
+        mesh
+    }
+
+    /// The cube [-1, 1]^3 m, facing outward with flat normals; each face has its own uv from 0 to 1.
+    #[must_use]
+    pub fn cube() -> Self {
+        let mut mesh = Self::default();
+        for (u, v) in [
+            (Vec3::Y, Vec3::Z),
+            (Vec3::Z, Vec3::Y),
+            (Vec3::Z, Vec3::X),
+            (Vec3::X, Vec3::Z),
+            (Vec3::X, Vec3::Y),
+            (Vec3::Y, Vec3::X),
+        ] {
+            mesh.push_square(u.cross(v), u, v);
+        }
+        mesh
+    }
+
+    /// Adds the square `centre` ± `u` ± `v`, facing u x v.
+    fn push_square(&mut self, centre: Vec3, u: Vec3, v: Vec3) {
+        let first = self.positions.len() as u32;
+        for (s, t) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            self.positions.push(centre + u * (2.0 * s - 1.0) + v * (2.0 * t - 1.0));
+            self.normals.push(u.cross(v));
+            self.uvs.push(Vec2::new(s, t));
+        }
+        self.indices.push([first, first + 1, first + 2]);
+        self.indices.push([first, first + 2, first + 3]);
+    }
+}
+
+/// True if the triangle's area is zero as far as f32 positions can tell. Non-finite corners count as having area, so
+/// that validation names them.
+fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
+    let (ab, ac, bc) = (b - a, c - a, c - b);
+    let twice_area = ab.cross(ac).length();
+    let longest_squared = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
+    twice_area <= (1e-12 * longest_squared).max(f64::from(f32::MIN_POSITIVE))
+}
+
+fn keep_used<T>(table: &mut Vec<T>, used: &[bool]) {
+    let mut flags = used.iter();
+    table.retain(|_| flags.next().is_none_or(|&u| u));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Quat, vec3};
+
+    fn geometric_normal(m: &Mesh, t: usize) -> Vec3 {
+        let [a, b, c] = m.indices[t].map(|i| m.positions[i as usize]);
+        (b - a).cross(c - a).normalize()
+    }
+
+    fn agree(m: &Mesh) {
+        for t in 0..m.indices.len() {
+            let g = geometric_normal(m, t);
+            for i in m.indices[t] {
+                let n = m.normals[i as usize];
+                assert!((n.length() - 1.0).abs() < 1e-5);
+                assert!(g.dot(n) > 0.999, "triangle {t}: {g} against {n}");
+            }
+        }
+    }
+
+    fn volume(m: &Mesh) -> f32 {
+        m.indices
+            .iter()
+            .map(|t| t.map(|i| m.positions[i as usize]))
+            .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
+            .sum()
+    }
+
+    #[test]
+    fn primitives_are_valid_and_outward() {
+        let r = Mesh::rectangle();
+        r.validate().unwrap();
+        agree(&r);
+        assert_eq!(geometric_normal(&r, 0), Vec3::Z);
+        let c = Mesh::cube();
+        c.validate().unwrap();
+        agree(&c);
+        assert_eq!((c.positions.len(), c.indices.len()), (24, 12));
+        assert!((volume(&c) - 8.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn transforms_keep_normals_true() {
+        let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7);
+        for scale in [vec3(1.0, 2.0, 0.5), vec3(-1.0, 1.0, 3.0), vec3(-1.0, -2.0, -1e-3)] {
+            let mut c = Mesh::cube();
+            c.transform(&Affine3A::from_scale_rotation_translation(
+                scale,
+                turn,
+                vec3(1.0, 2.0, 3.0),
+            ));
+            c.validate().unwrap();
+            agree(&c);
+            let expected = 8.0 * scale.x * scale.y * scale.z;
+            assert!((volume(&c) - expected.abs()).abs() < 1e-3, "a reflection must not turn it inside out");
+        }
+    }
+
+    #[test]
+    fn a_mirror_image_faces_outward() {
+        let mut r = Mesh::rectangle();
+        r.transform(&Affine3A::from_scale(vec3(1.0, 1.0, -1.0)));
+        assert_eq!(geometric_normal(&r, 0), Vec3::NEG_Z);
+        assert_eq!(r.normals[0], Vec3::NEG_Z);
+    }
+
+    #[test]
+    fn tiny_and_flattening_scales() {
+        let mut c = Mesh::cube();
+        c.transform(&Affine3A::from_scale(Vec3::splat(1e-15)));
+        agree_after_growing(c);
+        let mut flat = Mesh::cube();
+        flat.transform(&Affine3A::from_scale(vec3(1.0, 1.0, 0.0)));
+        assert!(flat.normals.is_empty());
+        assert_eq!(flat.drop_degenerate(), 8);
+        flat.compact();
+        assert_eq!(flat.positions.len(), 8);
+        flat.validate().unwrap();
+    }
+
+    fn agree_after_growing(mut c: Mesh) {
+        c.transform(&Affine3A::from_scale(Vec3::splat(1e15)));
+        agree(&c);
+    }
+
+    #[test]
+    fn faults_are_named() {
+        assert_eq!(Mesh::default().validate(), Err(MeshError::Empty));
+        let broken = |f: fn(&mut Mesh)| {
+            let mut m = Mesh::rectangle();
+            f(&mut m);
+            m.validate().unwrap_err()
+        };
+        assert_eq!(
+            broken(|m| m.positions[2].x = f32::NAN),
+            MeshError::NonFinite {
+                what: "position",
+                vertex: 2
+            }
+        );
+        assert_eq!(
+            broken(|m| m.normals[1] = Vec3::ZERO),
+            MeshError::ZeroNormal { vertex: 1 }
+        );
+        assert!(matches!(broken(|m| { m.uvs.pop(); }), MeshError::Length { what: "uvs", found: 3, .. }));
+        assert!(matches!(
+            broken(|m| m.indices[1][0] = 4),
+            MeshError::Index {
+                triangle: 1,
+                index: 4,
+                vertices: 4
+            }
+        ));
+    }
+
+    #[test]
+    fn degenerate_triangles_and_loose_vertices_go() {
+        let mut m = Mesh::rectangle();
+        m.positions.insert(0, vec3(9.0, 9.0, 9.0));
+        m.normals.insert(0, Vec3::Z);
+        m.uvs.insert(0, Vec2::ZERO);
+        m.indices = vec![[1, 2, 3], [1, 1, 3], [1, 3, 4], [2, 2, 2]];
+        m.positions.push(vec3(0.0, -1.0, 0.0));
+        m.normals.push(Vec3::Z);
+        m.uvs.push(Vec2::ZERO);
+        m.indices.push([1, 2, 5]);
+        assert_eq!(m.drop_degenerate(), 3);
+        m.compact();
+        assert_eq!(m, Mesh::rectangle());
+    }
+}
