@@ -80,7 +80,11 @@ impl Mesh {
         }
         for (what, found) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
             if found != 0 && found != vertices {
-                return Err(MeshError::Length { what, found, vertices });
+                return Err(MeshError::Length {
+                    what,
+                    found,
+                    vertices,
+                });
             }
         }
         let finite = |what, bad: Option<usize>| match bad {
@@ -144,10 +148,11 @@ impl Mesh {
         let before = self.indices.len();
         let positions = &self.positions;
         let corner = |i: u32| positions.get(i as usize).map(|p| p.as_dvec3());
-        self.indices.retain(|&[a, b, c]| match (corner(a), corner(b), corner(c)) {
-            (Some(a), Some(b), Some(c)) => !without_area(a, b, c),
-            _ => true,
-        });
+        self.indices
+            .retain(|&[a, b, c]| match (corner(a), corner(b), corner(c)) {
+                (Some(a), Some(b), Some(c)) => !without_area(a, b, c),
+                _ => true,
+            });
         before - self.indices.len()
     }
 
@@ -208,7 +213,8 @@ impl Mesh {
     fn push_square(&mut self, centre: Vec3, u: Vec3, v: Vec3) {
         let first = self.positions.len() as u32;
         for (s, t) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-            self.positions.push(centre + u * (2.0 * s - 1.0) + v * (2.0 * t - 1.0));
+            self.positions
+                .push(centre + u * (2.0 * s - 1.0) + v * (2.0 * t - 1.0));
             self.normals.push(u.cross(v));
             self.uvs.push(Vec2::new(s, t));
         }
@@ -222,7 +228,10 @@ impl Mesh {
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();
-    let longest_squared = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
+    let longest_squared = ab
+        .length_squared()
+        .max(ac.length_squared())
+        .max(bc.length_squared());
     twice_area <= (1e-12 * longest_squared).max(f64::from(f32::MIN_POSITIVE))
 }
 
@@ -286,7 +295,10 @@ mod tests {
             c.validate().unwrap();
             agree(&c);
             let expected = 8.0 * scale.x * scale.y * scale.z;
-            assert!((volume(&c) - expected.abs()).abs() < 1e-3, "a reflection must not turn it inside out");
+            assert!(
+                (volume(&c) - expected.abs()).abs() < 1e-3,
+                "a reflection must not turn it inside out"
+            );
         }
     }
 
@@ -336,7 +348,16 @@ mod tests {
             broken(|m| m.normals[1] = Vec3::ZERO),
             MeshError::ZeroNormal { vertex: 1 }
         );
-        assert!(matches!(broken(|m| { m.uvs.pop(); }), MeshError::Length { what: "uvs", found: 3, .. }));
+        assert!(matches!(
+            broken(|m| {
+                m.uvs.pop();
+            }),
+            MeshError::Length {
+                what: "uvs",
+                found: 3,
+                ..
+            }
+        ));
         assert!(matches!(
             broken(|m| m.indices[1][0] = 4),
             MeshError::Index {

@@ -12,17 +12,15 @@ mod ply;
 
 #[cfg(test)]
 mod fuzz;
-#[cfg(test)]
-mod shipped;
 
 use std::path::{Path, PathBuf};
 
 use super::mesh::{Mesh, MeshError};
 use glam::Vec3;
 
-pub use gltf::parse_gltf;
-pub use obj::parse_obj;
-pub use ply::parse_ply;
+pub use self::gltf::parse_gltf;
+pub use self::obj::parse_obj;
+pub use self::ply::parse_ply;
 
 /// One mesh of a file with what the file says about it.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +79,7 @@ pub enum ImportProblem {
         mend: &'static str,
     },
     /// A mesh in the file cannot be used.
-    #[error("mesh {name:?} {cause}")]
+    #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
     Mesh {
         /// The mesh's name.
         name: String,
@@ -187,7 +185,11 @@ fn finish(name: String, material: Option<String>, mut mesh: Mesh) -> Result<Mesh
     let checked = mesh.validate().and_then(|()| {
         mesh.drop_degenerate();
         mesh.compact();
-        if mesh.indices.is_empty() { Err(MeshError::Empty) } else { Ok(()) }
+        if mesh.indices.is_empty() {
+            Err(MeshError::Empty)
+        } else {
+            Ok(())
+        }
     });
     match checked {
         Ok(()) => Ok(MeshPart { name, material, mesh }),
@@ -209,12 +211,18 @@ mod tests {
 
         std::fs::write(&path, "v 0 0 0\nv 1 zero 0\n").unwrap();
         let message = load(&path).unwrap_err().to_string();
-        assert!(message.contains("tri.OBJ:2: ") && message.contains("zero"), "{message}");
+        assert!(
+            message.contains("tri.OBJ:2: ") && message.contains("zero"),
+            "{message}"
+        );
 
         let message = load(&dir.path().join("a.stl")).unwrap_err().to_string();
         assert!(message.contains("a.stl") && message.contains(".glb"), "{message}");
         let message = load(&dir.path().join("none.ply")).unwrap_err().to_string();
-        assert!(message.contains("none.ply") && message.contains("exists"), "{message}");
+        assert!(
+            message.contains("none.ply") && message.contains("exists"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -1,0 +1,275 @@
+//! Checked reading of glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
+//!
+//! The crate `gltf` decodes the container and the JSON; its own accessor readers are not used because they and its
+//! validation panic on broken files (a `POSITION` index out of range, an empty accessor, an unsuitable component type,
+//! a percent-encoded uri that is not UTF-8). Here every index, offset and count is checked against the bytes at hand.
+
+use std::borrow::Cow;
+use std::io::Read;
+use std::path::Path;
+
+use gltf::json::Root;
+use gltf::json::accessor::{Accessor, ComponentType, Type};
+use gltf::json::validation::Checked;
+
+use super::{ImportError, ImportProblem};
+
+pub(super) const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
+
+/// Something wrong with the file itself.
+pub(super) fn broken(what: impl Into<String>) -> ImportError {
+    ImportError::malformed(what, MEND)
+}
+
+/// A document's JSON with its buffers' bytes.
+pub(super) struct Data<'a> {
+    pub root: &'a Root,
+    buffers: Vec<Cow<'a, [u8]>>,
+}
+
+/// One number of an accessor, read from its bytes.
+type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
+
+impl<'a> Data<'a> {
+    /// Fetches all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below it.
+    pub fn new(root: &'a Root, blob: Option<&'a [u8]>, base: Option<&Path>) -> Result<Self, ImportError> {
+        let mut buffers = Vec::with_capacity(root.buffers.len());
+        for (i, buffer) in root.buffers.iter().enumerate() {
+            let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
+            let mut bytes = match (&buffer.uri, blob) {
+                (Some(uri), _) if uri.starts_with("data:") => {
+                    let source = gltf::buffer::Source::Uri(uri);
+                    let data = gltf::buffer::Data::from_source(source, None)
+                        .map_err(|e| broken(format!("the data URI of buffer {i} cannot be decoded ({e})")))?;
+                    Cow::Owned(data.0)
+                }
+                (Some(uri), _) => Cow::Owned(external(uri, length, base)?),
+                (None, Some(blob)) if i == 0 => Cow::Borrowed(blob),
+                (None, _) => return Err(broken(format!("buffer {i} has neither a uri nor a GLB chunk"))),
+            };
+            if bytes.len() < length {
+                let found = bytes.len();
+                return Err(broken(format!(
+                    "buffer {i} has {found} bytes instead of {length}"
+                )));
+            }
+            match &mut bytes {
+                Cow::Borrowed(b) => *b = &b[..length],
+                Cow::Owned(b) => b.truncate(length),
+            }
+            buffers.push(bytes);
+        }
+        Ok(Self { root, buffers })
+    }
+
+    /// An accessor of `N` floating-point (or normalized or plain integer) components.
+    pub fn floats<const N: usize>(&self, accessor: usize) -> Result<Vec<[f32; N]>, ImportError> {
+        self.gather(accessor, decode_float)
+    }
+
+    /// A scalar accessor of unsigned integers.
+    pub fn indices(&self, accessor: usize) -> Result<Vec<u32>, ImportError> {
+        let json = self.accessor(accessor)?;
+        match component(json) {
+            Some(ComponentType::U8 | ComponentType::U16 | ComponentType::U32) => {}
+            _ => return Err(broken(format!("accessor {accessor} holds no unsigned indices"))),
+        }
+        let values = self.gather::<u32, 1>(accessor, |t, _, b| decode_unsigned(t, b))?;
+        Ok(values.into_iter().map(|[i]| i).collect())
+    }
+
+    fn accessor(&self, index: usize) -> Result<&'a Accessor, ImportError> {
+        let missing = || broken(format!("accessor {index} does not exist"));
+        self.root.accessors.get(index).ok_or_else(missing)
+    }
+
+    fn gather<T: Copy + Default, const N: usize>(
+        &self,
+        index: usize,
+        decode: Decode<T>,
+    ) -> Result<Vec<[T; N]>, ImportError> {
+        let json = self.accessor(index)?;
+        let wrong = |what: &str| broken(format!("accessor {index} {what}"));
+        let component = component(json).ok_or_else(|| wrong("has an unknown component type"))?;
+        let dimensions = match json.type_ {
+            Checked::Valid(Type::Scalar) => 1,
+            Checked::Valid(Type::Vec2) => 2,
+            Checked::Valid(Type::Vec3) => 3,
+            Checked::Valid(Type::Vec4) => 4,
+            _ => 0,
+        };
+        if dimensions != N {
+            return Err(wrong(&format!("should have {N} components an element")));
+        }
+        let count = usize::try_from(json.count.0).unwrap_or(usize::MAX);
+        let size = component.size();
+        let element = |bytes: &[u8]| {
+            let mut out = [T::default(); N];
+            for (o, b) in out.iter_mut().zip(bytes.chunks_exact(size)) {
+                *o = decode(component, json.normalized, b);
+            }
+            out
+        };
+        let mut values: Vec<[T; N]> = match json.buffer_view {
+            Some(view) => self
+                .elements(view.value(), json.byte_offset.map_or(0, |o| o.0), count, size * N)
+                .ok_or_else(|| wrong("reaches outside its buffer"))?
+                .map(element)
+                .collect(),
+            None if count > self.buffers.iter().map(|b| b.len()).sum() => {
+                return Err(wrong("has no data, and more elements than the file has bytes"));
+            }
+            None => vec![[T::default(); N]; count],
+        };
+        if let Some(sparse) = &json.sparse {
+            let outside = || wrong("has sparse data outside its buffer");
+            let changes = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
+            let Checked::Valid(target_type) = sparse.indices.component_type else {
+                return Err(wrong("has sparse indices of an unknown type"));
+            };
+            let (at, data) = (&sparse.indices, &sparse.values);
+            let targets = self
+                .elements(
+                    at.buffer_view.value(),
+                    at.byte_offset.0,
+                    changes,
+                    target_type.0.size(),
+                )
+                .ok_or_else(outside)?;
+            let changed = self
+                .elements(data.buffer_view.value(), data.byte_offset.0, changes, size * N)
+                .ok_or_else(outside)?;
+            for (target, bytes) in targets.zip(changed) {
+                let target = decode_unsigned(target_type.0, target) as usize;
+                *values.get_mut(target).ok_or_else(outside)? = element(bytes);
+            }
+        }
+        Ok(values)
+    }
+
+    /// The bytes of `count` elements of `size` bytes, if the view and its buffer hold them all.
+    fn elements(
+        &self,
+        view: usize,
+        offset: u64,
+        count: usize,
+        size: usize,
+    ) -> Option<impl Iterator<Item = &[u8]>> {
+        let view = self.root.buffer_views.get(view)?;
+        let start = usize::try_from(view.byte_offset.map_or(0, |o| o.0)).ok()?;
+        let end = start.checked_add(usize::try_from(view.byte_length.0).ok()?)?;
+        let bytes = self.buffers.get(view.buffer.value())?.get(start..end)?;
+        let bytes = bytes.get(usize::try_from(offset).ok()?..)?;
+        let stride = view.byte_stride.map_or(0, |s| s.0);
+        let stride = if stride == 0 { size } else { stride };
+        if count > 0 {
+            let last = stride.checked_mul(count - 1)?.checked_add(size)?;
+            bytes.get(..last)?;
+        }
+        Some((0..count).map(move |i| &bytes[i * stride..i * stride + size]))
+    }
+}
+
+fn component(json: &Accessor) -> Option<ComponentType> {
+    match json.component_type {
+        Checked::Valid(t) => Some(t.0),
+        Checked::Invalid => None,
+    }
+}
+
+/// Little-endian bytes, as many as the type has, to a float; normalized integers map to 0..1 or -1..1.
+fn decode_float(t: ComponentType, normalized: bool, b: &[u8]) -> f32 {
+    let scaled = |x: f32, full: f32| if normalized { (x / full).max(-1.0) } else { x };
+    match (t, b) {
+        (ComponentType::I8, &[a]) => scaled(f32::from(a as i8), 127.0),
+        (ComponentType::U8, &[a]) => scaled(f32::from(a), 255.0),
+        (ComponentType::I16, &[a, b]) => scaled(f32::from(i16::from_le_bytes([a, b])), 32767.0),
+        (ComponentType::U16, &[a, b]) => scaled(f32::from(u16::from_le_bytes([a, b])), 65535.0),
+        (ComponentType::U32, &[a, b, c, d]) => u32::from_le_bytes([a, b, c, d]) as f32,
+        (ComponentType::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
+        _ => f32::NAN,
+    }
+}
+
+fn decode_unsigned(t: ComponentType, b: &[u8]) -> u32 {
+    match (t, b) {
+        (ComponentType::U8, &[a]) => a.into(),
+        (ComponentType::U16, &[a, b]) => u16::from_le_bytes([a, b]).into(),
+        (ComponentType::U32, &[a, b, c, d]) => u32::from_le_bytes([a, b, c, d]),
+        _ => u32::MAX,
+    }
+}
+
+/// The first `length` bytes of a buffer file beside the document.
+fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, ImportError> {
+    let Some(base) = base else {
+        let what = format!("the buffer {uri:?} lies in another file");
+        return Err(ImportError::unsupported(
+            what,
+            "load the document from disk, or embed its buffers",
+        ));
+    };
+    let name =
+        percent_decoded(uri).ok_or_else(|| broken(format!("the buffer uri {uri:?} is not a file name")))?;
+    if uri.contains(':') || Path::new(&name).is_absolute() {
+        let what = format!("the buffer uri {uri:?} is not relative to the document");
+        return Err(ImportError::unsupported(
+            what,
+            "put the buffer beside the document",
+        ));
+    }
+    let path = base.join(name);
+    let read = || {
+        let file = std::fs::File::open(&path)?;
+        if !file.metadata()?.is_file() {
+            return Err(std::io::Error::other("not a file"));
+        }
+        let mut bytes = Vec::new();
+        file.take(length as u64).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    read().map_err(|cause| {
+        let what = format!("the buffer {}", path.display());
+        ImportProblem::Read { what, cause }.into()
+    })
+}
+
+/// Undoes percent-encoding (RFC 3986); `None` if what results is not UTF-8.
+fn percent_decoded(uri: &str) -> Option<String> {
+    let mut out = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let Some((&b, tail)) = rest.split_first() {
+        rest = tail;
+        let hex = tail.first_chunk::<2>().filter(|_| b == b'%');
+        let digits = hex.and_then(|h| std::str::from_utf8(h).ok());
+        match digits.and_then(|d| u8::from_str_radix(d, 16).ok()) {
+            Some(decoded) => {
+                out.push(decoded);
+                rest = &tail[2..];
+            }
+            None => out.push(b),
+        }
+    }
+    String::from_utf8(out).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uris_are_decoded() {
+        assert_eq!(percent_decoded("a%20b%2Fc.bin").as_deref(), Some("a b/c.bin"));
+        assert_eq!(percent_decoded("100%").as_deref(), Some("100%"));
+        assert_eq!(percent_decoded("%zz").as_deref(), Some("%zz"));
+        assert_eq!(percent_decoded("%ff"), None);
+    }
+
+    #[test]
+    fn integers_are_normalized_as_the_specification_says() {
+        assert_eq!(decode_float(ComponentType::I8, true, &[0x80]), -1.0);
+        assert_eq!(decode_float(ComponentType::U8, true, &[255]), 1.0);
+        assert_eq!(decode_float(ComponentType::I16, false, &[0xfe, 0xff]), -2.0);
+        assert_eq!(decode_float(ComponentType::U16, true, &[0xff, 0xff]), 1.0);
+    }
+}
