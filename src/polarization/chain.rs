@@ -1,0 +1,311 @@
+//! The Mueller product along a path, kept in the cheapest form that is exact.
+//!
+//! A path is traced from the camera, so the product grows on the right: `chain ← chain · (next interaction)`. A
+//! depolarizing interaction is f·e₀e₀ᵀ, behind which the product is the outer product of one column (camera side) and
+//! one row (projector side): 8 numbers instead of 16, and most of the time 2 that are not zero.
+
+use super::fresnel::FresnelBlock;
+use super::mueller::Mueller;
+use crate::spectrum::{Spectral, max_lane};
+use glam::Vec3A;
+
+/// What one interaction does to light, from light travelling along `-wi` to light travelling along `wo`.
+#[derive(Clone, Copy, Debug)]
+pub enum Scatter {
+    /// f·e₀e₀ᵀ: all polarization is lost; frames do not matter.
+    Depolarize(Spectral),
+    /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence.
+    Fresnel { block: FresnelBlock, s: Vec3A },
+}
+
+impl Scatter {
+    /// Intensity transfer M00 per lane.
+    #[inline]
+    #[must_use]
+    pub fn m00(&self) -> Spectral {
+        match self {
+            Self::Depolarize(f) => *f,
+            Self::Fresnel { block, .. } => block.a,
+        }
+    }
+
+    /// Every element times a per-lane factor.
+    #[inline]
+    #[must_use]
+    pub fn scaled(self, f: Spectral) -> Self {
+        match self {
+            Self::Depolarize(x) => Self::Depolarize(x * f),
+            Self::Fresnel { block, s } => Self::Fresnel {
+                block: block.scaled(f),
+                s,
+            },
+        }
+    }
+}
+
+/// A finished product, with the extent of what can be non-zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Product {
+    /// Projector-frame Stokes in, camera-frame Stokes out.
+    pub mueller: Mueller,
+    /// Rows that can be non-zero: 1 or 4.
+    pub rows: usize,
+    /// Columns that can be non-zero: 1 or 4.
+    pub cols: usize,
+}
+
+/// The product of all interactions so far: Stokes in the frame of the current ray's light in, camera frame out.
+#[derive(Clone, Copy, Debug)]
+pub enum Chain {
+    /// No polarizing interaction and no depolarizing one yet: a factor times a frame rotation (cos 2θ, sin 2θ).
+    Rotation { f: Spectral, cos2: f32, sin2: f32 },
+    /// General.
+    Full(Mueller),
+    /// column · rowᵀ. `column_flat`/`row_flat`: only element 0 is non-zero.
+    RankOne {
+        column: [Spectral; 4],
+        row: [Spectral; 4],
+        column_flat: bool,
+        row_flat: bool,
+    },
+}
+
+#[inline]
+fn rotate_row(row: &mut [Spectral; 4], c: Spectral, s: Spectral) {
+    let (a, b) = (row[1], row[2]);
+    row[1] = c * a - s * b;
+    row[2] = s * a + c * b;
+}
+
+#[inline]
+fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectral; 4] {
+    [
+        row[0] * m.a + row[1] * m.b,
+        row[0] * m.b + row[1] * m.a,
+        row[2] * m.c - row[3] * m.d,
+        row[2] * m.d + row[3] * m.c,
+    ]
+}
+
+impl Chain {
+    /// The start of a path: identity scaled per lane, light in the camera frame.
+    #[must_use]
+    pub fn start(f: Spectral) -> Self {
+        Self::Rotation {
+            f,
+            cos2: 1.0,
+            sin2: 0.0,
+        }
+    }
+
+    /// Multiplies by R(θ) on the right: afterwards takes Stokes vectors in a frame from which the old one is reached
+    /// by turning by θ (see [`Mueller::rotate_in`]).
+    #[inline]
+    pub fn rotate_in(&mut self, c2: f32, s2: f32) {
+        match self {
+            // R(a)·R(b) = R(a + b).
+            Self::Rotation { cos2, sin2, .. } => {
+                (*cos2, *sin2) = (*cos2 * c2 - *sin2 * s2, *sin2 * c2 + *cos2 * s2);
+            }
+            Self::Full(m) => m.rotate_in(c2, s2),
+            Self::RankOne { row, row_flat, .. } => {
+                if !*row_flat {
+                    rotate_row(row, Spectral::splat(c2), Spectral::splat(s2));
+                }
+            }
+        }
+    }
+
+    /// Multiplies by an interaction. `d_out` is the direction in which light leaves it and `frame` the current frame
+    /// of that light; returns the frame of the light that enters (any frame is valid after depolarization).
+    #[inline]
+    #[must_use]
+    pub fn then(&self, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> (Self, Option<Vec3A>) {
+        match scatter {
+            Scatter::Depolarize(f) => (self.depolarized(*f), None),
+            Scatter::Fresnel { block, s } => {
+                let (c2, s2) = super::frame::turn(d_out, *s, frame);
+                let mut chain = *self;
+                chain.rotate_in(c2, s2);
+                (chain.times_block(block), Some(*s))
+            }
+        }
+    }
+
+    fn depolarized(&self, f: Spectral) -> Self {
+        let z = Spectral::ZERO;
+        match self {
+            Self::Rotation { f: g, .. } => Self::RankOne {
+                column: [*g * f, z, z, z],
+                row: [Spectral::ONE, z, z, z],
+                column_flat: true,
+                row_flat: true,
+            },
+            Self::Full(m) => Self::RankOne {
+                column: [m.m[0][0] * f, m.m[1][0] * f, m.m[2][0] * f, m.m[3][0] * f],
+                row: [Spectral::ONE, z, z, z],
+                column_flat: false,
+                row_flat: true,
+            },
+            Self::RankOne {
+                column,
+                row,
+                column_flat,
+                ..
+            } => {
+                let g = row[0] * f;
+                Self::RankOne {
+                    column: column.map(|c| c * g),
+                    row: [Spectral::ONE, z, z, z],
+                    column_flat: *column_flat,
+                    row_flat: true,
+                }
+            }
+        }
+    }
+
+    fn times_block(&self, b: &FresnelBlock) -> Self {
+        match self {
+            Self::Rotation { .. } => {
+                let mut m = self.to_mueller();
+                for row in &mut m.m {
+                    *row = row_times_block(row, b);
+                }
+                Self::Full(m)
+            }
+            Self::Full(m) => {
+                let mut m = *m;
+                for row in &mut m.m {
+                    *row = row_times_block(row, b);
+                }
+                Self::Full(m)
+            }
+            Self::RankOne {
+                column,
+                row,
+                column_flat,
+                ..
+            } => Self::RankOne {
+                column: *column,
+                row: row_times_block(row, b),
+                column_flat: *column_flat,
+                row_flat: false,
+            },
+        }
+    }
+
+    /// Every element times a per-lane factor.
+    #[inline]
+    pub fn scale(&mut self, f: Spectral) {
+        match self {
+            Self::Rotation { f: g, .. } => *g *= f,
+            Self::Full(m) => *m = m.scaled(f),
+            Self::RankOne { column, .. } => *column = column.map(|c| c * f),
+        }
+    }
+
+    /// Largest M00 over the lanes: what Russian roulette looks at.
+    #[inline]
+    #[must_use]
+    pub fn max_m00(&self) -> f32 {
+        max_lane(match self {
+            Self::Rotation { f, .. } => *f,
+            Self::Full(m) => m.m[0][0],
+            Self::RankOne { column, row, .. } => column[0] * row[0],
+        })
+    }
+
+    /// The full matrix.
+    #[must_use]
+    pub fn to_mueller(&self) -> Mueller {
+        match self {
+            Self::Rotation { f, cos2, sin2 } => {
+                let (c, s) = (*f * Spectral::splat(*cos2), *f * Spectral::splat(*sin2));
+                let z = Spectral::ZERO;
+                Mueller {
+                    m: [[*f, z, z, z], [z, c, s, z], [z, -s, c, z], [z, z, z, *f]],
+                }
+            }
+            Self::Full(m) => *m,
+            Self::RankOne { column, row, .. } => Mueller {
+                m: column.map(|c| row.map(|r| c * r)),
+            },
+        }
+    }
+
+    /// Ends the path at an emitter: the product with its extent.
+    #[inline]
+    #[must_use]
+    pub fn finish(&self) -> Product {
+        let (rows, cols) = match self {
+            Self::RankOne {
+                column_flat,
+                row_flat,
+                ..
+            } => (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 }),
+            _ => (4, 4),
+        };
+        Product {
+            mueller: self.to_mueller(),
+            rows,
+            cols,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarization::elements::depolarizer;
+    use crate::polarization::frame::turn;
+    use crate::polarization::fresnel::conductor;
+
+    /// Every form of the chain equals the plain product of 4×4 matrices.
+    #[test]
+    fn chain_equals_plain_products() {
+        let block = |c: f32| conductor(c, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5));
+        let d = Vec3A::Z;
+        let at = |deg: f32| {
+            let (s, c) = deg.to_radians().sin_cos();
+            Vec3A::new(c, s, 0.0)
+        };
+        let gray = Spectral::new([0.5, 0.6, 0.7, 0.8]);
+        let steps = [
+            Scatter::Fresnel { block: block(0.3), s: at(20.0) },
+            Scatter::Fresnel { block: block(0.7), s: at(75.0) },
+            Scatter::Depolarize(gray),
+            Scatter::Fresnel { block: block(0.5), s: at(-30.0) },
+            Scatter::Fresnel { block: block(0.9), s: at(110.0) },
+            Scatter::Depolarize(gray),
+        ];
+        for first in 0..steps.len() {
+            for last in first..=steps.len() {
+                let (mut chain, mut frame) = (Chain::start(Spectral::ONE), at(5.0));
+                let mut plain = Mueller::identity();
+                for step in &steps[first..last] {
+                    match step {
+                        Scatter::Depolarize(f) => plain = plain * depolarizer().scaled(*f),
+                        Scatter::Fresnel { block, s } => {
+                            let (c2, s2) = turn(d, *s, frame);
+                            plain.rotate_in(c2, s2);
+                            plain = plain * block.to_mueller();
+                        }
+                    }
+                    let next = chain.then(step, d, frame);
+                    chain = next.0;
+                    frame = next.1.unwrap_or(frame);
+                }
+                let got = chain.finish();
+                for i in 0..4 {
+                    for j in 0..4 {
+                        let diff = got.mueller.m[i][j] - plain.m[i][j];
+                        assert!(max_lane(diff.abs()) < 1e-6, "{first}..{last} [{i}][{j}]");
+                        if i >= got.rows || j >= got.cols {
+                            assert_eq!(plain.m[i][j], Spectral::ZERO);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

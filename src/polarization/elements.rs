@@ -1,0 +1,100 @@
+//! Ideal optical elements as Mueller matrices (same in every lane), angles in radians from the frame's x axis,
+//! counter-clockwise looking toward the source.
+
+use super::mueller::Mueller;
+
+/// R(θ): Stokes vectors re-expressed in a basis turned by θ.
+#[must_use]
+pub fn rotator(theta: f32) -> Mueller {
+    let (s, c) = (2.0 * theta).sin_cos();
+    Mueller::splat([
+        [1., 0., 0., 0.],
+        [0., c, s, 0.],
+        [0., -s, c, 0.],
+        [0., 0., 0., 1.],
+    ])
+}
+
+/// An element given at 0°, turned by θ: R(-θ) M R(θ).
+#[must_use]
+pub fn turned(element: Mueller, theta: f32) -> Mueller {
+    rotator(-theta) * element * rotator(theta)
+}
+
+/// L(θ): ideal linear polarizer that transmits θ.
+#[must_use]
+pub fn polarizer(theta: f32) -> Mueller {
+    let p = Mueller::splat([
+        [0.5, 0.5, 0., 0.],
+        [0.5, 0.5, 0., 0.],
+        [0., 0., 0., 0.],
+        [0., 0., 0., 0.],
+    ]);
+    turned(p, theta)
+}
+
+/// Linear retarder with fast axis θ and retardance δ (slow axis lags). δ = π/2 is the paper's Q(θ).
+#[must_use]
+pub fn retarder(theta: f32, delta: f32) -> Mueller {
+    let (s, c) = delta.sin_cos();
+    let r = Mueller::splat([
+        [1., 0., 0., 0.],
+        [0., 1., 0., 0.],
+        [0., 0., c, s],
+        [0., 0., -s, c],
+    ]);
+    turned(r, theta)
+}
+
+/// Mirror at normal incidence, s-frame on both sides: handedness and +45° are exchanged.
+#[must_use]
+pub fn ideal_mirror() -> Mueller {
+    Mueller::splat([
+        [1., 0., 0., 0.],
+        [0., 1., 0., 0.],
+        [0., 0., -1., 0.],
+        [0., 0., 0., -1.],
+    ])
+}
+
+/// Ideal depolarizer: keeps intensity alone.
+#[must_use]
+pub fn depolarizer() -> Mueller {
+    let mut m = Mueller::ZERO;
+    m.m[0][0] = crate::spectrum::Spectral::ONE;
+    m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectrum::Spectral;
+    use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
+
+    fn stokes(s: [f32; 4]) -> [Spectral; 4] {
+        s.map(Spectral::splat)
+    }
+
+    #[test]
+    fn malus() {
+        for i in 0..36 {
+            let t = (i as f32 * 10.0).to_radians();
+            let out = (polarizer(t) * polarizer(0.0)).apply(stokes([1., 0., 0., 0.]));
+            assert!((out[0].to_array()[0] - 0.5 * t.cos().powi(2)).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn quarter_wave_signs() {
+        let q = retarder(0.0, FRAC_PI_2).lane(0);
+        assert!((q[2][3] - 1.0).abs() < 1e-6 && (q[3][2] + 1.0).abs() < 1e-6);
+        let out = retarder(0.0, FRAC_PI_2).apply(stokes([1., 0., 1., 0.]));
+        assert!((out[3].to_array()[0] + 1.0).abs() < 1e-6, "+45° linear becomes s3 = -1");
+    }
+
+    #[test]
+    fn a_polarizer_at_45_makes_s2() {
+        let out = polarizer(FRAC_PI_4).apply(stokes([1., 0., 0., 0.]));
+        assert!((out[2].to_array()[0] - 0.5).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,62 @@
+//! Frames of Stokes vectors: a unit vector x perpendicular to the direction of travel d.
+
+use glam::Vec3A;
+
+/// cos 2θ and sin 2θ of the turn from basis `from` to basis `to` of light travelling along `d`, counter-clockwise
+/// looking toward the source. Both bases are unit vectors perpendicular to `d`.
+#[inline]
+#[must_use]
+pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
+    let c = to.dot(from);
+    let s = to.dot(d.cross(from));
+    // Both vectors carry rounding; renormalizing keeps long specular chains from gaining or losing polarization.
+    let n = (c * c + s * s).max(f32::MIN_POSITIVE).recip();
+    ((c * c - s * s) * n, 2.0 * c * s * n)
+}
+
+/// A unit vector perpendicular to `d` that lies in the plane of `d` and `axis` ("`axis` projected perpendicular to the
+/// ray"); any perpendicular if the two are parallel.
+#[inline]
+#[must_use]
+pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
+    let x = axis - d * axis.dot(d);
+    let n2 = x.length_squared();
+    if n2 > 1e-12 {
+        x * n2.sqrt().recip()
+    } else {
+        perpendicular(d)
+    }
+}
+
+/// Any unit vector perpendicular to the unit vector `d` (Duff et al. 2017, "Building an orthonormal basis, revisited").
+#[inline]
+#[must_use]
+pub fn perpendicular(d: Vec3A) -> Vec3A {
+    let sign = 1.0_f32.copysign(d.z);
+    let a = -1.0 / (sign + d.z);
+    Vec3A::new(1.0 + sign * d.x * d.x * a, sign * d.x * d.y * a, -sign * d.x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turn_is_counter_clockwise_toward_the_source() {
+        // Light travels along +z, toward a viewer on +z who sees +x right and +y up.
+        let (x, d) = (Vec3A::X, Vec3A::Z);
+        let to = Vec3A::new(0.5_f32.cos(), 0.5_f32.sin(), 0.0);
+        let (c, s) = turn(d, x, to);
+        assert!((c - 1.0_f32.cos()).abs() < 1e-6 && (s - 1.0_f32.sin()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn perpendicular_is_unit_and_orthogonal() {
+        for d in [Vec3A::Z, -Vec3A::Z, Vec3A::X, Vec3A::new(0.6, -0.48, 0.64)] {
+            let x = perpendicular(d);
+            assert!((x.length() - 1.0).abs() < 1e-6 && x.dot(d).abs() < 1e-6);
+            let y = project(d, d);
+            assert!((y.length() - 1.0).abs() < 1e-6 && y.dot(d).abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Stokes vectors, Mueller matrices, frames and the optics that acts on them.
+//!
+//! Conventions (Mitsuba 3's, see CONVENTIONS.md): s3 is right minus left circular, seen looking toward the source; a
+//! frame is a unit vector x perpendicular to the direction of travel d, its second axis is d × x; angles turn from x
+//! toward d × x.
+
+pub mod chain;
+pub mod complex;
+pub mod elements;
+pub mod frame;
+pub mod fresnel;
+pub mod mueller;

@@ -1,0 +1,140 @@
+//! 4×4 Mueller matrices, one per wavelength lane.
+
+use crate::spectrum::Spectral;
+use std::ops::{Add, Mul};
+
+/// A Mueller matrix per wavelength lane, `m[out][in]`. The frames it maps between are stated where it is used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mueller {
+    pub m: [[Spectral; 4]; 4],
+}
+
+impl Default for Mueller {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+impl Mueller {
+    /// No light.
+    pub const ZERO: Self = Self {
+        m: [[Spectral::ZERO; 4]; 4],
+    };
+
+    /// The same real matrix in every lane.
+    #[must_use]
+    pub fn splat(rows: [[f32; 4]; 4]) -> Self {
+        Self {
+            m: rows.map(|row| row.map(Spectral::splat)),
+        }
+    }
+
+    /// The identity in every lane.
+    #[must_use]
+    pub fn identity() -> Self {
+        let mut m = Self::ZERO;
+        for i in 0..4 {
+            m.m[i][i] = Spectral::ONE;
+        }
+        m
+    }
+
+    /// One lane as a plain matrix.
+    #[must_use]
+    pub fn lane(&self, lane: usize) -> [[f32; 4]; 4] {
+        self.m.map(|row| row.map(|e| e.to_array()[lane]))
+    }
+
+    /// Every element times a per-lane factor.
+    #[must_use]
+    pub fn scaled(&self, f: Spectral) -> Self {
+        Self {
+            m: self.m.map(|row| row.map(|e| e * f)),
+        }
+    }
+
+    /// The matrix applied to a Stokes vector, `out[i] = Σ_j m[i][j] s[j]`.
+    #[must_use]
+    pub fn apply(&self, s: [Spectral; 4]) -> [Spectral; 4] {
+        self.m
+            .map(|row| row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3])
+    }
+
+    /// R(θ)·M: the outgoing frame turned by θ, given cos 2θ and sin 2θ (PHYSICS: M' = R(θ_out) M R(-θ_in)).
+    pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
+        let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
+        for j in 0..4 {
+            let (a, b) = (self.m[1][j], self.m[2][j]);
+            self.m[1][j] = c * a + s * b;
+            self.m[2][j] = c * b - s * a;
+        }
+    }
+
+    /// M·R(θ): takes Stokes vectors given in a frame from which the present incoming frame is reached by turning
+    /// by θ.
+    pub fn rotate_in(&mut self, cos2: f32, sin2: f32) {
+        let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
+        for row in &mut self.m {
+            let (a, b) = (row[1], row[2]);
+            row[1] = c * a - s * b;
+            row[2] = s * a + c * b;
+        }
+    }
+}
+
+impl Mul for Mueller {
+    type Output = Self;
+    /// Light meets the right factor first.
+    fn mul(self, rhs: Self) -> Self {
+        let mut out = Self::ZERO;
+        for i in 0..4 {
+            for j in 0..4 {
+                out.m[i][j] = self.m[i][0] * rhs.m[0][j]
+                    + self.m[i][1] * rhs.m[1][j]
+                    + self.m[i][2] * rhs.m[2][j]
+                    + self.m[i][3] * rhs.m[3][j];
+            }
+        }
+        out
+    }
+}
+
+impl Add for Mueller {
+    type Output = Self;
+    fn add(mut self, rhs: Self) -> Self {
+        for i in 0..4 {
+            for j in 0..4 {
+                self.m[i][j] += rhs.m[i][j];
+            }
+        }
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarization::elements::rotator;
+
+    #[test]
+    fn rotations_are_products_with_the_rotator() {
+        let mut m = Mueller::splat([
+            [1., 2., 3., 4.],
+            [5., 6., 7., 8.],
+            [9., 1., 2., 3.],
+            [4., 5., 6., 7.],
+        ]);
+        let t = 0.3_f32;
+        let (s, c) = (2.0 * t).sin_cos();
+        let (left, right) = (rotator(t) * m, m * rotator(t));
+        let mut r = m;
+        r.rotate_out(c, s);
+        m.rotate_in(c, s);
+        for i in 0..4 {
+            for j in 0..4 {
+                assert!((r.lane(0)[i][j] - left.lane(0)[i][j]).abs() < 1e-5);
+                assert!((m.lane(0)[i][j] - right.lane(0)[i][j]).abs() < 1e-5);
+            }
+        }
+    }
+}

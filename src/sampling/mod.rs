@@ -1,0 +1,4 @@
+//! Random numbers that depend only on (seed, pixel, sample), and warps of them with their densities.
+
+pub mod stream;
+pub mod warp;

@@ -1,0 +1,189 @@
+//! Warps from the unit square to directions about +z, each with its density per solid angle.
+
+use glam::{Vec2, Vec3A};
+use std::f32::consts::{FRAC_1_PI, PI, TAU};
+
+/// The unit disk, uniform (density 1/π); the concentric map of Shirley & Chiu (1997).
+#[inline]
+#[must_use]
+pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
+    let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
+    if a == 0.0 && b == 0.0 {
+        return Vec2::ZERO;
+    }
+    let (r, phi) = if a.abs() > b.abs() {
+        (a, PI / 4.0 * (b / a))
+    } else {
+        (b, PI / 2.0 - PI / 4.0 * (a / b))
+    };
+    let (s, c) = phi.sin_cos();
+    Vec2::new(r * c, r * s)
+}
+
+/// Cosine-weighted hemisphere; density [`cosine_pdf`].
+#[inline]
+#[must_use]
+pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
+    let p = concentric_disk(u);
+    Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
+}
+
+/// cosθ / π on the upper hemisphere, 0 below.
+#[inline]
+#[must_use]
+pub fn cosine_pdf(w: Vec3A) -> f32 {
+    w.z.max(0.0) * FRAC_1_PI
+}
+
+/// Uniform unit sphere; density 1/(4π).
+#[inline]
+#[must_use]
+pub fn sphere(u: [f32; 2]) -> Vec3A {
+    let z = 1.0 - 2.0 * u[0];
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (s, c) = (TAU * u[1]).sin_cos();
+    Vec3A::new(r * c, r * s, z)
+}
+
+/// A normal visible from the unit direction `wo` (wo.z > 0) under the isotropic GGX distribution of roughness
+/// `alpha`; density [`ggx_visible_pdf`]. Spherical caps (Dupuy & Benyoub 2023).
+#[inline]
+#[must_use]
+pub fn ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
+    let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
+    let z = (1.0 - u[1]).mul_add(1.0 + w.z, -w.z);
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (s, c) = (TAU * u[0]).sin_cos();
+    let h = Vec3A::new(r * c, r * s, z) + w;
+    Vec3A::new(alpha * h.x, alpha * h.y, h.z.max(0.0)).normalize()
+}
+
+/// GGX distribution of normals D(h) (Trowbridge & Reitz 1975, Walter et al. 2007), per solid angle of h.
+#[inline]
+#[must_use]
+pub fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
+    if h.z <= 0.0 {
+        return 0.0;
+    }
+    let a2 = alpha * alpha;
+    // (1 - cos²) + a² cos² without cancellation: x² + y² is exact where cos² is near 1.
+    let t = (h.x * h.x + h.y * h.y) + a2 * h.z * h.z;
+    a2 * FRAC_1_PI / (t * t)
+}
+
+/// Smith's masking G1(w) for GGX.
+#[inline]
+#[must_use]
+pub fn ggx_g1(w: Vec3A, alpha: f32) -> f32 {
+    let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z).max(f32::MIN_POSITIVE);
+    2.0 / (1.0 + (1.0 + alpha * alpha * tan2).sqrt())
+}
+
+/// Smith's height-correlated masking and shadowing G2(wo, wi) for GGX (Heitz 2014, eq. 99).
+#[inline]
+#[must_use]
+pub fn ggx_g2(wo: Vec3A, wi: Vec3A, alpha: f32) -> f32 {
+    let lambda = |w: Vec3A| 1.0 / ggx_g1(w, alpha) - 1.0;
+    1.0 / (1.0 + lambda(wo) + lambda(wi))
+}
+
+/// Density of [`ggx_visible_normal`] per solid angle of h: G1(wo) max(0, wo·h) D(h) / wo.z.
+#[inline]
+#[must_use]
+pub fn ggx_visible_pdf(wo: Vec3A, h: Vec3A, alpha: f32) -> f32 {
+    ggx_g1(wo, alpha) * wo.dot(h).max(0.0) * ggx_d(h, alpha) / wo.z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::stream::Stream;
+
+    /// Pearson's chi² of 2^18 samples of a sampler against its density on a 20 × 40 grid in (cosθ, φ).
+    fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
+        const N: usize = 1 << 18;
+        const ROWS: usize = 20;
+        const COLUMNS: usize = 40;
+        let mut observed = vec![0.0_f64; ROWS * COLUMNS];
+        let mut stream = Stream::new(3, 0, 0);
+        for _ in 0..N {
+            let w = sample(stream.uniform2());
+            assert!((w.length() - 1.0).abs() < 1e-4);
+            let row = (((w.z + 1.0) / 2.0 * ROWS as f32) as usize).min(ROWS - 1);
+            let phi = (w.y.atan2(w.x) / TAU).rem_euclid(1.0);
+            let column = ((phi * COLUMNS as f32) as usize).min(COLUMNS - 1);
+            observed[row * COLUMNS + column] += 1.0;
+        }
+        // Expected counts by a 24 × 24 midpoint rule per cell (dω = dcosθ dφ).
+        const SUB: usize = 24;
+        let (mut chi, mut dof, mut pooled_o, mut pooled_e, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for row in 0..ROWS {
+            for column in 0..COLUMNS {
+                let mut e = 0.0_f64;
+                for i in 0..SUB {
+                    for j in 0..SUB {
+                        let z = -1.0
+                            + 2.0 * (row as f32 + (i as f32 + 0.5) / SUB as f32) / ROWS as f32;
+                        let phi = TAU * (column as f32 + (j as f32 + 0.5) / SUB as f32) / COLUMNS as f32;
+                        let r = (1.0 - z * z).sqrt();
+                        e += f64::from(pdf(Vec3A::new(r * phi.cos(), r * phi.sin(), z)));
+                    }
+                }
+                let cell = f64::from(2.0 * TAU) / (ROWS * COLUMNS * SUB * SUB) as f64;
+                e *= cell * N as f64;
+                total += e;
+                let o = observed[row * COLUMNS + column];
+                if e < 10.0 {
+                    pooled_o += o;
+                    pooled_e += e;
+                } else {
+                    chi += (o - e).powi(2) / e;
+                    dof += 1.0;
+                }
+            }
+        }
+        if pooled_e > 5.0 {
+            chi += (pooled_o - pooled_e).powi(2) / pooled_e;
+            dof += 1.0;
+        } else {
+            assert!(pooled_o <= pooled_e + 5.0 * pooled_e.sqrt() + 10.0, "samples where the density is zero");
+        }
+        assert!((total / N as f64 - 1.0).abs() < 0.01, "density integrates to {}", total / N as f64);
+        // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+        let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
+        assert!(z < 5.0, "chi² = {chi} on {dof} degrees of freedom, z = {z}");
+    }
+
+    #[test]
+    fn chi2_sphere() {
+        chi2(sphere, |_| 1.0 / (4.0 * PI));
+    }
+
+    #[test]
+    fn chi2_cosine_hemisphere() {
+        chi2(cosine_hemisphere, cosine_pdf);
+    }
+
+    #[test]
+    fn chi2_ggx_visible_normals() {
+        for (alpha, cos_o) in [(0.2_f32, 0.9_f32), (0.5, 0.3), (1.0, 0.05), (0.7, 1.0)] {
+            let wo = Vec3A::new((1.0 - cos_o * cos_o).sqrt(), 0.0, cos_o);
+            chi2(|u| ggx_visible_normal(wo, alpha, u), |h| ggx_visible_pdf(wo, h, alpha));
+        }
+    }
+
+    #[test]
+    fn concentric_disk_covers_the_disk() {
+        let mut stream = Stream::new(1, 2, 3);
+        let (n, mut inside, mut x2) = (100_000, 0.0, 0.0);
+        for _ in 0..n {
+            let p = concentric_disk(stream.uniform2());
+            assert!(p.length() <= 1.0 + 1e-6);
+            inside += f64::from(u8::from(p.length() < 0.5));
+            x2 += f64::from(p.x * p.x);
+        }
+        let m = f64::from(n);
+        assert!((inside / m - 0.25).abs() < 5.0 * (0.25 * 0.75 / m).sqrt());
+        assert!((x2 / m - 0.25).abs() < 5.0 * (1.0 / 16.0 / m).sqrt());
+    }
+}

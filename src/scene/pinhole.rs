@@ -1,0 +1,257 @@
+//! The pinhole model that camera and projector share: pose, intrinsics, Brown–Conrady distortion.
+//!
+//! Device axes: +x image right, +y image down, +z forward (OpenCV's). Pixel coordinates are continuous, pixel (i, j)
+//! covers [i, i+1) × [j, j+1), the upper left corner of the image is (0, 0); OpenCV's cx, cy count from the centre of
+//! the first pixel, so add 0.5 to them. Normalized coordinates are those on the plane z = 1.
+
+use crate::polarization::frame::project;
+use glam::{DVec2, Mat3A, Vec3A};
+
+/// Brown–Conrady coefficients (Brown 1966; OpenCV's order k1, k2, p1, p2, k3), acting on normalized coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Distortion {
+    pub k1: f64,
+    pub k2: f64,
+    pub k3: f64,
+    pub p1: f64,
+    pub p2: f64,
+}
+
+impl Distortion {
+    /// True if nothing is distorted.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Ideal normalized coordinates → distorted ones.
+    #[must_use]
+    pub fn distort(&self, p: DVec2) -> DVec2 {
+        let r2 = p.length_squared();
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let xy = p.x * p.y;
+        p * radial
+            + DVec2::new(
+                2.0 * self.p1 * xy + self.p2 * (r2 + 2.0 * p.x * p.x),
+                self.p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * self.p2 * xy,
+            )
+    }
+
+    /// Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
+    #[must_use]
+    pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
+        let r2 = p.length_squared();
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3));
+        let (x, y) = (p.x, p.y);
+        let cross = x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y;
+        [
+            [radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x, cross],
+            [cross, radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x],
+        ]
+    }
+
+    /// Distorted normalized coordinates → ideal ones by Newton's method; `None` if it does not converge to a point
+    /// where the distortion is one-to-one.
+    #[must_use]
+    pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
+        if self.is_none() {
+            return Some(q);
+        }
+        let mut p = q;
+        for _ in 0..50 {
+            let e = self.distort(p) - q;
+            let [[a, b], [c, d]] = self.jacobian(p);
+            let det = a * d - b * c;
+            if e.length_squared() < 1e-26 {
+                return (det > 0.0).then_some(p);
+            }
+            let step = DVec2::new(d * e.x - b * e.y, a * e.y - c * e.x) / det;
+            // Damping keeps the first steps from leaping over the fold of strong barrel distortion.
+            p -= step * (0.5 / step.length()).min(1.0);
+            if !p.is_finite() {
+                return None;
+            }
+        }
+        None
+    }
+}
+
+/// A calibrated pinhole device.
+#[derive(Clone, Copy, Debug)]
+pub struct Pinhole {
+    /// Width and height in pixels.
+    pub resolution: [u32; 2],
+    /// Focal lengths in pixels.
+    pub focal: DVec2,
+    /// Principal point in continuous pixel coordinates.
+    pub principal: DVec2,
+    pub distortion: Distortion,
+    /// Centre of projection, world, metres.
+    pub origin: Vec3A,
+    /// Columns: right, down, forward in world coordinates.
+    pub axes: Mat3A,
+    /// Squared normalized radius past which nothing can fall on the image (where distortion would fold back).
+    max_radius2: f64,
+}
+
+impl Pinhole {
+    /// Makes a device.
+    ///
+    /// # Errors
+    /// A message if the distortion cannot be inverted over the whole image.
+    pub fn new(
+        resolution: [u32; 2],
+        focal: DVec2,
+        principal: DVec2,
+        distortion: Distortion,
+        origin: Vec3A,
+        axes: Mat3A,
+    ) -> Result<Self, String> {
+        let mut device = Self {
+            resolution,
+            focal,
+            principal,
+            distortion,
+            origin,
+            axes,
+            max_radius2: f64::INFINITY,
+        };
+        if !distortion.is_none() {
+            let [w, h] = resolution.map(f64::from);
+            let mut max = 0.0_f64;
+            // The border bounds the image; 64 points a side find any fold that matters.
+            for i in 0..=64 {
+                let t = f64::from(i) / 64.0;
+                for p in [
+                    DVec2::new(t * w, 0.0),
+                    DVec2::new(t * w, h),
+                    DVec2::new(0.0, t * h),
+                    DVec2::new(w, t * h),
+                    DVec2::new(t * w, t * h),
+                ] {
+                    let n = device.normalized(p).ok_or_else(|| {
+                        format!(
+                            "the distortion cannot be inverted at pixel ({:.0}, {:.0}); it folds the image over",
+                            p.x, p.y
+                        )
+                    })?;
+                    max = max.max(n.length_squared());
+                }
+            }
+            device.max_radius2 = max * 1.02;
+        }
+        Ok(device)
+    }
+
+    /// Ideal normalized coordinates of a continuous pixel position; `None` where distortion has no inverse.
+    #[must_use]
+    pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
+        self.distortion.undistort((pixel - self.principal) / self.focal)
+    }
+
+    /// Unit world direction through a continuous pixel position.
+    #[inline]
+    #[must_use]
+    pub fn direction(&self, pixel: DVec2) -> Vec3A {
+        // The constructor has checked that the whole image can be undistorted.
+        let n = self
+            .normalized(pixel)
+            .unwrap_or((pixel - self.principal) / self.focal);
+        (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
+    }
+
+    /// Continuous pixel position and depth along the axis of a world point; `None` if it is behind the device or
+    /// outside the image.
+    #[inline]
+    #[must_use]
+    pub fn project(&self, p: Vec3A) -> Option<(DVec2, f32)> {
+        let local = self.axes.transpose() * (p - self.origin);
+        if local.z <= 0.0 {
+            return None;
+        }
+        let z = f64::from(local.z);
+        let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);
+        let d = if self.distortion.is_none() {
+            n
+        } else if n.length_squared() > self.max_radius2 {
+            return None;
+        } else {
+            self.distortion.distort(n)
+        };
+        let pixel = d * self.focal + self.principal;
+        let [w, h] = self.resolution.map(f64::from);
+        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < w && pixel.y < h;
+        inside.then_some((pixel, local.z))
+    }
+
+    /// Image right in world coordinates.
+    #[must_use]
+    pub fn right(&self) -> Vec3A {
+        self.axes.x_axis
+    }
+
+    /// Forward in world coordinates.
+    #[must_use]
+    pub fn forward(&self) -> Vec3A {
+        self.axes.z_axis
+    }
+
+    /// Horizontal basis vector of light travelling along `d` (either way): image right, projected perpendicular.
+    #[inline]
+    #[must_use]
+    pub fn frame(&self, d: Vec3A) -> Vec3A {
+        project(self.axes.x_axis, d)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device() -> Pinhole {
+        let d = Distortion {
+            k1: -0.28,
+            k2: 0.07,
+            k3: 0.01,
+            p1: 0.002,
+            p2: -0.001,
+        };
+        let axes = Mat3A::from_cols(Vec3A::X, -Vec3A::Y, -Vec3A::Z);
+        let (f, c) = (DVec2::new(300.0, 310.0), DVec2::new(161.0, 118.0));
+        Pinhole::new([320, 240], f, c, d, Vec3A::new(0.1, 0.2, 0.3), axes).unwrap()
+    }
+
+    #[test]
+    fn projection_inverts_direction() {
+        let p = device();
+        for (x, y) in [(0.5, 0.5), (160.0, 120.0), (319.5, 3.0), (10.0, 239.0)] {
+            let q = DVec2::new(x, y);
+            let (back, depth) = p.project(p.origin + p.direction(q) * 3.0).unwrap();
+            assert!((back - q).length() < 1e-3, "{q} {back}");
+            assert!(depth > 0.0);
+        }
+    }
+
+    #[test]
+    fn jacobian_is_the_derivative() {
+        let d = device().distortion;
+        let (p, h) = (DVec2::new(0.3, -0.4), 1e-6);
+        let j = d.jacobian(p);
+        let dx = (d.distort(p + DVec2::X * h) - d.distort(p - DVec2::X * h)) / (2.0 * h);
+        let dy = (d.distort(p + DVec2::Y * h) - d.distort(p - DVec2::Y * h)) / (2.0 * h);
+        assert!((dx.x - j[0][0]).abs() < 1e-8 && (dx.y - j[1][0]).abs() < 1e-8);
+        assert!((dy.x - j[0][1]).abs() < 1e-8 && (dy.y - j[1][1]).abs() < 1e-8);
+    }
+
+    #[test]
+    fn what_folds_back_is_not_seen() {
+        // Barrel distortion maps a far-off-axis point back into the image; it must not count as seen.
+        let p = device();
+        assert!(p.project(p.origin + Vec3A::new(30.0, 0.0, -10.0)).is_none());
+        assert!(p.project(p.origin + Vec3A::Z).is_none(), "behind");
+        let strong = Distortion { k1: -2.0, ..Distortion::default() };
+        let f = DVec2::splat(100.0);
+        assert!(Pinhole::new([320, 240], f, DVec2::new(160., 120.), strong, p.origin, p.axes).is_err());
+    }
+}

@@ -1,0 +1,229 @@
+//! Objects of a scene file → triangles and quadrics.
+
+use super::build::{Context, HUGE, vector};
+use super::file::{MeshFile, ObjectFile, ShapeFile, TransformFile};
+use super::locate::{Located, SceneError};
+use super::values::SpectrumFile;
+use crate::geometry::bvh::GeometryBuilder;
+use crate::geometry::import;
+use crate::geometry::mesh::Mesh;
+use crate::geometry::quadric::{Quadric, QuadricKind};
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Mat3A, Vec3A};
+use std::collections::BTreeMap;
+
+/// Adds one object.
+pub(super) fn add(
+    ctx: &mut Context,
+    object: &Located<ObjectFile>,
+    materials: &BTreeMap<&str, u32>,
+    geometry: &mut GeometryBuilder,
+) -> Result<(), SceneError> {
+    let find = |ctx: &Context, name: &Located<String>| {
+        materials.get(name.as_str()).copied().ok_or_else(|| {
+            let known = materials.keys().copied().collect::<Vec<_>>().join(", ");
+            ctx.error(
+                name.span(),
+                format!("there is no material `{}`", **name),
+                format!("add [materials.{}], or use one of: {known}", **name),
+            )
+        })
+    };
+    let material = find(ctx, &object.material)?;
+    let place = match &object.transform {
+        Some(t) => transform(ctx, t)?,
+        None => DAffine3::IDENTITY,
+    };
+    let span = object.shape.span();
+    let mut quadric = |ctx: &Context, kind, shape: DAffine3| {
+        let world = place * shape;
+        if !(world.matrix3.determinant().abs() > 1e-30) || !world.is_finite() {
+            return Err(ctx.error(span.clone(), "the shape has no size", "give it a radius and extent above 0"));
+        }
+        geometry.quadric(Quadric::new(kind, affine(world), material));
+        Ok(())
+    };
+    match &*object.shape {
+        ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) => {
+            let parts = load(ctx, m, &object.shape)?;
+            let mut used = vec![];
+            for mut part in parts {
+                let own = part.material.as_deref().and_then(|n| object.part_materials.get_key_value(n));
+                let id = match own {
+                    Some((key, name)) => {
+                        used.push(key.clone());
+                        find(ctx, name)?
+                    }
+                    None => material,
+                };
+                if m.flat {
+                    part.mesh.normals.clear();
+                }
+                mesh(ctx, &mut part.mesh, place, object, id, geometry)?;
+            }
+            if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
+                return Err(ctx.error(
+                    name.span(),
+                    format!("{} has no part with material `{key}`", *m.file),
+                    "correct the part's name, or remove the line",
+                ));
+            }
+            Ok(())
+        }
+        ShapeFile::Sphere(s) => {
+            let c = vector(ctx, s.center, span.clone(), "center")?;
+            let shape = DAffine3::from_scale_rotation_translation(
+                DVec3::splat(s.radius.abs()),
+                DQuat::IDENTITY,
+                c.as_dvec3(),
+            );
+            quadric(ctx, QuadricKind::Sphere, shape)
+        }
+        ShapeFile::Disk(d) => {
+            let c = vector(ctx, d.center, span.clone(), "center")?;
+            let n = vector(ctx, d.normal, span.clone(), "normal")?;
+            quadric(ctx, QuadricKind::Disk, toward(c, n, d.radius, d.radius))
+        }
+        ShapeFile::Cylinder(c) => {
+            let p0 = vector(ctx, c.p0, span.clone(), "p0")?;
+            let p1 = vector(ctx, c.p1, span.clone(), "p1")?;
+            let axis = p1 - p0;
+            quadric(ctx, QuadricKind::Cylinder, toward(p0, axis, c.radius, f64::from(axis.length())))?;
+            if c.caps {
+                quadric(ctx, QuadricKind::Disk, toward(p0, -axis, c.radius, c.radius))?;
+                quadric(ctx, QuadricKind::Disk, toward(p1, axis, c.radius, c.radius))?;
+            }
+            Ok(())
+        }
+        ShapeFile::Rectangle(r) => {
+            let corner = DVec3::from_array(r.corner);
+            let (u, v) = (DVec3::from_array(r.u), DVec3::from_array(r.v));
+            let shape = DAffine3::from_mat3_translation(
+                DMat3::from_cols(u / 2.0, v / 2.0, u.cross(v).normalize_or(DVec3::Z)),
+                corner + (u + v) / 2.0,
+            );
+            mesh(ctx, &mut Mesh::rectangle(), place * shape, object, material, geometry)
+        }
+        ShapeFile::Cube(c) => {
+            let (lo, hi) = (DVec3::from_array(c.min), DVec3::from_array(c.max));
+            if !lo.cmplt(hi).all() {
+                return Err(ctx.error(span, "the cube is empty", "min must lie below max on every axis"));
+            }
+            let shape = DAffine3::from_scale_rotation_translation(
+                (hi - lo) / 2.0,
+                DQuat::IDENTITY,
+                (hi + lo) / 2.0,
+            );
+            mesh(ctx, &mut Mesh::cube(), place * shape, object, material, geometry)
+        }
+    }
+}
+
+/// Reads a mesh file in the format that the shape names.
+fn load(
+    ctx: &mut Context,
+    m: &MeshFile,
+    shape: &ShapeFile,
+) -> Result<Vec<import::MeshPart>, SceneError> {
+    let bytes = ctx.read(&m.file, m.file.span())?;
+    let path = ctx.path(&m.file);
+    let parsed = match shape {
+        ShapeFile::Gltf(_) => import::parse_gltf(&bytes, path.parent()),
+        ShapeFile::Ply(_) => import::parse_ply(&bytes),
+        _ => import::parse_obj(&bytes),
+    };
+    parsed.map_err(|e| {
+        ctx.error(
+            m.file.span(),
+            format!("{}: {e}", path.display()),
+            "mend or re-export the file, or use the shape key of its format (obj, gltf, ply)",
+        )
+    })
+}
+
+/// Moves a mesh to the world and adds it.
+fn mesh(
+    ctx: &Context,
+    mesh: &mut Mesh,
+    place: DAffine3,
+    object: &Located<ObjectFile>,
+    material: u32,
+    geometry: &mut GeometryBuilder,
+) -> Result<(), SceneError> {
+    let det = place.matrix3.determinant();
+    if !place.is_finite() || !(det.abs() > 1e-30) {
+        return Err(ctx.error(
+            object.shape.span(),
+            "the shape has no size, or its transform squashes it flat",
+            "give it extent above 0 along every direction",
+        ));
+    }
+    mesh.transform(&affine(place));
+    let sane = |p: &glam::Vec3| p.is_finite() && f64::from(p.abs().max_element()) < HUGE;
+    if !mesh.positions.iter().all(sane) {
+        return Err(ctx.error(
+            object.shape.span(),
+            "the shape reaches to infinity",
+            "keep coordinates below 1e12 m",
+        ));
+    }
+    geometry.mesh(mesh, material);
+    Ok(())
+}
+
+fn affine(a: DAffine3) -> Affine3A {
+    Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
+}
+
+/// Unit disk or tube to one of `radius` about `origin`, its z axis along `axis`, of length `length`.
+fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
+    let z = axis.normalize_or(Vec3A::Z);
+    let x = crate::polarization::frame::perpendicular(z);
+    let m = Mat3A::from_cols(x, z.cross(x), z);
+    let r = radius.abs();
+    DAffine3::from_mat3_translation(
+        DMat3::from_cols(
+            m.x_axis.as_dvec3() * r,
+            m.y_axis.as_dvec3() * r,
+            m.z_axis.as_dvec3() * length,
+        ),
+        origin.as_dvec3(),
+    )
+}
+
+fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, SceneError> {
+    if let Some(m) = t.matrix {
+        if t.scale.is_some() || t.rotate_deg.is_some() || t.translate.is_some() || m[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Err(ctx.error(
+                t.span(),
+                "the transform is a matrix and something else, or its last row is not 0 0 0 1",
+                "give an affine matrix alone, or scale, rotate_deg and translate",
+            ));
+        }
+        let column = |j: usize| DVec3::new(m[0][j], m[1][j], m[2][j]);
+        return Ok(DAffine3::from_mat3_translation(
+            DMat3::from_cols(column(0), column(1), column(2)),
+            column(3),
+        ));
+    }
+    let scale = match t.scale.as_deref() {
+        None => DVec3::ONE,
+        Some(SpectrumFile::Scalar(s)) => DVec3::splat(*s),
+        Some(SpectrumFile::PerWavelength(v)) => match v.as_slice() {
+            [x, y, z] => DVec3::new(*x, *y, *z),
+            _ => {
+                return Err(ctx.error(
+                    t.span(),
+                    format!("scale has {} values", v.len()),
+                    "give one factor, or three (x, y, z)",
+                ));
+            }
+        },
+    };
+    let [x, y, z] = t.rotate_deg.unwrap_or([0.0; 3]).map(f64::to_radians);
+    Ok(DAffine3::from_scale_rotation_translation(
+        scale,
+        // About x first, then y, then z.
+        DQuat::from_euler(EulerRot::ZYX, z, y, x),
+        DVec3::from_array(t.translate.unwrap_or([0.0; 3])),
+    ))
+}

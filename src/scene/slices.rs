@@ -1,0 +1,249 @@
+//! Slices of a scene file → [`Slice`]s, checked against camera and projector.
+
+use super::build::{Context, bin_multiple};
+use super::file::{CameraSelectFile, PolarizationFile, ProjectorSelectFile, SceneFile, SliceFile};
+use super::locate::{Located, SceneError};
+use super::pinhole::Pinhole;
+use super::projector::Projector;
+use super::values::TimeFile;
+use crate::tensor::axes::SliceLayout;
+use crate::tensor::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+use std::ops::Range;
+
+/// Names that a slice cannot have because the store uses them.
+const RESERVED: [&str; 2] = ["samples", "zarr.json"];
+
+/// The largest number of elements of one slice: 2^40 keeps every index exact and is 4 TiB of f32.
+const MAX_ELEMENTS: u128 = 1 << 40;
+
+/// All slices of the file.
+pub(super) fn build(
+    ctx: &mut Context,
+    file: &SceneFile,
+    camera: &Pinhole,
+    projector: Option<&Projector>,
+) -> Result<Vec<Slice>, SceneError> {
+    let mut slices: Vec<Slice> = Vec::new();
+    for s in &file.slices {
+        let name = &*s.name;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        if name.is_empty() || !name.chars().all(plain) || RESERVED.contains(&name.as_str()) {
+            return Err(ctx.error(
+                s.name.span(),
+                format!("`{name}` cannot name a slice"),
+                "use letters, digits, _ and -",
+            ));
+        }
+        if slices.iter().any(|o| o.name == *name) {
+            return Err(ctx.error(s.name.span(), format!("a second slice `{name}`"), "rename one of them"));
+        }
+        let slice = Slice {
+            name: name.clone(),
+            camera: camera_select(ctx, &s.camera, camera.resolution)?,
+            projector: projector_select(ctx, s, camera, projector)?,
+            time: time_select(ctx, &s.time)?,
+            polarization: match s.polarization {
+                PolarizationFile::Mueller => Polarization::Mueller,
+                PolarizationFile::Intensity => Polarization::Intensity,
+            },
+            bounces: s.bounces,
+            split_first_bounce: s.split_first_bounce,
+        };
+        slices.push(slice);
+    }
+    let tile = &file.render.tile;
+    let multiple = bin_multiple(&slices);
+    if !u64::from(**tile).is_multiple_of(multiple) {
+        let span = if tile.span() == (0..0) { file.slices[0].span() } else { tile.span() };
+        return Err(ctx.error(
+            span,
+            format!("tiles of {} pixels do not hold whole camera bins", **tile),
+            format!("set render.tile to a multiple of {multiple}, or choose other bins"),
+        ));
+    }
+    let extents = crate::tensor::axes::Extents {
+        camera: camera.resolution,
+        projector: projector.map(|p| p.pinhole.resolution),
+        wavelengths_nm: ctx.wavelengths.nm().to_vec(),
+        max_depth: *file.render.max_depth,
+        tile: (**tile).max(1),
+    };
+    for (slice, s) in slices.iter().zip(&file.slices) {
+        let elements: u128 = SliceLayout::new(slice, &extents)
+            .shape()
+            .iter()
+            .map(|&n| u128::from(n))
+            .product();
+        if elements > MAX_ELEMENTS {
+            return Err(ctx.error(
+                s.span(),
+                format!("slice `{}` would have {elements} elements", slice.name),
+                "keep fewer camera pixels, projector pixels or bins (a row, a block, larger bins)",
+            ));
+        }
+    }
+    Ok(slices)
+}
+
+/// Checks a list of rows or columns: rising, unique, in range.
+fn listed(ctx: &Context, list: &[u32], limit: u32, span: Range<usize>, what: &str) -> Result<Vec<u32>, SceneError> {
+    let rising = list.windows(2).all(|w| w[0] < w[1]);
+    if list.is_empty() || !rising || list.iter().any(|&i| i >= limit) {
+        return Err(ctx.error(
+            span,
+            format!("{what} are not a rising list of indices below {limit}"),
+            format!("list each once, in order, from 0 to {}", limit - 1),
+        ));
+    }
+    Ok(list.to_vec())
+}
+
+fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Result<Block, SceneError> {
+    let [x, y, bw, bh] = b;
+    let fits = |a: u32, n: u32, limit: u32| n >= 1 && a.checked_add(n).is_some_and(|e| e <= limit);
+    if !fits(x, bw, w) || !fits(y, bh, h) {
+        return Err(ctx.error(
+            span,
+            format!("the block does not lie in the image of {w} × {h} pixels"),
+            "give [x, y, width, height] with x + width and y + height inside",
+        ));
+    }
+    Ok(Block { x, y, w: bw, h: bh })
+}
+
+fn bin(ctx: &Context, [nx, ny]: [u32; 2], [w, h]: [u32; 2], span: Range<usize>) -> Result<(u32, u32), SceneError> {
+    if nx == 0 || ny == 0 || nx > w || ny > h {
+        return Err(ctx.error(
+            span,
+            format!("bins of {nx} × {ny} pixels do not fit an image of {w} × {h}"),
+            "give a size from 1 to the image's",
+        ));
+    }
+    Ok((nx, ny))
+}
+
+fn camera_select(
+    ctx: &Context,
+    s: &Located<CameraSelectFile>,
+    size: [u32; 2],
+) -> Result<CameraSelect, SceneError> {
+    let span = s.span();
+    Ok(match &**s {
+        CameraSelectFile::All => CameraSelect::All,
+        CameraSelectFile::Rows(r) => CameraSelect::Rows(listed(ctx, r, size[1], span, "camera rows")?),
+        CameraSelectFile::Columns(c) => {
+            CameraSelect::Columns(listed(ctx, c, size[0], span, "camera columns")?)
+        }
+        CameraSelectFile::Block(b) => CameraSelect::Block(block(ctx, *b, size, span)?),
+        CameraSelectFile::Binned(b) => {
+            let (nx, ny) = bin(ctx, b.0, size, span)?;
+            CameraSelect::Binned { nx, ny }
+        }
+    })
+}
+
+fn projector_select(
+    ctx: &mut Context,
+    slice: &SliceFile,
+    camera: &Pinhole,
+    projector: Option<&Projector>,
+) -> Result<ProjectorSelect, SceneError> {
+    let s = &slice.projector;
+    let span = s.span();
+    if matches!(**s, ProjectorSelectFile::Sum) {
+        return Ok(ProjectorSelect::Sum);
+    }
+    let Some(projector) = projector else {
+        return Err(ctx.error(
+            span,
+            "the slice resolves projector pixels, and the scene has no projector",
+            "add a [projector], or use projector = \"sum\"",
+        ));
+    };
+    let size = projector.pinhole.resolution;
+    let half_width = |ctx: &Context, h: f64| {
+        if h.is_finite() && h >= 0.0 {
+            Ok(h as f32)
+        } else {
+            Err(ctx.error(
+                span.clone(),
+                format!("half_width_px is {h}"),
+                "give a number of projector pixels, 0 or more",
+            ))
+        }
+    };
+    Ok(match &**s {
+        ProjectorSelectFile::Sum => ProjectorSelect::Sum,
+        ProjectorSelectFile::All => ProjectorSelect::All,
+        ProjectorSelectFile::Rows(r) => {
+            ProjectorSelect::Rows(listed(ctx, r, size[1], span, "projector rows")?)
+        }
+        ProjectorSelectFile::Columns(c) => {
+            ProjectorSelect::Columns(listed(ctx, c, size[0], span, "projector columns")?)
+        }
+        ProjectorSelectFile::Block(b) => ProjectorSelect::Block(block(ctx, *b, size, span)?),
+        ProjectorSelectFile::Binned(b) => {
+            let (nx, ny) = bin(ctx, b.0, size, span)?;
+            ProjectorSelect::Binned { nx, ny }
+        }
+        ProjectorSelectFile::Mask(name) => mask(ctx, name, size, span)?,
+        ProjectorSelectFile::Epipolar(h) => ProjectorSelect::Epipolar {
+            half_width_px: half_width(ctx, h.half_width_px)?,
+        },
+        ProjectorSelectFile::Nonepipolar(h) => ProjectorSelect::NonEpipolar {
+            half_width_px: half_width(ctx, h.half_width_px)?,
+        },
+        ProjectorSelectFile::Coaxial if size != camera.resolution => {
+            return Err(ctx.error(
+                span,
+                "the coaxial slice needs s' = s, and camera and projector differ in resolution",
+                "give both the same resolution, or set coaxial = true in [projector]",
+            ));
+        }
+        ProjectorSelectFile::Coaxial => ProjectorSelect::Coaxial,
+    })
+}
+
+/// A drive image: its brightness, linear, is the weight of each projector pixel.
+fn mask(ctx: &mut Context, name: &str, [w, h]: [u32; 2], span: Range<usize>) -> Result<ProjectorSelect, SceneError> {
+    let bytes = ctx.read(name, span.clone())?;
+    let image = image::load_from_memory(&bytes).map_err(|e| {
+        ctx.error(span.clone(), format!("cannot decode {name}: {e}"), "use a PNG or JPEG file")
+    })?;
+    if (image.width(), image.height()) != (w, h) {
+        return Err(ctx.error(
+            span,
+            format!("{name} has {} × {} pixels, the projector {w} × {h}", image.width(), image.height()),
+            "scale the image to the projector's resolution",
+        ));
+    }
+    Ok(ProjectorSelect::Mask {
+        name: name.to_owned(),
+        weights: image
+            .to_luma16()
+            .pixels()
+            .map(|p| f32::from(p.0[0]) / 65535.0)
+            .collect(),
+    })
+}
+
+fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, SceneError> {
+    let TimeFile::Bins(b) = t else {
+        return Ok(TimeSelect::Sum);
+    };
+    if !(b.bin_ps.is_finite() && *b.bin_ps > 0.0 && b.start_ps.is_finite()) {
+        return Err(ctx.error(
+            b.bin_ps.span(),
+            format!("bin_ps is {} and start_ps {}", *b.bin_ps, b.start_ps),
+            "give a bin width above 0 and a finite start, in picoseconds",
+        ));
+    }
+    if !(1..=1 << 20).contains(&*b.bins) {
+        return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));
+    }
+    Ok(TimeSelect::Bins {
+        start_ps: b.start_ps,
+        bin_ps: *b.bin_ps,
+        bins: *b.bins,
+    })
+}

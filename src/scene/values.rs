@@ -1,0 +1,216 @@
+//! Values of a scene file that may be written in more than one way.
+//!
+//! Each has a visitor of its own, so that errors keep their place in the file (serde's untagged enums lose it).
+
+use super::locate::Located;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
+use std::fmt;
+
+/// One number for all wavelengths, or a list with one number per wavelength.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpectrumFile {
+    Scalar(f64),
+    PerWavelength(Vec<f64>),
+}
+
+/// An albedo: a spectrum, or an image.
+#[derive(Clone, Debug)]
+pub enum AlbedoFile {
+    Spectrum(SpectrumFile),
+    Image(ImageAlbedo),
+}
+
+/// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageAlbedo {
+    /// PNG or JPEG file, relative to the scene file; sRGB-encoded.
+    pub image: Located<String>,
+    /// Multiplies the image.
+    #[serde(default = "one")]
+    pub scale: f64,
+}
+
+/// Travel time of a slice: `"sum"` or bins.
+#[derive(Clone, Debug)]
+pub enum TimeFile {
+    Sum,
+    Bins(TimeBins),
+}
+
+/// `{ start_ps, bin_ps, bins }`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TimeBins {
+    /// First edge, picoseconds.
+    #[serde(default)]
+    pub start_ps: f64,
+    /// Bin width, picoseconds.
+    pub bin_ps: Located<f64>,
+    /// Number of bins.
+    pub bins: Located<u32>,
+}
+
+/// A bin size: `n` or `[n_x, n_y]` pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BinSize(pub [u32; 2]);
+
+fn one() -> f64 {
+    1.0
+}
+
+struct SpectrumVisitor;
+
+impl<'de> Visitor<'de> for SpectrumVisitor {
+    type Value = SpectrumFile;
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or a list with one number per wavelength")
+    }
+    fn visit_f64<E: de::Error>(self, v: f64) -> Result<SpectrumFile, E> {
+        Ok(SpectrumFile::Scalar(v))
+    }
+    fn visit_i64<E: de::Error>(self, v: i64) -> Result<SpectrumFile, E> {
+        Ok(SpectrumFile::Scalar(v as f64))
+    }
+    fn visit_u64<E: de::Error>(self, v: u64) -> Result<SpectrumFile, E> {
+        Ok(SpectrumFile::Scalar(v as f64))
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<SpectrumFile, A::Error> {
+        let mut list = Vec::new();
+        while let Some(v) = seq.next_element()? {
+            list.push(v);
+        }
+        Ok(SpectrumFile::PerWavelength(list))
+    }
+}
+
+impl<'de> Deserialize<'de> for SpectrumFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        d.deserialize_any(SpectrumVisitor)
+    }
+}
+
+impl JsonSchema for SpectrumFile {
+    fn schema_name() -> Cow<'static, str> {
+        "Spectrum".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "One number for all wavelengths, or a list with one number per wavelength.",
+            "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}]
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for AlbedoFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = AlbedoFile;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number, a list with one number per wavelength, or { image = \"file.png\" }")
+            }
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<AlbedoFile, E> {
+                SpectrumVisitor.visit_f64(v).map(AlbedoFile::Spectrum)
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<AlbedoFile, E> {
+                SpectrumVisitor.visit_i64(v).map(AlbedoFile::Spectrum)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<AlbedoFile, A::Error> {
+                SpectrumVisitor.visit_seq(seq).map(AlbedoFile::Spectrum)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoFile, A::Error> {
+                ImageAlbedo::deserialize(MapAccessDeserializer::new(map)).map(AlbedoFile::Image)
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for AlbedoFile {
+    fn schema_name() -> Cow<'static, str> {
+        "Albedo".into()
+    }
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let (spectrum, image) = (g.subschema_for::<SpectrumFile>(), g.subschema_for::<ImageAlbedo>());
+        json_schema!({"anyOf": [spectrum, image]})
+    }
+}
+
+impl<'de> Deserialize<'de> for TimeFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = TimeFile;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("\"sum\" or { start_ps, bin_ps, bins }")
+            }
+            fn visit_str<E: de::Error>(self, v: &str) -> Result<TimeFile, E> {
+                match v {
+                    "sum" => Ok(TimeFile::Sum),
+                    _ => Err(E::invalid_value(de::Unexpected::Str(v), &self)),
+                }
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TimeFile, A::Error> {
+                TimeBins::deserialize(MapAccessDeserializer::new(map)).map(TimeFile::Bins)
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for TimeFile {
+    fn schema_name() -> Cow<'static, str> {
+        "Time".into()
+    }
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let bins = g.subschema_for::<TimeBins>();
+        json_schema!({"anyOf": [{"const": "sum"}, bins]})
+    }
+}
+
+impl<'de> Deserialize<'de> for BinSize {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = BinSize;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a whole number of pixels n, or [n_x, n_y]")
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<BinSize, E> {
+                u32::try_from(v)
+                    .map(|n| BinSize([n, n]))
+                    .map_err(|_| E::invalid_value(de::Unexpected::Signed(v), &self))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<BinSize, A::Error> {
+                let missing = |n| de::Error::invalid_length(n, &"two whole numbers [n_x, n_y]");
+                let x = seq.next_element()?.ok_or_else(|| missing(0))?;
+                let y = seq.next_element()?.ok_or_else(|| missing(1))?;
+                match seq.next_element::<u32>()? {
+                    None => Ok(BinSize([x, y])),
+                    Some(_) => Err(missing(3)),
+                }
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for BinSize {
+    fn schema_name() -> Cow<'static, str> {
+        "BinSize".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "n or [n_x, n_y] pixels.",
+            "anyOf": [
+                {"type": "integer", "minimum": 1},
+                {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
+            ]
+        })
+    }
+}
