@@ -4,5 +4,7 @@
 
 pub mod array;
 pub mod axes;
+pub mod region;
 pub mod slice;
+pub mod store;
 pub mod view;

@@ -1,0 +1,142 @@
+//! What can go wrong with a store, one enum per kind of operation. Every message names the path and the mend.
+
+use std::path::PathBuf;
+
+/// A store could not be created.
+#[derive(Debug, thiserror::Error)]
+pub enum CreateError {
+    /// Something is already there.
+    #[error(
+        "{path} already exists: continue it with `--resume`, overwrite it with `--force`, or choose another `-o`"
+    )]
+    Exists {
+        /// Where the store should go.
+        path: PathBuf,
+    },
+    /// Something that is not a store is there; it is never deleted.
+    #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
+    NotAStore {
+        /// Where the store should go.
+        path: PathBuf,
+    },
+    /// A slice cannot be laid out.
+    #[error("slice `{name}`: {reason}")]
+    Slice {
+        /// Name of the slice.
+        name: String,
+        /// What is wrong and how to mend it.
+        reason: String,
+    },
+    /// The file system or the Zarr library refused.
+    #[error("cannot create {path}: {cause}; check that the directory is writable and the disk has room")]
+    Write {
+        /// File or directory that could not be written.
+        path: PathBuf,
+        /// The refusal.
+        cause: String,
+    },
+}
+
+/// A store could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// There is nothing at the path.
+    #[error("{path} does not exist: give the path of a store made by `sunstone render`")]
+    Missing {
+        /// The path asked for.
+        path: PathBuf,
+    },
+    /// There is something, but no Sunstone store.
+    #[error("{path} is not a Sunstone store ({reason}): give the path of a store made by `sunstone render`")]
+    NotAStore {
+        /// The path asked for.
+        path: PathBuf,
+        /// What was missing.
+        reason: String,
+    },
+    /// The store has no slice of that name.
+    #[error("{path} has no slice `{name}`; it has: {available}")]
+    NoSlice {
+        /// The store.
+        path: PathBuf,
+        /// The slice asked for.
+        name: String,
+        /// The slices it has.
+        available: String,
+    },
+    /// An array or its description is damaged.
+    #[error("{path} is damaged: {reason}; render it again, or restore it from a copy")]
+    Damaged {
+        /// The damaged array, group or file.
+        path: PathBuf,
+        /// What was found.
+        reason: String,
+    },
+    /// A file could not be read, or a leftover could not be removed.
+    #[error("cannot open {path}: {cause}; check its permissions")]
+    Io {
+        /// The file or directory.
+        path: PathBuf,
+        /// The refusal.
+        cause: String,
+    },
+}
+
+/// Values could not be read from or written to an open store.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessError {
+    /// The slice has no such field.
+    #[error("slice {path} has no field `{field}`: overflow is kept only where time is resolved")]
+    NoField {
+        /// The slice.
+        path: PathBuf,
+        /// Name of the field.
+        field: &'static str,
+    },
+    /// The store keeps no sample counts.
+    #[error("{path} keeps no sample counts per pixel: create it with a sample grid")]
+    NoSamples {
+        /// The store.
+        path: PathBuf,
+    },
+    /// The region does not lie inside the array.
+    #[error("region {start:?} + {shape:?} does not lie inside {path} of shape {array:?}: shrink the region")]
+    Region {
+        /// The array.
+        path: PathBuf,
+        /// First index asked for.
+        start: Vec<u64>,
+        /// Shape asked for.
+        shape: Vec<u64>,
+        /// Shape of the array.
+        array: Vec<u64>,
+    },
+    /// The number of values does not match the region.
+    #[error("{found} values for a region of {expected} in {path}: pass one value per element, row-major")]
+    Length {
+        /// The array.
+        path: PathBuf,
+        /// Elements of the region.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// A chunk is truncated, corrupt or unreadable.
+    #[error("chunk {chunk:?} of {path} cannot be read: {cause}; render it again, or restore it from a copy")]
+    Chunk {
+        /// The array.
+        path: PathBuf,
+        /// Index of the chunk in the chunk grid.
+        chunk: Vec<u64>,
+        /// What was found.
+        cause: String,
+    },
+    /// A file could not be written.
+    #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
+    Write {
+        /// The array or file.
+        path: PathBuf,
+        /// The refusal.
+        cause: String,
+    },
+}
