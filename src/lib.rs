@@ -6,6 +6,12 @@
 pub mod spectrum;
 pub mod units;
 
-pub mod geometry;
+pub mod polarization;
+pub mod sampling;
 
+pub mod geometry;
+pub mod material;
 pub mod tensor;
+
+pub mod scene;
+pub mod render;

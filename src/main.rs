@@ -1,1 +1,9 @@
-fn main() {}
+//! The `sunstone` program: arguments, progress and exit codes around the library.
+
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::run()
+}

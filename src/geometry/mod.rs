@@ -1,6 +1,10 @@
-//! Shapes in space: triangle meshes and the files they come from. Lengths are metres.
+//! Shapes in space: triangle meshes and the files they come from, exact quadrics, and the tree over all of them.
+//! Lengths are metres.
 //!
-//! Knows nothing of materials beyond their names.
+//! Knows nothing of materials beyond their names and numbers.
 
+pub mod bvh;
 pub mod import;
 pub mod mesh;
+pub mod quadric;
+pub mod ray;

@@ -26,7 +26,7 @@ impl FresnelBlock {
     fn from_amplitudes(s: Complex, p: Complex, factor: Spectral) -> Self {
         let half = Spectral::HALF;
         let (rs, rp) = (s.norm2(), p.norm2());
-        let cross = s * p.conj();
+        let cross = s.conj() * p;
         Self {
             a: (rs + rp) * half * factor,
             b: (rs - rp) * half * factor,

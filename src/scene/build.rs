@@ -483,6 +483,8 @@ fn material(
     m: &Located<MaterialFile>,
     textures: &mut Textures,
 ) -> Result<Material, SceneError> {
+    // Unused lanes get index 1, so that nothing divides by zero there.
+    let unused = Spectral::ONE - ctx.wavelengths.ones();
     Ok(match &**m {
         MaterialFile::Diffuse(d) => {
             let span = d.albedo.span();
@@ -501,7 +503,7 @@ fn material(
             }
         }
         MaterialFile::Conductor(c) => Material::Conductor(conductor::Conductor {
-            n: ctx.located(&c.n, "n", 0.0..=100.0)?,
+            n: ctx.located(&c.n, "n", 1e-3..=100.0)? + unused,
             k: ctx.located(&c.k, "k", 0.0..=100.0)?,
         }),
         MaterialFile::RoughConductor(c) => {
@@ -513,14 +515,12 @@ fn material(
                 ));
             }
             Material::RoughConductor(rough_conductor::RoughConductor {
-                n: ctx.located(&c.n, "n", 0.0..=100.0)?,
+                n: ctx.located(&c.n, "n", 1e-3..=100.0)? + unused,
                 k: ctx.located(&c.k, "k", 0.0..=100.0)?,
                 alpha: *c.alpha as f32,
             })
         }
         MaterialFile::Dielectric(d) => {
-            // Unused lanes get index 1, so that nothing divides by zero there.
-            let unused = Spectral::ONE - ctx.wavelengths.ones();
             let interior = ctx.located(&d.ior, "ior", 1.0..=10.0)? + unused;
             let exterior = ctx.located(&d.exterior_ior, "exterior_ior", 1.0..=10.0)? + unused;
             let varies = |s: Spectral| {

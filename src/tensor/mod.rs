@@ -2,6 +2,7 @@
 //!
 //! Knows nothing of scenes, rigs or plots.
 
+pub mod accumulate;
 pub mod array;
 pub mod axes;
 pub mod region;

@@ -1,0 +1,122 @@
+//! How commands fail: one clear message, one exit code.
+
+use miette::{Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode};
+use std::fmt;
+use std::process::ExitCode;
+use sunstone::scene::locate::SceneError;
+
+/// Why a command did not succeed.
+pub enum Failure {
+    /// A scene file is wrong: exit code 2.
+    Scene(SceneError),
+    /// Other bad input: exit code 2.
+    Input(String),
+    /// Something failed on the way (disk full, …): exit code 1.
+    Failed(String),
+    /// Stopped by the user: exit code 130.
+    Interrupted(String),
+    /// Nobody reads the output any more: not an error.
+    ClosedPipe,
+}
+
+impl Failure {
+    /// Bad input.
+    pub fn input(e: impl fmt::Display) -> Self {
+        Self::Input(e.to_string())
+    }
+
+    /// Failure on the way.
+    pub fn failed(e: impl fmt::Display) -> Self {
+        Self::Failed(e.to_string())
+    }
+
+    /// Standard output could not be written.
+    pub fn output(e: std::io::Error) -> Self {
+        if e.kind() == std::io::ErrorKind::BrokenPipe {
+            Self::ClosedPipe
+        } else {
+            Self::Failed(format!("cannot write to standard output: {e}"))
+        }
+    }
+
+    /// Tells the user, and gives the exit code.
+    pub fn report(&self) -> ExitCode {
+        match self {
+            Self::Scene(e) => {
+                report_scene(e);
+                ExitCode::from(2)
+            }
+            Self::Input(m) => {
+                eprintln!("error: {m}");
+                ExitCode::from(2)
+            }
+            Self::Failed(m) => {
+                eprintln!("error: {m}");
+                ExitCode::from(1)
+            }
+            Self::Interrupted(m) => {
+                eprintln!("{m}");
+                ExitCode::from(130)
+            }
+            Self::ClosedPipe => ExitCode::SUCCESS,
+        }
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(e: SceneError) -> Self {
+        Self::Scene(e)
+    }
+}
+
+/// A scene error as miette shows it.
+#[derive(Debug)]
+struct Shown {
+    message: String,
+    help: Option<String>,
+    source: NamedSource<String>,
+    label: LabeledSpan,
+}
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Shown {}
+
+impl Diagnostic for Shown {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help.as_ref().map(|h| Box::new(h) as _)
+    }
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        Some(&self.source)
+    }
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        Some(Box::new(std::iter::once(self.label.clone())))
+    }
+}
+
+/// First the line that editors and scripts read, `file:line:column: message`, then the place in the file.
+fn report_scene(e: &SceneError) {
+    eprintln!("error: {e}");
+    let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {
+        return;
+    };
+    // A span over many lines (a whole table) is shown by its first line.
+    let text = &e.text[span.start.min(e.text.len())..span.end.min(e.text.len())];
+    let length = text.find('\n').unwrap_or(text.len());
+    let shown = Shown {
+        message: e.message.clone(),
+        help: None,
+        source: NamedSource::new(e.file.display().to_string(), e.text.to_string()),
+        label: LabeledSpan::new(Some("here".into()), span.start, length),
+    };
+    let mut out = String::new();
+    if GraphicalReportHandler::new().render_report(&mut out, &shown).is_ok() {
+        // The message has been printed; keep the picture of the place only.
+        let picture: Vec<&str> = out.lines().skip_while(|l| !l.contains("[")).collect();
+        eprintln!("{}", picture.join("\n"));
+    }
+}

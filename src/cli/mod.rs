@@ -1,0 +1,101 @@
+//! Command line: one module a command, one exit point.
+
+mod figure;
+mod failure;
+mod info;
+mod merge;
+mod probe;
+mod render;
+mod export;
+
+use clap::{Parser, Subcommand};
+use failure::Failure;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
+///
+/// Sunstone renders slices of the tensor T(s, s', p, p', t): where light of one projector pixel s' ends up, in which
+/// camera pixel s, after what travel time t, and with what change p' → p of its Stokes vector. A scene file says what
+/// there is and which slices to keep; one render fills them all, with error bars.
+#[derive(Parser)]
+#[command(version, after_help = "\
+Examples:
+  sunstone render scenes/mirror_room/scene.toml          render all slices, draw the scene's figures
+  sunstone render scene.toml --spp 256 --seed 1 -o a.zarr
+  sunstone render scene.toml --resume                    go on after Ctrl-C or a crash
+  sunstone merge a.zarr b.zarr -o ab.zarr                pool renders of different seeds
+  sunstone info out/mirror_room.zarr                     what a store holds
+  sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
+  sunstone figure out/mirror_room.zarr                   draw the figures again
+  sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
+
+Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
+Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    /// Say more (-v steps, -vv details); the variable SUNSTONE_LOG=debug does the same.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Render(render::Arguments),
+    Info(info::Arguments),
+    Probe(probe::Arguments),
+    Figure(figure::Arguments),
+    Merge(merge::Arguments),
+    Export(export::Arguments),
+    /// Print the JSON Schema of scene files.
+    ///
+    /// Editors with a TOML language server complete and check scene files with it: put `#:schema scene.schema.json` on
+    /// the first line of a scene.
+    Schema,
+}
+
+/// Parses, runs, reports; the only place that makes exit codes.
+pub fn run() -> ExitCode {
+    let arguments = Arguments::parse();
+    start_logging(arguments.verbose);
+    let result = match arguments.command {
+        Command::Render(a) => render::run(&a),
+        Command::Info(a) => info::run(&a),
+        Command::Probe(a) => probe::run(&a),
+        Command::Figure(a) => figure::run(&a),
+        Command::Merge(a) => merge::run(&a),
+        Command::Export(a) => export::run(&a),
+        Command::Schema => schema(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+fn start_logging(verbose: u8) {
+    use tracing::Level;
+    let from_variable = std::env::var("SUNSTONE_LOG").ok().and_then(|v| v.parse().ok());
+    let level = from_variable.unwrap_or(match verbose {
+        0 => Level::WARN,
+        1 => Level::INFO,
+        _ => Level::DEBUG,
+    });
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .init();
+}
+
+fn schema() -> Result<(), Failure> {
+    let schema = schemars::schema_for!(sunstone::scene::file::SceneFile);
+    let text = serde_json::to_string_pretty(&schema).map_err(Failure::failed)?;
+    print(&text)
+}
+
+/// Writes a text and a line end to standard output; a closed pipe ends the program quietly.
+fn print(text: &str) -> Result<(), Failure> {
+    writeln!(std::io::stdout().lock(), "{text}").map_err(Failure::output)
+}

@@ -1,0 +1,191 @@
+//! `sunstone render`.
+
+use super::failure::Failure;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use sunstone::render::tile::{self, RenderError, Summary, Target, Watch};
+use sunstone::scene::Scene;
+
+/// Render a scene file to slices of T, with error bars, and draw its figures.
+///
+/// The result is a Zarr v3 store with a group per slice. Ctrl-C finishes the tiles in flight; --resume goes on from
+/// there, or from a crash, to the very same bytes.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Store to write [default: out/<scene folder>.zarr].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Samples per camera pixel, instead of the scene's.
+    #[arg(long)]
+    spp: Option<u32>,
+    /// Random seed, instead of the scene's. Renders of different seeds can be merged.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Worker threads [default: all cores]. The result does not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Go on with an unfinished render.
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Replace an existing store. (A complete store of the default name is replaced anyway.)
+    #[arg(long)]
+    force: bool,
+    /// Keep only these slices of the scene (comma-separated names).
+    #[arg(long, value_delimiter = ',')]
+    slices: Vec<String>,
+    /// Do not draw the scene's figures.
+    #[arg(long)]
+    no_figures: bool,
+}
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Shows progress: a bar on a terminal, a plain line every few seconds otherwise.
+struct Progress {
+    bar: Option<ProgressBar>,
+    last: Mutex<Instant>,
+    begun: Instant,
+    already: Mutex<Option<u64>>,
+}
+
+impl Progress {
+    fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{bar:32} {pos}/{len} tiles  {msg}  {eta} left")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new(0).with_style(style)
+        });
+        Self {
+            bar,
+            last: Mutex::new(Instant::now()),
+            begun: Instant::now(),
+            already: Mutex::new(None),
+        }
+    }
+}
+
+impl Watch for Progress {
+    fn tile_done(&self, s: &Summary) {
+        let lock = |m: &Mutex<Option<u64>>| {
+            let mut already = m.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            *already.get_or_insert(s.samples)
+        };
+        // Rates count this run alone: the first tile's samples (and those of earlier runs) are the zero.
+        let rate = (s.samples - lock(&self.already)) as f64 / self.begun.elapsed().as_secs_f64() / 1e6;
+        if let Some(bar) = &self.bar {
+            bar.set_length(u64::from(s.tiles));
+            bar.set_position(u64::from(s.tiles_done));
+            bar.set_message(format!("{rate:.2} Msamples/s"));
+            return;
+        }
+        let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if last.elapsed() > Duration::from_secs(5) {
+            *last = Instant::now();
+            let left = f64::from(s.tiles - s.tiles_done) * s.wall_s / f64::from(s.tiles_done.max(1));
+            eprintln!(
+                "{}/{} tiles, {rate:.2} Msamples/s, about {left:.0} s left",
+                s.tiles_done, s.tiles
+            );
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let begun = Instant::now();
+    let mut scene = Scene::load(&a.scene)?;
+    if let Some(spp) = a.spp {
+        if !(1..=1 << 30).contains(&spp) {
+            return Err(Failure::input(format!("--spp is {spp}; give 1 to {}", 1 << 30)));
+        }
+        scene.settings.spp = spp;
+    }
+    scene.settings.seed = a.seed.unwrap_or(scene.settings.seed);
+    keep_slices(&mut scene, &a.slices)?;
+    let (triangles, quadrics) = scene.geometry.counts();
+    tracing::info!("scene {}: {triangles} triangles, {quadrics} quadrics, read in {:.2?}", scene.name, begun.elapsed());
+    let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
+    let path = a.output.clone().unwrap_or(default);
+    let target = Target {
+        // A finished store that nobody named may be made again; an unfinished one holds work that may be wanted.
+        replace: a.force || (a.output.is_none() && !tile::is_unfinished(&path)),
+        resume: a.resume,
+        path,
+    };
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
+    });
+    if a.threads == Some(0) {
+        return Err(Failure::input("--threads is 0; give at least 1"));
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(a.threads.unwrap_or(0))
+        .build()
+        .map_err(Failure::failed)?;
+    let progress = Progress::new();
+    let summary = pool
+        .install(|| tile::render(&scene, &target, &progress))
+        .map_err(|e| match e {
+            RenderError::Create(_) | RenderError::Open(_) | RenderError::Mismatch { .. } | RenderError::NoSlices => {
+                Failure::input(e)
+            }
+            RenderError::Access(_) | RenderError::Journal { .. } => Failure::failed(e),
+        })?;
+    if let Some(bar) = &progress.bar {
+        bar.finish_and_clear();
+    }
+    let store = target.path.display();
+    if !summary.complete {
+        return Err(Failure::Interrupted(format!(
+            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{} -o {store}",
+            summary.tiles_done,
+            summary.tiles,
+            a.scene.display(),
+            a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
+            a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
+            if a.slices.is_empty() { String::new() } else { format!(" --slices {}", a.slices.join(",")) },
+        )));
+    }
+    super::print(&format!(
+        "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded",
+        scene.slices.len(),
+        scene.settings.spp,
+        summary.wall_s,
+        summary.samples as f64 / summary.wall_s / 1e6,
+        summary.rays as f64 / summary.wall_s / 1e6,
+        summary.discarded,
+    ))?;
+    if !a.no_figures {
+        super::figure::draw_all(&target.path, None)?;
+    }
+    Ok(())
+}
+
+/// Drops slices that were not asked for, and the figures that draw them.
+fn keep_slices(scene: &mut Scene, names: &[String]) -> Result<(), Failure> {
+    if names.is_empty() {
+        return Ok(());
+    }
+    if let Some(unknown) = names.iter().find(|n| !scene.slices.iter().any(|s| s.name == **n)) {
+        let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+        return Err(Failure::input(format!(
+            "--slices: the scene has no slice `{unknown}`; it has {}",
+            known.join(", ")
+        )));
+    }
+    scene.slices.retain(|s| names.contains(&s.name));
+    scene.figures.retain(|f| names.iter().any(|n| n == f.view.slice()));
+    Ok(())
+}

@@ -1,0 +1,5 @@
+//! From a scene to stored slices of T. Stops at Mueller matrices: no illumination state is applied here.
+
+pub mod path;
+pub mod progress;
+pub mod tile;

@@ -1,0 +1,217 @@
+//! Unidirectional path tracing from the camera with next-event estimation to every emitter.
+//!
+//! A path carries the Mueller product from its current ray to the camera frame (all wavelengths at once), the optical
+//! path length, the number of surface interactions, and at each connection the one projector pixel s' that lights it.
+//! Projector and points have no extent, so light reaches them only by connection; smooth interfaces between a surface
+//! and the projector block the connection (light through them needs paths from the projector).
+
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::Lanes;
+use crate::polarization::chain::Chain;
+use crate::polarization::frame::{perpendicular, turn};
+use crate::sampling::stream::Stream;
+use crate::scene::Scene;
+use crate::spectrum::Spectral;
+use crate::tensor::accumulate::{Contribution, NO_PIXEL};
+use crate::units::picoseconds;
+use glam::{DVec2, Vec3A};
+
+/// Gap left before a connection's end, relative to its length, so that rounding does not make the end block itself.
+const END_GAP: f32 = 1e-5;
+
+/// The state of a path at its current ray.
+struct State {
+    ray: Ray,
+    /// Where the ray really starts (its origin is nudged off the surface).
+    from: Vec3A,
+    /// Product from light coming in along the ray to the camera frame.
+    chain: Chain,
+    /// Frame of that light.
+    frame: Vec3A,
+    /// Optical path length so far, metres.
+    optical_m: f64,
+    /// Refractive index of the medium that the ray is in.
+    medium: f32,
+    lanes: Lanes,
+}
+
+/// A connection to a point emitter or the projector.
+struct Connection {
+    /// Direction to it, its position and distance.
+    wi: Vec3A,
+    position: Vec3A,
+    distance: f32,
+    /// Irradiance at normal incidence.
+    irradiance: Spectral,
+    /// Frame of the light it sends here.
+    frame: Vec3A,
+    pixel: u32,
+}
+
+/// Traces one path through a uniformly random point of camera pixel (x, y) and appends what it brings.
+///
+/// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` of the contributions is left at 0. Returns
+/// the number of rays traced.
+pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<Contribution>) -> u32 {
+    let [jx, jy] = stream.uniform2();
+    let pixel = DVec2::new(f64::from(x) + f64::from(jx), f64::from(y) + f64::from(jy));
+    let dir = scene.camera.direction(pixel);
+    let origin = scene.camera.origin;
+    let mut state = State {
+        ray: Ray { origin, dir },
+        from: origin,
+        chain: Chain::start(scene.wavelengths.ones()),
+        frame: scene.camera.frame(dir),
+        optical_m: 0.0,
+        medium: 1.0,
+        lanes: Lanes::first(scene.wavelengths.count()),
+    };
+    let last = scene.settings.max_depth - 1;
+    let mut rays = 0;
+    for bounces in 0..=last {
+        rays += 1;
+        let Some(hit) = scene.geometry.intersect(&state.ray, f32::INFINITY) else {
+            environment(scene, &state, bounces, out);
+            break;
+        };
+        if bounces == last {
+            break;
+        }
+        let surface = scene.geometry.surface(&state.ray, &hit);
+        state.optical_m += f64::from(state.medium) * f64::from((surface.p - state.from).length());
+        let wo = -state.ray.dir;
+        let material = &scene.materials[surface.material as usize];
+        if material.is_smooth() {
+            rays += connect_all(scene, &state, &surface, wo, bounces + 1, out);
+        }
+        // The last interaction goes on only to see an environment.
+        if bounces + 1 == last && scene.environment.is_none() {
+            break;
+        }
+        let Some(sampled) = material.sample(&scene.textures, &surface, wo, &mut state.lanes, stream) else {
+            break;
+        };
+        let (chain, frame) = state.chain.then(&sampled.scatter, wo, state.frame);
+        state.chain = chain;
+        state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
+        state.medium = sampled.medium.unwrap_or(state.medium);
+        if bounces + 1 >= scene.settings.rr_depth {
+            let keep = state.chain.max_m00().clamp(0.0, 0.95);
+            if stream.uniform() >= keep {
+                break;
+            }
+            state.chain.scale(Spectral::splat(1.0 / keep));
+        } else if state.chain.max_m00() == 0.0 {
+            break;
+        }
+        state.from = surface.p;
+        state.ray = Ray {
+            origin: scene.geometry.leave(&surface, sampled.wi),
+            dir: sampled.wi,
+        };
+    }
+    rays
+}
+
+/// Light of the environment seen along the current ray.
+fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Vec<Contribution>) {
+    let Some(environment) = &scene.environment else {
+        return;
+    };
+    let travel = -state.ray.dir;
+    let (c2, s2) = turn(travel, environment.frame(travel), state.frame);
+    let mut chain = state.chain;
+    chain.rotate_in(c2, s2);
+    chain.scale(environment.radiance);
+    out.push(Contribution {
+        product: chain.finish(),
+        time_ps: f64::INFINITY,
+        pixel: NO_PIXEL,
+        epipolar_px: 0.0,
+        bounces,
+    });
+}
+
+/// Connects a surface point to the projector and to every point emitter; returns the rays traced.
+#[inline]
+fn connect_all(
+    scene: &Scene,
+    state: &State,
+    surface: &Surface,
+    wo: Vec3A,
+    bounces: u32,
+    out: &mut Vec<Contribution>,
+) -> u32 {
+    let mut rays = 0;
+    if let Some(projector) = &scene.projector
+        && let Some(a) = projector.arrival(surface.p)
+    {
+        let connection = Connection {
+            wi: a.wi,
+            position: projector.pinhole.origin,
+            distance: a.distance,
+            irradiance: projector.irradiance * Spectral::splat(a.factor),
+            frame: projector.pinhole.frame(a.wi),
+            pixel: a.pixel,
+        };
+        rays += connect(scene, state, surface, wo, bounces, &connection, out);
+    }
+    for point in &scene.points {
+        let to = point.position - surface.p;
+        let distance = to.length();
+        if distance > 0.0 {
+            let wi = to * distance.recip();
+            let connection = Connection {
+                wi,
+                position: point.position,
+                distance,
+                irradiance: point.intensity * Spectral::splat(1.0 / (distance * distance)),
+                frame: point.frame(wi),
+                pixel: NO_PIXEL,
+            };
+            rays += connect(scene, state, surface, wo, bounces, &connection, out);
+        }
+    }
+    rays
+}
+
+/// One connection: BRDF first, visibility only if it matters.
+#[inline]
+fn connect(
+    scene: &Scene,
+    state: &State,
+    surface: &Surface,
+    wo: Vec3A,
+    bounces: u32,
+    to: &Connection,
+    out: &mut Vec<Contribution>,
+) -> u32 {
+    let material = &scene.materials[surface.material as usize];
+    let Some(scatter) = material.eval(&scene.textures, surface, wo, to.wi) else {
+        return 0;
+    };
+    let origin = scene.geometry.leave(surface, to.wi);
+    let v = to.position - origin;
+    let length = v.length();
+    let ray = Ray {
+        origin,
+        dir: v * length.recip(),
+    };
+    if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
+        return 1;
+    }
+    let (mut chain, frame) = state.chain.then(&scatter, wo, state.frame);
+    chain.scale(to.irradiance);
+    if let Some(frame) = frame {
+        let (c2, s2) = turn(-to.wi, to.frame, frame);
+        chain.rotate_in(c2, s2);
+    }
+    out.push(Contribution {
+        product: chain.finish(),
+        time_ps: picoseconds(state.optical_m + f64::from(state.medium) * f64::from(to.distance)),
+        pixel: to.pixel,
+        epipolar_px: 0.0,
+        bounces,
+    });
+    1
+}

@@ -1,0 +1,376 @@
+//! The work: tiles of camera pixels, each finished completely and written before the next.
+//!
+//! A tile's values depend on scene, seed and sample count alone, so neither threads nor interruptions change a byte.
+
+use super::path::trace;
+use super::progress::{Journal, TileRecord};
+use crate::sampling::stream::Stream;
+use crate::scene::Scene;
+use crate::scene::epipolar::Epipolar;
+use crate::tensor::accumulate::{Contribution, NO_PIXEL, SlicePlan, TileAccumulator};
+use crate::tensor::slice::Slice;
+use crate::tensor::store::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// Where to and how to write.
+#[derive(Clone, Debug, Default)]
+pub struct Target {
+    /// The store to make.
+    pub path: PathBuf,
+    /// Go on with an unfinished render at `path`.
+    pub resume: bool,
+    /// Replace a store at `path`.
+    pub replace: bool,
+}
+
+/// Why a render stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The store cannot be made.
+    #[error(transparent)]
+    Create(#[from] CreateError),
+    /// The store cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// A chunk cannot be written.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The journal cannot be written.
+    #[error("cannot write the progress journal in {path}: {cause}; make room or check permissions, then run again with --resume")]
+    Journal { path: PathBuf, cause: std::io::Error },
+    /// The scene has no slices.
+    #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
+    NoSlices,
+    /// What is to be resumed is another render.
+    #[error("cannot resume {path}: its {what} differs ({theirs}, now {ours}); use the same scene file and options, or another -o")]
+    Mismatch {
+        path: PathBuf,
+        what: &'static str,
+        theirs: String,
+        ours: String,
+    },
+}
+
+/// What a render did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// True if every tile is finished; false after an interruption.
+    pub complete: bool,
+    pub tiles_done: u32,
+    pub tiles: u32,
+    /// Totals over finished tiles, those of earlier runs included.
+    pub samples: u64,
+    pub discarded: u64,
+    pub rays: u64,
+    /// Seconds of this run.
+    pub wall_s: f64,
+}
+
+/// How a render reports and is stopped; called from worker threads, once a tile.
+pub trait Watch: Sync {
+    /// A tile is finished; `summary` holds the totals so far.
+    fn tile_done(&self, summary: &Summary);
+    /// True if no new tile shall be begun.
+    fn interrupted(&self) -> bool;
+}
+
+/// Watches nothing.
+pub struct Unwatched;
+
+impl Watch for Unwatched {
+    fn tile_done(&self, _: &Summary) {}
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+/// Pixels of tile number `tile`: first and one past last (x, y).
+fn tile_pixels(scene: &Scene, tile: u32) -> ([u32; 2], [u32; 2]) {
+    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
+    let across = w.div_ceil(n);
+    let (x0, y0) = (tile % across * n, tile / across * n);
+    ([x0, y0], [(x0 + n).min(w), (y0 + n).min(h)])
+}
+
+/// Number of tiles.
+fn tile_count(scene: &Scene) -> u32 {
+    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
+    w.div_ceil(n) * h.div_ceil(n)
+}
+
+/// Renders all slices of a scene into a store, on the current rayon thread pool.
+///
+/// # Errors
+/// [`RenderError`]; what was finished stays on disk and can be resumed.
+pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
+    if scene.slices.is_empty() {
+        return Err(RenderError::NoSlices);
+    }
+    let begun = Instant::now();
+    let plans: Vec<SlicePlan> = scene
+        .slices
+        .iter()
+        .map(|s| SlicePlan::new(s, &scene.extents()))
+        .collect();
+    let attributes = provenance(scene);
+    let store = open_store(scene, target, &plans, &attributes)?;
+    let journal_error = |cause| RenderError::Journal {
+        path: target.path.clone(),
+        cause,
+    };
+    let (journal, records) = Journal::open(&target.path).map_err(journal_error)?;
+    let stored: Vec<StoredSlice> = plans
+        .iter()
+        .map(|p| store.slice(p.name()))
+        .collect::<Result<_, _>>()?;
+    let epipolar = match &scene.projector {
+        Some(p) if plans.iter().any(SlicePlan::needs_epipolar) => Epipolar::new(&scene.camera, &p.pinhole),
+        _ => None,
+    };
+    let tiles = tile_count(scene);
+    let mut done = vec![false; tiles as usize];
+    let totals = Totals::default();
+    for r in &records {
+        if (r.tile as usize) < done.len() && !done[r.tile as usize] {
+            done[r.tile as usize] = true;
+            totals.add(r);
+        }
+    }
+    let summary = |complete| totals.summary(complete, tiles, begun);
+    let todo: Vec<u32> = (0..tiles).filter(|t| !done[*t as usize]).collect();
+    todo.par_iter()
+        .with_max_len(1)
+        .map_init(
+            || (TileAccumulator::new(&plans), Vec::new()),
+            |(accumulator, contributions), &tile| {
+                if watch.interrupted() {
+                    return Ok(());
+                }
+                let record = render_tile(scene, epipolar.as_ref(), tile, accumulator, contributions, &store, &stored)?;
+                journal.push(&record).map_err(journal_error)?;
+                totals.add(&record);
+                watch.tile_done(&summary(false));
+                Ok(())
+            },
+        )
+        .collect::<Result<(), RenderError>>()?;
+    let complete = totals.tiles.load(Ordering::Relaxed) == u64::from(tiles);
+    let result = summary(complete);
+    let mut attributes = store.attributes();
+    let earlier = attributes.get("wall_time_s").and_then(Value::as_f64).unwrap_or(0.0);
+    attributes.insert("wall_time_s".into(), json!(earlier + result.wall_s));
+    attributes.insert("discarded_samples".into(), json!(result.discarded));
+    attributes.insert("rays".into(), json!(result.rays));
+    attributes.insert("status".into(), json!(if complete { "complete" } else { "incomplete" }));
+    store.set_attributes(attributes)?;
+    if complete {
+        store.finish()?;
+        journal.remove().map_err(journal_error)?;
+    }
+    Ok(result)
+}
+
+/// Attributes that say what was rendered, before it is.
+fn provenance(scene: &Scene) -> Map<String, Value> {
+    let pose = |p: &crate::scene::pinhole::Pinhole| {
+        json!({
+            "resolution": p.resolution,
+            "focal_px": [p.focal.x, p.focal.y],
+            "principal_px": [p.principal.x, p.principal.y],
+            "distortion": {"k1": p.distortion.k1, "k2": p.distortion.k2, "k3": p.distortion.k3,
+                           "p1": p.distortion.p1, "p2": p.distortion.p2},
+            "origin_m": p.origin.to_array(),
+            "right": p.axes.x_axis.to_array(), "down": p.axes.y_axis.to_array(), "forward": p.axes.z_axis.to_array(),
+        })
+    };
+    let mut map = Map::new();
+    let mut put = |k: &str, v: Value| map.insert(k.into(), v);
+    put("title", json!(scene.name));
+    put("source", json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))));
+    put("version", json!(env!("CARGO_PKG_VERSION")));
+    put("conventions", json!("Stokes, Mueller and frames as in CONVENTIONS.md (Mitsuba 3's); Mueller matrices map projector-frame Stokes to camera-frame Stokes"));
+    put("scene_sha256", json!(scene.sha256));
+    put("seeds", json!([scene.settings.seed]));
+    put("samples_per_pixel", json!(scene.settings.spp));
+    put("max_depth", json!(scene.settings.max_depth));
+    put("tile", json!(scene.settings.tile));
+    put("wavelengths_nm", json!(scene.wavelengths.nm()));
+    put("camera", pose(&scene.camera));
+    if let Some(p) = &scene.projector {
+        let mut v = pose(&p.pinhole);
+        v["irradiance"] = json!(p.irradiance.to_array()[..scene.wavelengths.count()]);
+        v["coaxial"] = json!(p.coaxial);
+        put("projector", v);
+    }
+    put("figures", json!(scene.figures));
+    put("status", json!("incomplete"));
+    map
+}
+
+/// Makes the store, or opens the one to resume after checking that it is the same render.
+fn open_store(
+    scene: &Scene,
+    target: &Target,
+    plans: &[SlicePlan],
+    attributes: &Map<String, Value>,
+) -> Result<TensorStore, RenderError> {
+    if target.resume && target.path.exists() {
+        let store = TensorStore::open_for_write(&target.path)?;
+        let theirs = store.attributes();
+        for what in ["scene_sha256", "seeds", "samples_per_pixel", "max_depth", "tile", "version"] {
+            let (a, b) = (theirs.get(what), attributes.get(what));
+            if a != b {
+                let show = |v: Option<&Value>| v.map_or("nothing".into(), Value::to_string);
+                return Err(RenderError::Mismatch {
+                    path: target.path.clone(),
+                    what,
+                    theirs: show(a),
+                    ours: show(b),
+                });
+            }
+        }
+        return Ok(store);
+    }
+    let slices: Vec<_> = scene
+        .slices
+        .iter()
+        .zip(plans)
+        .map(|(s, p)| (p.layout().clone(), slice_attributes(s, p)))
+        .collect();
+    let grid = SampleGrid {
+        camera: scene.camera.resolution,
+        tile: scene.settings.tile,
+    };
+    Ok(TensorStore::create(&target.path, &slices, attributes, Some(grid), target.replace)?)
+}
+
+fn slice_attributes(slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
+    use crate::tensor::slice::ProjectorSelect as P;
+    let mut map = Map::new();
+    map.insert("pixels_per_element".into(), json!(plan.pixels_per_element()));
+    let projector = match &slice.projector {
+        P::Sum => "sum".into(),
+        P::All => "all".into(),
+        P::Rows(_) => "rows".into(),
+        P::Columns(_) => "columns".into(),
+        P::Block(_) => "block".into(),
+        P::Binned { nx, ny } => format!("binned {nx} x {ny}"),
+        P::Mask { name, .. } => format!("mask {name}"),
+        P::Epipolar { half_width_px } => format!("epipolar, half width {half_width_px} px"),
+        P::NonEpipolar { half_width_px } => format!("nonepipolar, half width {half_width_px} px"),
+        P::Coaxial => "coaxial".into(),
+    };
+    map.insert("projector_selection".into(), json!(projector));
+    map
+}
+
+/// Renders one tile and writes it.
+fn render_tile(
+    scene: &Scene,
+    epipolar: Option<&Epipolar>,
+    tile: u32,
+    accumulator: &mut TileAccumulator,
+    contributions: &mut Vec<Contribution>,
+    store: &TensorStore,
+    stored: &[StoredSlice],
+) -> Result<TileRecord, RenderError> {
+    let begun = Instant::now();
+    let ([x0, y0], [x1, y1]) = tile_pixels(scene, tile);
+    let width = scene.camera.resolution[0];
+    let mut record = TileRecord {
+        tile,
+        samples: 0,
+        discarded: 0,
+        rays: 0,
+        seconds: 0.0,
+    };
+    let mut counts = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
+    accumulator.begin_tile([x0, y0], [x1, y1]);
+    for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+        if !accumulator.wants(x, y) {
+            counts.push(0);
+            continue;
+        }
+        let line = epipolar.map(|e| (e, e.line(&scene.camera, x, y)));
+        let mut counted = 0;
+        for sample in 0..scene.settings.spp {
+            let mut stream = Stream::new(scene.settings.seed, y * width + x, sample);
+            contributions.clear();
+            record.rays += u64::from(trace(scene, x, y, &mut stream, contributions));
+            if !contributions.iter().all(finite) {
+                record.discarded += 1;
+                continue;
+            }
+            if let Some((e, line)) = line {
+                for c in contributions.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
+                    c.epipolar_px = e.distance_px(line, c.pixel);
+                }
+            }
+            accumulator.add_sample(x, y, sample, contributions);
+            counted += 1;
+        }
+        record.samples += u64::from(scene.settings.spp);
+        accumulator.end_pixel(x, y, counted);
+        counts.push(counted);
+    }
+    accumulator.write(stored)?;
+    let (start, shape) = ([y0, x0].map(u64::from), [y1 - y0, x1 - x0].map(u64::from));
+    store.write_samples(start, shape, &counts)?;
+    record.seconds = begun.elapsed().as_secs_f64();
+    Ok(record)
+}
+
+/// True if every element that counts is a finite number.
+#[inline]
+fn finite(c: &Contribution) -> bool {
+    let p = &c.product;
+    let mut sum = crate::spectrum::Spectral::ZERO;
+    for row in &p.mueller.m[..p.rows] {
+        for e in &row[..p.cols] {
+            // Zero times a finite number is zero, times anything else NaN.
+            sum += *e * crate::spectrum::Spectral::ZERO;
+        }
+    }
+    sum.to_array().iter().all(|s| *s == 0.0)
+}
+
+/// Running totals, added to by all threads.
+#[derive(Default)]
+struct Totals {
+    tiles: AtomicU64,
+    samples: AtomicU64,
+    discarded: AtomicU64,
+    rays: AtomicU64,
+}
+
+impl Totals {
+    fn add(&self, r: &TileRecord) {
+        self.samples.fetch_add(r.samples, Ordering::Relaxed);
+        self.discarded.fetch_add(r.discarded, Ordering::Relaxed);
+        self.rays.fetch_add(r.rays, Ordering::Relaxed);
+        self.tiles.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn summary(&self, complete: bool, tiles: u32, begun: Instant) -> Summary {
+        Summary {
+            complete,
+            tiles_done: self.tiles.load(Ordering::Relaxed) as u32,
+            tiles,
+            samples: self.samples.load(Ordering::Relaxed),
+            discarded: self.discarded.load(Ordering::Relaxed),
+            rays: self.rays.load(Ordering::Relaxed),
+            wall_s: begun.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+
+/// True if `path` holds an unfinished render.
+#[must_use]
+pub fn is_unfinished(path: &Path) -> bool {
+    Journal::exists(path)
+}
