@@ -12,6 +12,8 @@ mod ply;
 
 #[cfg(test)]
 mod fuzz;
+#[cfg(test)]
+mod shipped;
 
 use std::path::{Path, PathBuf};
 
