@@ -139,7 +139,7 @@ def write_glb(path, name, positions, normals, triangles):
 
 # --- vase.ply ---------------------------------------------------------------------------------------------------------
 
-VASE_SIDES, VASE_STEPS = 56, 3
+VASE_SIDES, VASE_TURN = 56, math.radians(14)
 
 # Control points (radius, height) of the glass's cross-section: foot, stem, outer wall, rim, inner wall, inner bottom.
 VASE_PROFILE = [
@@ -150,20 +150,28 @@ VASE_PROFILE = [
 ]  # fmt: skip
 
 
+def spline(points, u):
+    """Point and outward normal of a uniform cubic B-spline segment with four control points, u from 0 to 1."""
+    weights = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
+    slopes = (-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2)
+    r, y = (sum(w * p[c] for w, p in zip(weights, points)) / 6 for c in (0, 1))
+    dr, dy = (sum(w * p[c] for w, p in zip(slopes, points)) for c in (0, 1))
+    return (r, y), unit((dy, -dr))
+
+
 def vase_curve():
     """Points and outward normals (radius, height) along the uniform cubic B-spline of the profile, axis to axis."""
     control = VASE_PROFILE
     mirror = [(-control[1][0], control[1][1]), *control, (-control[-2][0], control[-2][1])]
     out = []
     for k in range(len(control) - 1):
-        steps = VASE_STEPS + (k == len(control) - 2)
-        for step in range(steps):
-            u = step / VASE_STEPS
-            weights = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
-            slopes = (-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2)
-            r, y = (sum(w * p[c] for w, p in zip(weights, mirror[k : k + 4])) / 6 for c in (0, 1))
-            dr, dy = (sum(w * p[c] for w, p in zip(slopes, mirror[k : k + 4])) for c in (0, 1))
-            out.append(((r, y), unit((dy, -dr))))
+        points = mirror[k : k + 4]
+        (_, start), (_, end) = spline(points, 0.0), spline(points, 1.0)
+        turn = math.acos(max(-1.0, min(1.0, dot(start, end))))
+        # Sharp bends get more steps; 1e-9 keeps the count the same whatever the last digit of the angle.
+        steps = max(2, math.ceil(turn / VASE_TURN - 1e-9))
+        last = k == len(control) - 2
+        out += [spline(points, step / steps) for step in range(steps + last)]
     return out
 
 

@@ -88,11 +88,13 @@ fn check(
 
 #[test]
 fn knot_is_closed() {
+    // Pappus: pi a^2 L = 9.0e-3 m^3 for a tube of radius a = 34 mm round a knot of length L = 2.43 m, less 2.6 % for
+    // its sixteen flat sides.
     check(
         "knot.glb",
         6000..10_000,
         vec3(0.478, 0.5, 0.221),
-        4e-3..6e-3,
+        8.7e-3..8.85e-3,
         0.95,
     );
 }
