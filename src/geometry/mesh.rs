@@ -170,11 +170,12 @@ impl Mesh {
         if used.iter().all(|&u| u) {
             return;
         }
-        let mut renumbered = vec![0; n];
-        let mut next = 0;
-        for (new, _) in renumbered.iter_mut().zip(&used).filter(|(_, u)| **u) {
-            *new = next;
-            next += 1;
+        // The new index of a used vertex is the number of used ones before it.
+        let mut renumbered = Vec::with_capacity(n);
+        let mut before = 0;
+        for &u in &used {
+            renumbered.push(before);
+            before += u32::from(u);
         }
         keep_used(&mut self.positions, &used);
         keep_used(&mut self.normals, &used);

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-use super::{gltf, parse_gltf, parse_obj, parse_ply};
+use super::{gltf_tests, parse_gltf, parse_obj, parse_ply};
 
 const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0 1\nv 0 1 0 .5 .5 .5\nvt 0 0\nvt 1 1\nvn 0 0 1\no a b\n\
     usemtl glass\nf 1/1/1 2/2/1 3/1/1 4/2/1\ng x\nf -4//-1 -3//-1 \\\n-2//-1\nf 1 2 4\nl 1 2\n";
@@ -34,8 +34,8 @@ static SEEDS: LazyLock<[Vec<u8>; 5]> = LazyLock::new(|| {
         OBJ.into(),
         PLY_ASCII.into(),
         ply_binary(),
-        gltf::tests::sample_glb(),
-        gltf::tests::sample_gltf(),
+        gltf_tests::sample_glb(),
+        gltf_tests::sample_gltf(),
     ]
 });
 

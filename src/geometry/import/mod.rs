@@ -12,6 +12,10 @@ mod ply;
 
 #[cfg(test)]
 mod fuzz;
+#[cfg(test)]
+mod gltf_tests;
+#[cfg(test)]
+mod shipped;
 
 use std::path::{Path, PathBuf};
 

@@ -34,7 +34,6 @@ pub fn parse_obj(bytes: &[u8]) -> Result<Vec<MeshPart>, ImportError> {
         single_index: true,
         ignore_points: true,
         ignore_lines: true,
-        ..Default::default()
     };
     let (models, _) = tobj::load_obj_buf(&mut tidy.to_obj().as_bytes(), &options, |_| tidy.library())
         .map_err(|e| ImportError::malformed(e.to_string(), "export the file again"))?;

@@ -334,7 +334,7 @@ mod tests {
         fails(&edit("4 0 1 2 3 7", "2 0 1 7"), None, "2 corners");
         fails(&edit("4 0 1 2 3 7", "4 0 1 2 4 7"), None, "vertex 4");
         fails(&edit("1 0 0 1 0 255", "1 0 inf 1 0 255"), None, "not finite");
-        fails(&edit("\n0 1", ""), Some(22), "ends too early");
+        fails(&ASCII.as_bytes()[..ASCII.len() - 4], Some(22), "ends too early");
         fails(&edit("property float z\n", ""), None, "\"z\"");
         fails(&edit("float s", "float x"), None, "two properties");
         fails(&edit("element face", "element faces"), None, "\"face\"");

@@ -1,0 +1,262 @@
+//! Known answers and faults of the glTF importer, on containers built by hand.
+
+use glam::{Vec2, Vec3, vec3};
+use serde_json::{Value, json};
+
+use super::gltf::INSTANCING;
+use super::{ImportError, MeshPart, parse_gltf};
+
+/// A GLB container around a document and its binary chunk.
+pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let length = 12 + 8 + text.len() + 8 + bin.len();
+    let mut out = b"glTF".to_vec();
+    for word in [2, length as u32, text.len() as u32] {
+        out.extend(word.to_le_bytes());
+    }
+    out.extend(b"JSON");
+    out.extend(text);
+    out.extend((bin.len() as u32).to_le_bytes());
+    out.extend(b"BIN\0");
+    out.extend(bin);
+    out
+}
+
+/// The bytes of a tetrahedron's corner: 4 positions, 4 normals +z, 4 uvs as u16, indices as u8, u16, u32, and two
+/// translations.
+fn bin() -> Vec<u8> {
+    let mut b = Vec::new();
+    for x in [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1.0_f32] {
+        b.extend(x.to_le_bytes());
+    }
+    for x in [0., 0., 1.0_f32].repeat(4) {
+        b.extend(x.to_le_bytes());
+    }
+    for x in [0_u16, 0, 65535, 0, 0, 65535, 65535, 65535] {
+        b.extend(x.to_le_bytes());
+    }
+    b.extend([0, 1, 2, 0_u8]);
+    for i in [0_u16, 1, 2, 3] {
+        b.extend(i.to_le_bytes());
+    }
+    for i in [0_u32, 1, 2, 0, 2, 3] {
+        b.extend(i.to_le_bytes());
+    }
+    for x in [0., 0., 5., 0., 7., 0.0_f32] {
+        b.extend(x.to_le_bytes());
+    }
+    b
+}
+
+/// Two nodes that instance one mesh: one moved by its parent, turned and scaled; one mirrored by a matrix.
+fn document() -> Value {
+    json!({
+        "asset": {"version": "2.0"}, "scene": 0,
+        "scenes": [{"nodes": [2, 1]}],
+        "nodes": [
+            {"name": "turned", "mesh": 0, "rotation": [0, 0, std::f32::consts::FRAC_1_SQRT_2, std::f32::consts::FRAC_1_SQRT_2],
+             "scale": [2, 3, 4], "translation": [0, 0, 1]},
+            {"name": "mirrored", "mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10, 0, 0, 1]},
+            {"children": [0], "translation": [10, 20, 30]}
+        ],
+        "meshes": [{"name": "corner", "primitives": [{"material": 1, "indices": 3,
+            "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}}]}],
+        "materials": [{}, {"name": "jade"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]},
+            {"bufferView": 0, "byteOffset": 48, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 0, "byteOffset": 96, "componentType": 5123, "normalized": true, "count": 4, "type": "VEC2"},
+            {"bufferView": 0, "byteOffset": 112, "componentType": 5121, "count": 3, "type": "SCALAR"},
+            {"bufferView": 0, "byteOffset": 116, "componentType": 5123, "count": 4, "type": "SCALAR"},
+            {"bufferView": 0, "byteOffset": 124, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            {"bufferView": 0, "byteOffset": 148, "componentType": 5126, "count": 2, "type": "VEC3"}
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 172}],
+        "buffers": [{"byteLength": 172}]
+    })
+}
+
+pub fn sample_glb() -> Vec<u8> {
+    glb(&document(), &bin())
+}
+
+/// The sample as JSON with a data URI.
+pub fn sample_gltf() -> Vec<u8> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut uri = String::from("data:application/octet-stream;base64,");
+    let mut padded = bin();
+    padded.resize(padded.len().next_multiple_of(3), 0);
+    for c in padded.as_chunks::<3>().0 {
+        let n = u32::from_be_bytes([0, c[0], c[1], c[2]]);
+        uri.extend([18, 12, 6, 0].map(|s| char::from(DIGITS[(n >> s) as usize & 63])));
+    }
+    let mut d = document();
+    d["buffers"][0]["uri"] = uri.into();
+    d.to_string().into_bytes()
+}
+
+fn changed(path: &str, value: Value) -> Result<Vec<MeshPart>, ImportError> {
+    let mut d = document();
+    let (parent, key) = path.rsplit_once('/').unwrap();
+    let parent = d.pointer_mut(parent).unwrap();
+    match parent {
+        Value::Array(a) => a[key.parse::<usize>().unwrap()] = value,
+        other => other[key] = value,
+    }
+    parse_gltf(&glb(&d, &bin()), None)
+}
+
+fn fails(path: &str, value: Value, word: &str) {
+    let message = changed(path, value).unwrap_err().to_string();
+    assert!(message.contains(word), "{path}: {message}");
+}
+
+#[test]
+fn instances_are_baked_to_world_space() {
+    let parts = parse_gltf(&sample_glb(), None).unwrap();
+    assert_eq!(parts.len(), 2);
+    let close = |a: &[Vec3], b: &[Vec3]| {
+        assert!(
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.abs_diff_eq(*b, 1e-5)),
+            "{a:?}"
+        );
+    };
+    let turned = &parts[0];
+    assert_eq!(
+        (turned.name.as_str(), turned.material.as_deref()),
+        ("turned", Some("jade"))
+    );
+    // Scale (2, 3, 4), a quarter turn about z, then up by 1 and by the parent's (10, 20, 30).
+    close(
+        &turned.mesh.positions,
+        &[vec3(10., 20., 31.), vec3(10., 22., 31.), vec3(7., 20., 31.)],
+    );
+    close(&turned.mesh.normals, &[Vec3::Z; 3]);
+    assert_eq!(turned.mesh.uvs, [Vec2::ZERO, Vec2::X, Vec2::Y]);
+    assert_eq!(turned.mesh.indices, [[0, 1, 2]]);
+    let mirrored = &parts[1].mesh;
+    close(
+        &mirrored.positions,
+        &[vec3(10., 0., 0.), vec3(9., 0., 0.), vec3(10., 1., 0.)],
+    );
+    close(&mirrored.normals, &[Vec3::Z; 3]);
+    assert_eq!(mirrored.indices, [[0, 2, 1]], "the reflection turns the winding");
+}
+
+#[test]
+fn buffers_from_data_uris_and_files() {
+    let expected = parse_gltf(&sample_glb(), None).unwrap();
+    assert_eq!(parse_gltf(&sample_gltf(), None).unwrap(), expected);
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("my data.bin"), bin()).unwrap();
+    let mut d = document();
+    d["buffers"][0]["uri"] = "my%20data.bin".into();
+    assert_eq!(
+        parse_gltf(d.to_string().as_bytes(), Some(dir.path())).unwrap(),
+        expected
+    );
+    let message = parse_gltf(d.to_string().as_bytes(), None)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("another file"), "{message}");
+    for (uri, word) in [
+        ("%ff", "file name"),
+        ("/dev/zero", "relative"),
+        (".", "not a file"),
+        ("no", "exists"),
+    ] {
+        d["buffers"][0]["uri"] = uri.into();
+        let error = parse_gltf(d.to_string().as_bytes(), Some(dir.path())).unwrap_err();
+        assert!(error.to_string().contains(word), "{error}");
+    }
+}
+
+#[test]
+fn modes_and_index_types() {
+    let indices = |mode: u32, accessor: Option<u32>| {
+        let mut p = json!({"mode": mode, "attributes": {"POSITION": 0}});
+        if let Some(a) = accessor {
+            p["indices"] = a.into();
+        }
+        changed("/meshes/0/primitives/0", p).map(|parts| parts[0].mesh.indices.clone())
+    };
+    assert_eq!(indices(4, Some(5)).unwrap(), [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(indices(5, Some(4)).unwrap(), [[0, 1, 2], [1, 3, 2]]);
+    assert_eq!(indices(5, None).unwrap(), [[0, 1, 2], [1, 3, 2]]);
+    assert_eq!(indices(6, None).unwrap(), [[1, 2, 0], [2, 3, 0]]);
+    assert!(indices(4, None).unwrap_err().to_string().contains("\"corner\""));
+    for mode in [0, 1, 2, 3, 7] {
+        let message = indices(mode, Some(5)).unwrap_err().to_string();
+        assert!(
+            message.contains("\"corner\" is made of points or lines"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn gpu_instances() {
+    let extension = json!({INSTANCING: {"attributes": {"TRANSLATION": 6}}});
+    let parts = changed("/nodes/1/extensions", extension).unwrap();
+    assert_eq!(parts.len(), 3);
+    assert_eq!(parts[1].name, "mirrored#0");
+    assert_eq!(parts[1].mesh.positions[0], vec3(10., 0., 5.));
+    assert_eq!(parts[2].mesh.positions[1], vec3(9., 7., 0.));
+    let bad = json!({INSTANCING: {"attributes": {"TRANSLATION": 6, "SCALE": 0}}});
+    fails("/nodes/1/extensions", bad, "differ in count");
+}
+
+#[test]
+fn sparse_accessors() {
+    let sparse = json!({"count": 1, "indices": {"bufferView": 0, "byteOffset": 113, "componentType": 5121},
+        "values": {"bufferView": 0, "byteOffset": 148}});
+    let parts = changed("/accessors/0/sparse", sparse.clone()).unwrap();
+    assert_eq!(parts[1].mesh.positions[1], vec3(10., 0., 5.));
+    let huge = json!({"componentType": 5126, "count": 4_000_000_000_u64, "type": "VEC3", "sparse": sparse});
+    fails("/accessors/0", huge, "more elements than");
+}
+
+#[test]
+fn faults_are_named() {
+    fails("/nodes/0/children", json!([2]), "node 2 is reached twice");
+    fails("/nodes/2/children", json!([0, 0]), "node 0 is reached twice");
+    fails("/nodes/2/children", json!([9]), "node 9 does not exist");
+    fails("/scene", json!(3), "default scene");
+    fails("/nodes/1/mesh", json!(5), "mesh 5");
+    fails("/nodes/1/matrix/3", json!(0.5), "affine");
+    fails("/nodes/2/scale", json!([3e38, 3e38, 3e38]), "not finite");
+    fails("/nodes/0/rotation", json!([0, 0, 0, 0]), "quaternion");
+    fails("/nodes/0/scale", json!([0, 0, 0]), "no triangles");
+    fails("/nodes/1/skin", json!(0), "skin");
+    fails(
+        "/meshes/0/primitives/0/attributes/POSITION",
+        json!(70),
+        "accessor 70",
+    );
+    fails("/meshes/0/primitives/0/attributes", json!({}), "POSITION");
+    fails("/meshes/0/primitives/0/material", json!(7), "material 7");
+    fails(
+        "/accessors/0/count",
+        json!(4_294_967_295_u64),
+        "outside its buffer",
+    );
+    fails("/accessors/0/count", json!(1), "normals for 1 vertices");
+    fails("/accessors/3/componentType", json!(5126), "no unsigned indices");
+    fails("/accessors/3/byteOffset", json!(99), "vertex 255");
+    fails("/accessors/1/type", json!("VEC4"), "3 components");
+    fails("/bufferViews/0/byteOffset", json!(u64::MAX), "outside its buffer");
+    fails("/buffers/0/byteLength", json!(500), "instead of 500");
+    fails(
+        "/extensionsRequired",
+        json!(["KHR_draco_mesh_compression"]),
+        "KHR_draco_mesh_compression",
+    );
+    fails("/asset/version", json!("1.0"), "2.0");
+    fails("/scenes/0/nodes", json!([]), "no node");
+    let known = json!([INSTANCING, "KHR_mesh_quantization", "KHR_materials_ior"]);
+    assert!(changed("/extensionsRequired", known).is_ok());
+    let mut short = sample_glb();
+    short[8..12].copy_from_slice(&[3, 0, 0, 0]);
+    assert!(parse_gltf(&short, None).is_err());
+}
