@@ -7,3 +7,5 @@ pub mod spectrum;
 pub mod units;
 
 pub mod tensor;
+
+pub mod figure;
