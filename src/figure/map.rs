@@ -70,7 +70,7 @@ impl Scale {
             Self::Sqrt { .. } => "square-root",
             Self::Log { .. } => "log",
         };
-        format!("M00, {name} scale ({})", ticks.unit(CAMERA_UNIT))
+        format!("M00, {name} scale [{}]", ticks.unit(CAMERA_UNIT))
     }
 
     /// A colour as bright as its largest channel's place on the scale.
@@ -96,9 +96,9 @@ pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<(R
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);
     let (u, v) = (len(AxisKind::U), len(AxisKind::V));
     let (kind, label) = if v > 0 && (u == 0 || u == 1 && v > 1) {
-        (AxisKind::V, "projector row (pixel)")
+        (AxisKind::V, "projector row [pixel]")
     } else {
-        (AxisKind::U, "projector column (pixel)")
+        (AxisKind::U, "projector column [pixel]")
     };
     draw_map(view, title, source, kind, label)
 }
@@ -106,7 +106,7 @@ pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<(R
 /// Draws camera scanline against travel time.
 pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
-    draw_map(view, title, source, AxisKind::T, "travel time (ps)")
+    draw_map(view, title, source, AxisKind::T, "travel time [ps]")
 }
 
 fn draw_map(
@@ -140,7 +140,7 @@ fn draw_map(
     let mut page = Page {
         title,
         x: Axis {
-            label: "camera column (pixel)".into(),
+            label: "camera column [pixel]".into(),
             ticks: Ticks::coordinates(xs, w, true)?,
             downward: false,
         },

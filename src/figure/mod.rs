@@ -144,11 +144,12 @@ pub fn save_png(img: &RgbImage, path: &Path) -> Result<(), FigureError> {
     };
     let mut bytes = std::io::Cursor::new(Vec::new());
     img.write_to(&mut bytes, image::ImageFormat::Png)?;
-    let mut file = tempfile::Builder::new()
-        .prefix(".figure-")
-        .suffix(".png")
-        .tempfile_in(folder)
-        .map_err(failed)?;
+    let mut name = tempfile::Builder::new();
+    name.prefix(".figure-").suffix(".png");
+    // A picture is as readable as any other new file, not private as temporary files are.
+    #[cfg(unix)]
+    name.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = name.tempfile_in(folder).map_err(failed)?;
     file.write_all(bytes.get_ref()).map_err(failed)?;
     file.persist(path).map_err(|e| failed(e.error))?;
     Ok(())

@@ -66,7 +66,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<(RgbImage,
             .filter(|l| *l > 0.0)
             .unwrap_or_else(|| exposure(raster.data.iter().flatten().map(|v| v.abs()))),
     };
-    let (fx, fy) = Factor::square(raster.w, raster.h, 240, 400, 40);
+    let (fx, fy) = Factor::square(raster.w, raster.h, 400, 440, 40);
     let raster = raster.shrink(fx, fy);
     let (w, h) = (fx.length(xs.len()), fy.length(ys.len()));
 
@@ -78,7 +78,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<(RgbImage,
     let label = if view.normalized {
         "Mij / M00".to_owned()
     } else {
-        format!("Mij ({})", ticks.unit(CAMERA_UNIT))
+        format!("Mij [{}]", ticks.unit(CAMERA_UNIT))
     };
     let mut notes = vec![format!(
         "Mueller elements{at}; row i: Stokes out, column j: Stokes in."

@@ -37,12 +37,12 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<(RgbImage, R
     let page = Page {
         title,
         x: Axis {
-            label: "camera column (pixel)".into(),
+            label: "camera column [pixel]".into(),
             ticks: Ticks::coordinates(xs, w, true)?,
             downward: false,
         },
         y: Axis {
-            label: "camera row (pixel)".into(),
+            label: "camera row [pixel]".into(),
             ticks: Ticks::coordinates(ys, h, false)?,
             downward: true,
         },

@@ -183,12 +183,12 @@ pub fn draw(view: &ProfileView, title: &str, panel: &Panel) -> Result<(RgbImage,
     let page = Page {
         title,
         x: Axis {
-            label: format!("travel time ({})", time.unit("ps")),
+            label: format!("travel time [{}]", time.unit("ps")),
             ticks: time,
             downward: false,
         },
         y: Axis {
-            label: format!("{name} ({})", value.unit(CAMERA_UNIT)),
+            label: format!("{name} [{}]", value.unit(CAMERA_UNIT)),
             ticks: value.clone(),
             downward: false,
         },
@@ -253,7 +253,7 @@ fn band(img: &mut RgbImage, plot: Rect, curves: &Curves, scales: Scales, lane: u
             let part = f64::from((x as f32 - x0) / (x1 - x0));
             let at = |a: f64, b: f64| a + (b - a) * part;
             let (v, e) = (at(ends[0].1, ends[1].1), at(ends[0].2, ends[1].2));
-            for (sigmas, alpha) in [(2.0, 0.16), (1.0, 0.24)] {
+            for (sigmas, alpha) in [(2.0, 0.11), (1.0, 0.17)] {
                 let top = scales.point(0.0, v + sigmas * e).1 + 0.5;
                 let bottom = scales.point(0.0, v - sigmas * e).1 + 0.5;
                 span(img, plot, x, top, bottom, colour, alpha);
@@ -329,19 +329,38 @@ fn line(img: &mut RgbImage, plot: Rect, curves: &Curves, scales: Scales, lane: u
     }
 }
 
-/// Names the lines in the upper right corner.
+/// Names the lines in the corner where least of them is drawn, upper right if there is a choice.
 fn legend(img: &mut RgbImage, plot: Rect, nm: &[f64], colours: &[Rgb<u8>]) -> Result<(), FigureError> {
     let names: Vec<String> = nm.iter().map(|nm| format!("{nm} nm")).collect();
-    if names.is_empty() {
+    let mut wide = 0.0_f32;
+    for name in &names {
+        wide = wide.max(width(name, TICK)? + 56.0);
+    }
+    let (wide, high) = (wide.ceil() as u32, 24 * names.len() as u32 + 8);
+    if names.is_empty() || wide + 24 > plot.w || high + 24 > plot.h {
         return Ok(());
     }
-    let wide = names
-        .iter()
-        .try_fold(0.0_f32, |m, n| Ok::<_, FigureError>(m.max(width(n, TICK)?)))?
-        .ceil() as u32
-        + 56;
-    let high = 24 * names.len() as u32 + 8;
-    let (x, y) = (plot.x + plot.w.saturating_sub(wide + 12), plot.y + 12);
+    let (left, right) = (plot.x + 12, plot.x + plot.w - wide - 12);
+    let (top, bottom) = (plot.y + 12, plot.y + plot.h - high - 12);
+    let ink = |&(x, y): &(u32, u32)| -> u64 {
+        let pixels = (y..y + high).flat_map(|row| (x..x + wide).map(move |column| (column, row)));
+        pixels
+            .map(|(x, y)| {
+                img.get_pixel(x, y)
+                    .0
+                    .iter()
+                    .map(|c| 255 - u64::from(*c))
+                    .sum::<u64>()
+            })
+            .sum()
+    };
+    // The allowance keeps a grid line more or less from deciding.
+    let allowance = u64::from(wide) * 3 * 3 * 24;
+    let corners = [(right, top), (left, top), (right, bottom), (left, bottom)];
+    let (x, y) = corners
+        .into_iter()
+        .min_by_key(|c| ink(c) / allowance)
+        .unwrap_or((right, top));
     for row in y..y + high {
         for column in x..x + wide {
             blend(img, i64::from(column), i64::from(row), Rgb([255; 3]), 0.85);

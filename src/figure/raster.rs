@@ -55,13 +55,12 @@ impl Factor {
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
-            let got = f.length(n);
-            if got >= least {
+            if f.length(n) >= least {
                 f
             } else {
                 Self {
-                    up: f.up * least.div_ceil(got),
-                    ..f
+                    down: 1,
+                    up: least.div_ceil(n.max(1)),
                 }
             }
         };
@@ -165,7 +164,7 @@ mod tests {
         assert_eq!(Factor::new(4000, 900, 1600), Factor { down: 3, up: 1 });
         assert_eq!(Factor::new(4000, 900, 1600).length(4000), 1334);
         let (fx, fy) = Factor::square(300, 1, 900, 1600, 40);
-        assert_eq!((fx.length(300), fy.length(1)), (900, 42));
+        assert_eq!((fx.length(300), fy.length(1)), (900, 40));
     }
 
     #[test]

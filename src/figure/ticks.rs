@@ -129,17 +129,25 @@ fn number(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A value with three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
+/// A value with up to three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
 #[must_use]
 pub fn brief(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
     let e = value.abs().log10().floor() as i32;
+    let short = |v: f64, decimals: usize| {
+        let text = number(v, decimals);
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        }
+    };
     if (-3..5).contains(&e) {
-        return number(value, (2 - e).max(0) as usize);
+        return short(value, (2 - e).max(0) as usize);
     }
-    format!("{}×10{}", number(value / 10_f64.powi(e), 2), superscript(e))
+    format!("{}×10{}", short(value / 10_f64.powi(e), 2), superscript(e))
 }
 
 /// An exponent in raised digits.
@@ -200,5 +208,6 @@ mod tests {
         assert_eq!(brief(123.4), "123");
         assert_eq!(brief(-4.56e-7), "−4.56×10⁻⁷");
         assert_eq!(brief(0.0), "0");
+        assert_eq!((brief(25.0), brief(1e-9)), ("25".into(), "1×10⁻⁹".into()));
     }
 }
