@@ -6,11 +6,11 @@
 use image::RgbImage;
 
 use super::colour::{percentile, photo, rgb_weights};
-use super::layout::{CAMERA_UNIT, Page, Rect, frame};
+use super::layout::{CAMERA_UNIT, Measure, Page, Rect, frame};
 use super::photo::channels;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
-use super::text::{Align, INK, TICK, fit, width, write};
+use super::text::{Align, INK, fit, width, write};
 use super::ticks::brief;
 use super::{FigureError, Panel};
 use crate::tensor::axes::AxisKind;
@@ -97,6 +97,8 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<(RgbImage, 
     let columns = columns(bins.len(), xs.len(), ys.len());
     let rows = bins.len().div_ceil(columns);
     let room = (1500 / columns).min(1500 / rows).max(24);
+    let text = Measure::of(room * columns);
+    let stamp = (STAMP as f32 * text.k) as usize;
     let (fx, fy) = Factor::square(xs.len(), ys.len(), room, room, 24.min(room));
     let (w, h) = (fx.length(xs.len()), fy.length(ys.len()));
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
@@ -113,9 +115,9 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<(RgbImage, 
 
     let label = |t: f64| format!("{t:.*} ps", usize::from(times.iter().any(|t| t.fract() != 0.0)));
     let widest = bins.iter().try_fold(0.0_f32, |m, &t| {
-        Ok::<_, FigureError>(m.max(width(&label(times[t]), TICK)?))
+        Ok::<_, FigureError>(m.max(width(&label(times[t]), text.tick)?))
     })?;
-    let pitch = (w.max((widest as usize).min(140)) + GAP, h + STAMP + GAP / 2);
+    let pitch = (w.max((widest as usize).min(160)) + GAP, h + stamp + GAP / 2);
     let bin = if times.len() > 1 {
         format!(
             ", each a bin of {} ps",
@@ -152,10 +154,10 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<(RgbImage, 
             },
             INK,
         );
-        let (text, style) = fit(&label(times[t]), TICK, (pitch.0 - 4) as f32)?;
+        let (text, style) = fit(&label(times[t]), text.tick, (pitch.0 - 4) as f32)?;
         let at = (
             x as f32 + w as f32 / 2.0,
-            y as f32 + h as f32 + STAMP as f32 / 2.0,
+            y as f32 + h as f32 + stamp as f32 / 2.0,
         );
         write(&mut img, &text, at, Align::Middle, style)?;
     }

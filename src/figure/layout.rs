@@ -10,11 +10,51 @@ use super::ticks::Ticks;
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
 /// A page is never narrower than this, so that titles and notes have room.
 const PAGE_LEAST: u32 = 480;
+/// Plots up to this width have text of the nominal size; on wider ones it grows, up to [`LARGEST`] times.
+const NOMINAL: f32 = 900.0;
+const LARGEST: f32 = 1.6;
+/// Margin of the page.
 const EDGE: u32 = 18;
-const TICK_LENGTH: u32 = 6;
-const BAR_GAP: u32 = 22;
-const BAR_WIDTH: u32 = 20;
-const NOTE_LINE: u32 = 21;
+
+/// Text and distances at the size that suits a plot.
+#[derive(Clone, Copy, Debug)]
+pub struct Measure {
+    /// Times the nominal size.
+    pub k: f32,
+    title: Style,
+    label: Style,
+    /// Tick labels.
+    pub tick: Style,
+    note: Style,
+    tick_length: u32,
+    space: u32,
+    gap: u32,
+    bar_gap: u32,
+    bar_width: u32,
+    note_line: u32,
+}
+
+impl Measure {
+    /// For a plot of this width.
+    #[must_use]
+    pub fn of(plot_width: usize) -> Self {
+        let k = (plot_width as f32 / NOMINAL).clamp(1.0, LARGEST);
+        let px = |v: f32| (v * k).round() as u32;
+        Self {
+            k,
+            title: TITLE.scaled(k),
+            label: LABEL.scaled(k),
+            tick: TICK.scaled(k),
+            note: NOTE.scaled(k),
+            tick_length: px(6.0),
+            space: px(10.0),
+            gap: px(6.0),
+            bar_gap: px(22.0),
+            bar_width: px(20.0),
+            note_line: px(21.0),
+        }
+    }
+}
 
 /// A rectangle of picture pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,11 +107,11 @@ pub struct Page<'a> {
     pub frameless: bool,
 }
 
-fn widest(ticks: &Ticks) -> Result<u32, FigureError> {
+fn widest(ticks: &Ticks, style: Style) -> Result<u32, FigureError> {
     ticks
         .marks
         .iter()
-        .try_fold(0, |m, (_, label)| Ok(m.max(width(label, TICK)?.ceil() as u32)))
+        .try_fold(0, |m, (_, label)| Ok(m.max(width(label, style)?.ceil() as u32)))
 }
 
 /// Fills a rectangle.
@@ -100,23 +140,33 @@ pub fn frame(img: &mut RgbImage, r: Rect, colour: Rgb<u8>) {
 impl Page<'_> {
     /// Lays the page out around a plot of `w` × `h` pixels and draws all but the data, whose place is returned.
     pub fn draw(&self, w: u32, h: u32) -> Result<(RgbImage, Rect), FigureError> {
-        let (line, space) = (LABEL.em as u32, 10);
+        let m = Measure::of(w as usize);
+        let (line, space, gap) = (m.label.em as u32, m.space, m.gap);
         let has_y = !self.y.ticks.marks.is_empty();
         let has_x = !self.x.ticks.marks.is_empty();
         let y_ticks = if has_y {
-            TICK_LENGTH + 6 + widest(&self.y.ticks)?
+            m.tick_length + gap + widest(&self.y.ticks, m.tick)?
         } else {
             0
         };
         let y_label = if self.y.label.is_empty() { 0 } else { line + space };
         let x_ticks = if has_x {
-            TICK_LENGTH + 6 + TICK.em as u32
+            m.tick_length + gap + m.tick.em as u32
         } else {
             0
         };
         let x_label = if self.x.label.is_empty() { 0 } else { line + space };
         let right = match &self.bar {
-            Some(bar) => BAR_GAP + BAR_WIDTH + TICK_LENGTH + 6 + widest(&bar.ticks)? + space + line + EDGE,
+            Some(bar) => {
+                m.bar_gap
+                    + m.bar_width
+                    + m.tick_length
+                    + gap
+                    + widest(&bar.ticks, m.tick)?
+                    + space
+                    + line
+                    + EDGE
+            }
             None => EDGE + 8,
         };
         let left = EDGE + y_label + y_ticks;
@@ -124,26 +174,26 @@ impl Page<'_> {
         let shift = PAGE_LEAST.saturating_sub(page_w) / 2;
         page_w = page_w.max(PAGE_LEAST);
         // A short plot still leaves room for the labels that run along its height.
-        let mut along: f32 = width(&self.y.label, LABEL)?;
+        let mut along: f32 = width(&self.y.label, m.label)?;
         if let Some(bar) = &self.bar {
-            along = along.max(width(&bar.label, LABEL)?);
+            along = along.max(width(&bar.label, m.label)?);
         }
         let sag = (along as u32).saturating_sub(h).div_ceil(2);
         let room = (page_w - 2 * EDGE) as f32;
         let mut lines = Vec::new();
         for note in &self.notes {
-            lines.extend(wrap(note, NOTE, room)?);
+            lines.extend(wrap(note, m.note, room)?);
         }
         let top = if self.title.trim().is_empty() {
             EDGE
         } else {
-            EDGE + TITLE.em as u32 + 16
+            EDGE + m.title.em as u32 + 16
         } + sag;
         let below = (x_ticks + x_label).max(sag + 4);
         let notes = if lines.is_empty() {
             0
         } else {
-            10 + NOTE_LINE * lines.len() as u32
+            10 + m.note_line * lines.len() as u32
         };
         let page_h = top + h + below + notes + EDGE;
         let mut img = RgbImage::from_pixel(page_w, page_h, Rgb([255; 3]));
@@ -156,14 +206,14 @@ impl Page<'_> {
         let centre = plot.x as f32 + w as f32 / 2.0;
 
         if !self.title.trim().is_empty() {
-            let (title, style) = fit(self.title.trim(), TITLE, room)?;
+            let (title, style) = fit(self.title.trim(), m.title, room)?;
             let half = width(&title, style)? / 2.0;
             let edge = EDGE as f32 + half;
             let x = centre.clamp(edge, (page_w as f32 - edge).max(edge));
             write(
                 &mut img,
                 &title,
-                (x, EDGE as f32 + TITLE.em / 2.0),
+                (x, EDGE as f32 + m.title.em / 2.0),
                 Align::Middle,
                 style,
             )?;
@@ -174,45 +224,45 @@ impl Page<'_> {
         let bottom = plot.y + h;
         for (at, label) in &self.x.ticks.marks {
             let x = f64::from(plot.x) + at * f64::from(w) - 0.5;
-            vertical(&mut img, x, bottom + 1, TICK_LENGTH);
-            let y = (bottom + TICK_LENGTH + 5) as f32 + TICK.em / 2.0;
-            write(&mut img, label, (x as f32 + 0.5, y), Align::Middle, TICK)?;
+            vertical(&mut img, x, bottom + 1, m.tick_length);
+            let y = (bottom + m.tick_length + m.gap - 1) as f32 + m.tick.em / 2.0;
+            write(&mut img, label, (x as f32 + 0.5, y), Align::Middle, m.tick)?;
         }
         if !self.x.label.is_empty() {
-            let y = (bottom + x_ticks + space) as f32 + LABEL.em / 2.0 - 2.0;
-            page_text(&mut img, &self.x.label, (centre, y), LABEL)?;
+            let y = (bottom + x_ticks + space) as f32 + m.label.em / 2.0 - 2.0;
+            page_text(&mut img, &self.x.label, (centre, y), m.label)?;
         }
         for (at, label) in &self.y.ticks.marks {
             let at = if self.y.downward { *at } else { 1.0 - at };
             let y = f64::from(plot.y) + at * f64::from(h) - 0.5;
             horizontal(
                 &mut img,
-                i64::from(plot.x) - 1 - i64::from(TICK_LENGTH),
+                i64::from(plot.x) - 1 - i64::from(m.tick_length),
                 y,
-                TICK_LENGTH,
+                m.tick_length,
             );
-            let x = plot.x as f32 - TICK_LENGTH as f32 - 6.0;
-            write(&mut img, label, (x, y as f32 + 0.5), Align::End, TICK)?;
+            let x = plot.x as f32 - (m.tick_length + m.gap) as f32;
+            write(&mut img, label, (x, y as f32 + 0.5), Align::End, m.tick)?;
         }
         let middle = plot.y as f32 + h as f32 / 2.0;
         if !self.y.label.is_empty() {
-            let x = (plot.x - y_ticks - y_label) as f32 + LABEL.em / 2.0;
-            write_up(&mut img, &self.y.label, (x, middle), Align::Middle, LABEL)?;
+            let x = (plot.x - y_ticks - y_label) as f32 + m.label.em / 2.0;
+            write_up(&mut img, &self.y.label, (x, middle), Align::Middle, m.label)?;
         }
         if let Some(bar) = &self.bar {
             let place = Rect {
-                x: plot.x + w + BAR_GAP,
+                x: plot.x + w + m.bar_gap,
                 y: plot.y,
-                w: BAR_WIDTH,
+                w: m.bar_width,
                 h,
             };
-            bar.draw(&mut img, place)?;
+            bar.draw(&mut img, place, &m)?;
         }
-        let mut y = (bottom + below + 10) as f32 + NOTE_LINE as f32 / 2.0;
+        let mut y = (bottom + below + 10) as f32 + m.note_line as f32 / 2.0;
         for text in lines {
-            let (text, style) = fit(&text, NOTE, room)?;
+            let (text, style) = fit(&text, m.note, room)?;
             write(&mut img, &text, (EDGE as f32, y), Align::Start, style)?;
-            y += NOTE_LINE as f32;
+            y += m.note_line as f32;
         }
         Ok((img, plot))
     }
@@ -220,7 +270,7 @@ impl Page<'_> {
 
 impl Bar<'_> {
     /// Draws the bar into its rectangle, ticks and label right of it.
-    fn draw(&self, img: &mut RgbImage, r: Rect) -> Result<(), FigureError> {
+    fn draw(&self, img: &mut RgbImage, r: Rect, m: &Measure) -> Result<(), FigureError> {
         for y in 0..r.h {
             let v = 1.0 - (y as f32 + 0.5) / r.h as f32;
             fill(
@@ -237,17 +287,18 @@ impl Bar<'_> {
         let edge = r.x + r.w;
         for (at, label) in &self.ticks.marks {
             let y = f64::from(r.y) + (1.0 - at) * f64::from(r.h) - 0.5;
-            horizontal(img, i64::from(edge) + 1, y, TICK_LENGTH);
-            let at = ((edge + TICK_LENGTH) as f32 + 6.0, y as f32 + 0.5);
-            write(img, label, at, Align::Start, TICK)?;
+            horizontal(img, i64::from(edge) + 1, y, m.tick_length);
+            let at = ((edge + m.tick_length + m.gap) as f32, y as f32 + 0.5);
+            write(img, label, at, Align::Start, m.tick)?;
         }
-        let x = (edge + TICK_LENGTH + 6 + widest(&self.ticks)? + 10) as f32 + LABEL.em / 2.0;
+        let x =
+            (edge + m.tick_length + m.gap + widest(&self.ticks, m.tick)? + m.space) as f32 + m.label.em / 2.0;
         write_up(
             img,
             &self.label,
             (x, r.y as f32 + r.h as f32 / 2.0),
             Align::Middle,
-            LABEL,
+            m.label,
         )
     }
 }

@@ -6,7 +6,7 @@
 use image::{Rgb, RgbImage};
 
 use super::colour::{UNDEFINED, exposure, percentile, signed, srgb};
-use super::layout::{Bar, CAMERA_UNIT, Page, Rect, frame};
+use super::layout::{Bar, CAMERA_UNIT, Measure, Page, Rect, frame};
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{Align, INK, Style, blend, width, write};
@@ -101,6 +101,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<(RgbImage,
         ..Page::default()
     };
     let (mut img, plot) = page.draw((4 * w + 3 * GAP) as u32, (4 * h + 3 * GAP) as u32)?;
+    let style = TAG.scaled(Measure::of(plot.w as usize).k);
     for element in (0..16).map(|i| [i / 4, i % 4]) {
         let (dx, dy) = corner(element, w, h);
         let place = Rect {
@@ -114,7 +115,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<(RgbImage,
             pixel(&m, i, view.normalized, white, limit)
         });
         frame(&mut img, place, Rgb([120, 120, 124]));
-        tag(&mut img, place, &format!("M{}{}", element[0], element[1]))?;
+        tag(&mut img, place, &format!("M{}{}", element[0], element[1]), style)?;
     }
     Ok((img, plot))
 }
@@ -130,8 +131,8 @@ fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> R
 }
 
 /// Name of an element on a pale ground in the upper left corner of its panel.
-fn tag(img: &mut RgbImage, place: Rect, text: &str) -> Result<(), FigureError> {
-    let (tw, th) = (width(text, TAG)?.ceil() as u32 + 8, TAG.em as u32 + 5);
+fn tag(img: &mut RgbImage, place: Rect, text: &str, style: Style) -> Result<(), FigureError> {
+    let (tw, th) = (width(text, style)?.ceil() as u32 + 8, style.em as u32 + 5);
     for y in 0..th.min(place.h) {
         for x in 0..tw.min(place.w) {
             blend(
@@ -144,5 +145,5 @@ fn tag(img: &mut RgbImage, place: Rect, text: &str) -> Result<(), FigureError> {
         }
     }
     let at = (place.x as f32 + 4.0, place.y as f32 + th as f32 / 2.0);
-    write(img, text, at, Align::Start, TAG)
+    write(img, text, at, Align::Start, style)
 }

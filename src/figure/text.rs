@@ -41,6 +41,16 @@ pub struct Style {
     pub colour: Rgb<u8>,
 }
 
+impl Style {
+    /// The same style `k` times as large.
+    pub fn scaled(self, k: f32) -> Self {
+        Self {
+            em: self.em * k,
+            ..self
+        }
+    }
+}
+
 /// Colour of text and frames.
 pub const INK: Rgb<u8> = Rgb([30, 30, 34]);
 /// Titles.
