@@ -31,7 +31,7 @@ impl Ticks {
         let step = nice_step(span / most.max(1) as f64);
         let first = (low / step - 1e-9).ceil() as i64;
         let last = (high / step + 1e-9).floor() as i64;
-        if !(step > 0.0) || last < first || last.saturating_sub(first) > 1000 {
+        if !step.is_normal() || last < first || last.saturating_sub(first) > 1000 {
             return Self::default();
         }
         let decimals = (-(step.log10() + 1e-9).floor() as i32 + exponent).clamp(0, 12) as usize;

@@ -1,5 +1,6 @@
 //! Rich synthetic pictures for looking at: `cargo test --release -- --ignored gallery`, into the folder that the
 //! environment variable `FIGURE_GALLERY` names.
+
 use super::*;
 use AxisKind::{Component, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
 
