@@ -15,3 +15,4 @@ pub mod tensor;
 
 pub mod scene;
 pub mod render;
+pub mod figure;

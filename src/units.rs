@@ -17,6 +17,6 @@ pub fn picoseconds(optical_path_m: f64) -> f64 {
 mod tests {
     #[test]
     fn one_metre_takes_3335_ps() {
-        assert!((super::picoseconds(1.0) - 3335.640_951_98).abs() < 1e-6);
+        assert!((super::picoseconds(1.0) - 3_335.640_951_98).abs() < 1e-6);
     }
 }

@@ -1,0 +1,217 @@
+//! From values to colours: wavelengths to RGB, exposure, and colour maps.
+//!
+//! The wavelength rule: each of the three primaries (660 nm red, 550 nm green, 450 nm blue) shows the mean of the
+//! wavelengths that are nearer to it than to the other two; a primary that has none shows the one wavelength nearest to
+//! it. Three wavelengths are shown in their order instead (lowest blue, middle green, highest red), and one is shown
+//! grey. Every rule's weights sum to 1 per primary, so a spectrally flat picture is grey.
+
+use image::Rgb;
+
+/// Colour of what has no value: not finite, or normalized by an M00 that is not positive.
+pub const UNDEFINED: Rgb<u8> = Rgb([178, 178, 178]);
+
+/// Wavelengths in nanometres shown as red, green and blue.
+pub const PRIMARIES_NM: [f64; 3] = [660.0, 550.0, 450.0];
+
+/// Share of every wavelength in red, green and blue: `weights[channel][wavelength]`, each row summing to 1. See the
+/// rule at the head of this file.
+#[must_use]
+pub fn rgb_weights(nm: &[f64]) -> [Vec<f32>; 3] {
+    let n = nm.len();
+    let mut weights = [(); 3].map(|()| vec![0.0; n]);
+    match n {
+        0 => {}
+        1 => weights.iter_mut().for_each(|w| w[0] = 1.0),
+        3 => {
+            let mut order = [0, 1, 2];
+            order.sort_by(|&a, &b| nm[b].total_cmp(&nm[a]));
+            for (channel, wavelength) in order.into_iter().enumerate() {
+                weights[channel][wavelength] = 1.0;
+            }
+        }
+        _ => {
+            for (channel, row) in weights.iter_mut().enumerate() {
+                let mine: Vec<usize> = (0..n).filter(|&i| primary(nm[i]) == channel).collect();
+                if mine.is_empty() {
+                    row[nearest(nm, PRIMARIES_NM[channel])] = 1.0;
+                }
+                for &i in &mine {
+                    row[i] = 1.0 / mine.len() as f32;
+                }
+            }
+        }
+    }
+    weights
+}
+
+/// Index of the primary (0 red, 1 green, 2 blue) nearest to a wavelength.
+#[must_use]
+pub fn primary(nm: f64) -> usize {
+    nearest(&PRIMARIES_NM, nm)
+}
+
+/// Index of the value nearest to `wanted`, the first of equals; 0 for an empty list.
+#[must_use]
+pub fn nearest(values: &[f64], wanted: f64) -> usize {
+    let distance = |v: f64| {
+        let d = (v - wanted).abs();
+        if d.is_nan() { f64::INFINITY } else { d }
+    };
+    (0..values.len()).fold(0, |best, i| {
+        if distance(values[i]) < distance(values[best]) {
+            i
+        } else {
+            best
+        }
+    })
+}
+
+/// Line colours that stay apart on white: by primary for several wavelengths (the second of one primary is darker),
+/// dark grey for one alone.
+#[must_use]
+pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
+    const SHADES: [[[u8; 3]; 2]; 3] = [
+        [[204, 44, 38], [120, 20, 50]],
+        [[40, 140, 60], [10, 82, 70]],
+        [[38, 96, 190], [92, 48, 150]],
+    ];
+    if nm.len() == 1 {
+        return vec![Rgb([45, 45, 55])];
+    }
+    let mut used = [0; 3];
+    let weights = rgb_weights(nm);
+    (0..nm.len())
+        .map(|i| {
+            let channel = if nm.len() == 3 {
+                (0..3).find(|&c| weights[c][i] > 0.0).unwrap_or(0)
+            } else {
+                primary(nm[i])
+            };
+            let shade = SHADES[channel][used[channel] % 2];
+            used[channel] += 1;
+            Rgb(shade)
+        })
+        .collect()
+}
+
+/// The value below which the share `q` (0..1) of the finite values lies; `None` if no value is finite.
+#[must_use]
+pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
+    let mut finite: Vec<f32> = values.filter(|v| v.is_finite()).collect();
+    if finite.is_empty() {
+        return None;
+    }
+    let rank = ((finite.len() - 1) as f64 * q.clamp(0.0, 1.0)).round() as usize;
+    Some(*finite.select_nth_unstable_by(rank, f32::total_cmp).1)
+}
+
+/// The white level of a picture: the 99th percentile of its values, their largest if that is not positive, else 1.
+#[must_use]
+pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> f32 {
+    let positive = |v: &f32| *v > 0.0;
+    percentile(values.clone(), 0.99)
+        .filter(positive)
+        .or_else(|| percentile(values, 1.0).filter(positive))
+        .unwrap_or(1.0)
+}
+
+/// sRGB transfer function of a linear value; 0 and below is black, 1 and above white.
+#[must_use]
+pub fn srgb(linear: f32) -> u8 {
+    let v = linear.clamp(0.0, 1.0);
+    let encoded = if v <= 0.003_130_8 {
+        12.92 * v
+    } else {
+        1.055 * v.powf(1.0 / 2.4) - 0.055
+    };
+    (encoded * 255.0).round() as u8
+}
+
+/// A linear colour relative to its white level.
+#[must_use]
+pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
+    if rgb.iter().all(|v| v.is_finite()) {
+        Rgb(rgb.map(|v| srgb(v / white)))
+    } else {
+        UNDEFINED
+    }
+}
+
+/// Signed map: -1 blue, 0 nearly white, +1 red; beyond is held at the ends.
+#[must_use]
+pub fn signed(v: f32) -> Rgb<u8> {
+    if !v.is_finite() {
+        return UNDEFINED;
+    }
+    let c = colorous::RED_BLUE.eval_continuous(f64::from(0.5 - 0.5 * v.clamp(-1.0, 1.0)));
+    Rgb([c.r, c.g, c.b])
+}
+
+/// Perceptual sequential map: 0 black, 1 pale yellow; beyond is held at the ends.
+#[must_use]
+pub fn sequential(v: f32) -> Rgb<u8> {
+    if !v.is_finite() {
+        return UNDEFINED;
+    }
+    let c = colorous::INFERNO.eval_continuous(f64::from(v.clamp(0.0, 1.0)));
+    Rgb([c.r, c.g, c.b])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_wavelengths_are_blue_green_red_in_order() {
+        let w = rgb_weights(&[450.0, 550.0, 660.0]);
+        assert_eq!(w, [vec![0.0, 0.0, 1.0], vec![0.0, 1.0, 0.0], vec![1.0, 0.0, 0.0]]);
+        assert_eq!(rgb_weights(&[635.0]), [(); 3].map(|()| vec![1.0]));
+    }
+
+    #[test]
+    fn every_list_of_wavelengths_keeps_flat_light_grey() {
+        for nm in [
+            vec![450.0, 635.0],
+            vec![400.0, 450.0, 550.0, 660.0],
+            vec![700.0, 800.0],
+            vec![1.0; 4],
+        ] {
+            for row in rgb_weights(&nm) {
+                assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-6, "{nm:?} {row:?}");
+            }
+        }
+        assert_eq!(
+            rgb_weights(&[400.0, 450.0, 550.0, 660.0])[2],
+            [0.5, 0.5, 0.0, 0.0]
+        );
+    }
+
+    #[test]
+    fn maps_have_their_sign_and_their_centre() {
+        let (red, zero, blue) = (signed(1.0).0, signed(0.0).0, signed(-1.0).0);
+        assert!(red[0] > 2 * red[2] && blue[2] > 2 * blue[0]);
+        assert!(zero.iter().all(|&c| c > 230));
+        assert_eq!(signed(f32::NAN), UNDEFINED);
+        assert_eq!(signed(7.0), signed(1.0));
+        assert!(sequential(0.0).0.iter().all(|&c| c < 10));
+        assert_eq!(srgb(1.0), 255);
+        assert_eq!(srgb(0.215_861), 128);
+    }
+
+    #[test]
+    fn exposure_survives_what_is_not_a_number() {
+        let v = [f32::NAN, 0.0, f32::INFINITY, 2.0];
+        assert_eq!(exposure(v.iter().copied()), 2.0);
+        assert_eq!(exposure([0.0; 4].iter().copied()), 1.0);
+        assert_eq!(exposure([].iter().copied()), 1.0);
+        let sparse = (0..1000).map(|i| if i == 7 { 3.0 } else { 0.0 });
+        assert_eq!(exposure(sparse), 3.0);
+    }
+
+    #[test]
+    fn lines_of_one_primary_differ() {
+        let c = line_colours(&[440.0, 460.0, 550.0, 660.0]);
+        assert_ne!(c[0], c[1]);
+        assert_eq!(line_colours(&[450.0, 550.0, 660.0]).len(), 3);
+    }
+}

@@ -1,0 +1,273 @@
+//! Two-dimensional maps of one camera scanline: against the projector (s–s') and against travel time (x–t).
+//!
+//! Camera columns run to the right; projector pixels and time rise upward. M00 is drawn on a square-root scale, or on a
+//! logarithmic one where the values above zero span more than [`LOG_FROM`]; the colour bar says which. Any other
+//! element is drawn signed and divided by M00 (sums first, then the quotient).
+
+use image::{Rgb, RgbImage};
+
+use super::colour::{UNDEFINED, percentile, rgb_weights, sequential, signed};
+use super::layout::{Axis, Bar, CAMERA_UNIT, Page, Rect};
+use super::photo::channels;
+use super::raster::{Factor, Raster};
+use super::reduce::Source;
+use super::ticks::Ticks;
+use super::{FigureError, Panel};
+use crate::tensor::axes::AxisKind;
+use crate::tensor::view::MapView;
+
+/// Ratio of the 99.9th to the 5th percentile of what is above zero from which a logarithmic scale is used.
+const LOG_FROM: f32 = 300.0;
+/// Most powers of ten on a logarithmic scale.
+const DECADES: f32 = 4.0;
+
+/// From an intensity to a place 0..1 on its colour bar.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    Sqrt { top: f32 },
+    Log { low: f32, high: f32 },
+}
+
+impl Scale {
+    /// The scale for some intensities.
+    fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
+        let positive = values.filter(|v| *v > 0.0);
+        let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);
+        let low = percentile(positive, 0.05).unwrap_or(1.0);
+        if top / low > LOG_FROM {
+            let high = top.log10();
+            Self::Log {
+                low: low.log10().max(high - DECADES),
+                high,
+            }
+        } else {
+            Self::Sqrt { top }
+        }
+    }
+
+    fn place(self, v: f32) -> f32 {
+        match self {
+            _ if v.is_nan() => v,
+            _ if v <= 0.0 => 0.0,
+            Self::Sqrt { top } => (v / top).sqrt().min(1.0),
+            Self::Log { low, high } => ((v.log10() - low) / (high - low)).clamp(0.0, 1.0),
+        }
+    }
+
+    fn ticks(self) -> Ticks {
+        match self {
+            Self::Sqrt { top } => {
+                let mut ticks = Ticks::linear(0.0, f64::from(top), 5);
+                ticks.marks.iter_mut().for_each(|m| m.0 = m.0.max(0.0).sqrt());
+                ticks
+            }
+            Self::Log { low, high } => Ticks::decades(f64::from(low), f64::from(high)),
+        }
+    }
+
+    fn label(self, ticks: &Ticks) -> String {
+        let name = match self {
+            Self::Sqrt { .. } => "square-root",
+            Self::Log { .. } => "log",
+        };
+        format!("M00, {name} scale [{}]", ticks.unit(CAMERA_UNIT))
+    }
+
+    /// A colour as bright as its largest channel's place on the scale.
+    fn colour(self, rgb: [f32; 3]) -> Rgb<u8> {
+        if !rgb.iter().all(|v| v.is_finite()) {
+            return UNDEFINED;
+        }
+        let most = rgb.into_iter().fold(0.0, f32::max);
+        let bright = self.place(most) * 255.0;
+        Rgb(rgb.map(|v| {
+            if most > 0.0 {
+                ((v.max(0.0) / most).powf(1.0 / 2.2) * bright).round() as u8
+            } else {
+                0
+            }
+        }))
+    }
+}
+
+/// Draws camera scanline against projector column, or row where only rows are resolved.
+pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);
+    let (u, v) = (len(AxisKind::U), len(AxisKind::V));
+    let (kind, label) = if v > 0 && (u == 0 || u == 1 && v > 1) {
+        (AxisKind::V, "projector row [pixel]")
+    } else {
+        (AxisKind::U, "projector column [pixel]")
+    };
+    draw_map(view, title, source, kind, label)
+}
+
+/// Draws camera scanline against travel time.
+pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    draw_map(view, title, source, AxisKind::T, "travel time [ps]")
+}
+
+fn draw_map(
+    view: &MapView,
+    title: &str,
+    source: Source,
+    upward: AxisKind,
+    label: &str,
+) -> Result<(RgbImage, Rect), FigureError> {
+    let (ups, xs) = (source.need(upward)?, source.need(AxisKind::X)?);
+    let rows = source.coords(AxisKind::Y);
+    source.index("camera rows", view.row, rows.map_or(1, <[f64]>::len))?;
+    let element = source.element(view.element)?;
+    let nm = source.wavelengths();
+    let in_colour = view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1;
+    let lane = source.wavelength(view.wavelength_nm);
+
+    let (fx, fy) = (
+        Factor::new(xs.len(), 900, 1600),
+        Factor::new(ups.len(), 640, 1600),
+    );
+    let fy = Factor {
+        up: fy.up * 40_usize.div_ceil(fy.length(ups.len())),
+        ..fy
+    };
+    let fx = Factor {
+        up: fx.up * 40_usize.div_ceil(fx.length(xs.len())),
+        ..fx
+    };
+    let (w, h) = (fx.length(xs.len()), fy.length(ups.len()));
+    let mut page = Page {
+        title,
+        x: Axis {
+            label: "camera column [pixel]".into(),
+            ticks: Ticks::coordinates(xs, w, true)?,
+            downward: false,
+        },
+        y: Axis {
+            label: label.into(),
+            ticks: Ticks::coordinates(ups, h, false)?,
+            downward: false,
+        },
+        ..Page::default()
+    };
+    let row = match rows {
+        Some(ys) => format!("Camera row {}. ", ys[view.row]),
+        None => String::new(),
+    };
+    let mut pick = vec![(AxisKind::Y, view.row), element[0], element[1]];
+    if in_colour {
+        let values = source.sum(&[upward, AxisKind::X, AxisKind::Wavelength], &pick, f64::from);
+        let raster = Raster::colour(xs.len(), ups.len(), &values, &rgb_weights(nm));
+        drop(values);
+        let scale = Scale::of(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)));
+        page.notes.push(format!(
+            "{row}{}; the colour bar is for the brightest of them.",
+            channels(nm)
+        ));
+        let grey = |v: f32| Rgb([(v * 255.0).round() as u8; 3]);
+        let ticks = scale.ticks();
+        page.bar = Some(Bar {
+            label: scale.label(&ticks),
+            ticks,
+            colour: &grey,
+        });
+        return paint(&page, raster, (fx, fy), (w, h), |rgb| scale.colour(rgb));
+    }
+    pick.push((AxisKind::Wavelength, lane));
+    let at = nm.get(lane).map_or(String::new(), |nm| format!("{nm} nm."));
+    page.notes.push(format!("{row}{at}"));
+    let intensity = |pick: &[(AxisKind, usize)]| source.sum(&[upward, AxisKind::X], pick, f64::from).data;
+    if view.element == [0, 0] {
+        let data = intensity(&pick).into_iter().map(|v| [v]).collect();
+        let raster = Raster {
+            w: xs.len(),
+            h: ups.len(),
+            data,
+        };
+        let scale = Scale::of(raster.data.iter().map(|v| v[0]));
+        let ticks = scale.ticks();
+        page.bar = Some(Bar {
+            label: scale.label(&ticks),
+            ticks,
+            colour: &sequential,
+        });
+        return paint(&page, raster, (fx, fy), (w, h), |[v]| sequential(scale.place(v)));
+    }
+    let signed_values = intensity(&pick);
+    for p in &mut pick {
+        if matches!(p.0, AxisKind::StokesOut | AxisKind::StokesIn) {
+            p.1 = 0;
+        }
+    }
+    let data = signed_values
+        .into_iter()
+        .zip(intensity(&pick))
+        .map(|(m, m00)| [m, m00])
+        .collect();
+    let raster: Raster<2> = Raster {
+        w: xs.len(),
+        h: ups.len(),
+        data,
+    };
+    page.bar = Some(Bar {
+        label: format!("M{}{} / M00", view.element[0], view.element[1]),
+        ticks: Ticks::linear(-1.0, 1.0, 8),
+        colour: &|v| signed(2.0 * v - 1.0),
+    });
+    page.notes[0].push_str(" Grey: not defined (M00 is not positive).");
+    paint(&page, raster, (fx, fy), (w, h), |[m, m00]| {
+        if m00 > 0.0 && m00.is_finite() {
+            signed(m / m00)
+        } else {
+            UNDEFINED
+        }
+    })
+}
+
+/// Lays out the page and paints the raster, whose rows rise, into it.
+fn paint<const C: usize>(
+    page: &Page,
+    raster: Raster<C>,
+    (fx, fy): (Factor, Factor),
+    (w, h): (usize, usize),
+    colour: impl Fn([f32; C]) -> Rgb<u8>,
+) -> Result<(RgbImage, Rect), FigureError> {
+    let (mut img, plot) = page.draw(w as u32, h as u32)?;
+    raster
+        .shrink(fx, fy)
+        .flipped()
+        .paint(&mut img, (plot.x, plot.y), (fx, fy), colour);
+    Ok((img, plot))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scale_is_log_only_for_wide_ranges() {
+        let narrow = Scale::of([0.0, 1.0, 2.0, 3.0, f32::NAN].iter().copied());
+        assert_eq!(narrow, Scale::Sqrt { top: 3.0 });
+        assert_eq!(narrow.place(0.75), 0.5);
+        let wide = Scale::of((0..=100).map(|i| 10_f32.powf(i as f32 / 20.0 - 3.0)));
+        let Scale::Log { low, high } = wide else {
+            panic!("{wide:?}")
+        };
+        assert!((low + 2.0).abs() < 0.3 && (high - 2.0).abs() < 0.01);
+        assert_eq!(
+            (wide.place(1e-9), wide.place(1e9), wide.place(-1.0)),
+            (0.0, 1.0, 0.0)
+        );
+        assert_eq!(Scale::of([0.0; 3].iter().copied()), Scale::Sqrt { top: 1.0 });
+    }
+
+    #[test]
+    fn colours_keep_their_hue_at_every_brightness() {
+        let s = Scale::Sqrt { top: 4.0 };
+        assert_eq!(s.colour([4.0, 0.0, 0.0]).0, [255, 0, 0]);
+        assert_eq!(s.colour([1.0, 0.0, -1.0]).0, [128, 0, 0]);
+        assert_eq!(s.colour([0.0; 3]).0, [0, 0, 0]);
+        assert_eq!(s.colour([1.0, f32::NAN, 0.0]), UNDEFINED);
+    }
+}

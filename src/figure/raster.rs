@@ -1,0 +1,192 @@
+//! Pictures of values before they have colours, and how they come to size by whole factors.
+
+use image::{Rgb, RgbImage};
+
+use super::reduce::Reduced;
+
+/// `w` × `h` pixels of `C` values, row-major from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster<const C: usize> {
+    /// Columns, at least 1.
+    pub w: usize,
+    /// Rows, at least 1.
+    pub h: usize,
+    /// Values.
+    pub data: Vec<[f32; C]>,
+}
+
+/// Whole factors from data pixels to picture pixels along one direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Factor {
+    /// Data pixels that are averaged into one (1: none).
+    pub down: usize,
+    /// Picture pixels that show one (averaged) data pixel.
+    pub up: usize,
+}
+
+impl Factor {
+    /// The factor that brings `n` data pixels as near below `target` as possible by repetition, or below `most` by
+    /// averaging if there are more than `most`.
+    #[must_use]
+    pub fn new(n: usize, target: usize, most: usize) -> Self {
+        let n = n.max(1);
+        if n > most {
+            Self {
+                down: n.div_ceil(most),
+                up: 1,
+            }
+        } else {
+            Self {
+                down: 1,
+                up: (target / n).max(1),
+            }
+        }
+    }
+
+    /// Picture pixels of `n` data pixels.
+    #[must_use]
+    pub fn length(self, n: usize) -> usize {
+        n.div_ceil(self.down) * self.up
+    }
+
+    /// Factors that keep pixels square, so that the longer side comes to `target`; a strip thinner than `least` is
+    /// stretched across until it can be seen.
+    #[must_use]
+    pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
+        let f = Self::new(w.max(h), target, most);
+        let widen = |n: usize| {
+            if f.length(n) >= least {
+                f
+            } else {
+                Self {
+                    down: 1,
+                    up: least.div_ceil(n.max(1)),
+                }
+            }
+        };
+        (widen(w), widen(h))
+    }
+}
+
+impl Raster<3> {
+    /// Red, green and blue from values whose last axis is the wavelength.
+    #[must_use]
+    pub fn colour(w: usize, h: usize, values: &Reduced, weights: &[Vec<f32>; 3]) -> Self {
+        let lanes = weights[0].len().max(1);
+        let mix = |lane: &[f32], row: &[f32]| match row {
+            [] => lane[0],
+            _ => lane
+                .iter()
+                .zip(row)
+                .filter(|(_, w)| **w > 0.0)
+                .map(|(v, w)| v * w)
+                .sum(),
+        };
+        let data = values
+            .data
+            .chunks_exact(lanes)
+            .map(|lane| {
+                [
+                    mix(lane, &weights[0]),
+                    mix(lane, &weights[1]),
+                    mix(lane, &weights[2]),
+                ]
+            })
+            .collect();
+        Self { w, h, data }
+    }
+}
+
+impl<const C: usize> Raster<C> {
+    /// Means over boxes; a box with a value that is not finite has none.
+    #[must_use]
+    pub fn shrink(self, fx: Factor, fy: Factor) -> Self {
+        if fx.down == 1 && fy.down == 1 {
+            return self;
+        }
+        let (w, h) = (self.w.div_ceil(fx.down), self.h.div_ceil(fy.down));
+        let mut data = Vec::with_capacity(w * h);
+        for y in 0..h {
+            for x in 0..w {
+                let (y1, x1) = (((y + 1) * fy.down).min(self.h), ((x + 1) * fx.down).min(self.w));
+                let mut sum = [0.0_f64; C];
+                for row in y * fy.down..y1 {
+                    for pixel in &self.data[row * self.w + x * fx.down..row * self.w + x1] {
+                        sum.iter_mut().zip(pixel).for_each(|(s, v)| *s += f64::from(*v));
+                    }
+                }
+                let n = (y1 - y * fy.down) * (x1 - x * fx.down);
+                data.push(sum.map(|s| (s / n as f64) as f32));
+            }
+        }
+        Self { w, h, data }
+    }
+
+    /// The raster upside down: rows rise.
+    #[must_use]
+    pub fn flipped(mut self) -> Self {
+        let rows: Vec<[f32; C]> = self.data.chunks_exact(self.w).rev().flatten().copied().collect();
+        self.data = rows;
+        self
+    }
+
+    /// Paints the (shrunk) raster with its upper left corner at `(left, top)`.
+    pub fn paint(
+        &self,
+        img: &mut RgbImage,
+        (left, top): (u32, u32),
+        (fx, fy): (Factor, Factor),
+        colour: impl Fn([f32; C]) -> Rgb<u8>,
+    ) {
+        for (i, &value) in self.data.iter().enumerate() {
+            let c = colour(value);
+            let (x, y) = (
+                (i % self.w * fx.up) as u32 + left,
+                (i / self.w * fy.up) as u32 + top,
+            );
+            for row in y..(y + fy.up as u32).min(img.height()) {
+                for column in x..(x + fx.up as u32).min(img.width()) {
+                    img.put_pixel(column, row, c);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn factors_are_whole_and_bounded() {
+        assert_eq!(Factor::new(320, 900, 1600), Factor { down: 1, up: 2 });
+        assert_eq!(Factor::new(1000, 900, 1600), Factor { down: 1, up: 1 });
+        assert_eq!(Factor::new(4000, 900, 1600), Factor { down: 3, up: 1 });
+        assert_eq!(Factor::new(4000, 900, 1600).length(4000), 1334);
+        let (fx, fy) = Factor::square(300, 1, 900, 1600, 40);
+        assert_eq!((fx.length(300), fy.length(1)), (900, 40));
+    }
+
+    #[test]
+    fn shrinking_averages_and_keeps_what_is_undefined() {
+        let r = Raster {
+            w: 3,
+            h: 2,
+            data: vec![[1.0], [3.0], [f32::NAN], [5.0], [7.0], [1.0]],
+        };
+        let f = Factor { down: 2, up: 1 };
+        let s = r.shrink(f, f);
+        assert_eq!((s.w, s.h, s.data[0]), (2, 1, [4.0]));
+        assert!(s.data[1][0].is_nan());
+    }
+
+    #[test]
+    fn flipping_turns_rows_over() {
+        let r = Raster {
+            w: 2,
+            h: 2,
+            data: vec![[1.0], [2.0], [3.0], [4.0]],
+        };
+        assert_eq!(r.flipped().data, [[3.0], [4.0], [1.0], [2.0]]);
+    }
+}

@@ -1,0 +1,285 @@
+//! From a tensor of any axes to the few that a picture shows: pick, sum and check in one pass.
+
+use super::FigureError;
+use super::colour::nearest;
+use crate::tensor::array::Tensor;
+use crate::tensor::axes::AxisKind;
+
+/// A tensor that was checked: its values fill its axes, none of which is empty or there twice.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    /// Name of the slice for messages.
+    pub slice: &'a str,
+    /// The values.
+    pub tensor: &'a Tensor,
+}
+
+/// Sums over all axes but those kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reduced {
+    /// Row-major over the kept axes, in the order asked for.
+    pub data: Vec<f32>,
+    /// Lengths of the kept axes; 1 where the tensor has no such axis.
+    pub shape: Vec<usize>,
+}
+
+impl<'a> Source<'a> {
+    /// Checks a tensor.
+    pub fn new(slice: &'a str, tensor: &'a Tensor) -> Result<Self, FigureError> {
+        if let Some(axis) = tensor.axes.iter().find(|a| a.coords.is_empty()) {
+            return Err(FigureError::Empty {
+                slice: slice.to_owned(),
+                axis: axis.kind.name(),
+            });
+        }
+        let size = tensor
+            .axes
+            .iter()
+            .try_fold(1_usize, |n, a| n.checked_mul(a.coords.len()));
+        let twice = tensor
+            .axes
+            .iter()
+            .any(|a| tensor.axes.iter().filter(|b| a.kind == b.kind).count() > 1);
+        if size != Some(tensor.data.len()) || twice {
+            let axes: Vec<String> = tensor
+                .axes
+                .iter()
+                .map(|a| format!("{} {}", a.coords.len(), a.kind.name()))
+                .collect();
+            return Err(FigureError::Damaged {
+                slice: slice.to_owned(),
+                found: tensor.data.len(),
+                axes: axes.join(" × "),
+            });
+        }
+        Ok(Self { slice, tensor })
+    }
+
+    /// Coordinates of an axis that the picture needs.
+    pub fn need(&self, kind: AxisKind) -> Result<&'a [f64], FigureError> {
+        self.coords(kind).ok_or_else(|| {
+            let (axis, mend) = match kind {
+                AxisKind::T => ("time", "time = { start_ps = …, bin_ps = …, bins = … }"),
+                AxisKind::U => ("projector column", "projector = \"all\""),
+                AxisKind::V => ("projector row", "projector = \"all\""),
+                AxisKind::StokesOut | AxisKind::StokesIn => ("Stokes", "polarization = \"mueller\""),
+                AxisKind::Y => ("camera row", "camera = \"all\""),
+                AxisKind::X => ("camera column", "camera = \"all\""),
+                AxisKind::Bounces => ("bounces", "bounces = true"),
+                AxisKind::Component => ("component", "split_first_bounce = true"),
+                AxisKind::Wavelength => ("wavelength", "a list of wavelengths in its scene"),
+            };
+            FigureError::MissingAxis {
+                slice: self.slice.to_owned(),
+                axis,
+                mend,
+            }
+        })
+    }
+
+    /// Coordinates of an axis, if the tensor has it.
+    pub fn coords(&self, kind: AxisKind) -> Option<&'a [f64]> {
+        self.tensor
+            .find(kind)
+            .map(|i| self.tensor.axes[i].coords.as_slice())
+    }
+
+    /// Wavelengths in nanometres; empty if the tensor does not say.
+    pub fn wavelengths(&self) -> &'a [f64] {
+        self.coords(AxisKind::Wavelength).unwrap_or(&[])
+    }
+
+    /// Index of the wavelength nearest to `nm`, the middle one without a wish.
+    pub fn wavelength(&self, nm: Option<f64>) -> usize {
+        let all = self.wavelengths();
+        nm.map_or(all.len() / 2, |nm| nearest(all, nm))
+    }
+
+    /// The picks that choose a Mueller element. M00 needs no Stokes axes.
+    pub fn element(&self, [out, inn]: [usize; 2]) -> Result<[(AxisKind, usize); 2], FigureError> {
+        for (kind, i) in [(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)] {
+            if i > 0 || self.coords(kind).is_some() {
+                self.index("Stokes elements", i, self.need(kind)?.len())?;
+            }
+        }
+        Ok([(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)])
+    }
+
+    /// An index that must exist.
+    pub fn index(&self, what: &'static str, index: usize, len: usize) -> Result<usize, FigureError> {
+        if index < len {
+            return Ok(index);
+        }
+        Err(FigureError::Index {
+            slice: self.slice.to_owned(),
+            what,
+            index,
+            len,
+        })
+    }
+
+    /// Sums `f(value)` in f64 over every axis that is neither kept nor picked.
+    ///
+    /// Picks must exist (see [`Self::index`]); kinds that the tensor does not have are ignored.
+    pub fn sum(&self, keep: &[AxisKind], pick: &[(AxisKind, usize)], f: impl Fn(f32) -> f64) -> Reduced {
+        let shape: Vec<usize> = keep.iter().map(|&k| self.tensor.extent(k)).collect();
+        let mut out = vec![0.0_f64; shape.iter().product()];
+        // Per axis of the tensor: first offset, number of steps, and how far a step goes in source and target.
+        let lengths = self.tensor.shape();
+        let mut steps: Vec<(usize, usize, usize)> = Vec::with_capacity(lengths.len());
+        let mut first = 0;
+        for (i, axis) in self.tensor.axes.iter().enumerate() {
+            let stride: usize = lengths[i + 1..].iter().product();
+            if let Some(&(_, at)) = pick.iter().find(|p| p.0 == axis.kind) {
+                first += at * stride;
+            } else {
+                let target = keep
+                    .iter()
+                    .position(|&k| k == axis.kind)
+                    .map_or(0, |k| shape[k + 1..].iter().product());
+                steps.push((lengths[i], stride, target));
+            }
+        }
+        let (inner_len, inner_stride, inner_target) = steps.pop().unwrap_or((1, 0, 0));
+        let mut counter = vec![0; steps.len()];
+        let (mut from, mut to) = (first, 0);
+        loop {
+            for i in 0..inner_len {
+                out[to + i * inner_target] += f(self.tensor.data[from + i * inner_stride]);
+            }
+            // The next run, like an odometer.
+            let mut axis = steps.len();
+            loop {
+                if axis == 0 {
+                    return Reduced {
+                        data: out.into_iter().map(|v| v as f32).collect(),
+                        shape,
+                    };
+                }
+                axis -= 1;
+                let (len, stride, target) = steps[axis];
+                counter[axis] += 1;
+                from += stride;
+                to += target;
+                if counter[axis] < len {
+                    break;
+                }
+                counter[axis] = 0;
+                from -= len * stride;
+                to -= len * target;
+            }
+        }
+    }
+}
+
+/// An axis of pixels or bins as a straight ruler: value at the outer edge of the first and of the last entry, or `None`
+/// where the entries are not evenly spaced.
+pub fn ruler(coords: &[f64]) -> Option<(f64, f64)> {
+    let (&first, &last) = (coords.first()?, coords.last()?);
+    let step = if coords.len() > 1 {
+        (last - first) / (coords.len() - 1) as f64
+    } else {
+        1.0
+    };
+    let even = coords
+        .iter()
+        .enumerate()
+        .all(|(i, c)| (c - (first + i as f64 * step)).abs() <= 1e-3 * step.abs());
+    (step.is_finite() && step > 0.0 && even).then_some((first - step / 2.0, last + step / 2.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tensor::axes::Axis;
+
+    fn tensor(axes: &[(AxisKind, usize)]) -> Tensor {
+        let axes = axes
+            .iter()
+            .map(|&(kind, n)| Axis {
+                kind,
+                coords: (0..n).map(|i| i as f64).collect(),
+                chunk: 1,
+            })
+            .collect();
+        let mut t = Tensor::zeros("t", axes);
+        t.data.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
+        t
+    }
+
+    #[test]
+    fn one_pass_equals_select_and_sum() {
+        let t = tensor(&[
+            (AxisKind::Y, 3),
+            (AxisKind::X, 4),
+            (AxisKind::U, 2),
+            (AxisKind::T, 5),
+            (AxisKind::StokesOut, 4),
+            (AxisKind::StokesIn, 4),
+            (AxisKind::Wavelength, 3),
+        ]);
+        let s = Source::new("t", &t).unwrap();
+        let got = s.sum(
+            &[AxisKind::T, AxisKind::X, AxisKind::Component],
+            &[
+                (AxisKind::StokesOut, 1),
+                (AxisKind::StokesIn, 2),
+                (AxisKind::Y, 2),
+                (AxisKind::Wavelength, 1),
+            ],
+            f64::from,
+        );
+        assert_eq!(got.shape, [5, 4, 1]);
+        let want = t
+            .select(AxisKind::StokesOut, 1)
+            .select(AxisKind::StokesIn, 2)
+            .select(AxisKind::Y, 2)
+            .select(AxisKind::Wavelength, 1)
+            .sum(AxisKind::U);
+        for x in 0..4 {
+            for k in 0..5 {
+                assert_eq!(
+                    got.data[k * 4 + x],
+                    want.at(&[(AxisKind::X, x), (AxisKind::T, k)])
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_number_is_a_tensor() {
+        let mut t = Tensor::zeros("one", vec![]);
+        t.data[0] = 7.0;
+        let s = Source::new("one", &t).unwrap();
+        assert_eq!(
+            s.sum(&[AxisKind::Y], &[], f64::from),
+            Reduced {
+                data: vec![7.0],
+                shape: vec![1]
+            }
+        );
+    }
+
+    #[test]
+    fn damaged_tensors_are_refused() {
+        let mut t = tensor(&[(AxisKind::Y, 2), (AxisKind::X, 2)]);
+        t.data.pop();
+        assert!(matches!(Source::new("t", &t), Err(FigureError::Damaged { .. })));
+        let t = tensor(&[(AxisKind::Y, 2), (AxisKind::Y, 2)]);
+        assert!(matches!(Source::new("t", &t), Err(FigureError::Damaged { .. })));
+        let t = tensor(&[(AxisKind::Y, 0)]);
+        assert!(matches!(
+            Source::new("t", &t),
+            Err(FigureError::Empty { axis: "y", .. })
+        ));
+    }
+
+    #[test]
+    fn rulers_are_for_even_axes() {
+        assert_eq!(ruler(&[0.0, 1.0, 2.0]), Some((-0.5, 2.5)));
+        assert_eq!(ruler(&[12.5]), Some((12.0, 13.0)));
+        assert_eq!(ruler(&[0.0, 1.0, 5.0]), None);
+        assert_eq!(ruler(&[f64::NAN]), None);
+        assert_eq!(ruler(&[]), None);
+    }
+}

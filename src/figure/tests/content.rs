@@ -1,0 +1,344 @@
+//! What is drawn where, from tensors whose content is known.
+
+use super::*;
+use AxisKind::{Bounces, Component, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
+
+fn wave(nm: &[f64]) -> Axis {
+    axis(Wavelength, nm.to_vec())
+}
+
+#[test]
+fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
+    let t = tensor(
+        vec![
+            counted(Y, 2),
+            counted(X, 4),
+            counted(V, 2),
+            counted(T, 2),
+            counted(StokesOut, 4),
+            counted(StokesIn, 4),
+            wave(&RGB_NM),
+        ],
+        |at| {
+            // 4 entries are summed, and elements other than M00 would spoil the picture.
+            let m00 = at.i(StokesOut) == 0 && at.i(StokesIn) == 0;
+            let on = at.i(Y) == 1 && (at.i(X) == 3 || at.i(X) == at.i(Wavelength));
+            if !m00 {
+                9.0
+            } else if on {
+                0.25
+            } else {
+                0.0
+            }
+        },
+    );
+    let view = View::Photo(PhotoView {
+        slice: "s".into(),
+        white: Some(1.0),
+    });
+    let (img, r) = draw_with_plot(&view, "t", &panel(&t)).unwrap();
+    let row = [0.125, 0.375, 0.625, 0.875].map(|x| colour(&img, r, x, 0.75));
+    assert_eq!(row, [[0, 0, 255], [0, 255, 0], [255, 0, 0], [255, 255, 255]]);
+    assert_eq!(colour(&img, r, 0.5, 0.25), [0, 0, 0]);
+    let half = View::Photo(PhotoView {
+        slice: "s".into(),
+        white: Some(2.0),
+    });
+    let (img, r) = draw_with_plot(&half, "t", &panel(&t)).unwrap();
+    assert_eq!(colour(&img, r, 0.875, 0.75), [188, 188, 188]);
+    assert!(r.w == 900 && r.h == 450 && img.get_pixel(0, 0).0 == [255; 3]);
+}
+
+#[test]
+fn photo_is_exposed_to_the_99th_percentile() {
+    let t = tensor(vec![counted(Y, 10), counted(X, 100)], |at| {
+        if at.i(Y) == 0 && at.i(X) == 0 { 1e6 } else { 2.0 }
+    });
+    let (img, r) = draw_with_plot(&photo_view(), "", &panel(&t)).unwrap();
+    assert_eq!(colour(&img, r, 0.5, 0.5), [255, 255, 255]);
+}
+
+#[test]
+fn mueller_signs_have_their_colours_and_undefined_is_grey() {
+    let t = tensor(
+        vec![
+            counted(Y, 2),
+            counted(X, 2),
+            counted(StokesOut, 4),
+            counted(StokesIn, 4),
+            wave(&[635.0]),
+        ],
+        |at| {
+            let m00 = if at.i(Y) == 0 { 0.0 } else { 4.0 };
+            match (at.i(StokesOut), at.i(StokesIn)) {
+                (0, 0) => m00,
+                (1, 1) => 0.9 * m00,
+                (2, 3) => -0.9 * m00,
+                (3, 2) => 1.0,
+                _ => 0.0,
+            }
+        },
+    );
+    let (img, r) = draw_with_plot(&mueller_view(true), "t", &panel(&t)).unwrap();
+    let (w, h) = (400, 400);
+    let at = |e: [usize; 2], down: f64| {
+        let (dx, dy) = mueller::corner(e, w, h);
+        colour(
+            &img,
+            Rect {
+                x: r.x + dx,
+                y: r.y + dy,
+                w: w as u32,
+                h: h as u32,
+            },
+            0.9,
+            down,
+        )
+    };
+    let (red, blue, zero) = (at([1, 1], 0.7), at([2, 3], 0.7), at([0, 1], 0.7));
+    assert!(red[0] > 120 && red[1] < 60 && red[2] < 60, "{red:?}");
+    assert!(blue[2] > 100 && blue[0] < 60, "{blue:?}");
+    assert!(zero.iter().all(|c| *c > 230), "{zero:?}");
+    assert_eq!(at([0, 0], 0.7), [255; 3]);
+    assert_eq!(at([0, 0], 0.2), [0; 3]);
+    for e in [[1, 1], [3, 2], [0, 3]] {
+        assert_eq!(at(e, 0.2), UNDEFINED.0, "{e:?}");
+    }
+}
+
+#[test]
+fn mueller_limit_wavelength_and_raw_values_are_honoured() {
+    let t = tensor(
+        vec![
+            counted(Y, 1),
+            counted(X, 1),
+            counted(StokesOut, 4),
+            counted(StokesIn, 4),
+            wave(&RGB_NM),
+        ],
+        |at| [-1.0, 0.0, 1.0][at.i(Wavelength)] * 0.5,
+    );
+    let one = |nm: f64, limit: f32| {
+        let view = View::Mueller(MuellerView {
+            slice: "s".into(),
+            wavelength_nm: Some(nm),
+            normalized: false,
+            limit: Some(limit),
+        });
+        let (img, r) = draw_with_plot(&view, "t", &panel(&t)).unwrap();
+        colour(&img, r, 0.12, 0.12)
+    };
+    assert_eq!(one(660.0, 0.5), crate::figure::colour::signed(1.0).0);
+    assert_eq!(one(400.0, 0.5), crate::figure::colour::signed(-1.0).0);
+    assert_eq!(one(540.0, 0.5), crate::figure::colour::signed(0.0).0);
+    assert_eq!(one(700.0, 1.0), crate::figure::colour::signed(0.5).0);
+}
+
+/// Column 3 of 8 is bright at bin 5 of 10; only camera row 7 has light.
+fn scanlines() -> Tensor {
+    let bins = (0..10).map(|i| 105.0 + 10.0 * f64::from(i)).collect();
+    tensor(
+        vec![
+            axis(Y, vec![2.0, 7.0]),
+            counted(X, 8),
+            axis(T, bins),
+            counted(Bounces, 2),
+            wave(&RGB_NM),
+        ],
+        |at| {
+            if at.i(Y) == 1 && at.i(X) == 3 && at.i(T) == 5 && at.i(Wavelength) != 0 {
+                1.0
+            } else {
+                0.0
+            }
+        },
+    )
+}
+
+#[test]
+fn bright_bin_of_a_space_time_map_is_in_its_place() {
+    let t = scanlines();
+    let place =
+        |r: usize, nm| draw_with_plot(&View::SpaceTime(map_view(r, [0, 0], nm)), "t", &panel(&t)).unwrap();
+    let (img, r) = place(1, Some(550.0));
+    // Time rises upward: bin 5 of 10 lies from 0.4 to 0.5 below the top.
+    let bright = crate::figure::colour::sequential(1.0).0;
+    assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), bright);
+    for (x, y) in [(2.5, 0.45), (4.5, 0.45), (3.5, 0.35), (3.5, 0.55)] {
+        assert_eq!(
+            colour(&img, r, x / 8.0, y),
+            crate::figure::colour::sequential(0.0).0
+        );
+    }
+    // In colour: no 450 nm makes yellow.
+    let (img, r) = place(1, None);
+    assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), [255, 255, 0]);
+    let (img, r) = place(0, None);
+    assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), [0, 0, 0]);
+}
+
+#[test]
+fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
+    let axes = |rows, columns| {
+        vec![
+            counted(X, 8),
+            counted(V, rows),
+            counted(U, columns),
+            counted(StokesOut, 4),
+            counted(StokesIn, 4),
+        ]
+    };
+    let value = |at: &At| {
+        let on = at.i(X) == at.i(U) || at.i(X) == at.i(V);
+        let m = if at.i(StokesOut) == 0 { 2.0 } else { -2.0 };
+        if on { m } else { 0.0 }
+    };
+    let bright = crate::figure::colour::sequential(1.0).0;
+    for (rows, columns) in [(1, 8), (8, 1)] {
+        let t = tensor(axes(rows, columns), value);
+        let (img, r) = draw_with_plot(&View::SpaceSpace(map_view(0, [0, 0], None)), "t", &panel(&t)).unwrap();
+        assert_eq!(
+            colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
+            bright,
+            "{rows} × {columns}"
+        );
+        let (img, r) = draw_with_plot(&View::SpaceSpace(map_view(0, [1, 0], None)), "t", &panel(&t)).unwrap();
+        assert_eq!(
+            colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
+            crate::figure::colour::signed(-1.0).0
+        );
+        assert_eq!(colour(&img, r, 5.5 / 8.0, 5.5 / 8.0), UNDEFINED.0);
+    }
+}
+
+#[test]
+fn flight_frames_follow_the_light() {
+    // One pixel of a row of six lights up per bin, bins 2 to 7 of 10.
+    let t = tensor(
+        vec![
+            counted(Y, 4),
+            counted(X, 6),
+            counted(T, 10),
+            counted(Component, 2),
+            wave(&[635.0]),
+        ],
+        |at| {
+            if at.i(X) + 2 == at.i(T) { 3.0 } else { 0.0 }
+        },
+    );
+    let (img, r) = draw_with_plot(&flight_view(3), "t", &panel(&t)).unwrap();
+    assert_eq!(
+        flight::chosen_bins(&[0., 0., 1., 1., 1., 1., 1., 1., 0., 0.], 3),
+        [2, 5, 7]
+    );
+    let white: Vec<u32> = (r.x..r.x + r.w)
+        .filter(|&x| img.get_pixel(x, r.y + 40).0 == [255; 3])
+        .collect();
+    let black = (r.x..r.x + r.w)
+        .filter(|&x| img.get_pixel(x, r.y + 40).0 == [0; 3])
+        .count();
+    assert!(!white.is_empty() && black > white.len());
+    // The first frame has its first column lit, its second dark.
+    assert_eq!(img.get_pixel(r.x + 5, r.y + 40).0, [255; 3]);
+    assert_eq!(img.get_pixel(r.x + 150, r.y + 40).0, [0; 3]);
+}
+
+fn steps() -> (Tensor, Tensor, Tensor) {
+    let bins: Vec<f64> = (0..20).map(|i| 5.0 + 10.0 * f64::from(i)).collect();
+    let axes = vec![counted(Y, 2), counted(X, 4), axis(T, bins), wave(&RGB_NM)];
+    let mean = tensor(axes.clone(), |at| {
+        if at.i(X) == 3 && at.i(Y) == 1 {
+            1.0 + at.f(Wavelength)
+        } else {
+            99.0
+        }
+    });
+    let error = tensor(axes.clone(), |_| 0.1);
+    let overflow = tensor(axes.into_iter().filter(|a| a.kind != T).collect(), |_| 1.0);
+    (mean, error, overflow)
+}
+
+#[test]
+fn lines_and_bands_of_a_profile_pass_through_their_rows() {
+    let (mean, error, overflow) = steps();
+    let View::Profile(view) = profile_view([40.0, 0.8], [0, 0]) else {
+        unreachable!()
+    };
+    let full = Panel {
+        mean: &mean,
+        std_error: Some(&error),
+        overflow: Some(&overflow),
+    };
+    let (img, r) = draw_with_plot(&View::Profile(view.clone()), "t", &full).unwrap();
+    let source = crate::figure::reduce::Source::new("s", &mean).unwrap();
+    let errors = crate::figure::reduce::Source::new("s", &error).unwrap();
+    let scales = profile::read(&view, source, Some(errors)).unwrap().scales();
+    assert_eq!(scales.time, (0.0, 200.0));
+    assert!(
+        scales.value.0 == 0.0 && (3.2..3.5).contains(&scales.value.1),
+        "{scales:?}"
+    );
+    let colours = crate::figure::colour::line_colours(&RGB_NM);
+    for (lane, line) in colours.iter().enumerate() {
+        let pixel = |value: f64| {
+            let (x, y) = scales.point(50.0, value);
+            img.get_pixel(r.x + x.round() as u32, r.y + y.round() as u32).0
+        };
+        let value = 1.0 + lane as f64;
+        let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) < 60);
+        assert!(near(pixel(value), line.0), "{lane}: {:?} {line:?}", pixel(value));
+        let (one, two, none) = (pixel(value + 0.07), pixel(value + 0.15), pixel(value + 0.3));
+        let dark = |c: [u8; 3]| 765 - c.iter().map(|v| u32::from(*v)).sum::<u32>();
+        assert!(
+            dark(one) > dark(two) && dark(two) > dark(none),
+            "{one:?} {two:?} {none:?}"
+        );
+        assert_eq!(none, [255; 3]);
+    }
+    // Without errors there is no band.
+    let (img, r) = draw_with_plot(&View::Profile(view), "t", &panel(&mean)).unwrap();
+    assert_eq!(colour(&img, r, 0.3, 0.2), [255; 3]);
+}
+
+#[test]
+fn same_input_same_bytes() {
+    let t = tensor(
+        vec![
+            counted(Y, 3),
+            counted(X, 5),
+            counted(U, 4),
+            counted(T, 6),
+            counted(StokesOut, 4),
+            counted(StokesIn, 4),
+            wave(&RGB_NM),
+        ],
+        |at| {
+            (at.f(X) + 1.0)
+                * (at.f(T) + 0.5)
+                * if at.i(StokesOut) == at.i(StokesIn) {
+                    1.0
+                } else {
+                    -0.3
+                }
+        },
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = |view: &View, name: &str| {
+        let path = folder.path().join(name);
+        save_png(&draw(view, "title", &panel(&t)).unwrap(), &path).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    for view in all_views() {
+        assert_eq!(bytes(&view, "a.png"), bytes(&view, "b.png"), "{view:?}");
+    }
+    assert_eq!(
+        std::fs::read_dir(folder.path()).unwrap().count(),
+        2,
+        "temporary files are left"
+    );
+    let img = draw(&photo_view(), "", &panel(&t)).unwrap();
+    assert!(matches!(
+        save_png(&img, &folder.path().join("no/a.png")),
+        Err(FigureError::Write { .. })
+    ));
+}

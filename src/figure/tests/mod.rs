@@ -1,0 +1,130 @@
+//! Every picture from tensors whose content is known, and from tensors that hold nothing worth drawing.
+
+use image::RgbImage;
+
+use super::colour::UNDEFINED;
+use super::layout::Rect;
+use super::{FigureError, Panel, draw, draw_with_plot, flight, mueller, profile, save_png};
+use crate::tensor::array::Tensor;
+use crate::tensor::axes::{Axis, AxisKind};
+use crate::tensor::view::{FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
+
+const RGB_NM: [f64; 3] = [450.0, 550.0, 660.0];
+
+mod content;
+mod degenerate;
+mod gallery;
+mod refusals;
+
+fn axis(kind: AxisKind, coords: Vec<f64>) -> Axis {
+    Axis {
+        kind,
+        chunk: coords.len() as u64,
+        coords,
+    }
+}
+
+fn counted(kind: AxisKind, n: usize) -> Axis {
+    axis(kind, (0..n).map(|i| i as f64).collect())
+}
+
+/// Indices of one entry, by axis.
+struct At<'a>(&'a Tensor, Vec<usize>);
+
+impl At<'_> {
+    /// Index along an axis; 0 where there is none.
+    fn i(&self, kind: AxisKind) -> usize {
+        self.0.find(kind).map_or(0, |k| self.1[k])
+    }
+
+    fn f(&self, kind: AxisKind) -> f64 {
+        self.i(kind) as f64
+    }
+}
+
+fn tensor(axes: Vec<Axis>, value: impl Fn(&At) -> f64) -> Tensor {
+    let mut t = Tensor::zeros("synthetic", axes);
+    let shape = t.shape();
+    let data = (0..t.data.len())
+        .map(|mut i| {
+            let mut index = vec![0; shape.len()];
+            for (k, n) in shape.iter().enumerate().rev() {
+                index[k] = i % n;
+                i /= n;
+            }
+            value(&At(&t, index)) as f32
+        })
+        .collect();
+    t.data = data;
+    t
+}
+
+fn panel(mean: &Tensor) -> Panel<'_> {
+    Panel {
+        mean,
+        std_error: None,
+        overflow: None,
+    }
+}
+
+fn photo_view() -> View {
+    View::Photo(PhotoView {
+        slice: "s".into(),
+        white: None,
+    })
+}
+
+fn mueller_view(normalized: bool) -> View {
+    View::Mueller(MuellerView {
+        slice: "s".into(),
+        wavelength_nm: None,
+        normalized,
+        limit: None,
+    })
+}
+
+fn map_view(row: usize, element: [usize; 2], wavelength_nm: Option<f64>) -> MapView {
+    MapView {
+        slice: "s".into(),
+        wavelength_nm,
+        row,
+        element,
+    }
+}
+
+fn flight_view(frames: usize) -> View {
+    View::Flight(FlightView {
+        slice: "s".into(),
+        frames,
+    })
+}
+
+fn profile_view(pixel: [f64; 2], element: [usize; 2]) -> View {
+    View::Profile(ProfileView {
+        slice: "s".into(),
+        pixel,
+        element,
+    })
+}
+
+/// One of every kind.
+fn all_views() -> Vec<View> {
+    vec![
+        photo_view(),
+        mueller_view(true),
+        mueller_view(false),
+        View::SpaceSpace(map_view(0, [0, 0], None)),
+        View::SpaceTime(map_view(0, [0, 0], None)),
+        View::SpaceTime(map_view(0, [0, 0], Some(660.0))),
+        View::SpaceSpace(map_view(0, [1, 2], None)),
+        flight_view(12),
+        profile_view([3.0, 2.0], [0, 0]),
+        profile_view([3.0, 2.0], [1, 1]),
+    ]
+}
+
+/// Colour at a place (0..1 across and down) of a rectangle.
+fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
+    let (x, y) = (across * f64::from(r.w), down * f64::from(r.h));
+    img.get_pixel(r.x + x as u32, r.y + y as u32).0
+}

@@ -1,0 +1,75 @@
+//! What cannot be drawn is refused with the mend.
+
+use super::*;
+use AxisKind::{StokesIn, StokesOut, T, U, Wavelength, X, Y};
+
+fn message(view: &View, t: &Tensor) -> String {
+    draw(view, "t", &panel(t)).expect_err("was drawn").to_string()
+}
+
+#[test]
+fn missing_axes_are_named_with_their_mend() {
+    let still = tensor(vec![counted(Y, 2), counted(X, 2), counted(Wavelength, 3)], |_| {
+        1.0
+    });
+    let time = "slice `s` has no time axis; draw a slice with `time = {";
+    for view in [
+        View::SpaceTime(map_view(0, [0, 0], None)),
+        flight_view(3),
+        profile_view([0.0; 2], [0, 0]),
+    ] {
+        assert!(
+            message(&view, &still).starts_with(time),
+            "{view:?}: {}",
+            message(&view, &still)
+        );
+    }
+    let m = message(&View::SpaceSpace(map_view(0, [0, 0], None)), &still);
+    assert!(
+        m.contains("no projector column axis") && m.contains("projector = \"all\""),
+        "{m}"
+    );
+    for view in [mueller_view(true), View::SpaceSpace(map_view(0, [2, 0], None))] {
+        let t = tensor(vec![counted(Y, 2), counted(X, 2), counted(U, 3)], |_| 1.0);
+        let m = message(&view, &t);
+        assert!(
+            m.contains("no Stokes axis") && m.contains("polarization = \"mueller\""),
+            "{m}"
+        );
+    }
+    let scalar = tensor(vec![], |_| 1.0);
+    assert!(message(&photo_view(), &scalar).contains("no camera row axis"));
+}
+
+#[test]
+fn options_out_of_range_are_named() {
+    let t = tensor(
+        vec![
+            counted(Y, 2),
+            counted(X, 2),
+            counted(T, 3),
+            counted(StokesOut, 4),
+            counted(StokesIn, 4),
+        ],
+        |_| 1.0,
+    );
+    let m = message(&View::SpaceTime(map_view(2, [0, 0], None)), &t);
+    assert!(m.contains("2 camera rows") && m.contains("choose 0 to 1"), "{m}");
+    assert!(message(&View::SpaceTime(map_view(0, [0, 4], None)), &t).contains("index 4"));
+    assert!(message(&flight_view(0), &t).contains("`frames`"));
+    assert!(message(&profile_view([f64::NAN, 0.0], [0, 0]), &t).contains("`pixel`"));
+    for white in [0.0, -1.0, f32::NAN] {
+        let view = View::Photo(PhotoView {
+            slice: "s".into(),
+            white: Some(white),
+        });
+        assert!(message(&view, &t).contains("`white`"));
+    }
+    let limit = View::Mueller(MuellerView {
+        slice: "s".into(),
+        wavelength_nm: None,
+        normalized: true,
+        limit: Some(0.0),
+    });
+    assert!(message(&limit, &t).contains("`limit`"));
+}

@@ -1,0 +1,213 @@
+//! Round numbers for axes and colour bars.
+
+use super::FigureError;
+use super::reduce::ruler;
+use super::text::{TICK, width};
+
+/// Ticks of an axis: where they are (0..1 from its low end) and what they say, with the power of ten that was taken out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ticks {
+    /// Place along the axis and label.
+    pub marks: Vec<(f64, String)>,
+    /// The labels are to be multiplied by ten to this power.
+    pub exponent: i32,
+}
+
+impl Ticks {
+    /// Ticks at 1, 2 or 5 times powers of ten between `low` and `high`, at most about `most` of them.
+    #[must_use]
+    pub fn linear(low: f64, high: f64, most: usize) -> Self {
+        let span = high - low;
+        if !(span.is_finite() && span > 0.0) {
+            return Self::default();
+        }
+        let largest = low.abs().max(high.abs());
+        let magnitude = largest.log10().floor() as i32;
+        let exponent = if (-2..=4).contains(&magnitude) {
+            0
+        } else {
+            magnitude
+        };
+        let step = nice_step(span / most.max(1) as f64);
+        let first = (low / step - 1e-9).ceil() as i64;
+        let last = (high / step + 1e-9).floor() as i64;
+        if !step.is_normal() || last < first || last.saturating_sub(first) > 1000 {
+            return Self::default();
+        }
+        let decimals = (-(step.log10() + 1e-9).floor() as i32 + exponent).clamp(0, 12) as usize;
+        let scale = 10_f64.powi(exponent);
+        let marks = (first..=last)
+            .map(|i| {
+                let value = i as f64 * step;
+                ((value - low) / span, number(value / scale, decimals))
+            })
+            .collect();
+        Self { marks, exponent }
+    }
+
+    /// Ticks at whole powers of ten between two powers of ten.
+    #[must_use]
+    pub fn decades(low_exp: f64, high_exp: f64) -> Self {
+        let span = high_exp - low_exp;
+        if !(span.is_finite() && span > 0.0) {
+            return Self::default();
+        }
+        let marks = ((low_exp - 1e-6).ceil() as i32..=(high_exp + 1e-6).floor() as i32)
+            .map(|e| ((f64::from(e) - low_exp) / span, format!("10{}", superscript(e))))
+            .collect();
+        Self { marks, exponent: 0 }
+    }
+
+    /// Ticks of pixel or bin coordinates along `length` picture pixels, so that labels of an axis that runs
+    /// horizontally do not touch. Axes that are not evenly spaced are labelled at some of their entries.
+    pub fn coordinates(coords: &[f64], length: usize, horizontal: bool) -> Result<Self, FigureError> {
+        let mut most = (length / if horizontal { 70 } else { 45 }).clamp(1, 10);
+        loop {
+            let ticks = match ruler(coords) {
+                Some((low, high)) if coords.len() > 1 => {
+                    let mut t = Self::linear(low, high, most);
+                    if coords.iter().all(|c| c.fract() == 0.0) {
+                        t.marks.retain(|m| !m.1.contains('.'));
+                    }
+                    t
+                }
+                _ => Self::listed(coords, most),
+            };
+            let mut needed = 0.0;
+            for (_, label) in &ticks.marks {
+                needed += width(label, TICK)? + 16.0;
+            }
+            if !horizontal || most == 1 || needed < length as f32 {
+                return Ok(ticks);
+            }
+            most -= 1;
+        }
+    }
+
+    /// Labels at about `most` entries of a list.
+    fn listed(coords: &[f64], most: usize) -> Self {
+        let n = coords.len();
+        let every = n.div_ceil(most.max(1)).max(1);
+        let marks = (0..n)
+            .step_by(every)
+            .filter(|&i| coords[i].is_finite())
+            .map(|i| {
+                let decimals = usize::from(coords[i].fract() != 0.0);
+                ((i as f64 + 0.5) / n as f64, number(coords[i], decimals))
+            })
+            .collect();
+        Self { marks, exponent: 0 }
+    }
+
+    /// A unit with the power of ten that was taken out of the labels.
+    #[must_use]
+    pub fn unit(&self, unit: &str) -> String {
+        match self.exponent {
+            0 => unit.to_owned(),
+            e => format!("10{} {unit}", superscript(e)),
+        }
+    }
+}
+
+/// The smallest of 1, 2, 5 times a power of ten that is not below `raw`.
+fn nice_step(raw: f64) -> f64 {
+    let base = 10_f64.powf(raw.log10().floor());
+    [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|m| m * base)
+        .find(|s| *s >= raw * (1.0 - 1e-9))
+        .unwrap_or(raw)
+}
+
+/// A number with a true minus sign.
+fn number(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(rest) if rest.bytes().all(|b| b == b'0' || b == b'.') => rest.to_owned(),
+        Some(rest) => format!("−{rest}"),
+        None => text,
+    }
+}
+
+/// A value with up to three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
+#[must_use]
+pub fn brief(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let e = value.abs().log10().floor() as i32;
+    let short = |v: f64, decimals: usize| {
+        let text = number(v, decimals);
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        }
+    };
+    if (-3..5).contains(&e) {
+        return short(value, (2 - e).max(0) as usize);
+    }
+    format!("{}×10{}", short(value / 10_f64.powi(e), 2), superscript(e))
+}
+
+/// An exponent in raised digits.
+fn superscript(e: i32) -> String {
+    e.to_string()
+        .chars()
+        .map(|c| match c {
+            '-' => '⁻',
+            '1' => '¹',
+            '2' => '²',
+            '3' => '³',
+            d => char::from_u32(0x2070 + d.to_digit(10).unwrap_or(0)).unwrap_or(d),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(t: &Ticks) -> Vec<&str> {
+        t.marks.iter().map(|m| m.1.as_str()).collect()
+    }
+
+    #[test]
+    fn linear_ticks_are_round_and_symmetric() {
+        let t = Ticks::linear(-1.0, 1.0, 5);
+        assert_eq!(labels(&t), ["−1.0", "−0.5", "0.0", "0.5", "1.0"]);
+        assert_eq!(t.marks[2].0, 0.5);
+        let t = Ticks::linear(0.0, 3.2e-6, 4);
+        assert_eq!((labels(&t), t.exponent), (vec!["0", "1", "2", "3"], -6));
+        assert_eq!(t.unit("W"), "10⁻⁶ W");
+        assert_eq!(labels(&Ticks::linear(-0.5, 319.5, 4)), ["0", "100", "200", "300"]);
+        assert_eq!(labels(&Ticks::decades(-3.5, -1.0)), ["10⁻³", "10⁻²", "10⁻¹"]);
+    }
+
+    #[test]
+    fn no_range_has_no_ticks() {
+        for (a, b) in [
+            (0.0, 0.0),
+            (1.0, 0.0),
+            (f64::NAN, 1.0),
+            (0.0, f64::INFINITY),
+            (1e300, 1.1e300),
+        ] {
+            let _ = Ticks::linear(a, b, 5);
+        }
+        assert!(Ticks::linear(0.0, 0.0, 5).marks.is_empty());
+        assert!(Ticks::decades(0.0, f64::NAN).marks.is_empty());
+        let t = Ticks::coordinates(&[3.0, 9.0, 40.0], 400, true).unwrap();
+        assert_eq!(labels(&t), ["3", "9", "40"]);
+        assert!(Ticks::coordinates(&[], 400, true).unwrap().marks.is_empty());
+    }
+
+    #[test]
+    fn brief_numbers_have_three_digits() {
+        assert_eq!(brief(0.012_345), "0.0123");
+        assert_eq!(brief(123.4), "123");
+        assert_eq!(brief(-4.56e-7), "−4.56×10⁻⁷");
+        assert_eq!(brief(0.0), "0");
+        assert_eq!((brief(25.0), brief(1e-9)), ("25".into(), "1×10⁻⁹".into()));
+    }
+}
