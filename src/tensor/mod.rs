@@ -4,6 +4,7 @@
 
 pub mod array;
 pub mod axes;
+pub mod merge;
 pub mod region;
 pub mod slice;
 pub mod store;
