@@ -5,8 +5,8 @@
 //! (`.NAME.PID-N.tmp`) stays behind, which readers never see and [`AtomicDirectory::remove_leftovers`] deletes. Files
 //! are not synced one by one: the guarantee is against the death of the process, not against the loss of power.
 
-use std::fs;
-use std::io::{self, ErrorKind};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -80,24 +80,36 @@ pub(super) fn temporary_beside(path: &Path) -> PathBuf {
 
 /// Writes a file whole: temporary file in the same directory, then rename. Creates missing directories.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    if let Some(parent) = path.parent() {
-        fs::create_dir_all(parent)?;
-    }
     // A second process that opens the store for writing may sweep the temporary file away: write it again.
     let mut attempts = 3;
     loop {
-        let temporary = temporary_beside(path);
-        let result = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
         attempts -= 1;
-        match result {
+        match write_file_with(path, |file| file.write_all(bytes)) {
             Err(e) if e.kind() == ErrorKind::NotFound && attempts > 0 => {}
-            Err(e) => {
-                let _ = fs::remove_file(&temporary);
-                return Err(e);
-            }
-            Ok(()) => return Ok(()),
+            result => return result,
         }
     }
+}
+
+/// Writes a file whole as [`write_file`] does, its bytes given to a buffered writer.
+pub(crate) fn write_file_with(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent)?;
+    }
+    let temporary = temporary_beside(path);
+    let result = (|| {
+        let mut file = BufWriter::new(File::create(&temporary)?);
+        fill(&mut file)?;
+        file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        fs::rename(&temporary, path)
+    })();
+    if result.is_err() {
+        let _ = fs::remove_file(&temporary);
+    }
+    result
 }
 
 impl ReadableStorageTraits for AtomicDirectory {
