@@ -1,0 +1,88 @@
+//! `sunstone info`.
+
+use super::failure::Failure;
+use serde_json::Value;
+use std::fmt::Write;
+use std::path::PathBuf;
+use sunstone::tensor::axes::AxisKind;
+use sunstone::tensor::store::{Field, StoredSlice, TensorStore};
+
+/// Show what a store holds: provenance, slices with their axes, light, errors, and overflow.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Store written by `render` or `merge`.
+    store: PathBuf,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let store = TensorStore::open(&a.store).map_err(Failure::input)?;
+    let attributes = store.attributes();
+    let mut text = String::new();
+    let mut line = |s: String| {
+        text.push_str(&s);
+        text.push('\n');
+    };
+    line(a.store.display().to_string());
+    for key in [
+        "title", "status", "scene_sha256", "seeds", "samples_per_pixel", "discarded_samples", "max_depth",
+        "wavelengths_nm", "version", "wall_time_s",
+    ] {
+        if let Some(v) = attributes.get(key) {
+            let shown = v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+            line(format!("  {key:18} {shown}"));
+        }
+    }
+    for name in store.slice_names() {
+        let slice = store.slice(name).map_err(Failure::input)?;
+        line(describe(&slice)?);
+    }
+    super::print(text.trim_end())
+}
+
+fn describe(slice: &StoredSlice) -> Result<String, Failure> {
+    let layout = slice.layout();
+    let axes: Vec<String> = layout
+        .axes
+        .iter()
+        .map(|x| format!("{} {}", x.kind.name(), x.len()))
+        .collect();
+    let selection = slice.attributes().get("projector_selection").and_then(Value::as_str);
+    let mut out = format!("\n{}  ({})  s': {}", slice.name(), axes.join(" × "), selection.unwrap_or("?"));
+    let total = m00_total(slice, Field::Mean)?;
+    let _ = write!(out, "\n  Σ M00 {:.6e} W/(m² sr nm), per wavelength {}", total.iter().sum::<f64>(), list(&total));
+    if let Some((start, bin)) = layout.time {
+        let t = &layout.axes[layout.find(AxisKind::T).unwrap_or(0)];
+        let end = start + bin * t.len() as f64;
+        let outside = m00_total(slice, Field::Overflow)?;
+        let all: f64 = total.iter().chain(&outside).sum();
+        let share = if all > 0.0 { 100.0 * outside.iter().sum::<f64>() / all } else { 0.0 };
+        let _ = write!(
+            out,
+            "\n  time {start}..{end} ps in bins of {bin} ps; overflow Σ M00 {:.6e} ({share:.3} % of all light)",
+            outside.iter().sum::<f64>()
+        );
+    }
+    Ok(out)
+}
+
+fn list(v: &[f64]) -> String {
+    v.iter().map(|x| format!("{x:.4e}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Σ of M00 over everything, by wavelength, a chunk at a time.
+fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
+    let layout = slice.field_layout(field).map_err(Failure::input)?.clone();
+    let shape = layout.shape();
+    let wavelengths = shape[shape.len() - 1] as usize;
+    let elements = if layout.find(AxisKind::StokesOut).is_some() { 16 } else { 1 };
+    let mut total = vec![0.0; wavelengths];
+    for (start, shape) in slice.chunks(field).map_err(Failure::input)? {
+        let data = slice.read(field, &start, &shape).map_err(Failure::input)?;
+        for element in data.chunks_exact(elements * wavelengths) {
+            for (t, v) in total.iter_mut().zip(element) {
+                *t += f64::from(*v);
+            }
+        }
+    }
+    Ok(total)
+}
