@@ -5,6 +5,7 @@
 pub mod array;
 pub mod axes;
 pub mod merge;
+pub mod probe;
 pub mod region;
 pub mod slice;
 pub mod store;
