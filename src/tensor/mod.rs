@@ -4,6 +4,7 @@
 
 pub mod array;
 pub mod axes;
+pub mod exr;
 pub mod merge;
 pub mod probe;
 pub mod region;

@@ -53,6 +53,7 @@ pub enum CoordRange {
     /// The entry nearest to the coordinate; the axis disappears.
     Nearest(f64),
     /// From the entry nearest to the first to the entry nearest to the second, both included; the axis stays.
+    /// Bin edges work too: halfway between two entries, a range begins with the later and ends with the earlier.
     /// Infinite ends mean "from the start" and "to the end".
     Between(f64, f64),
 }

@@ -258,11 +258,20 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             drop: false,
         });
     };
+    let distance = |i: usize, value: f64| (axis.coords[i] - value).abs();
     let nearest = |value: f64| {
-        let distance = |i: &usize| (axis.coords[*i] - value).abs();
         (0..n)
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .min_by(|&a, &b| distance(a, value).total_cmp(&distance(b, value)))
             .unwrap_or(0)
+    };
+    // Of two equally near entries a range begins with the later one, so that ranges may be given by bin edges.
+    let nearest_from = |value: f64| {
+        let i = nearest(value);
+        if i + 1 < n && distance(i + 1, value) <= distance(i, value) {
+            i + 1
+        } else {
+            i
+        }
     };
     // A coordinate counts as inside up to half a spacing beyond the ends; any wavelength has a nearest one.
     let spacing = axis
