@@ -105,8 +105,10 @@ fn gather(
         let ranges: Ranges = block.iter().chain(part).copied().collect();
         let start: Vec<u64> = ranges.iter().map(|r| r.0 as u64).collect();
         let shape: Vec<u64> = ranges.iter().map(|r| (r.1 - r.0) as u64).collect();
+        let (tail, run) = tail(plan, block.len(), &ranges);
         let walk = Walk {
-            targets: targets(plan, block, &ranges, rest),
+            targets: targets(plan, block, &ranges, rest).drain(..tail).collect(),
+            run,
             joint: joint(plan, &ranges),
             mean: slice.read(fields[0], &start, &shape)?,
             std_error: slice.read(fields[1], &start, &shape)?,
@@ -114,6 +116,24 @@ fn gather(
         walk.go(0, 0, 0, 1.0, &mut partial);
     }
     Ok(partial)
+}
+
+/// The first of the trailing axes that are kept as they are and lie wholly in the box, and their common length:
+/// they are added as one run.
+fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
+    let (mut tail, mut run) = (ranges.len(), 1);
+    while tail > camera {
+        let (axis, range) = (&plan.axes[tail - 1], ranges[tail - 1]);
+        let in_place = |(i, row): (usize, &Vec<Target>)| matches!(row[..], [(slot, 1.0)] if slot == i);
+        let whole = range == (axis.first, axis.end) && axis.slots == axis.targets.len();
+        let joint = plan.joint.is_some() && matches!(axis.kind, AxisKind::V | AxisKind::U);
+        if joint || !whole || !axis.targets.iter().enumerate().all(in_place) {
+            break;
+        }
+        run *= axis.slots;
+        tail -= 1;
+    }
+    (tail, run)
 }
 
 /// For every axis and entry of a box, offsets into the partial sums and weights.
@@ -150,7 +170,10 @@ fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
 
 /// One box of values with where they go.
 struct Walk {
+    /// Targets of all axes but the trailing ones that form a run.
     targets: Vec<Vec<Vec<Target>>>,
+    /// Values per run.
+    run: usize,
     joint: Option<(usize, Vec<f64>)>,
     mean: Vec<f32>,
     std_error: Vec<f32>,
@@ -159,10 +182,16 @@ struct Walk {
 impl Walk {
     /// Adds everything below an index prefix: `source` is its flat index, `to` its offset in the sums.
     fn go(&self, axis: usize, source: usize, to: usize, weight: f64, into: &mut Partial) {
-        let last = self.targets.len();
-        if axis == last {
-            into.mean[to] += weight * f64::from(self.mean[source]);
-            into.bound[to] += weight.abs() * f64::from(self.std_error[source]);
+        if axis == self.targets.len() {
+            let values = &self.mean[source * self.run..(source + 1) * self.run];
+            let errors = &self.std_error[source * self.run..(source + 1) * self.run];
+            let sums = into.mean[to..to + self.run]
+                .iter_mut()
+                .zip(&mut into.bound[to..to + self.run]);
+            for ((sum, bound), (value, error)) in sums.zip(values.iter().zip(errors)) {
+                *sum += weight * f64::from(*value);
+                *bound += weight.abs() * f64::from(*error);
+            }
         } else if let Some((v, weights)) = self.joint.as_ref().filter(|(v, _)| *v == axis) {
             let n = self.targets[*v].len() * self.targets[v + 1].len();
             for (i, w) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
@@ -173,13 +202,7 @@ impl Walk {
             let base = source * rows.len();
             for (i, row) in rows.iter().enumerate() {
                 for &(offset, w) in row.iter().filter(|t| t.1 != 0.0) {
-                    if axis + 1 == last {
-                        let w = weight * w;
-                        into.mean[to + offset] += w * f64::from(self.mean[base + i]);
-                        into.bound[to + offset] += w.abs() * f64::from(self.std_error[base + i]);
-                    } else {
-                        self.go(axis + 1, base + i, to + offset, weight * w, into);
-                    }
+                    self.go(axis + 1, base + i, to + offset, weight * w, into);
                 }
             }
         }

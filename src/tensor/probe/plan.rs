@@ -316,7 +316,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             let first = if from == f64::NEG_INFINITY {
                 0
             } else {
-                nearest(from)
+                nearest_from(from)
             };
             let last = if to == f64::INFINITY { n - 1 } else { nearest(to) };
             Ok(Step::Range {
