@@ -5,7 +5,9 @@
 pub mod accumulate;
 pub mod array;
 pub mod axes;
+pub mod exr;
 pub mod merge;
+pub mod probe;
 pub mod region;
 pub mod slice;
 pub mod store;

@@ -16,9 +16,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
-use super::axes::{AxisKind, SliceLayout};
-use super::region;
-use super::store::{AccessError, CreateError, Field, OpenError, SampleGrid, StoredSlice, TensorStore};
+use crate::tensor::axes::{AxisKind, SliceLayout};
+use crate::tensor::region;
+use crate::tensor::store::{
+    AccessError, CreateError, Field, OpenError, SampleGrid, StoredSlice, TensorStore,
+};
 
 /// Stores could not be merged.
 #[derive(Debug, thiserror::Error)]
@@ -35,7 +37,9 @@ pub enum MergeError {
         key: &'static str,
     },
     /// The stores are of different scenes.
-    #[error("{first} and {second} are of different scenes (`scene_sha256` differs): merge renders of one scene")]
+    #[error(
+        "{first} and {second} are of different scenes (`scene_sha256` differs): merge renders of one scene"
+    )]
     Scenes {
         /// One store.
         first: PathBuf,
@@ -43,7 +47,9 @@ pub enum MergeError {
         second: PathBuf,
     },
     /// A seed occurs twice.
-    #[error("seed {seed} of {path} occurs twice, its samples would count double: render with another `--seed`")]
+    #[error(
+        "seed {seed} of {path} occurs twice, its samples would count double: render with another `--seed`"
+    )]
     Seed {
         /// The store with the second occurrence.
         path: PathBuf,
@@ -110,9 +116,10 @@ pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeE
     }
     let shapes: Vec<_> = inputs.iter().map(|i| i.store.samples_shape()).collect();
     let grid = match shapes[0] {
-        Some((shape, chunk)) if shapes.iter().all(|s| s.is_some_and(|s| s.0 == shape)) => {
-            Some(SampleGrid { camera: [shape[1] as u32, shape[0] as u32], tile: chunk[0].max(chunk[1]) as u32 })
-        }
+        Some((shape, chunk)) if shapes.iter().all(|s| s.is_some_and(|s| s.0 == shape)) => Some(SampleGrid {
+            camera: [shape[1] as u32, shape[0] as u32],
+            tile: chunk[0].max(chunk[1]) as u32,
+        }),
         _ => None,
     };
     let merged = TensorStore::create(out, &slices, &merged_attributes(&inputs), grid, replace)?;
@@ -125,7 +132,9 @@ pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeE
             let mut sum = inputs[0].store.read_samples(start, size)?;
             for input in &inputs[1..] {
                 let counts = input.store.read_samples(start, size)?;
-                sum.iter_mut().zip(counts).for_each(|(s, c)| *s = s.saturating_add(c));
+                sum.iter_mut()
+                    .zip(counts)
+                    .for_each(|(s, c)| *s = s.saturating_add(c));
             }
             merged.write_samples(start, size, &sum)?;
         }
@@ -147,16 +156,25 @@ fn open_inputs(paths: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
     for path in paths {
         let store = TensorStore::open(path)?;
         let attributes = store.attributes();
-        let missing = |key| MergeError::Attribute { path: path.clone(), key };
+        let missing = |key| MergeError::Attribute {
+            path: path.clone(),
+            key,
+        };
         if attributes.get("scene_sha256").is_none_or(|v| !v.is_string()) {
             return Err(missing("scene_sha256"));
         }
         if let Some(first) = inputs.first()
             && first.attributes["scene_sha256"] != attributes["scene_sha256"]
         {
-            return Err(MergeError::Scenes { first: first.store.path().to_owned(), second: path.clone() });
+            return Err(MergeError::Scenes {
+                first: first.store.path().to_owned(),
+                second: path.clone(),
+            });
         }
-        let seeds = attributes.get("seeds").and_then(Value::as_array).ok_or_else(|| missing("seeds"))?;
+        let seeds = attributes
+            .get("seeds")
+            .and_then(Value::as_array)
+            .ok_or_else(|| missing("seeds"))?;
         for seed in seeds {
             let seed = seed
                 .as_u64()
@@ -164,15 +182,24 @@ fn open_inputs(paths: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
                 .or(seed.as_i64().map(i128::from))
                 .ok_or_else(|| missing("seeds"))?;
             if !seen.insert(seed) {
-                return Err(MergeError::Seed { path: path.clone(), seed });
+                return Err(MergeError::Seed {
+                    path: path.clone(),
+                    seed,
+                });
             }
         }
-        let samples_per_pixel =
-            attributes.get("samples_per_pixel").and_then(Value::as_f64).filter(|n| *n >= 0.0);
+        let samples_per_pixel = attributes
+            .get("samples_per_pixel")
+            .and_then(Value::as_f64)
+            .filter(|n| *n >= 0.0);
         if samples_per_pixel.is_none() && store.samples_shape().is_none() {
             return Err(missing("samples_per_pixel"));
         }
-        inputs.push(Input { store, attributes, samples_per_pixel });
+        inputs.push(Input {
+            store,
+            attributes,
+            samples_per_pixel,
+        });
     }
     Ok(inputs)
 }
@@ -198,44 +225,57 @@ fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
         );
         attributes.insert(key.into(), sum);
     }
-    let from: Vec<String> = inputs.iter().map(|i| i.store.path().display().to_string()).collect();
+    let from: Vec<String> = inputs
+        .iter()
+        .map(|i| i.store.path().display().to_string())
+        .collect();
     attributes.insert("merged_from".into(), json!(from));
     attributes
 }
 
 fn merge_slice(inputs: &[Input], merged: &StoredSlice) -> Result<(), MergeError> {
-    let sources: Vec<StoredSlice> =
-        inputs.iter().map(|i| i.store.slice(merged.name())).collect::<Result<_, _>>()?;
+    let sources: Vec<StoredSlice> = inputs
+        .iter()
+        .map(|i| i.store.slice(merged.name()))
+        .collect::<Result<_, _>>()?;
     let pixels = merged
         .attributes()
         .get("pixels_per_element")
         .and_then(Value::as_f64)
         .filter(|n| *n >= 1.0)
-        .ok_or_else(|| MergeError::Attribute { path: merged.path().to_owned(), key: "pixels_per_element" })?;
+        .ok_or_else(|| MergeError::Attribute {
+            path: merged.path().to_owned(),
+            key: "pixels_per_element",
+        })?;
     let alike = pixels == 1.0;
-    for (mean, error) in [(Field::Mean, Field::StdError), (Field::Overflow, Field::OverflowStdError)] {
+    for (mean, error) in [
+        (Field::Mean, Field::StdError),
+        (Field::Overflow, Field::OverflowStdError),
+    ] {
         if !merged.has(mean) {
             continue;
         }
         let layout = merged.field_layout(mean)?;
         let chunks: Vec<_> = merged.chunks(mean)?.collect();
-        chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), MergeError> {
-            let n = region::volume(shape).unwrap_or(0);
-            let mut pools = vec![Pool::default(); n];
-            for (input, source) in inputs.iter().zip(&sources) {
-                let m = source.read(mean, start, shape)?;
-                let e = source.read(error, start, shape)?;
-                let counts = element_counts(input, layout, alike, start, shape)?;
-                let inner = n / counts.len().max(1);
-                for (i, pool) in pools.iter_mut().enumerate() {
-                    pool.add(counts[i / inner], f64::from(m[i]), f64::from(e[i]), alike);
+        chunks
+            .par_iter()
+            .try_for_each(|(start, shape)| -> Result<(), MergeError> {
+                let n = region::volume(shape).unwrap_or(0);
+                let mut pools = vec![Pool::default(); n];
+                for (input, source) in inputs.iter().zip(&sources) {
+                    let m = source.read(mean, start, shape)?;
+                    let e = source.read(error, start, shape)?;
+                    let counts = element_counts(input, layout, alike, start, shape)?;
+                    let inner = n / counts.len().max(1);
+                    for (i, pool) in pools.iter_mut().enumerate() {
+                        pool.add(counts[i / inner], f64::from(m[i]), f64::from(e[i]), alike);
+                    }
                 }
-            }
-            let m: Vec<f32> = pools.iter().map(|p| p.mean as f32).collect();
-            let e: Vec<f32> = pools.iter().map(|p| p.std_error(alike) as f32).collect();
-            merged.write(mean, start, shape, &m)?;
-            Ok(merged.write(error, start, shape, &e)?)
-        })?;
+                let m: Vec<f32> = pools.iter().map(|p| p.mean as f32).collect();
+                let e: Vec<f32> = pools.iter().map(|p| p.std_error(alike) as f32).collect();
+                merged.write(mean, start, shape, &m)?;
+                Ok(merged.write(error, start, shape, &e)?)
+            })?;
     }
     Ok(())
 }
@@ -260,7 +300,8 @@ impl Pool {
         let total = self.n + n;
         let difference = mean - self.mean;
         if alike {
-            self.spread += std_error * std_error * n * (n - 1.0) + difference * difference * self.n * n / total;
+            self.spread +=
+                std_error * std_error * n * (n - 1.0) + difference * difference * self.n * n / total;
         } else {
             self.spread += (n * std_error).powi(2);
         }
@@ -289,15 +330,24 @@ fn element_counts(
 ) -> Result<Vec<f64>, MergeError> {
     let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
     let (Some(([rows, columns], _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {
-        let missing =
-            MergeError::Attribute { path: input.store.path().to_owned(), key: "samples_per_pixel" };
+        let missing = MergeError::Attribute {
+            path: input.store.path().to_owned(),
+            key: "samples_per_pixel",
+        };
         return Ok(vec![input.samples_per_pixel.ok_or(missing)?]);
     };
     let boxes = |axis: usize, limit: u64| -> Vec<(u64, u64)> {
         let coords = &layout.axes[axis].coords;
-        let all = if alike { coords.iter().map(|&c| (c as u64, c as u64)).collect() } else { boxes(coords) };
+        let all = if alike {
+            coords.iter().map(|&c| (c as u64, c as u64)).collect()
+        } else {
+            boxes(coords)
+        };
         let (a, n) = (start[axis] as usize, shape[axis] as usize);
-        all[a..a + n].iter().map(|&(first, last)| (first.min(limit - 1), last.min(limit - 1))).collect()
+        all[a..a + n]
+            .iter()
+            .map(|&(first, last)| (first.min(limit - 1), last.min(limit - 1)))
+            .collect()
     };
     let (ys, xs) = (boxes(0, rows), boxes(1, columns));
     let span = |b: &[(u64, u64)]| (b[0].0, b[b.len() - 1].1 - b[0].0 + 1);
@@ -329,151 +379,4 @@ fn boxes(centres: &[f64]) -> Vec<(u64, u64)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::tensor::axes::Extents;
-    use crate::tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
-
-    const SAMPLES: [usize; 3] = [5, 1, 11];
-
-    fn layout(camera: CameraSelect) -> SliceLayout {
-        let extents = Extents {
-            camera: [5, 3],
-            projector: None,
-            wavelengths_nm: vec![450.0, 660.0],
-            max_depth: 2,
-            tile: 2,
-        };
-        let slice = Slice {
-            name: "s".into(),
-            camera,
-            projector: ProjectorSelect::Sum,
-            time: TimeSelect::Bins { start_ps: 0.0, bin_ps: 1.0, bins: 3 },
-            polarization: Polarization::Intensity,
-            bounces: false,
-            split_first_bounce: false,
-        };
-        SliceLayout::new(&slice, &extents)
-    }
-
-    fn value(element: usize, sample: usize) -> f64 {
-        let x = (element as f64 * 12.9898 + sample as f64 * 78.233).sin() * 43758.5453;
-        1.0 + (x - x.floor()) * (1.0 + element as f64)
-    }
-
-    fn statistics(values: &[f64]) -> (f32, f32) {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let m2: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        (mean as f32, if n > 1.0 { (m2 / (n * (n - 1.0))).sqrt() as f32 } else { 0.0 })
-    }
-
-    /// A store whose elements hold the samples `from..from + n` of every element.
-    fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool) {
-        let attributes = json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
-            "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"});
-        let grid = counted.then_some(SampleGrid { camera: [5, 3], tile: 2 });
-        let group = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
-        let slices = [(layout(CameraSelect::All), group)];
-        let store = TensorStore::create(path, &slices, attributes.as_object().unwrap(), grid, false).unwrap();
-        let slice = store.slice("s").unwrap();
-        for (offset, mean, error) in
-            [(0, Field::Mean, Field::StdError), (1000, Field::Overflow, Field::OverflowStdError)]
-        {
-            let shape = slice.field_layout(mean).unwrap().shape();
-            let zero = vec![0; shape.len()];
-            let (m, e): (Vec<f32>, Vec<f32>) = (0..region::volume(&shape).unwrap())
-                .map(|i| {
-                    let values: Vec<f64> = (from..from + n).map(|s| value(i + offset, s)).collect();
-                    statistics(&values)
-                })
-                .unzip();
-            slice.write(mean, &zero, &shape, &m).unwrap();
-            slice.write(error, &zero, &shape, &e).unwrap();
-        }
-        if counted {
-            store.write_samples([0, 0], [3, 5], &[n as u32; 15]).unwrap();
-        }
-        store.finish().unwrap();
-    }
-
-    #[test]
-    fn parts_merge_to_the_whole() {
-        for counted in [false, true] {
-            let dir = tempfile::tempdir().unwrap();
-            let at = |name: &str| dir.path().join(name);
-            let mut from = 0;
-            let mut inputs = Vec::new();
-            for (i, n) in SAMPLES.into_iter().enumerate() {
-                inputs.push(at(&format!("part{i}")));
-                part(&inputs[i], i as u64, from, n, "a", counted);
-                from += n;
-            }
-            part(&at("whole"), 9, 0, from, "a", counted);
-            merge(&inputs, &at("merged"), false).unwrap();
-            let whole = TensorStore::open(&at("whole")).unwrap();
-            let merged = TensorStore::open(&at("merged")).unwrap();
-            for field in Field::ALL {
-                let a = whole.slice("s").unwrap().read_all(field).unwrap();
-                let b = merged.slice("s").unwrap().read_all(field).unwrap();
-                for (x, y) in a.data.iter().zip(&b.data) {
-                    let tolerance = if matches!(field, Field::Mean | Field::Overflow) { 2e-7 } else { 1e-6 };
-                    assert!((x - y).abs() <= tolerance * x.abs(), "{field:?} {x} {y}");
-                }
-            }
-            let attributes = merged.attributes();
-            assert_eq!(attributes["seeds"], json!([0, 1, 2]));
-            assert_eq!(attributes["samples_per_pixel"], 17);
-            assert_eq!(attributes["discarded_samples"], 3);
-            assert_eq!(attributes["wall_time_s"], 1.5);
-            assert_eq!(attributes["merged_from"].as_array().unwrap().len(), 3);
-            if counted {
-                assert_eq!(merged.read_samples([0, 0], [3, 5]).unwrap(), [17; 15]);
-            }
-        }
-    }
-
-    #[test]
-    fn pooling_is_exact_to_a_millionth() {
-        for split in [1, 2, 7, 16] {
-            let values: Vec<f64> = (0..17).map(|s| value(3, s)).collect();
-            let (a, b) = values.split_at(split);
-            let mut pool = Pool::default();
-            for part in [a, b] {
-                let (m, e) = statistics(part);
-                pool.add(part.len() as f64, f64::from(m), f64::from(e), true);
-            }
-            let (m, e) = statistics(&values);
-            assert!((pool.mean / f64::from(m) - 1.0).abs() < 1e-6);
-            assert!((pool.std_error(true) / f64::from(e) - 1.0).abs() < 1e-6, "{split}");
-        }
-    }
-
-    #[test]
-    fn binned_elements_weigh_by_samples() {
-        let mut pool = Pool::default();
-        pool.add(30.0, 2.0, 0.5, false);
-        pool.add(0.0, 99.0, 99.0, false);
-        pool.add(10.0, 6.0, 1.0, false);
-        assert!((pool.mean - 3.0).abs() < 1e-12);
-        assert!((pool.std_error(false) - (15.0_f64.powi(2) + 100.0).sqrt() / 40.0).abs() < 1e-12);
-        let centres = layout(CameraSelect::Binned { nx: 2, ny: 2 }).axes[1].coords.clone();
-        assert_eq!(boxes(&centres), [(0, 1), (2, 3), (4, 4)]);
-    }
-
-    #[test]
-    fn strangers_and_twins_are_refused() {
-        let dir = tempfile::tempdir().unwrap();
-        let at = |name: &str| dir.path().join(name);
-        part(&at("a"), 1, 0, 4, "a", false);
-        part(&at("b"), 2, 0, 4, "b", false);
-        part(&at("c"), 1, 0, 4, "a", true);
-        let error = |x: &str, y: &str| merge(&[at(x), at(y)], &at("out"), false).unwrap_err().to_string();
-        assert!(error("a", "b").contains("different scenes"));
-        assert!(error("a", "c").contains("seed 1"));
-        assert!(error("a", "a").contains("seed 1"));
-        assert!(error("a", "none").contains("does not exist"));
-        assert!(matches!(merge(&[at("a")], &at("out"), false), Err(MergeError::TooFew)));
-        assert!(!at("out").exists());
-    }
-}
+mod tests;

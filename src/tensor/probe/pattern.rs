@@ -1,0 +1,126 @@
+//! Drive images for the projector, and which projector pixels an entry of the axes v and u stands for.
+
+/// Drive of every projector pixel, 0..1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pattern {
+    /// Projector columns.
+    pub width: u32,
+    /// Projector rows.
+    pub height: u32,
+    /// Drives, row-major, `width * height` of them.
+    pub values: Vec<f32>,
+}
+
+impl Pattern {
+    /// The same drive everywhere.
+    #[must_use]
+    pub fn uniform(width: u32, height: u32, drive: f32) -> Self {
+        Self {
+            width,
+            height,
+            values: vec![drive; width as usize * height as usize],
+        }
+    }
+
+    /// True if every pixel is driven fully.
+    #[must_use]
+    pub fn is_full_on(&self) -> bool {
+        self.values.iter().all(|v| *v == 1.0)
+    }
+
+    /// Mean drive of a box of pixels given as (first, last) column and row.
+    pub(super) fn mean(&self, columns: (u32, u32), rows: (u32, u32)) -> f64 {
+        let mut sum = 0.0;
+        for y in rows.0..=rows.1 {
+            let row = y as usize * self.width as usize;
+            let line = &self.values[row + columns.0 as usize..=row + columns.1 as usize];
+            sum += line.iter().map(|v| f64::from(*v)).sum::<f64>();
+        }
+        sum / (f64::from(columns.1 - columns.0 + 1) * f64::from(rows.1 - rows.0 + 1))
+    }
+}
+
+/// The pixels (first, last) that each entry of a projector axis stands for, given the entries' centres, the number
+/// of pixels per bin if it is known (attribute `projector_bin`), and the number of pixels along the axis.
+///
+/// Without that number, consecutive whole coordinates are single pixels and fractional ones are bins that tile the
+/// axis from pixel 0. Whole coordinates with gaps could be either, so they are refused.
+pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec<(u32, u32)>, String> {
+    let whole = coords.iter().all(|c| c.fract() == 0.0);
+    let consecutive = coords.windows(2).all(|w| w[1] - w[0] == 1.0);
+    let single = match bin {
+        Some(n) => n <= 1,
+        None if whole && consecutive => true,
+        None if whole => {
+            return Err(
+                "it is not known whether its projector pixels are binned or listed; \
+                        its attribute `projector_bin` is missing"
+                    .into(),
+            );
+        }
+        None => false,
+    };
+    let mut next = 0.0;
+    let mut all = Vec::with_capacity(coords.len());
+    for &centre in coords {
+        let (first, last) = if single {
+            (centre, centre)
+        } else {
+            (next, 2.0 * centre - next)
+        };
+        if !(first >= 0.0 && last >= first && last.fract() == 0.0) {
+            return Err(format!(
+                "projector coordinate {centre} is not the centre of whole pixels"
+            ));
+        }
+        if last >= f64::from(total) {
+            return Err(format!(
+                "the slice reaches projector pixel {last}: use the projector's resolution"
+            ));
+        }
+        next = last + 1.0;
+        all.push((first as u32, last as u32));
+    }
+    if !single && next < f64::from(total) {
+        return Err(format!(
+            "the slice's bins end at projector pixel {next}: use the projector's resolution"
+        ));
+    }
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_stand_for_pixels() {
+        assert_eq!(
+            pixels(&[0.0, 1.0, 2.0], None, 3).unwrap(),
+            [(0, 0), (1, 1), (2, 2)]
+        );
+        assert_eq!(
+            pixels(&[1.5, 5.5, 8.5], None, 10).unwrap(),
+            [(0, 3), (4, 7), (8, 9)]
+        );
+        assert_eq!(
+            pixels(&[1.0, 4.0, 6.5], Some(3), 8).unwrap(),
+            [(0, 2), (3, 5), (6, 7)]
+        );
+        assert_eq!(pixels(&[1.0, 4.0], Some(1), 8).unwrap(), [(1, 1), (4, 4)]);
+        assert!(pixels(&[1.0, 4.0], None, 8).is_err());
+        assert!(pixels(&[1.0, 2.0], None, 2).is_err());
+        assert!(pixels(&[1.5, 5.5], None, 16).is_err());
+        assert!(pixels(&[f64::NAN], None, 16).is_err());
+    }
+
+    #[test]
+    fn boxes_average() {
+        let pattern = Pattern {
+            width: 3,
+            height: 2,
+            values: vec![1., 2., 3., 4., 5., 6.],
+        };
+        assert_eq!(pattern.mean((1, 2), (0, 1)), 4.0);
+    }
+}
