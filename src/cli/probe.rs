@@ -1,4 +1,172 @@
+//! `sunstone probe`.
+
 use super::failure::Failure;
+use std::fmt::Write;
+use std::path::PathBuf;
+use sunstone::tensor::array::Tensor;
+use sunstone::tensor::probe::{Pattern, Probe, ProbeResult, Pulse, Selection, parse_axes, parse_stokes};
+use sunstone::tensor::store::TensorStore;
+
+/// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
+///
+/// Steps run in this order: projector pattern and Stokes state (I = Σ T P over s', p'), pulse (convolution along t),
+/// selection, sums. Without steps the slice is written as it is. Work goes chunk by chunk, so the slice may be larger
+/// than memory; the result may not.
 #[derive(clap::Args)]
-pub struct Arguments {}
-pub fn run(_: &Arguments) -> Result<(), Failure> { Ok(()) }
+#[command(after_help = "\
+Examples:
+  sunstone probe room.zarr xt --select x=180 --sum stokes_out --csv -        a time profile as CSV
+  sunstone probe room.zarr polarimetric --preset polarimetric                T_p, the 4 x 4 of the whole scene
+  sunstone probe room.zarr xt --stokes horizontal --pulse gaussian:50 -o captured.npy
+  sunstone probe room.zarr ss --pattern stripes.png -o lit.zarr")]
+pub struct Arguments {
+    /// Store written by `render` or `merge`.
+    store: PathBuf,
+    /// Slice to probe.
+    slice: String,
+    /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
+    #[arg(short = 'k', long = "select")]
+    select: Vec<Selection>,
+    /// Sum over axes (comma-separated names).
+    #[arg(long, default_value = "")]
+    sum: String,
+    /// Start from a classical transport matrix: spatial T_s, temporal T_t, polarimetric T_p.
+    #[arg(long)]
+    preset: Option<Preset>,
+    /// Drive image P(s') of the projector's resolution, brightness 0..1: contracts v and u.
+    #[arg(long)]
+    pattern: Option<PathBuf>,
+    /// Stokes state p' of the projector light: a name (unpolarized, horizontal, right, …) or s0,s1,s2,s3.
+    #[arg(long)]
+    stokes: Option<String>,
+    /// Pulse shape: gaussian:FWHM_PS, or samples:a,b,… at the slice's bin width.
+    #[arg(long)]
+    pulse: Option<Pulse>,
+    /// Write the result (.npy, .csv or .zarr).
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Print the result as CSV (`--csv -`).
+    #[arg(long, value_name = "-", conflicts_with = "output")]
+    csv: Option<String>,
+    /// Replace an existing result.
+    #[arg(long)]
+    force: bool,
+}
+
+/// The paper's special cases.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Preset {
+    /// T_s = Σ_t T(:, :, 0, 0, t).
+    Spatial,
+    /// T_t = Σ_{s,s'} T(s, s', 0, 0, :).
+    Temporal,
+    /// T_p = Σ_{s,s',t} T(s, s', :, :, t).
+    Polarimetric,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let store = TensorStore::open(&a.store).map_err(Failure::input)?;
+    let slice = store.slice(&a.slice).map_err(Failure::input)?;
+    let mut probe = match a.preset {
+        None => Probe::default(),
+        Some(Preset::Spatial) => Probe::spatial(),
+        Some(Preset::Temporal) => Probe::temporal(),
+        Some(Preset::Polarimetric) => Probe::polarimetric(),
+    };
+    probe.select.extend(a.select.iter().cloned());
+    if !a.sum.is_empty() {
+        probe.sum.extend(parse_axes(&a.sum).map_err(Failure::input)?);
+    }
+    if let Some(path) = &a.pattern {
+        probe.pattern = Some(read_pattern(path)?);
+    }
+    if let Some(s) = &a.stokes {
+        probe.stokes = Some(parse_stokes(s).map_err(Failure::input)?);
+    }
+    probe.pulse = a.pulse.clone();
+    let result = probe.run(&slice).map_err(Failure::input)?;
+    for note in &result.notes {
+        eprintln!("note: {note}");
+    }
+    if let Some(path) = &a.output {
+        let mut attributes = store.attributes();
+        attributes.retain(|k, _| k != "figures" && k != "slices");
+        result.write(path, &attributes, a.force).map_err(Failure::input)?;
+        return super::print(&path.display().to_string());
+    }
+    if a.csv.is_some() {
+        return super::print(csv(&result).trim_end());
+    }
+    super::print(summary(&result).trim_end())
+}
+
+/// A drive image: its linear brightness, as for masks in a scene.
+fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
+    let image = image::open(path)
+        .map_err(|e| Failure::input(format!("--pattern {}: {e}; give a PNG or JPEG file", path.display())))?
+        .to_luma16();
+    Ok(Pattern {
+        width: image.width(),
+        height: image.height(),
+        values: image.pixels().map(|p| f32::from(p.0[0]) / 65535.0).collect(),
+    })
+}
+
+/// Calls `f` with the coordinates of every element.
+fn for_each(t: &Tensor, mut f: impl FnMut(&[f64], usize)) {
+    let shape = t.shape();
+    let mut coords = vec![0.0; shape.len()];
+    for i in 0..t.data.len() {
+        let mut rest = i;
+        for (k, axis) in t.axes.iter().enumerate().rev() {
+            coords[k] = axis.coords[rest % shape[k]];
+            rest /= shape[k];
+        }
+        f(&coords, i);
+    }
+}
+
+fn csv(r: &ProbeResult) -> String {
+    let mut text = String::new();
+    for axis in &r.mean.axes {
+        let _ = write!(text, "{},", axis.kind.name());
+    }
+    text.push_str("mean,std_error\n");
+    for_each(&r.mean, |coords, i| {
+        for c in coords {
+            let _ = write!(text, "{c},");
+        }
+        let _ = writeln!(text, "{:e},{:e}", r.mean.data[i], r.std_error.data[i]);
+    });
+    text
+}
+
+/// Small results in full; of large ones the axes and the extremes.
+fn summary(r: &ProbeResult) -> String {
+    let mut text = String::new();
+    let axes: Vec<String> = r
+        .mean
+        .axes
+        .iter()
+        .map(|a| format!("{} {}", a.kind.name(), a.coords.len()))
+        .collect();
+    let _ = writeln!(text, "{}", if axes.is_empty() { "one number".into() } else { axes.join(" × ") });
+    if r.mean.data.len() <= 64 {
+        text.push_str(&csv(r));
+    } else {
+        let (lo, hi) = r
+            .mean
+            .data
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        let sum: f64 = r.mean.data.iter().map(|v| f64::from(*v)).sum();
+        let _ = writeln!(text, "sum {sum:.6e}, least {lo:.6e}, largest {hi:.6e}; write it with -o FILE.npy, .csv or .zarr");
+    }
+    for (name, t) in [("overflow", &r.overflow), ("shifted out of the window by the pulse", &r.shifted_out)] {
+        if let Some(t) = t {
+            let sum: f64 = t.data.iter().map(|v| f64::from(*v)).sum();
+            let _ = writeln!(text, "{name}: sum {sum:.6e}");
+        }
+    }
+    text
+}

@@ -239,7 +239,7 @@ fn open_store(
         .slices
         .iter()
         .zip(plans)
-        .map(|(s, p)| (p.layout().clone(), slice_attributes(s, p)))
+        .map(|(s, p)| (p.layout().clone(), slice_attributes(scene, s, p)))
         .collect();
     let grid = SampleGrid {
         camera: scene.camera.resolution,
@@ -248,9 +248,18 @@ fn open_store(
     Ok(TensorStore::create(&target.path, &slices, attributes, Some(grid), target.replace)?)
 }
 
-fn slice_attributes(slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
+fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
     use crate::tensor::slice::ProjectorSelect as P;
     let mut map = Map::new();
+    // What probing needs to lay a drive pattern over the slice's projector axes.
+    if let Some(p) = &scene.projector {
+        let bin = match slice.projector {
+            P::Binned { nx, ny } => [nx, ny],
+            _ => [1, 1],
+        };
+        map.insert("projector_size".into(), json!(p.pinhole.resolution));
+        map.insert("projector_bin".into(), json!(bin));
+    }
     map.insert("pixels_per_element".into(), json!(plan.pixels_per_element()));
     let projector = match &slice.projector {
         P::Sum => "sum".into(),
