@@ -1,0 +1,36 @@
+//! Mueller products: the plain 4×4 chain, the block chain of the tracer, and Fresnel itself.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::Vec3A;
+use std::hint::black_box;
+use sunstone::polarization::chain::{Chain, Scatter};
+use sunstone::polarization::fresnel;
+use sunstone::polarization::mueller::Mueller;
+use sunstone::spectrum::Spectral;
+
+fn mueller(c: &mut Criterion) {
+    let (n, k) = (Spectral::new([1.38, 0.42, 0.14, 1.0]), Spectral::new([1.9, 2.5, 3.7, 0.0]));
+    let block = fresnel::conductor(0.6, n, k);
+    let mirror = Scatter::Fresnel { block, s: Vec3A::Y };
+    let wall = Scatter::Depolarize(Spectral::splat(0.5));
+    c.bench_function("fresnel conductor, 4 wavelengths", |b| {
+        b.iter(|| fresnel::conductor(black_box(0.6), black_box(n), black_box(k)));
+    });
+    let m = block.to_mueller();
+    c.bench_function("chain of 5, plain 4x4 products", |b| {
+        b.iter(|| (0..5).fold(Mueller::identity(), |a, _| a * black_box(m)));
+    });
+    let run = |steps: &[Scatter]| {
+        steps.iter().fold((Chain::start(Spectral::ONE), Vec3A::X), |(chain, frame), s| {
+            let (chain, next) = chain.then(black_box(s), Vec3A::Z, frame);
+            (chain, next.unwrap_or(frame))
+        })
+    };
+    c.bench_function("chain of 5 mirrors", |b| b.iter(|| run(&[mirror; 5])));
+    c.bench_function("chain of 5, mirrors and walls", |b| {
+        b.iter(|| run(&[mirror, wall, mirror, mirror, wall]));
+    });
+}
+
+criterion_group!(benches, mueller);
+criterion_main!(benches);

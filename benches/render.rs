@@ -1,0 +1,32 @@
+//! Whole renders of the mirror room at 64×64, 16 spp: all its slices, and the conventional one alone.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use std::path::Path;
+use sunstone::render::tile::{Target, Unwatched, render};
+use sunstone::scene::Scene;
+
+fn whole(c: &mut Criterion) {
+    let text = std::fs::read_to_string("scenes/mirror_room/scene.toml")
+        .expect("the shipped scene is there")
+        .replace("resolution = [256, 256]", "resolution = [64, 64]")
+        .replace("rows = [150]", "rows = [37]")
+        .replace("binned = [1, 256]", "binned = [1, 64]")
+        .replace("spp = 128", "spp = 16");
+    let path = Path::new("scenes/mirror_room/scene.toml");
+    let mut scene = Scene::from_text(path, &text).expect("the small scene builds");
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let target = Target {
+        path: dir.path().join("bench.zarr"),
+        resume: false,
+        replace: true,
+    };
+    let mut group = c.benchmark_group("render");
+    group.sample_size(10).throughput(Throughput::Elements(64 * 64 * 16));
+    group.bench_function("all slices", |b| b.iter(|| render(&scene, &target, &Unwatched).is_ok()));
+    scene.slices.retain(|s| s.name == "conventional");
+    group.bench_function("conventional alone", |b| b.iter(|| render(&scene, &target, &Unwatched).is_ok()));
+    group.finish();
+}
+
+criterion_group!(benches, whole);
+criterion_main!(benches);
