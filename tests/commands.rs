@@ -1,0 +1,183 @@
+//! The command line as a user meets it: render, info, probe, figure, export, merge and schema on one small scene.
+
+use std::path::Path;
+use std::process::{Command, Output};
+use sunstone::tensor::axes::AxisKind;
+use sunstone::tensor::store::{Field, TensorStore};
+
+const SCENE: &str = r#"
+wavelengths_nm = [450, 550, 660]
+[render]
+spp = 8
+tile = 8
+[camera]
+resolution = [16, 12]
+fov_x_deg = 40
+pose.look_at = { origin = [0, 0, 2], target = [0, 0, 0] }
+[projector]
+resolution = [8, 6]
+fov_x_deg = 50
+irradiance = 5
+pose.look_at = { origin = [0.4, 0, 2], target = [0, 0, 0] }
+[materials]
+wall.diffuse.albedo = [0.5, 0.6, 0.7]
+gold.rough_conductor = { n = [1.38, 0.42, 0.14], k = [1.92, 2.47, 3.70], alpha = 0.3 }
+[[objects]]
+shape.rectangle = {}
+material = "wall"
+[[objects]]
+shape.sphere = { center = [0, 0, 0.4], radius = 0.3 }
+material = "gold"
+[[slices]]
+name = "image"
+polarization = "mueller"
+[[slices]]
+name = "xt"
+camera = { rows = [6] }
+projector = { binned = 2 }
+time = { start_ps = 8000, bin_ps = 100, bins = 64 }
+polarization = "mueller"
+[[figures]]
+name = "photo"
+view.photo = { slice = "image" }
+[[figures]]
+name = "grid"
+view.mueller = { slice = "image" }
+"#;
+
+fn sunstone(dir: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sunstone"))
+        .current_dir(dir)
+        .args(arguments)
+        .output()
+        .expect("the program starts")
+}
+
+/// Runs a command that must succeed, and returns what it printed.
+fn run(dir: &Path, arguments: &[&str]) -> String {
+    let out = sunstone(dir, arguments);
+    let stderr = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{arguments:?}: {stderr}");
+    String::from_utf8(out.stdout).expect("output is text")
+}
+
+/// Runs a command that must refuse its input, and returns its message.
+fn refused(dir: &Path, arguments: &[&str]) -> String {
+    let out = sunstone(dir, arguments);
+    assert_eq!(out.status.code(), Some(2), "{arguments:?}");
+    String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+fn rendered() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::create_dir(dir.path().join("room")).unwrap();
+    std::fs::write(dir.path().join("room/scene.toml"), SCENE).unwrap();
+    let out = run(dir.path(), &["render", "room/scene.toml"]);
+    assert!(out.contains("out/room.zarr") && out.contains("photo.png"), "{out}");
+    dir
+}
+
+#[test]
+fn a_chain_of_commands() {
+    let dir = rendered();
+    let d = dir.path();
+    for figure in ["photo", "grid"] {
+        let path = d.join(format!("out/room.figures/{figure}.png"));
+        assert!(image::open(path).unwrap().width() > 100);
+    }
+    let info = run(d, &["info", "out/room.zarr"]);
+    assert!(info.contains("samples_per_pixel  8") && info.contains("overflow"), "{info}");
+
+    // T_p printed by the program is the sum over the image.
+    let printed = run(d, &["probe", "out/room.zarr", "image", "--preset", "polarimetric", "-k", "wavelength=550"]);
+    let m00: f64 = printed
+        .lines()
+        .find_map(|l| l.strip_prefix("0,0,"))
+        .and_then(|l| l.split(',').next()?.parse().ok())
+        .expect("M00 is printed");
+    let store = TensorStore::open(&d.join("out/room.zarr")).unwrap();
+    let mean = store.slice("image").unwrap().read_all(Field::Mean).unwrap();
+    let sum = mean
+        .select(AxisKind::Wavelength, 1)
+        .select(AxisKind::StokesIn, 0)
+        .select(AxisKind::StokesOut, 0)
+        .sum(AxisKind::X)
+        .sum(AxisKind::Y);
+    assert!((m00 / f64::from(sum.data[0]) - 1.0).abs() < 1e-5);
+
+    // A pattern of ones is the full-on image, half drive is half of it.
+    for drive in [255_u8, 128] {
+        let file = d.join("pattern.png");
+        image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();
+        run(
+            d,
+            &["probe", "out/room.zarr", "xt", "--pattern", "pattern.png", "--sum", "v,u", "-o", "lit.zarr", "--force"],
+        );
+        let lit = TensorStore::open(&d.join("lit.zarr")).unwrap();
+        let name = lit.slice_names()[0].clone();
+        let lit = lit.slice(&name).unwrap().read_all(Field::Mean).unwrap();
+        let all = store.slice("xt").unwrap().read_all(Field::Mean).unwrap();
+        let (a, b): (f64, f64) = (
+            lit.data.iter().map(|v| f64::from(*v)).sum(),
+            all.data.iter().map(|v| f64::from(*v)).sum(),
+        );
+        assert!((a / b - f64::from(drive) / 255.0).abs() < 1e-4, "{a} {b}");
+    }
+    let csv = run(d, &["probe", "out/room.zarr", "xt", "-k", "x=8", "-k", "wavelength=550", "--sum", "v,u", "--csv", "-"]);
+    assert!(csv.starts_with("y,t,stokes_out,stokes_in,mean,std_error") || csv.starts_with("t,"), "{csv}");
+    run(d, &["probe", "out/room.zarr", "image", "--stokes", "horizontal", "-o", "h.npy"]);
+    assert!(d.join("h.npy").exists());
+
+    run(d, &["export", "out/room.zarr", "image", "--mueller", "-o", "room.exr"]);
+    assert!(std::fs::metadata(d.join("room.exr")).unwrap().len() > 1000);
+    run(d, &["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o", "p.png"]);
+    assert!(d.join("p.png").exists());
+
+    run(d, &["render", "room/scene.toml", "--seed", "1", "-o", "b.zarr", "--no-figures"]);
+    run(d, &["merge", "out/room.zarr", "b.zarr", "-o", "ab.zarr"]);
+    let info = run(d, &["info", "ab.zarr"]);
+    assert!(info.contains("[0,1]") && info.contains("samples_per_pixel  16"), "{info}");
+}
+
+#[test]
+fn bad_input_is_refused_with_a_mend() {
+    let dir = rendered();
+    let d = dir.path();
+    let cases: [(&[&str], &str); 9] = [
+        (&["probe", "out/room.zarr", "none"], "none"),
+        (&["probe", "out/room.zarr", "image", "-k", "q=1"], "axis"),
+        (&["probe", "out/room.zarr", "image", "--pulse", "gaussian:50"], "time"),
+        (&["figure", "out/room.zarr", "nonesuch"], "photo, grid"),
+        (&["figure", "out/room.zarr", "--view", "flight", "--slice", "image"], "time"),
+        (&["export", "out/room.zarr", "none", "-o", "x.exr"], "none"),
+        (&["merge", "out/room.zarr", "out/room.zarr", "-o", "m.zarr"], "seed"),
+        (&["render", "room/scene.toml", "--slices", "none", "-o", "n.zarr"], "image, xt"),
+        (&["info", "room"], "room"),
+    ];
+    for (arguments, word) in cases {
+        let message = refused(d, arguments);
+        assert!(message.starts_with("error: ") && message.contains(word), "{arguments:?}: {message}");
+    }
+    for made in ["x.exr", "m.zarr", "n.zarr"] {
+        assert!(!d.join(made).exists(), "{made} was half-written");
+    }
+}
+
+#[test]
+fn chosen_slices_alone_are_kept_and_equal() {
+    let dir = rendered();
+    let d = dir.path();
+    run(d, &["render", "room/scene.toml", "--slices", "image", "-o", "one.zarr"]);
+    let one = TensorStore::open(&d.join("one.zarr")).unwrap();
+    assert_eq!(one.slice_names(), ["image"]);
+    let all = TensorStore::open(&d.join("out/room.zarr")).unwrap();
+    let read = |s: &TensorStore| s.slice("image").unwrap().read_all(Field::Mean).unwrap().data;
+    assert_eq!(read(&one), read(&all));
+}
+
+#[test]
+fn the_schema_is_json() {
+    let text = run(Path::new("."), &["schema"]);
+    let schema: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(schema["properties"]["slices"].is_object() && schema["properties"]["objects"].is_object());
+}
