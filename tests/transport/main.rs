@@ -1,0 +1,12 @@
+//! The tracer against closed forms and independent f64 quadrature.
+//!
+//! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
+
+mod direct;
+mod energy;
+mod frames;
+mod indirect;
+mod materials;
+mod optics;
+#[path = "../support/mod.rs"]
+mod support;
