@@ -5,8 +5,10 @@
 mod direct;
 mod energy;
 mod frames;
+mod glass;
 mod indirect;
 mod materials;
 mod optics;
+mod specular;
 #[path = "../support/mod.rs"]
 mod support;

@@ -146,7 +146,11 @@ impl Device {
         let mut p = q;
         for _ in 0..200 {
             let d = self.distort(p[0], p[1]);
-            p = [p[0] + q[0] - d[0], p[1] + q[1] - d[1]];
+            let step = [q[0] - d[0], q[1] - d[1]];
+            p = [p[0] + step[0], p[1] + step[1]];
+            if step[0].abs() + step[1].abs() < 1e-15 {
+                break;
+            }
         }
         (self.right * p[0] + self.down * p[1] + self.forward).normalize()
     }
