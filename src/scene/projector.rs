@@ -41,7 +41,7 @@ impl Projector {
         let [w, h] = self.pinhole.resolution;
         // Rounding at the far border must not leave the image.
         let (u, v) = ((pixel.x as u32).min(w - 1), (pixel.y as u32).min(h - 1));
-        Some(self.from_pixel(p, v * w + u, z))
+        Some(self.lit_from(p, v * w + u, z))
     }
 
     /// What arrives at `p`, which the coaxial camera sees in its pixel `pixel`: s' = s, whereas projecting `p` would
@@ -49,11 +49,11 @@ impl Projector {
     #[inline]
     #[must_use]
     pub fn arrival_in_line(&self, p: Vec3A, pixel: u32) -> Arrival {
-        self.from_pixel(p, pixel, (p - self.pinhole.origin).dot(self.pinhole.forward()))
+        self.lit_from(p, pixel, (p - self.pinhole.origin).dot(self.pinhole.forward()))
     }
 
     #[inline]
-    fn from_pixel(&self, p: Vec3A, pixel: u32, z: f32) -> Arrival {
+    fn lit_from(&self, p: Vec3A, pixel: u32, z: f32) -> Arrival {
         let to = self.pinhole.origin - p;
         let distance = to.length();
         let cos = z / distance;

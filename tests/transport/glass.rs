@@ -142,6 +142,37 @@ fn slab_at_brewster_angle() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
+/// Wall and projector inside a medium with a plane face: radiance falls by n² on its way out, and time runs n times
+/// slower on all ways inside.
+#[test]
+fn radiance_leaves_a_dense_medium() {
+    const N: f64 = 1.5;
+    const SPP: u32 = 40_000;
+    let camera = Device::look_at([0.0, 0.0, 2.0], DVec3::ZERO, [1, 1], 1e7);
+    let text = head(SPP, 3, 17)
+        + &camera.keys("camera")
+        + &Device::look_at([-0.6, 0.0, 0.15], DVec3::ZERO, [8, 8], 6.0).keys("projector")
+        + "[materials]\nglass.dielectric.ior = 1.5\nwall.diffuse.albedo = 0.001\n"
+        + &plate(DVec3::ZERO, DVec3::Z, 0.4, "wall")
+        + &plate(DVec3::new(0.0, 0.0, FRONT), DVec3::Z, 0.4, "glass")
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
+           [[slices]]\nname = \"t\"\ntime = { bin_ps = 1, bins = 20000 }\n";
+    let r = render_text(&text);
+    let (radiance, to_lamp) = wall(0.0);
+    let (got, sigma) = element(&r, 0, 2);
+    let pass = 1.0 - ((N - 1.0) / (N + 1.0)).powi(2);
+    let want = radiance * pass / (N * N);
+    assert!(
+        (got - want).abs() < 5.0 * sigma + 1e-5 * want,
+        "{got} is not {want} ± {sigma:.1e}"
+    );
+    assert!(sigma < 2e-3 * want);
+    let path = 2.0 - FRONT + N * (FRONT + to_lamp);
+    let time = r.mean("t");
+    let lit: Vec<usize> = (0..20000).filter(|t| time.at(&[(T, *t)]) > 0.0).collect();
+    assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
+}
+
 /// Three wavelengths that part ways equal three renders of one wavelength each.
 #[test]
 fn dispersion_is_unbiased() {

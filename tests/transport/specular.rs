@@ -28,9 +28,9 @@ fn check_chain(points: &[DVec3], tilt: DVec3, what: &str) {
     let way = |from: usize, to: usize| (points[to] - points[from]).normalize();
     let mut product = M::identity();
     let mut x_out = project(camera.right, way(1, 0));
-    for k in 1..last {
+    for (k, &at) in points.iter().enumerate().take(last).skip(1) {
         let (d_in, d_out) = (way(k + 1, k), way(k, k - 1));
-        text += &plate(points[k], d_out - d_in, 0.03, "silver");
+        text += &plate(at, d_out - d_in, 0.03, "silver");
         let x_in = d_in.cross(d_out).normalize();
         product *= mirror(d_in, x_in, d_out, x_out, SILVER);
         x_out = x_in;
