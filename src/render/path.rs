@@ -11,6 +11,7 @@ use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
 use crate::sampling::stream::Stream;
 use crate::scene::Scene;
+use crate::scene::projector::Projector;
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::{Contribution, NO_PIXEL};
 use crate::units::picoseconds;
@@ -32,6 +33,8 @@ struct State {
     optical_m: f64,
     /// Refractive index of the medium that the ray is in.
     medium: f32,
+    /// Camera pixel, row-major.
+    pixel: u32,
     lanes: Lanes,
 }
 
@@ -64,6 +67,7 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<C
         frame: scene.camera.frame(dir),
         optical_m: 0.0,
         medium: 1.0,
+        pixel: y * scene.camera.resolution[0] + x,
         lanes: Lanes::first(scene.wavelengths.count()),
     };
     let last = scene.settings.max_depth - 1;
@@ -143,8 +147,15 @@ fn connect_all(
     out: &mut Vec<Contribution>,
 ) -> u32 {
     let mut rays = 0;
+    let arrival = |projector: &Projector| {
+        if projector.coaxial && bounces == 1 {
+            Some(projector.arrival_in_line(surface.p, state.pixel))
+        } else {
+            projector.arrival(surface.p)
+        }
+    };
     if let Some(projector) = &scene.projector
-        && let Some(a) = projector.arrival(surface.p)
+        && let Some(a) = arrival(projector)
     {
         let connection = Connection {
             wi: a.wi,

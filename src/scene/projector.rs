@@ -38,18 +38,31 @@ impl Projector {
     #[must_use]
     pub fn arrival(&self, p: Vec3A) -> Option<Arrival> {
         let (pixel, z) = self.pinhole.project(p)?;
-        let to = self.pinhole.origin - p;
-        let distance = to.length();
         let [w, h] = self.pinhole.resolution;
         // Rounding at the far border must not leave the image.
         let (u, v) = ((pixel.x as u32).min(w - 1), (pixel.y as u32).min(h - 1));
+        Some(self.lit_from(p, v * w + u, z))
+    }
+
+    /// What arrives at `p`, which the coaxial camera sees in its pixel `pixel`: s' = s, whereas projecting `p` would
+    /// let rounding put a point near a pixel's border into the next pixel, or outside the image.
+    #[inline]
+    #[must_use]
+    pub fn arrival_in_line(&self, p: Vec3A, pixel: u32) -> Arrival {
+        self.lit_from(p, pixel, (p - self.pinhole.origin).dot(self.pinhole.forward()))
+    }
+
+    #[inline]
+    fn lit_from(&self, p: Vec3A, pixel: u32, z: f32) -> Arrival {
+        let to = self.pinhole.origin - p;
+        let distance = to.length();
         let cos = z / distance;
-        Some(Arrival {
-            pixel: v * w + u,
+        Arrival {
+            pixel,
             wi: to * distance.recip(),
             distance,
             factor: 1.0 / (z * z * cos),
-        })
+        }
     }
 }
 

@@ -1,0 +1,49 @@
+//! Renders a scene given as text into a store in a temporary folder.
+
+use std::path::Path;
+use sunstone::render::tile::{Target, Unwatched, render};
+use sunstone::scene::Scene;
+use sunstone::tensor::array::Tensor;
+use sunstone::tensor::store::{Field, TensorStore};
+use tempfile::TempDir;
+
+/// A finished render; its files live as long as it does.
+pub struct Rendered {
+    pub store: TensorStore,
+    _folder: TempDir,
+}
+
+impl Rendered {
+    /// A whole field of a slice.
+    pub fn field(&self, slice: &str, field: Field) -> Tensor {
+        self.store.slice(slice).unwrap().read_all(field).unwrap()
+    }
+
+    /// The mean of a slice.
+    pub fn mean(&self, slice: &str) -> Tensor {
+        self.field(slice, Field::Mean)
+    }
+
+    /// The standard error of a slice.
+    pub fn std_error(&self, slice: &str) -> Tensor {
+        self.field(slice, Field::StdError)
+    }
+}
+
+/// Renders the scene; panics with the scene's text if it is refused.
+pub fn render_text(text: &str) -> Rendered {
+    let scene = Scene::from_text(Path::new("test.toml"), text)
+        .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"));
+    let folder = tempfile::tempdir().unwrap();
+    let target = Target {
+        path: folder.path().join("store"),
+        ..Target::default()
+    };
+    let summary = render(&scene, &target, &Unwatched).unwrap();
+    assert!(summary.complete);
+    assert_eq!(summary.discarded, 0, "samples that are not finite");
+    Rendered {
+        store: TensorStore::open(&target.path).unwrap(),
+        _folder: folder,
+    }
+}

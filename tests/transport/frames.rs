@@ -1,0 +1,92 @@
+//! Frames of camera and emitters: rolls act as rotation matrices, and a point emitter is a projector without a lens.
+
+use crate::optics::{Device, GOLD_KEYS, M, assert_close, head, mueller, plate, rotation};
+use crate::support::render_text;
+use glam::DVec3;
+
+const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
+
+/// A rough gold plate through the origin.
+fn gold_plate() -> String {
+    format!("[materials.gold.rough_conductor]\n{GOLD_KEYS}\nalpha = 0.35\n").replace(", k", "\nk")
+        + &plate(DVec3::ZERO, DVec3::Z, 2.0, "gold")
+}
+
+fn single(camera: &Device, light: &str) -> M {
+    let r = render_text(&(head(4, 2, 5) + &camera.keys("camera") + light + &gold_plate() + SLICE));
+    mueller(&r.mean("m"), &[])
+}
+
+/// M(roll_c, roll_p) = R(θ_c) M R(-θ_p), θ counter-clockwise looking toward the source.
+///
+/// Light leaves the projector along forward, so that turning its right by θ is toward forward × right = down; it
+/// reaches the camera along -forward, so that there θ is from right toward up.
+#[test]
+fn rolls_are_rotation_matrices() {
+    let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO);
+    let projector = Device::look_at([-0.6, 0.2, 0.7], DVec3::ZERO, [3, 3], 20.0);
+    let at = |c: f64, p: f64| {
+        single(
+            &camera.rolled(-c.to_radians()),
+            &projector.rolled(p.to_radians()).keys("projector"),
+        )
+    };
+    let rest = at(0.0, 0.0);
+    // The test needs a matrix in which every wrong sign shows.
+    for (i, j) in [
+        (0, 1),
+        (0, 2),
+        (1, 0),
+        (2, 0),
+        (1, 2),
+        (2, 3),
+        (3, 1),
+        (1, 3),
+        (3, 2),
+    ] {
+        assert!(
+            rest[(i, j)].abs() > 1e-3 * rest[(0, 0)],
+            "[{i}][{j}] is too small:\n{rest}"
+        );
+    }
+    for (c, p) in [
+        (17.0, 0.0),
+        (0.0, 31.0),
+        (45.0, -20.0),
+        (-70.0, 110.0),
+        (90.0, 90.0),
+        (180.0, 12.5),
+    ] {
+        let want = rotation(f64::to_radians(c)) * rest * rotation(-f64::to_radians(p));
+        assert_close(&at(c, p), &want, 1e-4, &format!("rolls {c}° and {p}°"));
+    }
+}
+
+/// A point of intensity I shines like a projector of irradiance E = I at 1 m, but for the lens' 1/cos³θ.
+#[test]
+fn a_point_emitter_is_a_projector_without_lens() {
+    let projector = Device::look_at([-0.6, 0.2, 0.7], DVec3::ZERO, [40, 40], 60.0).rolled(0.4);
+    let point = format!(
+        "[[emitters]]\n[emitters.point]\nposition = {:?}\nintensity = 2.5\nhorizontal = {:?}\n",
+        projector.origin.to_array(),
+        projector.right.to_array()
+    );
+    let lamp = projector.keys("projector") + "irradiance = 2.5\n";
+    for target in [
+        DVec3::ZERO,
+        DVec3::new(0.02, 0.01, 0.0),
+        DVec3::new(0.1, -0.15, 0.0),
+    ] {
+        let camera = Device::ray([0.5, 0.3, 0.8], target);
+        let to = (target - projector.origin).normalize();
+        let cos3 = to.dot(projector.forward).powi(3);
+        let want = single(&camera, &lamp) * cos3;
+        assert!(want[(0, 0)] > 0.0);
+        assert_close(
+            &single(&camera, &point),
+            &want,
+            2e-6,
+            &format!("point at {target}"),
+        );
+    }
+}

@@ -1,0 +1,14 @@
+//! The tracer against closed forms and independent f64 quadrature.
+//!
+//! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
+
+mod direct;
+mod energy;
+mod frames;
+mod glass;
+mod indirect;
+mod materials;
+mod optics;
+mod specular;
+#[path = "../support/mod.rs"]
+mod support;

@@ -1,0 +1,252 @@
+//! Polarization optics and devices in f64, written from the project's conventions and from nothing in the crate.
+
+use glam::DVec3;
+use nalgebra::{Complex, Matrix4};
+use sunstone::tensor::array::Tensor;
+use sunstone::tensor::axes::AxisKind;
+
+pub type M = Matrix4<f64>;
+
+/// n + i·k of gold at 550 nm and its scene keys.
+pub const GOLD: Complex<f64> = Complex::new(0.4242, 2.4721);
+pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
+
+/// Vacuum light speed, metres per picosecond.
+pub const C: f64 = 299_792_458e-12;
+
+/// R(θ) for the turn of the basis `from` to the basis `to` of light travelling along `d`, counter-clockwise looking
+/// toward the source.
+pub fn turn(d: DVec3, from: DVec3, to: DVec3) -> M {
+    rotation(to.dot(d.cross(from)).atan2(to.dot(from)))
+}
+
+/// R(θ).
+pub fn rotation(theta: f64) -> M {
+    let (s, c) = (2.0 * theta).sin_cos();
+    M::new(1., 0., 0., 0., 0., c, s, 0., 0., -s, c, 0., 0., 0., 0., 1.)
+}
+
+/// `axis` projected perpendicular to `d`.
+pub fn project(axis: DVec3, d: DVec3) -> DVec3 {
+    (axis - d * axis.dot(d)).normalize()
+}
+
+/// Fresnel amplitudes of reflection (s, p) for the relative index `eta`.
+pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
+    let one = Complex::new(1.0, 0.0);
+    let cos_t = (one - Complex::new(1.0 - cos * cos, 0.0) / (eta * eta)).sqrt();
+    let ci = Complex::new(cos, 0.0);
+    let s = (ci - eta * cos_t) / (ci + eta * cos_t);
+    let p = (eta * ci - cos_t) / (eta * ci + cos_t);
+    [s, p]
+}
+
+/// Fresnel reflection, s-frame on both sides.
+pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
+    let [s, p] = amplitudes(cos, eta);
+    let (a, b) = (
+        (s.norm_sqr() + p.norm_sqr()) / 2.0,
+        (s.norm_sqr() - p.norm_sqr()) / 2.0,
+    );
+    let cross = s.conj() * p;
+    let (c, d) = (cross.re, cross.im);
+    M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c)
+}
+
+/// A mirror facet that turns light from direction `d_in` (frame `x_in`) to `d_out` (frame `x_out`).
+pub fn mirror(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, eta: Complex<f64>) -> M {
+    let h = (d_out - d_in).normalize();
+    let s = d_in.cross(d_out).normalize();
+    turn(d_out, s, x_out) * reflection(d_out.dot(h), eta) * turn(d_in, x_in, s)
+}
+
+/// Smith's Λ of GGX.
+fn lambda(cos: f64, alpha: f64) -> f64 {
+    let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
+    ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
+}
+
+/// Smith's height-correlated G2 of GGX.
+pub fn ggx_g2(cos_o: f64, cos_i: f64, alpha: f64) -> f64 {
+    1.0 / (1.0 + lambda(cos_o, alpha) + lambda(cos_i, alpha))
+}
+
+/// BRDF times cosθ_i of GGX facets that reflect all light: D·G2 / (4 cosθ_o).
+pub fn ggx_factor(n: DVec3, wo: DVec3, wi: DVec3, alpha: f64) -> f64 {
+    let c = n.dot((wo + wi).normalize());
+    let t = c * c * (alpha * alpha - 1.0) + 1.0;
+    let d = alpha * alpha / (std::f64::consts::PI * t * t);
+    d * ggx_g2(n.dot(wo), n.dot(wi), alpha) / (4.0 * n.dot(wo))
+}
+
+/// A pinhole device, its projection and its scene keys.
+#[derive(Clone, Debug)]
+pub struct Device {
+    pub origin: DVec3,
+    pub right: DVec3,
+    pub down: DVec3,
+    pub forward: DVec3,
+    pub resolution: [u32; 2],
+    pub focal: f64,
+    /// k1, k2, k3, p1, p2.
+    pub distortion: [f64; 5],
+}
+
+impl Device {
+    /// A device at `origin` that looks at `target`, +y (or +x) up.
+    pub fn look_at(origin: [f64; 3], target: DVec3, resolution: [u32; 2], focal: f64) -> Self {
+        let origin = DVec3::from_array(origin);
+        let forward = (target - origin).normalize();
+        let up = if forward.y.abs() < 0.99 {
+            DVec3::Y
+        } else {
+            DVec3::X
+        };
+        let right = forward.cross(up).normalize();
+        Self {
+            origin,
+            right,
+            down: forward.cross(right),
+            forward,
+            resolution,
+            focal,
+            distortion: [0.0; 5],
+        }
+    }
+
+    /// A camera of one pixel, so narrow that it sees a point.
+    pub fn ray(origin: [f64; 3], target: DVec3) -> Self {
+        Self::look_at(origin, target, [1, 1], 1e7)
+    }
+
+    /// Turned about its axis: image right turns toward `forward × right` (image down).
+    pub fn rolled(&self, angle: f64) -> Self {
+        let right = self.right * angle.cos() + self.down * angle.sin();
+        Self {
+            right,
+            down: self.forward.cross(right),
+            ..self.clone()
+        }
+    }
+
+    fn distort(&self, x: f64, y: f64) -> [f64; 2] {
+        let [k1, k2, k3, p1, p2] = self.distortion;
+        let r2 = x * x + y * y;
+        let radial = 1.0 + k1 * r2 + k2 * r2.powi(2) + k3 * r2.powi(3);
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ]
+    }
+
+    /// Unit direction through a continuous pixel position, distortion undone by fixed-point iteration.
+    pub fn direction(&self, px: f64, py: f64) -> DVec3 {
+        let [w, h] = self.resolution.map(f64::from);
+        let q = [(px - w / 2.0) / self.focal, (py - h / 2.0) / self.focal];
+        let mut p = q;
+        for _ in 0..200 {
+            let d = self.distort(p[0], p[1]);
+            let step = [q[0] - d[0], q[1] - d[1]];
+            p = [p[0] + step[0], p[1] + step[1]];
+            if step[0].abs() + step[1].abs() < 1e-15 {
+                break;
+            }
+        }
+        (self.right * p[0] + self.down * p[1] + self.forward).normalize()
+    }
+
+    /// Continuous pixel position of a point and its irradiance at normal incidence per unit drive, 1/(z² cosθ).
+    pub fn project(&self, p: DVec3) -> ([f64; 2], f64) {
+        let v = p - self.origin;
+        let z = v.dot(self.forward);
+        let d = self.distort(v.dot(self.right) / z, v.dot(self.down) / z);
+        let [w, h] = self.resolution.map(f64::from);
+        let pixel = [d[0] * self.focal + w / 2.0, d[1] * self.focal + h / 2.0];
+        (pixel, v.length() / z.powi(3))
+    }
+
+    /// The table `name` of a scene file.
+    pub fn keys(&self, name: &str) -> String {
+        let (r, d, f, o) = (self.right, self.down, self.forward, self.origin);
+        let [k1, k2, k3, p1, p2] = self.distortion;
+        let row = |i: usize| format!("[{:?}, {:?}, {:?}, {:?}]", r[i], d[i], f[i], o[i]);
+        format!(
+            "[{name}]\nresolution = {:?}\nfx = {:?}\npose.matrix = [{}, {}, {}, [0.0, 0.0, 0.0, 1.0]]\n\
+             distortion = {{ k1 = {k1:?}, k2 = {k2:?}, k3 = {k3:?}, p1 = {p1:?}, p2 = {p2:?} }}\n",
+            self.resolution,
+            self.focal,
+            row(0),
+            row(1),
+            row(2)
+        )
+    }
+}
+
+/// The head of a scene file, without Russian roulette.
+pub fn head(spp: u32, max_depth: u32, seed: u32) -> String {
+    format!(
+        "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = {max_depth}\nrr_depth = 1000000\nseed = {seed}\n"
+    )
+}
+
+/// A square object of half width `half` about `centre`, its front toward `normal`.
+pub fn plate(centre: DVec3, normal: DVec3, half: f64, material: &str) -> String {
+    let u = normal.normalize().any_orthonormal_vector() * half;
+    let v = normal.normalize().cross(u);
+    let list = |p: DVec3| format!("{:?}", p.to_array());
+    format!(
+        "[[objects]]\nmaterial = \"{material}\"\nshape.rectangle = {{ corner = {}, u = {}, v = {} }}\n",
+        list(centre - u - v),
+        list(u * 2.0),
+        list(v * 2.0)
+    )
+}
+
+/// The Mueller matrix at the given indices of a slice that resolves polarization.
+pub fn mueller(t: &Tensor, at: &[(AxisKind, usize)]) -> M {
+    M::from_fn(|i, j| {
+        let mut at = at.to_vec();
+        at.extend([(AxisKind::StokesOut, i), (AxisKind::StokesIn, j)]);
+        f64::from(t.at(&at))
+    })
+}
+
+/// Asserts that every element agrees to `tolerance` times the expected M00.
+pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
+    let error = (got - want).abs().max() / want[(0, 0)];
+    assert!(
+        error <= tolerance,
+        "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}"
+    );
+}
+
+/// The helpers hold the numbers that pin every sign.
+#[test]
+fn reflection_has_the_pinned_signs() {
+    let gold = reflection(0.5, GOLD);
+    for ((i, j), want) in [
+        ((0, 0), 0.792_257),
+        ((0, 1), 0.102_981),
+        ((2, 2), -0.406_951),
+        ((2, 3), -0.671_906),
+        ((3, 2), 0.671_906),
+    ] {
+        assert!(
+            (gold[(i, j)] - want).abs() < 1e-6,
+            "gold [{i}][{j}] {}",
+            gold[(i, j)]
+        );
+    }
+    let glass = reflection(45.0_f64.to_radians().cos(), Complex::new(1.5, 0.0));
+    for ((i, j), want) in [
+        ((0, 0), 0.050_239_9),
+        ((0, 1), 0.041_773_5),
+        ((2, 2), -0.027_911_1),
+    ] {
+        assert!(
+            (glass[(i, j)] - want).abs() < 1e-6,
+            "glass [{i}][{j}] {}",
+            glass[(i, j)]
+        );
+    }
+}
