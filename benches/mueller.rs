@@ -9,7 +9,10 @@ use sunstone::polarization::mueller::Mueller;
 use sunstone::spectrum::Spectral;
 
 fn mueller(c: &mut Criterion) {
-    let (n, k) = (Spectral::new([1.38, 0.42, 0.14, 1.0]), Spectral::new([1.9, 2.5, 3.7, 0.0]));
+    let (n, k) = (
+        Spectral::new([1.38, 0.42, 0.14, 1.0]),
+        Spectral::new([1.9, 2.5, 3.7, 0.0]),
+    );
     let block = fresnel::conductor(0.6, n, k);
     let mirror = Scatter::Fresnel { block, s: Vec3A::Y };
     let wall = Scatter::Depolarize(Spectral::splat(0.5));
@@ -21,10 +24,12 @@ fn mueller(c: &mut Criterion) {
         b.iter(|| (0..5).fold(Mueller::identity(), |a, _| a * black_box(m)));
     });
     let run = |steps: &[Scatter]| {
-        steps.iter().fold((Chain::start(Spectral::ONE), Vec3A::X), |(chain, frame), s| {
-            let (chain, next) = chain.then(black_box(s), Vec3A::Z, frame);
-            (chain, next.unwrap_or(frame))
-        })
+        steps
+            .iter()
+            .fold((Chain::start(Spectral::ONE), Vec3A::X), |(chain, frame), s| {
+                let (chain, next) = chain.then(black_box(s), Vec3A::Z, frame);
+                (chain, next.unwrap_or(frame))
+            })
     };
     c.bench_function("chain of 5 mirrors", |b| b.iter(|| run(&[mirror; 5])));
     c.bench_function("chain of 5, mirrors and walls", |b| {

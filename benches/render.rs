@@ -21,10 +21,16 @@ fn whole(c: &mut Criterion) {
         replace: true,
     };
     let mut group = c.benchmark_group("render");
-    group.sample_size(10).throughput(Throughput::Elements(64 * 64 * 16));
-    group.bench_function("all slices", |b| b.iter(|| render(&scene, &target, &Unwatched).is_ok()));
+    group
+        .sample_size(10)
+        .throughput(Throughput::Elements(64 * 64 * 16));
+    group.bench_function("all slices", |b| {
+        b.iter(|| render(&scene, &target, &Unwatched).is_ok())
+    });
     scene.slices.retain(|s| s.name == "conventional");
-    group.bench_function("conventional alone", |b| b.iter(|| render(&scene, &target, &Unwatched).is_ok()));
+    group.bench_function("conventional alone", |b| {
+        b.iter(|| render(&scene, &target, &Unwatched).is_ok())
+    });
     group.finish();
 }
 

@@ -13,6 +13,6 @@ pub mod geometry;
 pub mod material;
 pub mod tensor;
 
-pub mod scene;
-pub mod render;
 pub mod figure;
+pub mod render;
+pub mod scene;

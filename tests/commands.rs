@@ -73,7 +73,10 @@ fn rendered() -> tempfile::TempDir {
     std::fs::create_dir(dir.path().join("room")).unwrap();
     std::fs::write(dir.path().join("room/scene.toml"), SCENE).unwrap();
     let out = run(dir.path(), &["render", "room/scene.toml"]);
-    assert!(out.contains("out/room.zarr") && out.contains("photo.png"), "{out}");
+    assert!(
+        out.contains("out/room.zarr") && out.contains("photo.png"),
+        "{out}"
+    );
     dir
 }
 
@@ -86,10 +89,24 @@ fn a_chain_of_commands() {
         assert!(image::open(path).unwrap().width() > 100);
     }
     let info = run(d, &["info", "out/room.zarr"]);
-    assert!(info.contains("samples_per_pixel  8") && info.contains("overflow"), "{info}");
+    assert!(
+        info.contains("samples_per_pixel  8") && info.contains("overflow"),
+        "{info}"
+    );
 
     // T_p printed by the program is the sum over the image.
-    let printed = run(d, &["probe", "out/room.zarr", "image", "--preset", "polarimetric", "-k", "wavelength=550"]);
+    let printed = run(
+        d,
+        &[
+            "probe",
+            "out/room.zarr",
+            "image",
+            "--preset",
+            "polarimetric",
+            "-k",
+            "wavelength=550",
+        ],
+    );
     let m00: f64 = printed
         .lines()
         .find_map(|l| l.strip_prefix("0,0,"))
@@ -108,10 +125,23 @@ fn a_chain_of_commands() {
     // A pattern of ones is the full-on image, half drive is half of it.
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
-        image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();
+        image::GrayImage::from_pixel(8, 6, image::Luma([drive]))
+            .save(&file)
+            .unwrap();
         run(
             d,
-            &["probe", "out/room.zarr", "xt", "--pattern", "pattern.png", "--sum", "v,u", "-o", "lit.zarr", "--force"],
+            &[
+                "probe",
+                "out/room.zarr",
+                "xt",
+                "--pattern",
+                "pattern.png",
+                "--sum",
+                "v,u",
+                "-o",
+                "lit.zarr",
+                "--force",
+            ],
         );
         let lit = TensorStore::open(&d.join("lit.zarr")).unwrap();
         let name = lit.slice_names()[0].clone();
@@ -123,20 +153,80 @@ fn a_chain_of_commands() {
         );
         assert!((a / b - f64::from(drive) / 255.0).abs() < 1e-4, "{a} {b}");
     }
-    let csv = run(d, &["probe", "out/room.zarr", "xt", "-k", "x=8", "-k", "wavelength=550", "--sum", "v,u", "--csv", "-"]);
-    assert!(csv.starts_with("y,t,stokes_out,stokes_in,mean,std_error") || csv.starts_with("t,"), "{csv}");
-    run(d, &["probe", "out/room.zarr", "image", "--stokes", "horizontal", "-o", "h.npy"]);
+    let csv = run(
+        d,
+        &[
+            "probe",
+            "out/room.zarr",
+            "xt",
+            "-k",
+            "x=8",
+            "-k",
+            "wavelength=550",
+            "--sum",
+            "v,u",
+            "--csv",
+            "-",
+        ],
+    );
+    assert!(
+        csv.starts_with("y,t,stokes_out,stokes_in,mean,std_error") || csv.starts_with("t,"),
+        "{csv}"
+    );
+    run(
+        d,
+        &[
+            "probe",
+            "out/room.zarr",
+            "image",
+            "--stokes",
+            "horizontal",
+            "-o",
+            "h.npy",
+        ],
+    );
     assert!(d.join("h.npy").exists());
 
-    run(d, &["export", "out/room.zarr", "image", "--mueller", "-o", "room.exr"]);
+    run(
+        d,
+        &["export", "out/room.zarr", "image", "--mueller", "-o", "room.exr"],
+    );
     assert!(std::fs::metadata(d.join("room.exr")).unwrap().len() > 1000);
-    run(d, &["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o", "p.png"]);
+    run(
+        d,
+        &[
+            "figure",
+            "out/room.zarr",
+            "--view",
+            "profile",
+            "--slice",
+            "xt",
+            "--pixel",
+            "8,6",
+            "-o",
+            "p.png",
+        ],
+    );
     assert!(d.join("p.png").exists());
 
-    run(d, &["render", "room/scene.toml", "--seed", "1", "-o", "b.zarr", "--no-figures"]);
+    run(
+        d,
+        &[
+            "render",
+            "room/scene.toml",
+            "--seed",
+            "1",
+            "-o",
+            "b.zarr",
+            "--no-figures",
+        ],
+    );
     run(d, &["merge", "out/room.zarr", "b.zarr", "-o", "ab.zarr"]);
     let info = run(d, &["info", "ab.zarr"]);
-    assert!(info.contains("[0,1]") && info.contains("samples_per_pixel  16"), "{info}");
+    assert!(
+        info.contains("[0,1]") && info.contains("samples_per_pixel  16"),
+        "{info}"
+    );
 }
 
 #[test]
@@ -146,17 +236,32 @@ fn bad_input_is_refused_with_a_mend() {
     let cases: [(&[&str], &str); 9] = [
         (&["probe", "out/room.zarr", "none"], "none"),
         (&["probe", "out/room.zarr", "image", "-k", "q=1"], "axis"),
-        (&["probe", "out/room.zarr", "image", "--pulse", "gaussian:50"], "time"),
+        (
+            &["probe", "out/room.zarr", "image", "--pulse", "gaussian:50"],
+            "time",
+        ),
         (&["figure", "out/room.zarr", "nonesuch"], "photo, grid"),
-        (&["figure", "out/room.zarr", "--view", "flight", "--slice", "image"], "time"),
+        (
+            &["figure", "out/room.zarr", "--view", "flight", "--slice", "image"],
+            "time",
+        ),
         (&["export", "out/room.zarr", "none", "-o", "x.exr"], "none"),
-        (&["merge", "out/room.zarr", "out/room.zarr", "-o", "m.zarr"], "seed"),
-        (&["render", "room/scene.toml", "--slices", "none", "-o", "n.zarr"], "image, xt"),
+        (
+            &["merge", "out/room.zarr", "out/room.zarr", "-o", "m.zarr"],
+            "seed",
+        ),
+        (
+            &["render", "room/scene.toml", "--slices", "none", "-o", "n.zarr"],
+            "image, xt",
+        ),
         (&["info", "room"], "room"),
     ];
     for (arguments, word) in cases {
         let message = refused(d, arguments);
-        assert!(message.starts_with("error: ") && message.contains(word), "{arguments:?}: {message}");
+        assert!(
+            message.starts_with("error: ") && message.contains(word),
+            "{arguments:?}: {message}"
+        );
     }
     for made in ["x.exr", "m.zarr", "n.zarr"] {
         assert!(!d.join(made).exists(), "{made} was half-written");
@@ -167,7 +272,10 @@ fn bad_input_is_refused_with_a_mend() {
 fn chosen_slices_alone_are_kept_and_equal() {
     let dir = rendered();
     let d = dir.path();
-    run(d, &["render", "room/scene.toml", "--slices", "image", "-o", "one.zarr"]);
+    run(
+        d,
+        &["render", "room/scene.toml", "--slices", "image", "-o", "one.zarr"],
+    );
     let one = TensorStore::open(&d.join("one.zarr")).unwrap();
     assert_eq!(one.slice_names(), ["image"]);
     let all = TensorStore::open(&d.join("out/room.zarr")).unwrap();

@@ -35,7 +35,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let slice = store.slice(&a.slice).map_err(Failure::input)?;
     let options = ExrOptions {
         select: a.select.clone(),
-        expand: if a.expand.is_empty() { vec![] } else { parse_axes(&a.expand).map_err(Failure::input)? },
+        expand: if a.expand.is_empty() {
+            vec![]
+        } else {
+            parse_axes(&a.expand).map_err(Failure::input)?
+        },
         mueller: a.mueller,
     };
     export(&slice, &options, &a.output).map_err(Failure::input)?;

@@ -114,7 +114,10 @@ fn report_scene(e: &SceneError) {
         label: LabeledSpan::new(Some("here".into()), span.start, length),
     };
     let mut out = String::new();
-    if GraphicalReportHandler::new().render_report(&mut out, &shown).is_ok() {
+    if GraphicalReportHandler::new()
+        .render_report(&mut out, &shown)
+        .is_ok()
+    {
         // The message has been printed; keep the picture of the place only.
         let picture: Vec<&str> = out.lines().skip_while(|l| !l.contains("[")).collect();
         eprintln!("{}", picture.join("\n"));

@@ -4,9 +4,7 @@ use super::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::figure::{Panel, draw, save_png};
 use sunstone::tensor::store::{Field, TensorStore};
-use sunstone::tensor::view::{
-    Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View,
-};
+use sunstone::tensor::view::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 
 /// Draw pictures of a store's slices as PNG.
 ///
@@ -69,10 +67,17 @@ enum Kind {
 type Element = [usize; 2];
 
 fn element(text: &str) -> Result<Element, String> {
-    let digit = |i: usize| text.chars().nth(i).and_then(|c| c.to_digit(4)).map(|d| d as usize);
+    let digit = |i: usize| {
+        text.chars()
+            .nth(i)
+            .and_then(|c| c.to_digit(4))
+            .map(|d| d as usize)
+    };
     match (digit(0), digit(1), text.len()) {
         (Some(i), Some(j), 2) => Ok([i, j]),
-        _ => Err(format!("`{text}` is not a Mueller element; give row and column, such as 00 or 23")),
+        _ => Err(format!(
+            "`{text}` is not a Mueller element; give row and column, such as 00 or 23"
+        )),
     }
 }
 
@@ -115,7 +120,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let name = a.slice.clone().unwrap_or_default();
-    let path = a.output.clone().unwrap_or_else(|| folder(&a.store).join(format!("{name}.png")));
+    let path = a
+        .output
+        .clone()
+        .unwrap_or_else(|| folder(&a.store).join(format!("{name}.png")));
     one(&store, &Figure { name, view }, &path)?;
     super::print(&path.display().to_string())
 }
@@ -139,7 +147,10 @@ pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
         )));
     }
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
-    for figure in figures.iter().filter(|f| names.is_empty() || names.contains(&f.name)) {
+    for figure in figures
+        .iter()
+        .filter(|f| names.is_empty() || names.contains(&f.name))
+    {
         let file = out.join(format!("{}.png", figure.name));
         one(&store, figure, &file)?;
         super::print(&file.display().to_string())?;

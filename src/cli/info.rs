@@ -24,8 +24,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     line(a.store.display().to_string());
     for key in [
-        "title", "status", "scene_sha256", "seeds", "samples_per_pixel", "discarded_samples", "max_depth",
-        "wavelengths_nm", "version", "wall_time_s",
+        "title",
+        "status",
+        "scene_sha256",
+        "seeds",
+        "samples_per_pixel",
+        "discarded_samples",
+        "max_depth",
+        "wavelengths_nm",
+        "version",
+        "wall_time_s",
     ] {
         if let Some(v) = attributes.get(key) {
             let shown = v.as_str().map_or_else(|| v.to_string(), str::to_owned);
@@ -46,16 +54,33 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
         .iter()
         .map(|x| format!("{} {}", x.kind.name(), x.len()))
         .collect();
-    let selection = slice.attributes().get("projector_selection").and_then(Value::as_str);
-    let mut out = format!("\n{}  ({})  s': {}", slice.name(), axes.join(" × "), selection.unwrap_or("?"));
+    let selection = slice
+        .attributes()
+        .get("projector_selection")
+        .and_then(Value::as_str);
+    let mut out = format!(
+        "\n{}  ({})  s': {}",
+        slice.name(),
+        axes.join(" × "),
+        selection.unwrap_or("?")
+    );
     let total = m00_total(slice, Field::Mean)?;
-    let _ = write!(out, "\n  Σ M00 {:.6e} W/(m² sr nm), per wavelength {}", total.iter().sum::<f64>(), list(&total));
+    let _ = write!(
+        out,
+        "\n  Σ M00 {:.6e} W/(m² sr nm), per wavelength {}",
+        total.iter().sum::<f64>(),
+        list(&total)
+    );
     if let Some((start, bin)) = layout.time {
         let t = &layout.axes[layout.find(AxisKind::T).unwrap_or(0)];
         let end = start + bin * t.len() as f64;
         let outside = m00_total(slice, Field::Overflow)?;
         let all: f64 = total.iter().chain(&outside).sum();
-        let share = if all > 0.0 { 100.0 * outside.iter().sum::<f64>() / all } else { 0.0 };
+        let share = if all > 0.0 {
+            100.0 * outside.iter().sum::<f64>() / all
+        } else {
+            0.0
+        };
         let _ = write!(
             out,
             "\n  time {start}..{end} ps in bins of {bin} ps; overflow Σ M00 {:.6e} ({share:.3} % of all light)",
@@ -66,7 +91,10 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
 }
 
 fn list(v: &[f64]) -> String {
-    v.iter().map(|x| format!("{x:.4e}")).collect::<Vec<_>>().join(", ")
+    v.iter()
+        .map(|x| format!("{x:.4e}"))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// Σ of M00 over everything, by wavelength, a chunk at a time.
@@ -74,7 +102,11 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
     let layout = slice.field_layout(field).map_err(Failure::input)?.clone();
     let shape = layout.shape();
     let wavelengths = shape[shape.len() - 1] as usize;
-    let elements = if layout.find(AxisKind::StokesOut).is_some() { 16 } else { 1 };
+    let elements = if layout.find(AxisKind::StokesOut).is_some() {
+        16
+    } else {
+        1
+    };
     let mut total = vec![0.0; wavelengths];
     for (start, shape) in slice.chunks(field).map_err(Failure::input)? {
         let data = slice.read(field, &start, &shape).map_err(Failure::input)?;

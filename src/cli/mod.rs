@@ -1,12 +1,12 @@
 //! Command line: one module a command, one exit point.
 
-mod figure;
+mod export;
 mod failure;
+mod figure;
 mod info;
 mod merge;
 mod probe;
 mod render;
-mod export;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
@@ -19,7 +19,9 @@ use std::process::ExitCode;
 /// camera pixel s, after what travel time t, and with what change p' → p of its Stokes vector. A scene file says what
 /// there is and which slices to keep; one render fills them all, with error bars.
 #[derive(Parser)]
-#[command(version, after_help = "\
+#[command(
+    version,
+    after_help = "\
 Examples:
   sunstone render scenes/mirror_room/scene.toml          render all slices, draw the scene's figures
   sunstone render scene.toml --spp 256 --seed 1 -o a.zarr
@@ -31,7 +33,8 @@ Examples:
   sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
 
 Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
-Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.")]
+Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,

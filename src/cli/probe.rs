@@ -103,7 +103,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 /// A drive image: its linear brightness, as for masks in a scene.
 fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
     let image = image::open(path)
-        .map_err(|e| Failure::input(format!("--pattern {}: {e}; give a PNG or JPEG file", path.display())))?
+        .map_err(|e| {
+            Failure::input(format!(
+                "--pattern {}: {e}; give a PNG or JPEG file",
+                path.display()
+            ))
+        })?
         .to_luma16();
     Ok(Pattern {
         width: image.width(),
@@ -150,7 +155,15 @@ fn summary(r: &ProbeResult) -> String {
         .iter()
         .map(|a| format!("{} {}", a.kind.name(), a.coords.len()))
         .collect();
-    let _ = writeln!(text, "{}", if axes.is_empty() { "one number".into() } else { axes.join(" × ") });
+    let _ = writeln!(
+        text,
+        "{}",
+        if axes.is_empty() {
+            "one number".into()
+        } else {
+            axes.join(" × ")
+        }
+    );
     if r.mean.data.len() <= 64 {
         text.push_str(&csv(r));
     } else {
@@ -158,11 +171,19 @@ fn summary(r: &ProbeResult) -> String {
             .mean
             .data
             .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| {
+                (lo.min(*v), hi.max(*v))
+            });
         let sum: f64 = r.mean.data.iter().map(|v| f64::from(*v)).sum();
-        let _ = writeln!(text, "sum {sum:.6e}, least {lo:.6e}, largest {hi:.6e}; write it with -o FILE.npy, .csv or .zarr");
+        let _ = writeln!(
+            text,
+            "sum {sum:.6e}, least {lo:.6e}, largest {hi:.6e}; write it with -o FILE.npy, .csv or .zarr"
+        );
     }
-    for (name, t) in [("overflow", &r.overflow), ("shifted out of the window by the pulse", &r.shifted_out)] {
+    for (name, t) in [
+        ("overflow", &r.overflow),
+        ("shifted out of the window by the pulse", &r.shifted_out),
+    ] {
         if let Some(t) = t {
             let sum: f64 = t.data.iter().map(|v| f64::from(*v)).sum();
             let _ = writeln!(text, "{name}: sum {sum:.6e}");

@@ -84,7 +84,10 @@ impl Watch for Progress {
             bar.set_message(format!("{rate:.2} Msamples/s"));
             return;
         }
-        let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut last = self
+            .last
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
         if last.elapsed() > Duration::from_secs(5) {
             *last = Instant::now();
             let left = f64::from(s.tiles - s.tiles_done) * s.wall_s / f64::from(s.tiles_done.max(1));
@@ -112,7 +115,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     scene.settings.seed = a.seed.unwrap_or(scene.settings.seed);
     keep_slices(&mut scene, &a.slices)?;
     let (triangles, quadrics) = scene.geometry.counts();
-    tracing::info!("scene {}: {triangles} triangles, {quadrics} quadrics, read in {:.2?}", scene.name, begun.elapsed());
+    tracing::info!(
+        "scene {}: {triangles} triangles, {quadrics} quadrics, read in {:.2?}",
+        scene.name,
+        begun.elapsed()
+    );
     let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
     let target = Target {
@@ -138,9 +145,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let summary = pool
         .install(|| tile::render(&scene, &target, &progress))
         .map_err(|e| match e {
-            RenderError::Create(_) | RenderError::Open(_) | RenderError::Mismatch { .. } | RenderError::NoSlices => {
-                Failure::input(e)
-            }
+            RenderError::Create(_)
+            | RenderError::Open(_)
+            | RenderError::Mismatch { .. }
+            | RenderError::NoSlices => Failure::input(e),
             RenderError::Access(_) | RenderError::Journal { .. } => Failure::failed(e),
         })?;
     if let Some(bar) = &progress.bar {
@@ -155,7 +163,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             a.scene.display(),
             a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
             a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
-            if a.slices.is_empty() { String::new() } else { format!(" --slices {}", a.slices.join(",")) },
+            if a.slices.is_empty() {
+                String::new()
+            } else {
+                format!(" --slices {}", a.slices.join(","))
+            },
         )));
     }
     super::print(&format!(
@@ -186,6 +198,8 @@ fn keep_slices(scene: &mut Scene, names: &[String]) -> Result<(), Failure> {
         )));
     }
     scene.slices.retain(|s| names.contains(&s.name));
-    scene.figures.retain(|f| names.iter().any(|n| n == f.view.slice()));
+    scene
+        .figures
+        .retain(|f| names.iter().any(|n| n == f.view.slice()));
     Ok(())
 }

@@ -68,8 +68,7 @@ impl GeometryBuilder {
                 e2: (c - a).to_array(),
                 id: self.triangles.len() as u32,
             });
-            self.bounds
-                .push(Aabb::new(a.min(b).min(c), a.max(b).max(c)));
+            self.bounds.push(Aabb::new(a.min(b).min(c), a.max(b).max(c)));
             self.triangles.push(Triangle {
                 normals: shifted(first_normal, mesh.normals.is_empty()),
                 uvs: shifted(first_uv, mesh.uvs.is_empty()),
@@ -229,10 +228,7 @@ impl Geometry {
             [u, v]
         } else {
             let [a, b, c] = tri.uvs.map(|i| self.uvs[i as usize]);
-            [
-                a[0] * w + b[0] * u + c[0] * v,
-                a[1] * w + b[1] * u + c[1] * v,
-            ]
+            [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
         };
         Surface {
             p: Vec3A::from_array(leaf.v0) + e1 * u + e2 * v,
@@ -325,7 +321,10 @@ mod tests {
                     dir: s.ng,
                 };
                 let again = g.intersect(&on, f32::INFINITY);
-                assert!(again.is_none_or(|a| a.leaf != h.leaf || a.t > 0.05), "hits itself");
+                assert!(
+                    again.is_none_or(|a| a.leaf != h.leaf || a.t > 0.05),
+                    "hits itself"
+                );
             }
         }
         assert!(hits > 5000);

@@ -134,10 +134,7 @@ impl Quadric {
             // Support of an ellipsoid along each world axis: the length of the matrix row.
             QuadricKind::Sphere => (rows_length(m, true), t),
             QuadricKind::Disk => (rows_length(m, false), t),
-            QuadricKind::Cylinder => (
-                rows_length(m, false) + (m.z_axis * 0.5).abs(),
-                t + m.z_axis * 0.5,
-            ),
+            QuadricKind::Cylinder => (rows_length(m, false) + (m.z_axis * 0.5).abs(), t + m.z_axis * 0.5),
         };
         // A hair of padding so that flat and rounded surfaces never fall outside their box.
         let pad = half * 1e-5 + centre.abs() * 1e-6 + Vec3A::splat(1e-9);

@@ -49,7 +49,13 @@ impl Diffuse {
 
     /// Cosine-weighted.
     #[inline]
-    pub fn sample(&self, textures: &Textures, at: &Surface, wo: Vec3A, stream: &mut Stream) -> Option<Sampled> {
+    pub fn sample(
+        &self,
+        textures: &Textures,
+        at: &Surface,
+        wo: Vec3A,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
         let n = facing(at, wo)?;
         let x = perpendicular(n);
         let wi = Mat3A::from_cols(x, n.cross(x), n) * warp::cosine_hemisphere(stream.uniform2());

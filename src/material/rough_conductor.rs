@@ -6,8 +6,8 @@
 use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
-use crate::polarization::fresnel;
 use crate::polarization::frame::perpendicular;
+use crate::polarization::fresnel;
 use crate::sampling::{stream::Stream, warp};
 use crate::spectrum::Spectral;
 use glam::{Mat3A, Vec3A};

@@ -271,11 +271,23 @@ mod tests {
         };
         let gray = Spectral::new([0.5, 0.6, 0.7, 0.8]);
         let steps = [
-            Scatter::Fresnel { block: block(0.3), s: at(20.0) },
-            Scatter::Fresnel { block: block(0.7), s: at(75.0) },
+            Scatter::Fresnel {
+                block: block(0.3),
+                s: at(20.0),
+            },
+            Scatter::Fresnel {
+                block: block(0.7),
+                s: at(75.0),
+            },
             Scatter::Depolarize(gray),
-            Scatter::Fresnel { block: block(0.5), s: at(-30.0) },
-            Scatter::Fresnel { block: block(0.9), s: at(110.0) },
+            Scatter::Fresnel {
+                block: block(0.5),
+                s: at(-30.0),
+            },
+            Scatter::Fresnel {
+                block: block(0.9),
+                s: at(110.0),
+            },
             Scatter::Depolarize(gray),
         ];
         for first in 0..steps.len() {

@@ -1,7 +1,7 @@
 //! Complex numbers in every wavelength lane, just enough for Fresnel's equations.
 
 use crate::spectrum::Spectral;
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 /// `re + i·im` per lane.
 #[derive(Clone, Copy, Debug)]
@@ -42,12 +42,6 @@ impl Complex {
             re: self.re * f,
             im: self.im * f,
         }
-    }
-
-    /// Quotient; the divisor must not be zero in a lane that is used.
-    #[must_use]
-    pub fn div(self, rhs: Self) -> Self {
-        (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())
     }
 
     /// The square root with non-negative real part; on the negative real axis the imaginary part is positive, which
@@ -93,5 +87,13 @@ impl Mul for Complex {
             re: self.re * rhs.re - self.im * rhs.im,
             im: self.re * rhs.im + self.im * rhs.re,
         }
+    }
+}
+
+impl Div for Complex {
+    type Output = Self;
+    /// The divisor must not be zero in a lane that is used.
+    fn div(self, rhs: Self) -> Self {
+        (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())
     }
 }

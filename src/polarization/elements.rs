@@ -89,7 +89,10 @@ mod tests {
         let q = retarder(0.0, FRAC_PI_2).lane(0);
         assert!((q[2][3] - 1.0).abs() < 1e-6 && (q[3][2] + 1.0).abs() < 1e-6);
         let out = retarder(0.0, FRAC_PI_2).apply(stokes([1., 0., 1., 0.]));
-        assert!((out[3].to_array()[0] + 1.0).abs() < 1e-6, "+45° linear becomes s3 = -1");
+        assert!(
+            (out[3].to_array()[0] + 1.0).abs() < 1e-6,
+            "+45° linear becomes s3 = -1"
+        );
     }
 
     #[test]

@@ -73,9 +73,9 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     // η cosθ_t = √(η² - sin²θ_i): one root instead of a complex division.
     let root = (eta2 - Complex::real(sin2)).sqrt();
     let ci_c = Complex::real(ci);
-    let r_s = (ci_c - root).div(ci_c + root);
+    let r_s = (ci_c - root) / (ci_c + root);
     let (num, den) = (eta2.scale(ci) - root, eta2.scale(ci) + root);
-    let r_p = num.div(den);
+    let r_p = num / den;
     FresnelBlock::from_amplitudes(r_s, r_p, Spectral::ONE)
 }
 
@@ -98,8 +98,8 @@ pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
     // Negative under the root means total reflection: the root is then imaginary and the wave decays.
     let root = Complex::real(eta2 - sin2).sqrt();
     let ci_c = Complex::real(ci);
-    let r_s = (ci_c - root).div(ci_c + root);
-    let r_p = (Complex::real(eta2 * ci) - root).div(Complex::real(eta2 * ci) + root);
+    let r_s = (ci_c - root) / (ci_c + root);
+    let r_p = (Complex::real(eta2 * ci) - root) / (Complex::real(eta2 * ci) + root);
     let reflection = FresnelBlock::from_amplitudes(r_s, r_p, Spectral::ONE);
     let two = Spectral::splat(2.0);
     let t_s = Complex::real(two * ci / (ci + root.re));
@@ -155,7 +155,10 @@ mod tests {
     fn brewster_reflects_no_p() {
         let f = dielectric(1.5_f32.atan().cos(), Spectral::splat(1.5)).reflection;
         let [a, b, ..] = lane0(f);
-        assert!((a - b).abs() < 1e-7, "all reflected light is s-polarized: {a} {b}");
+        assert!(
+            (a - b).abs() < 1e-7,
+            "all reflected light is s-polarized: {a} {b}"
+        );
     }
 
     #[test]
@@ -191,7 +194,11 @@ mod tests {
     fn grazing_light_is_reflected() {
         let f = dielectric(0.0, Spectral::splat(1.5));
         assert!((lane0(f.reflection)[0] - 1.0).abs() < 1e-6);
-        assert!(lane0(f.transmission).iter().all(|x| x.is_finite() && x.abs() < 1e-6));
+        assert!(
+            lane0(f.transmission)
+                .iter()
+                .all(|x| x.is_finite() && x.abs() < 1e-6)
+        );
         assert!(lane0(conductor(0.0, Spectral::splat(0.2), Spectral::splat(3.0)))[0] > 0.999_99);
     }
 }

@@ -40,13 +40,17 @@ pub enum RenderError {
     #[error(transparent)]
     Access(#[from] AccessError),
     /// The journal cannot be written.
-    #[error("cannot write the progress journal in {path}: {cause}; make room or check permissions, then run again with --resume")]
+    #[error(
+        "cannot write the progress journal in {path}: {cause}; make room or check permissions, then run again with --resume"
+    )]
     Journal { path: PathBuf, cause: std::io::Error },
     /// The scene has no slices.
     #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
     NoSlices,
     /// What is to be resumed is another render.
-    #[error("cannot resume {path}: its {what} differs ({theirs}, now {ours}); use the same scene file and options, or another -o")]
+    #[error(
+        "cannot resume {path}: its {what} differs ({theirs}, now {ours}); use the same scene file and options, or another -o"
+    )]
     Mismatch {
         path: PathBuf,
         what: &'static str,
@@ -150,7 +154,15 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
                 if watch.interrupted() {
                     return Ok(());
                 }
-                let record = render_tile(scene, epipolar.as_ref(), tile, accumulator, contributions, &store, &stored)?;
+                let record = render_tile(
+                    scene,
+                    epipolar.as_ref(),
+                    tile,
+                    accumulator,
+                    contributions,
+                    &store,
+                    &stored,
+                )?;
                 journal.push(&record).map_err(journal_error)?;
                 totals.add(&record);
                 watch.tile_done(&summary(false));
@@ -161,11 +173,17 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
     let complete = totals.tiles.load(Ordering::Relaxed) == u64::from(tiles);
     let result = summary(complete);
     let mut attributes = store.attributes();
-    let earlier = attributes.get("wall_time_s").and_then(Value::as_f64).unwrap_or(0.0);
+    let earlier = attributes
+        .get("wall_time_s")
+        .and_then(Value::as_f64)
+        .unwrap_or(0.0);
     attributes.insert("wall_time_s".into(), json!(earlier + result.wall_s));
     attributes.insert("discarded_samples".into(), json!(result.discarded));
     attributes.insert("rays".into(), json!(result.rays));
-    attributes.insert("status".into(), json!(if complete { "complete" } else { "incomplete" }));
+    attributes.insert(
+        "status".into(),
+        json!(if complete { "complete" } else { "incomplete" }),
+    );
     store.set_attributes(attributes)?;
     if complete {
         store.finish()?;
@@ -192,7 +210,12 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     put("title", json!(scene.name));
     put("source", json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))));
     put("version", json!(env!("CARGO_PKG_VERSION")));
-    put("conventions", json!("Stokes, Mueller and frames as in CONVENTIONS.md (Mitsuba 3's); Mueller matrices map projector-frame Stokes to camera-frame Stokes"));
+    put(
+        "conventions",
+        json!(
+            "Stokes, Mueller and frames as in CONVENTIONS.md (Mitsuba 3's); Mueller matrices map projector-frame Stokes to camera-frame Stokes"
+        ),
+    );
     put("scene_sha256", json!(scene.sha256));
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
@@ -221,7 +244,14 @@ fn open_store(
     if target.resume && target.path.exists() {
         let store = TensorStore::open_for_write(&target.path)?;
         let theirs = store.attributes();
-        for what in ["scene_sha256", "seeds", "samples_per_pixel", "max_depth", "tile", "version"] {
+        for what in [
+            "scene_sha256",
+            "seeds",
+            "samples_per_pixel",
+            "max_depth",
+            "tile",
+            "version",
+        ] {
             let (a, b) = (theirs.get(what), attributes.get(what));
             if a != b {
                 let show = |v: Option<&Value>| v.map_or("nothing".into(), Value::to_string);
@@ -245,7 +275,13 @@ fn open_store(
         camera: scene.camera.resolution,
         tile: scene.settings.tile,
     };
-    Ok(TensorStore::create(&target.path, &slices, attributes, Some(grid), target.replace)?)
+    Ok(TensorStore::create(
+        &target.path,
+        &slices,
+        attributes,
+        Some(grid),
+        target.replace,
+    )?)
 }
 
 fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
@@ -376,7 +412,6 @@ impl Totals {
         }
     }
 }
-
 
 /// True if `path` holds an unfinished render.
 #[must_use]

@@ -122,8 +122,7 @@ mod tests {
                 let mut e = 0.0_f64;
                 for i in 0..SUB {
                     for j in 0..SUB {
-                        let z = -1.0
-                            + 2.0 * (row as f32 + (i as f32 + 0.5) / SUB as f32) / ROWS as f32;
+                        let z = -1.0 + 2.0 * (row as f32 + (i as f32 + 0.5) / SUB as f32) / ROWS as f32;
                         let phi = TAU * (column as f32 + (j as f32 + 0.5) / SUB as f32) / COLUMNS as f32;
                         let r = (1.0 - z * z).sqrt();
                         e += f64::from(pdf(Vec3A::new(r * phi.cos(), r * phi.sin(), z)));
@@ -146,9 +145,16 @@ mod tests {
             chi += (pooled_o - pooled_e).powi(2) / pooled_e;
             dof += 1.0;
         } else {
-            assert!(pooled_o <= pooled_e + 5.0 * pooled_e.sqrt() + 10.0, "samples where the density is zero");
+            assert!(
+                pooled_o <= pooled_e + 5.0 * pooled_e.sqrt() + 10.0,
+                "samples where the density is zero"
+            );
         }
-        assert!((total / N as f64 - 1.0).abs() < 0.01, "density integrates to {}", total / N as f64);
+        assert!(
+            (total / N as f64 - 1.0).abs() < 0.01,
+            "density integrates to {}",
+            total / N as f64
+        );
         // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
         let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
         assert!(z < 5.0, "chi² = {chi} on {dof} degrees of freedom, z = {z}");
@@ -168,7 +174,10 @@ mod tests {
     fn chi2_ggx_visible_normals() {
         for (alpha, cos_o) in [(0.2_f32, 0.9_f32), (0.5, 0.3), (1.0, 0.05), (0.7, 1.0)] {
             let wo = Vec3A::new((1.0 - cos_o * cos_o).sqrt(), 0.0, cos_o);
-            chi2(|u| ggx_visible_normal(wo, alpha, u), |h| ggx_visible_pdf(wo, h, alpha));
+            chi2(
+                |u| ggx_visible_normal(wo, alpha, u),
+                |h| ggx_visible_pdf(wo, h, alpha),
+            );
         }
     }
 

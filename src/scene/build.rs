@@ -31,7 +31,12 @@ pub(super) struct Context {
 
 impl Context {
     /// An error at a place, with its mend.
-    pub fn error(&self, span: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> SceneError {
+    pub fn error(
+        &self,
+        span: Range<usize>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> SceneError {
         SceneError {
             file: self.file.clone(),
             text: self.text.clone(),
@@ -213,10 +218,18 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
         if !slices.iter().any(|s| s.name == figure.view.slice()) {
             return Err(ctx.error(
                 figure.span(),
-                format!("figure `{}` draws slice `{}`, which is not in the scene", figure.name, figure.view.slice()),
+                format!(
+                    "figure `{}` draws slice `{}`, which is not in the scene",
+                    figure.name,
+                    figure.view.slice()
+                ),
                 format!(
                     "name one of: {}",
-                    slices.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
+                    slices
+                        .iter()
+                        .map(|s| s.name.as_str())
+                        .collect::<Vec<_>>()
+                        .join(", ")
                 ),
             ));
         }
@@ -284,7 +297,12 @@ fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, SceneError> {
 }
 
 /// Three finite numbers of sane size.
-pub(super) fn vector(ctx: &Context, v: [f64; 3], span: Range<usize>, what: &str) -> Result<Vec3A, SceneError> {
+pub(super) fn vector(
+    ctx: &Context,
+    v: [f64; 3],
+    span: Range<usize>,
+    what: &str,
+) -> Result<Vec3A, SceneError> {
     if v.iter().all(|x| x.abs() <= HUGE) {
         return Ok(DVec3::from_array(v).as_vec3a());
     }
@@ -342,7 +360,11 @@ fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Result<Pinhole
     };
     let principal = DVec2::new(p.cx.unwrap_or(wf / 2.0), p.cy.unwrap_or(hf / 2.0));
     if !(principal.x.abs() < 1e9 && principal.y.abs() < 1e9) {
-        return Err(ctx.error(span, "cx or cy is not finite", "give the principal point in pixels"));
+        return Err(ctx.error(
+            span,
+            "cx or cy is not finite",
+            "give the principal point in pixels",
+        ));
     }
     let DistortionFile { k1, k2, k3, p1, p2 } = p.distortion.as_deref().cloned().unwrap_or_default();
     let distortion = Distortion { k1, k2, k3, p1, p2 };
@@ -388,7 +410,10 @@ fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), Scene
             // Orthonormalize, so that calibration rounding does not scale directions.
             let x = x.normalize();
             let y = (y - x * x.dot(y)).normalize();
-            Ok((origin, Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), x.cross(y).as_vec3a())))
+            Ok((
+                origin,
+                Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), x.cross(y).as_vec3a()),
+            ))
         }
     }
 }
@@ -454,9 +479,15 @@ fn emitters(ctx: &Context, file: &SceneFile) -> Result<Emitters, SceneError> {
     let (mut points, mut environment) = (Vec::new(), None);
     for e in &file.emitters {
         let axis = |a: [f64; 3]| {
-            vector(ctx, a, e.span(), "horizontal")?.try_normalize().ok_or_else(|| {
-                ctx.error(e.span(), "horizontal has no length", "give a direction such as [1, 0, 0]")
-            })
+            vector(ctx, a, e.span(), "horizontal")?
+                .try_normalize()
+                .ok_or_else(|| {
+                    ctx.error(
+                        e.span(),
+                        "horizontal has no length",
+                        "give a direction such as [1, 0, 0]",
+                    )
+                })
         };
         match &**e {
             EmitterFile::Point(p) => points.push(PointEmitter {

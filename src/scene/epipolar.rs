@@ -97,7 +97,12 @@ mod tests {
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
-            let d = Distortion { k1, k2: 0.02, p1: 0.001, ..Distortion::default() };
+            let d = Distortion {
+                k1,
+                k2: 0.02,
+                p1: 0.001,
+                ..Distortion::default()
+            };
             Pinhole::new(
                 [640, 480],
                 DVec2::new(600.0, 610.0),
@@ -111,7 +116,10 @@ mod tests {
         let (camera, projector) = (device(0.0, 0.0, -0.2), device(0.3, -0.15, 0.1));
         let e = Epipolar::new(&camera, &projector).unwrap();
         let (mut seen, mut worst) = (0, 0.0_f32);
-        for (x, y) in (0..640).step_by(37).flat_map(|x| (0..480).step_by(31).map(move |y| (x, y))) {
+        for (x, y) in (0..640)
+            .step_by(37)
+            .flat_map(|x| (0..480).step_by(31).map(move |y| (x, y)))
+        {
             let line = e.line(&camera, x, y);
             let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             for t in [1.0_f32, 2.0, 5.0] {

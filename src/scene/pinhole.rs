@@ -46,8 +46,14 @@ impl Distortion {
         let (x, y) = (p.x, p.y);
         let cross = x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y;
         [
-            [radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x, cross],
-            [cross, radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x],
+            [
+                radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
+                cross,
+            ],
+            [
+                cross,
+                radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
+            ],
         ]
     }
 
@@ -250,7 +256,10 @@ mod tests {
         let p = device();
         assert!(p.project(p.origin + Vec3A::new(30.0, 0.0, -10.0)).is_none());
         assert!(p.project(p.origin + Vec3A::Z).is_none(), "behind");
-        let strong = Distortion { k1: -2.0, ..Distortion::default() };
+        let strong = Distortion {
+            k1: -2.0,
+            ..Distortion::default()
+        };
         let f = DVec2::splat(100.0);
         assert!(Pinhole::new([320, 240], f, DVec2::new(160., 120.), strong, p.origin, p.axes).is_err());
     }

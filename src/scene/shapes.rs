@@ -36,8 +36,12 @@ pub(super) fn add(
     let span = object.shape.span();
     let mut quadric = |ctx: &Context, kind, shape: DAffine3| {
         let world = place * shape;
-        if !(world.matrix3.determinant().abs() > 1e-30) || !world.is_finite() {
-            return Err(ctx.error(span.clone(), "the shape has no size", "give it a radius and extent above 0"));
+        if !is_solid(&world) {
+            return Err(ctx.error(
+                span.clone(),
+                "the shape has no size",
+                "give it a radius and extent above 0",
+            ));
         }
         geometry.quadric(Quadric::new(kind, affine(world), material));
         Ok(())
@@ -47,7 +51,10 @@ pub(super) fn add(
             let parts = load(ctx, m, &object.shape)?;
             let mut used = vec![];
             for mut part in parts {
-                let own = part.material.as_deref().and_then(|n| object.part_materials.get_key_value(n));
+                let own = part
+                    .material
+                    .as_deref()
+                    .and_then(|n| object.part_materials.get_key_value(n));
                 let id = match own {
                     Some((key, name)) => {
                         used.push(key.clone());
@@ -87,7 +94,11 @@ pub(super) fn add(
             let p0 = vector(ctx, c.p0, span.clone(), "p0")?;
             let p1 = vector(ctx, c.p1, span.clone(), "p1")?;
             let axis = p1 - p0;
-            quadric(ctx, QuadricKind::Cylinder, toward(p0, axis, c.radius, f64::from(axis.length())))?;
+            quadric(
+                ctx,
+                QuadricKind::Cylinder,
+                toward(p0, axis, c.radius, f64::from(axis.length())),
+            )?;
             if c.caps {
                 quadric(ctx, QuadricKind::Disk, toward(p0, -axis, c.radius, c.radius))?;
                 quadric(ctx, QuadricKind::Disk, toward(p1, axis, c.radius, c.radius))?;
@@ -101,29 +112,29 @@ pub(super) fn add(
                 DMat3::from_cols(u / 2.0, v / 2.0, u.cross(v).normalize_or(DVec3::Z)),
                 corner + (u + v) / 2.0,
             );
-            mesh(ctx, &mut Mesh::rectangle(), place * shape, object, material, geometry)
+            mesh(
+                ctx,
+                &mut Mesh::rectangle(),
+                place * shape,
+                object,
+                material,
+                geometry,
+            )
         }
         ShapeFile::Cube(c) => {
             let (lo, hi) = (DVec3::from_array(c.min), DVec3::from_array(c.max));
             if !lo.cmplt(hi).all() {
                 return Err(ctx.error(span, "the cube is empty", "min must lie below max on every axis"));
             }
-            let shape = DAffine3::from_scale_rotation_translation(
-                (hi - lo) / 2.0,
-                DQuat::IDENTITY,
-                (hi + lo) / 2.0,
-            );
+            let shape =
+                DAffine3::from_scale_rotation_translation((hi - lo) / 2.0, DQuat::IDENTITY, (hi + lo) / 2.0);
             mesh(ctx, &mut Mesh::cube(), place * shape, object, material, geometry)
         }
     }
 }
 
 /// Reads a mesh file in the format that the shape names.
-fn load(
-    ctx: &mut Context,
-    m: &MeshFile,
-    shape: &ShapeFile,
-) -> Result<Vec<import::MeshPart>, SceneError> {
+fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import::MeshPart>, SceneError> {
     let bytes = ctx.read(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
     let parsed = match shape {
@@ -149,8 +160,7 @@ fn mesh(
     material: u32,
     geometry: &mut GeometryBuilder,
 ) -> Result<(), SceneError> {
-    let det = place.matrix3.determinant();
-    if !place.is_finite() || !(det.abs() > 1e-30) {
+    if !is_solid(&place) {
         return Err(ctx.error(
             object.shape.span(),
             "the shape has no size, or its transform squashes it flat",
@@ -168,6 +178,11 @@ fn mesh(
     }
     geometry.mesh(mesh, material);
     Ok(())
+}
+
+/// True if the map keeps volume apart from zero, so that it can be inverted.
+fn is_solid(map: &DAffine3) -> bool {
+    map.is_finite() && map.matrix3.determinant().abs() > 1e-30
 }
 
 fn affine(a: DAffine3) -> Affine3A {
@@ -192,7 +207,11 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
 
 fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, SceneError> {
     if let Some(m) = t.matrix {
-        if t.scale.is_some() || t.rotate_deg.is_some() || t.translate.is_some() || m[3] != [0.0, 0.0, 0.0, 1.0] {
+        if t.scale.is_some()
+            || t.rotate_deg.is_some()
+            || t.translate.is_some()
+            || m[3] != [0.0, 0.0, 0.0, 1.0]
+        {
             return Err(ctx.error(
                 t.span(),
                 "the transform is a matrix and something else, or its last row is not 0 0 0 1",

@@ -35,7 +35,11 @@ pub(super) fn build(
             ));
         }
         if slices.iter().any(|o| o.name == *name) {
-            return Err(ctx.error(s.name.span(), format!("a second slice `{name}`"), "rename one of them"));
+            return Err(ctx.error(
+                s.name.span(),
+                format!("a second slice `{name}`"),
+                "rename one of them",
+            ));
         }
         let slice = Slice {
             name: name.clone(),
@@ -54,7 +58,11 @@ pub(super) fn build(
     let tile = &file.render.tile;
     let multiple = bin_multiple(&slices);
     if !u64::from(**tile).is_multiple_of(multiple) {
-        let span = if tile.span() == (0..0) { file.slices[0].span() } else { tile.span() };
+        let span = if tile.span() == (0..0) {
+            file.slices[0].span()
+        } else {
+            tile.span()
+        };
         return Err(ctx.error(
             span,
             format!("tiles of {} pixels do not hold whole camera bins", **tile),
@@ -86,7 +94,13 @@ pub(super) fn build(
 }
 
 /// Checks a list of rows or columns: rising, unique, in range.
-fn listed(ctx: &Context, list: &[u32], limit: u32, span: Range<usize>, what: &str) -> Result<Vec<u32>, SceneError> {
+fn listed(
+    ctx: &Context,
+    list: &[u32],
+    limit: u32,
+    span: Range<usize>,
+    what: &str,
+) -> Result<Vec<u32>, SceneError> {
     let rising = list.windows(2).all(|w| w[0] < w[1]);
     if list.is_empty() || !rising || list.iter().any(|&i| i >= limit) {
         return Err(ctx.error(
@@ -111,7 +125,12 @@ fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Re
     Ok(Block { x, y, w: bw, h: bh })
 }
 
-fn bin(ctx: &Context, [nx, ny]: [u32; 2], [w, h]: [u32; 2], span: Range<usize>) -> Result<(u32, u32), SceneError> {
+fn bin(
+    ctx: &Context,
+    [nx, ny]: [u32; 2],
+    [w, h]: [u32; 2],
+    span: Range<usize>,
+) -> Result<(u32, u32), SceneError> {
     if nx == 0 || ny == 0 || nx > w || ny > h {
         return Err(ctx.error(
             span,
@@ -205,15 +224,28 @@ fn projector_select(
 }
 
 /// A drive image: its brightness, linear, is the weight of each projector pixel.
-fn mask(ctx: &mut Context, name: &str, [w, h]: [u32; 2], span: Range<usize>) -> Result<ProjectorSelect, SceneError> {
+fn mask(
+    ctx: &mut Context,
+    name: &str,
+    [w, h]: [u32; 2],
+    span: Range<usize>,
+) -> Result<ProjectorSelect, SceneError> {
     let bytes = ctx.read(name, span.clone())?;
     let image = image::load_from_memory(&bytes).map_err(|e| {
-        ctx.error(span.clone(), format!("cannot decode {name}: {e}"), "use a PNG or JPEG file")
+        ctx.error(
+            span.clone(),
+            format!("cannot decode {name}: {e}"),
+            "use a PNG or JPEG file",
+        )
     })?;
     if (image.width(), image.height()) != (w, h) {
         return Err(ctx.error(
             span,
-            format!("{name} has {} × {} pixels, the projector {w} × {h}", image.width(), image.height()),
+            format!(
+                "{name} has {} × {} pixels, the projector {w} × {h}",
+                image.width(),
+                image.height()
+            ),
             "scale the image to the projector's resolution",
         ));
     }
@@ -239,7 +271,11 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, SceneError> {
         ));
     }
     if !(1..=1 << 20).contains(&*b.bins) {
-        return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));
+        return Err(ctx.error(
+            b.bins.span(),
+            format!("bins is {}", *b.bins),
+            "give 1 to 1048576 bins",
+        ));
     }
     Ok(TimeSelect::Bins {
         start_ps: b.start_ps,

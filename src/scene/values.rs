@@ -136,7 +136,10 @@ impl JsonSchema for AlbedoFile {
         "Albedo".into()
     }
     fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let (spectrum, image) = (g.subschema_for::<SpectrumFile>(), g.subschema_for::<ImageAlbedo>());
+        let (spectrum, image) = (
+            g.subschema_for::<SpectrumFile>(),
+            g.subschema_for::<ImageAlbedo>(),
+        );
         json_schema!({"anyOf": [spectrum, image]})
     }
 }

@@ -100,7 +100,10 @@ impl SlicePlan {
             CameraSelect::All => [index_table(h, None, 0, h, 1), index_table(w, None, 0, w, 1)],
             CameraSelect::Rows(r) => [index_table(h, Some(r), 0, 0, 1), index_table(w, None, 0, w, 1)],
             CameraSelect::Columns(c) => [index_table(h, None, 0, h, 1), index_table(w, Some(c), 0, 0, 1)],
-            CameraSelect::Block(b) => [index_table(h, None, b.y, b.h, 1), index_table(w, None, b.x, b.w, 1)],
+            CameraSelect::Block(b) => [
+                index_table(h, None, b.y, b.h, 1),
+                index_table(w, None, b.x, b.w, 1),
+            ],
             CameraSelect::Binned { nx, ny } => {
                 [index_table(h, None, 0, h, *ny), index_table(w, None, 0, w, *nx)]
             }
@@ -119,17 +122,20 @@ impl SlicePlan {
             ProjectorSelect::Columns(c) => {
                 [index_table(ph, None, 0, ph, 1), index_table(pw, Some(c), 0, 0, 1)]
             }
-            ProjectorSelect::Block(b) => {
-                [index_table(ph, None, b.y, b.h, 1), index_table(pw, None, b.x, b.w, 1)]
-            }
-            ProjectorSelect::Binned { nx, ny } => {
-                [index_table(ph, None, 0, ph, *ny), index_table(pw, None, 0, pw, *nx)]
-            }
+            ProjectorSelect::Block(b) => [
+                index_table(ph, None, b.y, b.h, 1),
+                index_table(pw, None, b.x, b.w, 1),
+            ],
+            ProjectorSelect::Binned { nx, ny } => [
+                index_table(ph, None, 0, ph, *ny),
+                index_table(pw, None, 0, pw, *nx),
+            ],
             _ => [vec![], vec![]],
         };
         let layout = SliceLayout::new(slice, extents);
         let len = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].len());
-        let (bins, bounces, components) = (len(AxisKind::T), len(AxisKind::Bounces), len(AxisKind::Component));
+        let (bins, bounces, components) =
+            (len(AxisKind::T), len(AxisKind::Bounces), len(AxisKind::Component));
         let columns = len(AxisKind::U);
         let resolved = len(AxisKind::V) * columns;
         let inner = resolved * bins * bounces * components;
@@ -146,7 +152,11 @@ impl SlicePlan {
             components,
             inner,
             overflow: if layout.time.is_some() { inner / bins } else { 0 },
-            elements: if slice.polarization == Polarization::Mueller { 16 } else { 1 },
+            elements: if slice.polarization == Polarization::Mueller {
+                16
+            } else {
+                1
+            },
             wavelengths: extents.wavelengths_nm.len(),
             layout,
         }
@@ -332,7 +342,11 @@ impl PixelSums {
         }
         let cell = &mut self.cells[slot];
         let w = Spectral::splat(weight);
-        let (rows, cols) = if elements == 1 { (1, 1) } else { (product.rows, product.cols) };
+        let (rows, cols) = if elements == 1 {
+            (1, 1)
+        } else {
+            (product.rows, product.cols)
+        };
         cell.rows = cell.rows.max(rows);
         cell.cols = cell.cols.max(cols);
         for i in 0..rows {
@@ -569,7 +583,11 @@ impl TileValues {
                     *out = variance.sqrt();
                 }
             }
-            let tail = if e == 16 { vec![4, 4, l as u64] } else { vec![l as u64] };
+            let tail = if e == 16 {
+                vec![4, 4, l as u64]
+            } else {
+                vec![l as u64]
+            };
             start.extend(tail.iter().map(|_| 0));
             shape.extend(tail);
             for (field, data) in fields.into_iter().zip(&data) {
