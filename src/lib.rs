@@ -15,4 +15,7 @@ pub mod tensor;
 
 pub mod scene;
 pub mod render;
+
+pub mod decompose;
+
 pub mod figure;
