@@ -1,3 +1,5 @@
+//! `sunstone export`.
+
 use super::failure::Failure;
 #[derive(clap::Args)]
 pub struct Arguments {}

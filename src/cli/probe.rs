@@ -1,3 +1,5 @@
+//! `sunstone probe`.
+
 use super::failure::Failure;
 #[derive(clap::Args)]
 pub struct Arguments {}
