@@ -21,7 +21,11 @@ camera = { binned = 4 }
 "#;
 
 fn render(at: &Path, scene: &str, seed: &str, store: &str) {
-    run(at, &["render", scene, "--seed", seed, "--no-figures", "-o", store], 0);
+    run(
+        at,
+        &["render", scene, "--seed", seed, "--no-figures", "-o", store],
+        0,
+    );
 }
 
 #[test]
@@ -32,10 +36,16 @@ fn two_seeds_pool_exactly() {
     render(at, "scene.toml", "1", "a.zarr");
     render(at, "scene.toml", "2", "b.zarr");
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 0);
-    let [a, b, ab] = ["a.zarr", "b.zarr", "ab.zarr"].map(|p| TensorStore::open(&at.join(p)).expect("a store"));
+    let [a, b, ab] =
+        ["a.zarr", "b.zarr", "ab.zarr"].map(|p| TensorStore::open(&at.join(p)).expect("a store"));
     assert_eq!(ab.attributes()["samples_per_pixel"], 2.0 * SPP);
     assert_eq!(ab.attributes()["seeds"], serde_json::json!([1, 2]));
-    assert!(ab.read_samples([0, 0], [32, 32]).expect("samples").iter().all(|n| f64::from(*n) == 2.0 * SPP));
+    assert!(
+        ab.read_samples([0, 0], [32, 32])
+            .expect("samples")
+            .iter()
+            .all(|n| f64::from(*n) == 2.0 * SPP)
+    );
     let parts = [
         ("mueller", Field::Mean, Field::StdError),
         ("flight", Field::Mean, Field::StdError),
@@ -50,23 +60,38 @@ fn two_seeds_pool_exactly() {
         for i in 0..m.len() {
             let [ma, mb, ea, eb] = [ma[i], mb[i], ea[i], eb[i]].map(f64::from);
             let want = (ma + mb) / 2.0;
-            assert!((f64::from(m[i]) - want).abs() <= 1e-5 * ma.abs().max(mb.abs()), "{slice}: {} not {want}", m[i]);
+            assert!(
+                (f64::from(m[i]) - want).abs() <= 1e-5 * ma.abs().max(mb.abs()),
+                "{slice}: {} not {want}",
+                m[i]
+            );
             // Σ(x - m)² of all samples: that of each half about its mean, and of the means about the common one.
-            let squares = (ea * ea + eb * eb) * SPP * (SPP - 1.0) + SPP * ((ma - want).powi(2) + (mb - want).powi(2));
+            let squares =
+                (ea * ea + eb * eb) * SPP * (SPP - 1.0) + SPP * ((ma - want).powi(2) + (mb - want).powi(2));
             let want = match slice {
                 "coarse" => (ea * ea + eb * eb).sqrt() / 2.0,
                 _ => (squares / (2.0 * SPP * (2.0 * SPP - 1.0))).sqrt(),
             };
-            assert!((f64::from(e[i]) - want).abs() <= 1e-5 * want, "{slice}: error {} not {want}", e[i]);
+            assert!(
+                (f64::from(e[i]) - want).abs() <= 1e-5 * want,
+                "{slice}: error {} not {want}",
+                e[i]
+            );
             if ea > 0.0 && eb > 0.0 {
                 gains.push((ea * ea + eb * eb).sqrt() / std::f64::consts::SQRT_2 / f64::from(e[i]));
             }
         }
         gains.sort_by(f64::total_cmp);
         let median = gains[gains.len() / 2];
-        println!("{slice} {mean:?}: {} elements, error falls by {median:.4}", gains.len());
+        println!(
+            "{slice} {mean:?}: {} elements, error falls by {median:.4}",
+            gains.len()
+        );
         assert!(gains.len() > 100);
-        assert!((median / std::f64::consts::SQRT_2 - 1.0).abs() < 0.02, "{slice}: the error falls by {median}, not √2");
+        assert!(
+            (median / std::f64::consts::SQRT_2 - 1.0).abs() < 0.02,
+            "{slice}: the error falls by {median}, not √2"
+        );
     }
 }
 
@@ -80,7 +105,13 @@ fn what_does_not_belong_together_is_refused() {
     render(at, "one.toml", "1", "a.zarr");
     render(at, "one.toml", "2", "b.zarr");
     render(at, "two.toml", "3", "c.zarr");
-    run(at, &["render", "one.toml", "--seed", "4", "--slices", "coarse", "-o", "d.zarr"], 0);
+    run(
+        at,
+        &[
+            "render", "one.toml", "--seed", "4", "--slices", "coarse", "-o", "d.zarr",
+        ],
+        0,
+    );
     let refused = |inputs: &[&str]| {
         let out = run(at, &[&["merge"], inputs, &["-o", "out.zarr"]].concat(), 2);
         assert!(!at.join("out.zarr").exists(), "{inputs:?} left something behind");
@@ -95,6 +126,9 @@ fn what_does_not_belong_together_is_refused() {
     assert!(refused(&["a.zarr"]).contains('2'));
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 0);
     let again = run(at, &["merge", "ab.zarr", "b.zarr", "-o", "out.zarr"], 2);
-    assert!(stderr(&again).contains("seed 2"), "a merged store remembers its seeds");
+    assert!(
+        stderr(&again).contains("seed 2"),
+        "a merged store remembers its seeds"
+    );
     assert!(stderr(&run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 2)).contains("ab.zarr"));
 }

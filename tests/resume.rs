@@ -40,9 +40,16 @@ fn threads_change_no_byte() {
     let scene = scene(&text(8));
     let paths = [1, 2, 3].map(|threads| {
         let path = folder.path().join(format!("{threads}.zarr"));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let target = Target { path: path.clone(), ..Target::default() };
-        pool.install(|| render(&scene, &target, &Unwatched)).expect("a render");
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("threads");
+        let target = Target {
+            path: path.clone(),
+            ..Target::default()
+        };
+        pool.install(|| render(&scene, &target, &Unwatched))
+            .expect("a render");
         path
     });
     assert_same_store(&paths[0], &paths[1]);
@@ -57,8 +64,14 @@ fn lines(store: &Path) -> usize {
 fn once_under_way(child: &mut Child, store: &Path, stop: impl FnOnce(&mut Child)) {
     let begun = Instant::now();
     while lines(store) < 5 {
-        assert!(begun.elapsed() < Duration::from_secs(60), "no tile was finished in a minute");
-        assert!(child.try_wait().expect("a child").is_none(), "the render ended before it could be stopped");
+        assert!(
+            begun.elapsed() < Duration::from_secs(60),
+            "no tile was finished in a minute"
+        );
+        assert!(
+            child.try_wait().expect("a child").is_none(),
+            "the render ended before it could be stopped"
+        );
         std::thread::sleep(Duration::from_micros(500));
     }
     stop(child);
@@ -70,7 +83,10 @@ fn a_killed_render_resumes_to_the_same_bytes() {
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), text(48)).expect("a scene");
     let begin = ["render", "scene.toml", "--threads", "2", "-o", "killed.zarr"];
-    let mut child = sunstone(at, &begin).stderr(Stdio::null()).spawn().expect("the program");
+    let mut child = sunstone(at, &begin)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program");
     let store = at.join("killed.zarr");
     once_under_way(&mut child, &store, |c| c.kill().expect("a kill"));
     assert_eq!(child.wait().expect("its end").code(), None, "it was killed");
@@ -89,7 +105,11 @@ fn a_killed_render_resumes_to_the_same_bytes() {
     assert_eq!(lines(&store), done, "what is refused changes nothing");
 
     run(at, &[&begin[..], &["--resume"]].concat(), 0);
-    run(at, &["render", "scene.toml", "--threads", "1", "-o", "whole.zarr"], 0);
+    run(
+        at,
+        &["render", "scene.toml", "--threads", "1", "-o", "whole.zarr"],
+        0,
+    );
     assert_same_store(&store, &at.join("whole.zarr"));
 }
 
@@ -99,7 +119,18 @@ fn an_interrupted_render_says_how_to_go_on() {
     let at = &folder.path().join("a folder's name");
     std::fs::create_dir(at).expect("a folder");
     std::fs::write(at.join("my scene.toml"), text(8)).expect("a scene");
-    let begin = ["render", "my scene.toml", "--spp", "40", "--seed", "7", "--slices", "mueller,sum", "--threads", "2"];
+    let begin = [
+        "render",
+        "my scene.toml",
+        "--spp",
+        "40",
+        "--seed",
+        "7",
+        "--slices",
+        "mueller,sum",
+        "--threads",
+        "2",
+    ];
     let mut child = sunstone(at, &[&begin[..], &["-o", "stopped.zarr"]].concat())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -107,14 +138,19 @@ fn an_interrupted_render_says_how_to_go_on() {
         .expect("the program");
     let store = at.join("stopped.zarr");
     once_under_way(&mut child, &store, |c| {
-        let sent = std::process::Command::new("kill").args(["-INT", &c.id().to_string()]).status();
+        let sent = std::process::Command::new("kill")
+            .args(["-INT", &c.id().to_string()])
+            .status();
         assert!(sent.expect("kill").success());
     });
     let out = child.wait_with_output().expect("its end");
     let message = stderr(&out);
     assert_eq!(out.status.code(), Some(130), "{message}");
     assert!((5..TILES).contains(&lines(&store)));
-    let command = message.lines().find_map(|l| l.strip_prefix("  sunstone ")).expect("a command to go on with");
+    let command = message
+        .lines()
+        .find_map(|l| l.strip_prefix("  sunstone "))
+        .expect("a command to go on with");
 
     // As a user would paste it into a shell.
     let shell = std::process::Command::new("sh")

@@ -61,12 +61,18 @@ fn text(path: &Path) -> String {
 
 /// Lines that are code, not comments.
 fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    text.lines().enumerate().filter(|(_, l)| !l.trim_start().starts_with("//"))
+    text.lines()
+        .enumerate()
+        .filter(|(_, l)| !l.trim_start().starts_with("//"))
 }
 
 /// Rooms that a line of code names: `crate::ROOM`, and those of `crate::{A, B::…}`.
 fn named(line: &str) -> Vec<String> {
-    let word = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    let word = |s: &str| {
+        s.chars()
+            .take_while(|c| c.is_alphanumeric() || *c == '_')
+            .collect::<String>()
+    };
     let mut out = Vec::new();
     for at in line.match_indices("crate::").map(|(i, m)| &line[i + m.len()..]) {
         match at.strip_prefix('{') {
@@ -96,8 +102,14 @@ fn named(line: &str) -> Vec<String> {
 #[test]
 fn the_reader_of_uses_reads_all_forms() {
     assert_eq!(named("use crate::tensor::axes::Axis;"), ["tensor"]);
-    assert_eq!(named("let x = crate::units::f(crate::scene::G);"), ["units", "scene"]);
-    assert_eq!(named("use crate::{material::{Lanes, Material}, spectrum};"), ["material", "spectrum"]);
+    assert_eq!(
+        named("let x = crate::units::f(crate::scene::G);"),
+        ["units", "scene"]
+    );
+    assert_eq!(
+        named("use crate::{material::{Lanes, Material}, spectrum};"),
+        ["material", "spectrum"]
+    );
 }
 
 #[test]
@@ -130,15 +142,20 @@ fn rooms_use_only_rooms_above_them() {
 /// Walls that the order alone does not build.
 #[test]
 fn some_rooms_know_less() {
-    let allowed: [(&str, &[&str]); 2] =
-        [("figure", &["figure", "tensor"]), ("tensor", &["tensor", "polarization", "spectrum", "units"])];
+    let allowed: [(&str, &[&str]); 2] = [
+        ("figure", &["figure", "tensor"]),
+        ("tensor", &["tensor", "polarization", "spectrum", "units"]),
+    ];
     for (room_name, may) in allowed {
         let mut seen = BTreeSet::new();
         for path in sources().into_iter().filter(|p| room(p) == room_name) {
             seen.extend(code(&text(&path)).flat_map(|(_, l)| named(l)));
         }
         assert!(seen.contains(room_name), "the scan found nothing in {room_name}");
-        assert!(seen.iter().all(|s| may.contains(&s.as_str())), "{room_name} uses {seen:?}");
+        assert!(
+            seen.iter().all(|s| may.contains(&s.as_str())),
+            "{room_name} uses {seen:?}"
+        );
     }
 }
 
@@ -146,11 +163,18 @@ fn some_rooms_know_less() {
 #[test]
 fn the_library_declares_rooms_in_order() {
     let lib = text(&root().join("lib.rs"));
-    let declared: Vec<&str> =
-        lib.lines().filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
-    let places: Vec<usize> =
-        declared.iter().map(|d| ORDER.iter().position(|r| r == d).expect("a room of the design")).collect();
-    assert!(places.len() >= 8 && places.windows(2).all(|w| w[0] < w[1]), "{declared:?}");
+    let declared: Vec<&str> = lib
+        .lines()
+        .filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';'))
+        .collect();
+    let places: Vec<usize> = declared
+        .iter()
+        .map(|d| ORDER.iter().position(|r| r == d).expect("a room of the design"))
+        .collect();
+    assert!(
+        places.len() >= 8 && places.windows(2).all(|w| w[0] < w[1]),
+        "{declared:?}"
+    );
 }
 
 #[test]
@@ -159,14 +183,21 @@ fn no_room_is_a_lumber_room() {
         for part in path.strip_prefix(root()).expect("below src").iter() {
             let name = part.to_str().expect("UTF-8").trim_end_matches(".rs");
             let lumber = ["util", "utils", "common", "helpers", "misc"];
-            assert!(!lumber.contains(&name), "{} says nothing about what is in it", path.display());
+            assert!(
+                !lumber.contains(&name),
+                "{} says nothing about what is in it",
+                path.display()
+            );
         }
     }
 }
 
 #[test]
 fn every_file_says_what_it_is() {
-    let silent: Vec<_> = sources().into_iter().filter(|p| !text(p).starts_with("//! ")).collect();
+    let silent: Vec<_> = sources()
+        .into_iter()
+        .filter(|p| !text(p).starts_with("//! "))
+        .collect();
     assert!(silent.is_empty(), "no `//!` head in {silent:?}");
 }
 
@@ -181,7 +212,10 @@ fn test_files() -> BTreeSet<PathBuf> {
         let text = text(&path);
         for pair in text.lines().collect::<Vec<_>>().windows(2) {
             if pair[0].trim() == "#[cfg(test)]"
-                && let Some(name) = pair[1].trim().strip_prefix("mod ").and_then(|n| n.strip_suffix(';'))
+                && let Some(name) = pair[1]
+                    .trim()
+                    .strip_prefix("mod ")
+                    .and_then(|n| n.strip_suffix(';'))
             {
                 out.insert(folder.join(format!("{name}.rs")));
                 out.extend(sources().into_iter().filter(|p| p.starts_with(folder.join(name))));
@@ -193,10 +227,13 @@ fn test_files() -> BTreeSet<PathBuf> {
 
 /// Text before the inline test module, which comes last in a file.
 fn shipped(text: &str) -> &str {
-    let end = ["\n#[cfg(test)]\nmod tests {", "\n#[cfg(test)]\npub(crate) mod tests {"]
-        .iter()
-        .filter_map(|m| text.find(m))
-        .min();
+    let end = [
+        "\n#[cfg(test)]\nmod tests {",
+        "\n#[cfg(test)]\npub(crate) mod tests {",
+    ]
+    .iter()
+    .filter_map(|m| text.find(m))
+    .min();
     &text[..end.unwrap_or(text.len())]
 }
 
@@ -212,5 +249,10 @@ fn code_that_users_run_does_not_unwrap() {
             }
         }
     }
-    assert!(found.len() <= UNWRAPS, "{} unwraps:\n{}", found.len(), found.join("\n"));
+    assert!(
+        found.len() <= UNWRAPS,
+        "{} unwraps:\n{}",
+        found.len(),
+        found.join("\n")
+    );
 }

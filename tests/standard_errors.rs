@@ -47,12 +47,19 @@ fn deviations_between_seeds_are_as_stated() {
         for i in 0..runs[0][0].len() {
             let moments = |f: usize| {
                 let mean = runs.iter().map(|r| f64::from(r[f][i])).sum::<f64>() / s;
-                let spread = runs.iter().map(|r| (f64::from(r[f][i]) - mean).powi(2)).sum::<f64>() / (s - 1.0);
+                let spread = runs
+                    .iter()
+                    .map(|r| (f64::from(r[f][i]) - mean).powi(2))
+                    .sum::<f64>()
+                    / (s - 1.0);
                 (mean, spread)
             };
             let ((mean, spread), (error, variation)) = (moments(0), moments(1));
             if error == 0.0 {
-                assert!(spread < 1e-10 * mean * mean + 1e-30, "{name}: element {i} varies without an error");
+                assert!(
+                    spread < 1e-10 * mean * mean + 1e-30,
+                    "{name}: element {i} varies without an error"
+                );
                 continue;
             }
             if variation.sqrt() > 0.15 * error {
@@ -69,8 +76,17 @@ fn deviations_between_seeds_are_as_stated() {
         }
         let n = f64::from(elements) * s;
         let variance = squares / n - (total / n).powi(2);
-        println!("{name}: {elements} elements, variance of z {variance:.3}, spread {:.3}", ratio[0] / ratio[1]);
-        assert!(elements >= 64, "{name}: only {elements} elements have enough hits");
-        assert!((0.8..1.25).contains(&variance), "{name}: z has variance {variance}");
+        println!(
+            "{name}: {elements} elements, variance of z {variance:.3}, spread {:.3}",
+            ratio[0] / ratio[1]
+        );
+        assert!(
+            elements >= 64,
+            "{name}: only {elements} elements have enough hits"
+        );
+        assert!(
+            (0.8..1.25).contains(&variance),
+            "{name}: z has variance {variance}"
+        );
     }
 }

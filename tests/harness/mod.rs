@@ -40,7 +40,10 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
     let folder = Path::new(MIRROR_ROOM).parent().expect("a folder");
     for name in ["pedestal.obj", "knot.glb", "vase.ply"] {
         let path = folder.join(name);
-        text = text.replace(&format!("file = \"{name}\""), &format!("file = \"{}\"", path.display()));
+        text = text.replace(
+            &format!("file = \"{name}\""),
+            &format!("file = \"{}\"", path.display()),
+        );
     }
     text + slices
 }
@@ -52,7 +55,10 @@ pub fn scene(text: &str) -> Scene {
 
 /// Renders into `path`.
 pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
-    let target = Target { path, ..Target::default() };
+    let target = Target {
+        path,
+        ..Target::default()
+    };
     let summary = render(scene, &target, &Unwatched).expect("a render");
     assert!(summary.complete);
     TensorStore::open(&target.path).expect("the store just written")
@@ -60,7 +66,11 @@ pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
 
 /// A field of a slice.
 pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
-    store.slice(slice).expect("the slice").read_all(field).expect("its values")
+    store
+        .slice(slice)
+        .expect("the slice")
+        .read_all(field)
+        .expect("its values")
 }
 
 /// Every file below `path`, by its relative name.
@@ -101,14 +111,22 @@ pub fn assert_same_store(a: &Path, b: &Path) {
 /// The program, in a folder.
 pub fn sunstone(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-    command.args(arguments).current_dir(folder).env_remove("SUNSTONE_LOG");
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .env_remove("SUNSTONE_LOG");
     command
 }
 
 /// Runs the program and asserts its exit code.
 pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
     let out = sunstone(folder, arguments).output().expect("the program runs");
-    assert_eq!(out.status.code(), Some(code), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
+    assert_eq!(
+        out.status.code(),
+        Some(code),
+        "{arguments:?}: {}",
+        String::from_utf8_lossy(&out.stderr)
+    );
     out
 }
 
