@@ -10,9 +10,15 @@ pub mod polarization;
 pub mod sampling;
 
 pub mod geometry;
+
 pub mod material;
+
 pub mod tensor;
 
-pub mod figure;
-pub mod render;
 pub mod scene;
+
+pub mod render;
+
+pub mod decompose;
+
+pub mod figure;

@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -157,10 +157,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{} -o {store}",
+            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{} -o {}",
             summary.tiles_done,
             summary.tiles,
-            a.scene.display(),
+            quoted(&a.scene),
             a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
             a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
             if a.slices.is_empty() {
@@ -168,6 +168,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             } else {
                 format!(" --slices {}", a.slices.join(","))
             },
+            quoted(&target.path),
         )));
     }
     super::print(&format!(
@@ -183,6 +184,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         super::figure::draw_all(&target.path, None)?;
     }
     Ok(())
+}
+
+/// A path as a shell reads it.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        return text;
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
 }
 
 /// Drops slices that were not asked for, and the figures that draw them.

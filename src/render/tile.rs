@@ -263,6 +263,16 @@ fn open_store(
                 });
             }
         }
+        // Tiles that the journal calls finished are so for these slices alone.
+        let ours: Vec<&str> = plans.iter().map(SlicePlan::name).collect();
+        if store.slice_names() != ours {
+            return Err(RenderError::Mismatch {
+                path: target.path.clone(),
+                what: "list of slices",
+                theirs: store.slice_names().join(", "),
+                ours: ours.join(", "),
+            });
+        }
         return Ok(store);
     }
     let slices: Vec<_> = scene

@@ -143,18 +143,22 @@ impl Scene {
             message: e.message().lines().collect::<Vec<_>>().join("; "),
             help: Some(syntax_help(e.message())),
         })?;
+        let wavelengths = Wavelengths::new(file.wavelengths_nm.to_vec()).map_err(|e| {
+            let span = file.wavelengths_nm.span();
+            SceneError {
+                file: path.to_owned(),
+                text: text.clone(),
+                span: (span != (0..0)).then_some(span),
+                message: format!("wavelengths_nm: {e}"),
+                help: Some("list 1 to 4 rising vacuum wavelengths in nanometres".into()),
+            }
+        })?;
         let mut hash = Sha256::new();
         hash.update(text.as_bytes());
         let mut ctx = Context {
             file: path.to_owned(),
             text,
-            wavelengths: Wavelengths::new(file.wavelengths_nm.to_vec()).map_err(|e| SceneError {
-                file: path.to_owned(),
-                text: "".into(),
-                span: None,
-                message: format!("wavelengths_nm: {e}"),
-                help: Some("list 1 to 4 rising vacuum wavelengths in nanometres".into()),
-            })?,
+            wavelengths,
             hash,
         };
         build(&mut ctx, &file)

@@ -43,6 +43,19 @@ pub(super) fn add(
                 "give it a radius and extent above 0",
             ));
         }
+        let columns = [
+            world.matrix3.x_axis,
+            world.matrix3.y_axis,
+            world.matrix3.z_axis,
+            world.translation,
+        ];
+        if columns.iter().any(|c| c.abs().max_element() > HUGE) {
+            return Err(ctx.error(
+                span.clone(),
+                "the shape reaches to infinity",
+                "keep coordinates below 1e12 m",
+            ));
+        }
         geometry.quadric(Quadric::new(kind, affine(world), material));
         Ok(())
     };

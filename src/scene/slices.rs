@@ -16,6 +16,12 @@ const RESERVED: [&str; 2] = ["samples", "zarr.json"];
 /// The largest number of elements of one slice: 2^40 keeps every index exact and is 4 TiB of f32.
 const MAX_ELEMENTS: u128 = 1 << 40;
 
+/// The largest number of elements of one chunk, which is held in memory: 2^28 is 1 GiB of f32.
+const MAX_CHUNK: u128 = 1 << 28;
+
+/// The largest projector with epipolar slices, which keep 24 bytes a pixel: 2^24 pixels is 4096 × 4096.
+const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
+
 /// All slices of the file.
 pub(super) fn build(
     ctx: &mut Context,
@@ -77,16 +83,22 @@ pub(super) fn build(
         tile: (**tile).max(1),
     };
     for (slice, s) in slices.iter().zip(&file.slices) {
-        let elements: u128 = SliceLayout::new(slice, &extents)
-            .shape()
-            .iter()
-            .map(|&n| u128::from(n))
-            .product();
+        let layout = SliceLayout::new(slice, &extents);
+        let product = |n: Vec<u64>| n.into_iter().map(u128::from).product::<u128>();
+        let elements = product(layout.shape());
         if elements > MAX_ELEMENTS {
             return Err(ctx.error(
                 s.span(),
                 format!("slice `{}` would have {elements} elements", slice.name),
                 "keep fewer camera pixels, projector pixels or bins (a row, a block, larger bins)",
+            ));
+        }
+        let chunk = product(layout.chunk_shape());
+        if chunk > MAX_CHUNK {
+            return Err(ctx.error(
+                s.span(),
+                format!("slice `{}` would have {chunk} elements in one tile", slice.name),
+                "make render.tile smaller, or resolve less in one slice",
             ));
         }
     }
@@ -206,6 +218,18 @@ fn projector_select(
             ProjectorSelect::Binned { nx, ny }
         }
         ProjectorSelectFile::Mask(name) => mask(ctx, name, size, span)?,
+        ProjectorSelectFile::Epipolar(_) | ProjectorSelectFile::Nonepipolar(_)
+            if size.iter().map(|n| u64::from(*n)).product::<u64>() > MAX_EPIPOLAR_PIXELS =>
+        {
+            return Err(ctx.error(
+                span,
+                format!(
+                    "epipolar slices of a projector of {} × {} pixels",
+                    size[0], size[1]
+                ),
+                "give the projector at most 2^24 (4096 × 4096) pixels",
+            ));
+        }
         ProjectorSelectFile::Epipolar(h) => ProjectorSelect::Epipolar {
             half_width_px: half_width(ctx, h.half_width_px)?,
         },

@@ -1,3 +1,5 @@
+//! What a store promises: layout, atomicity, sparse chunks, refusals.
+
 use super::*;
 use crate::tensor::axes::{AxisKind, Extents};
 use crate::tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};

@@ -1,0 +1,5 @@
+//! What a Mueller matrix says about matter: whether it can exist, and what it is made of.
+//!
+//! Plain 4×4 matrices in f64, `m[out][in]`, one wavelength at a time; frames are those of the matrix.
+
+pub mod cloude;

@@ -1,0 +1,341 @@
+//! Broken input: exit code 2, the place, a mend, and nothing written.
+
+mod harness;
+
+use harness::{edit, files, mirror_room, run, shipped, stderr};
+use std::path::Path;
+
+/// A scene that is right; every test below breaks one thing in it.
+const SCENE: &str = r#"name = "box"
+wavelengths_nm = [450, 550, 660]
+
+[render]
+spp = 1
+tile = 8
+max_depth = 3
+
+[camera]
+resolution = [16, 16]
+fov_x_deg = 50
+pose.look_at = { origin = [0, 1, 3], target = [0, 1, 0] }
+
+[projector]
+resolution = [12, 8]
+fov_x_deg = 40
+irradiance = 10
+pose.look_at = { origin = [0.2, 1, 3], target = [0, 1, 0] }
+
+[materials]
+white.diffuse.albedo = [0.7, 0.7, 0.7]
+gold.rough_conductor = { n = 0.4, k = 2.4, alpha = 0.2 }
+glass.dielectric = { ior = 1.5 }
+
+[[objects]]
+name = "wall"
+shape.rectangle = { corner = [-1, 0, -1], u = [2, 0, 0], v = [0, 2, 0] }
+material = "white"
+
+[[objects]]
+name = "ball"
+shape.sphere = { center = [0, 1, 0], radius = 0.3 }
+material = "gold"
+transform = { translate = [0, 0, 0] }
+
+[[slices]]
+name = "photo"
+camera = { binned = 2 }
+
+[[slices]]
+name = "rows"
+camera = { rows = [3] }
+projector = { epipolar = { half_width_px = 1 } }
+time = { start_ps = 0, bin_ps = 100, bins = 10 }
+
+[[figures]]
+name = "picture"
+view.photo = { slice = "photo" }
+"#;
+
+/// What is broken; the passage and what takes its place; where the fault is (the first line with this text; with a
+/// leading `^` the column of the text too); words that the message must have.
+type Case = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+);
+
+#[rustfmt::skip]
+const CASES: &[Case] = &[
+    ("syntax", "spp = 1", "spp = = 1", "spp = = 1", ""),
+    ("an unclosed list", "[450, 550, 660]", "[450, 550, 660", "^[render]", "missing comma"),
+    ("an unclosed string", "name = \"box\"", "name = \"box", "^\nwavelengths_nm", "string"),
+    ("a key twice", "spp = 1", "spp = 1\nspp = 2", "^spp = 2", "duplicate key"),
+    ("an unknown key at the top", "name = \"box\"", "nmae = \"box\"", "^nmae", "unknown field `nmae`"),
+    ("an unknown table", "[render]", "[rendr]", "[rendr]", "unknown field `rendr`"),
+    ("an unknown key in render", "spp = 1", "ssp = 1", "^ssp", "unknown field `ssp`"),
+    ("an unknown key in the camera", "fov_x_deg = 50", "fov = 50", "^fov = 50", "unknown field `fov`"),
+    ("an unknown key in the pose", "target = [0, 1, 0] }", "aim = [0, 1, 0] }", "^aim", "unknown field `aim`"),
+    ("an unknown material", "white.diffuse.albedo", "white.lambert.albedo", "^lambert", "unknown variant `lambert`"),
+    ("an unknown key in a material", "alpha = 0.2", "roughness = 0.2", "^roughness", "unknown field `roughness`"),
+    ("an unknown shape", "shape.sphere", "shape.ball", "^ball = {", "unknown variant `ball`"),
+    ("an unknown key in a shape", "radius = 0.3", "r = 0.3", "^r = 0.3", "unknown field `r`"),
+    ("an unknown key in a slice", "projector = { epi", "projektor = { epi", "^projektor", "unknown field `projektor`"),
+    ("an unknown key in time", "bin_ps = 100", "width_ps = 100", "^width_ps", "unknown field `width_ps`"),
+    ("an unknown view", "view.photo", "view.foto", "^foto", "unknown variant `foto`"),
+    ("text for a number", "fov_x_deg = 50", "fov_x_deg = \"wide\"", "^\"wide\"", "invalid type"),
+    ("a negative count", "spp = 1", "spp = -1", "^-1\n", "-1"),
+    ("a fraction for a count", "resolution = [16, 16]", "resolution = [16.5, 16]", "^16.5", "16.5"),
+    ("two numbers for a point", "[0, 1, 3], target", "[0, 1], target", "^[0, 1], target", "length"),
+    ("no camera", "[camera]", "[[emitters]]", "[[emitters]]", ""),
+    ("no resolution", "resolution = [16, 16]\n", "", "[camera]", "missing field `resolution`"),
+    ("no material", "material = \"gold\"\n", "", "^[[objects]]\nname = \"ball\"", "missing field `material`"),
+    ("no alpha", ", alpha = 0.2", "", "^{ n = 0.4", "missing field `alpha`"),
+    ("no pose of the projector", "[0.2, 1, 3], target = [0, 1, 0] }", "[0.2, 1, 3] }", "^{ origin = [0.2", "`target`"),
+    ("an unknown name of a material", "material = \"gold\"", "material = \"silver\"", "^\"silver\"", "white"),
+    ("a missing mesh", "shape.sphere = { center = [0, 1, 0], radius = 0.3 }", "shape.obj = { file = \"no.obj\" }", "^\"no.obj\"", "no.obj"),
+    ("a mesh that is none", "shape.sphere = { center = [0, 1, 0], radius = 0.3 }", "shape.ply = { file = \"scene.toml\" }", "^\"scene.toml\"", "scene.toml"),
+    ("too short a spectrum", "[0.7, 0.7, 0.7]", "[0.7, 0.7]", "^[0.7, 0.7]", "2 values for 3 wavelengths"),
+    ("an albedo above 1", "[0.7, 0.7, 0.7]", "[0.7, 1.2, 0.7]", "^[0.7, 1.2, 0.7]", "albedo is 1.2"),
+    ("an albedo that is no number", "[0.7, 0.7, 0.7]", "nan", "^nan", "NaN"),
+    ("an alpha of 0", "alpha = 0.2", "alpha = 0", "^0 }", "alpha is 0"),
+    ("an index below 1", "ior = 1.5", "ior = 0.5", "^0.5", "ior is 0.5"),
+    ("a field of view of 0", "fov_x_deg = 50", "fov_x_deg = 0", "^0\npose", "0°"),
+    ("two focal lengths", "fov_x_deg = 50", "fov_x_deg = 50\nfx = 20", "[camera]", "more than one"),
+    ("a huge resolution", "resolution = [16, 16]", "resolution = [40000, 16]", "^[40000, 16]", "40000"),
+    ("spp of 0", "spp = 1", "spp = 0", "^0\ntile", "spp is 0"),
+    ("no bounce", "max_depth = 3", "max_depth = 0", "^0\n\n[camera]", "max_depth is 0"),
+    ("tiles that cut bins", "tile = 8", "tile = 7", "^7\n", "multiple of 2"),
+    ("a view along up", "target = [0, 1, 0] }", "target = [0, 2, 3] }", "^pose.look_at = { origin = [0, 1, 3]", "look_at"),
+    ("a pose that is not rigid", "pose.look_at = { origin = [0, 1, 3], target = [0, 1, 0] }", "pose.matrix = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]", "pose.matrix", "rotation"),
+    ("a folding lens", "fov_x_deg = 50", "fov_x_deg = 50\ndistortion = { k1 = -9 }", "^{ k1 = -9 }", "folds"),
+    ("coincident centres", "origin = [0.2, 1, 3]", "origin = [0, 1, 3]", "[[slices]]\nname = \"rows\"", "share their centre"),
+    ("a name of a slice that cannot be", "name = \"rows\"", "name = \"../rows\"", "^\"../rows\"", "../rows"),
+    ("a reserved name of a slice", "name = \"rows\"", "name = \"samples\"", "^\"samples\"", "samples"),
+    ("two slices of one name", "name = \"rows\"", "name = \"photo\"\n#", "^\"photo\"\n#", "second slice"),
+    ("time bins of 0 ps", "bin_ps = 100", "bin_ps = 0", "^0, bins", "bin_ps is 0"),
+    ("no time bins", "bins = 10", "bins = 0", "^0 }\n\n[[figures]]", "bins is 0"),
+    ("a row out of range", "rows = [3]", "rows = [16]", "^{ rows = [16] }", "below 16"),
+    ("rows out of order", "rows = [3]", "rows = [5, 3]", "^{ rows = [5, 3] }", "rising"),
+    ("a block out of range", "camera = { rows = [3] }", "camera = { block = [10, 10, 7, 6] }", "^{ block", "16 × 16"),
+    ("bins larger than the image", "camera = { binned = 2 }", "camera = { binned = 17 }", "^{ binned = 17", "17 × 17"),
+    ("a missing mask", "{ epipolar = { half_width_px = 1 } }", "{ mask = \"no.png\" }", "^{ mask", "no.png"),
+    ("a coaxial slice of unlike images", "{ epipolar = { half_width_px = 1 } }", "\"coaxial\"", "^\"coaxial\"", "resolution"),
+    ("a negative half width", "half_width_px = 1", "half_width_px = -1", "^{ epipolar", "half_width_px is -1"),
+    ("endless time", "bins = 10 }", "bins = 1048577 }", "^1048577", "bins is 1048577"),
+    ("a slice without end", "resolution = [12, 8]", "resolution = [32768, 32768]", "^{ epipolar", "4096"),
+    ("a figure of an unknown slice", "slice = \"photo\"", "slice = \"foto\"", "[[figures]]", "photo, rows"),
+    ("a figure with a path for a name", "name = \"picture\"", "name = \"../picture\"", "[[figures]]", "../picture"),
+    ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "^[450, 660, 550]", "rise"),
+    ("no wavelengths", "[450, 550, 660]", "[]", "^[]", "0 wavelengths"),
+    ("five wavelengths", "[450, 550, 660]", "[1e3, 2e3, 3e3, 4e3, 5e3]", "^[1e3", "5 wavelengths"),
+    ("a wavelength in metres", "[450, 550, 660]", "[4.5e-7]", "^[4.5e-7]", "100..100000"),
+    ("a shape without size", "radius = 0.3", "radius = 0", "^shape.sphere", "no size"),
+    ("a shape without end", "radius = 0.3", "radius = 1e300", "^shape.sphere", "infinity"),
+    ("a flattening transform", "u = [2, 0, 0]", "u = [0, 2, 0]", "^shape.rectangle", "no size"),
+];
+
+/// Line and column of a fault as a case writes it, counted here anew.
+fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
+    let wanted = mark.strip_prefix('^');
+    let at = text
+        .find(wanted.unwrap_or(mark))
+        .unwrap_or_else(|| panic!("`{mark}` is not in the scene"));
+    let line = text[..at].matches('\n').count() + 1;
+    let column = text[..at].chars().rev().take_while(|c| *c != '\n').count() + 1;
+    (line, wanted.map(|_| column))
+}
+
+/// Runs a broken scene and returns what is wrong with its report, if anything.
+fn fault(folder: &Path, case: &Case) -> Option<String> {
+    let &(what, from, to, mark, says) = case;
+    let text = edit(SCENE, from, to);
+    std::fs::write(folder.join("scene.toml"), &text).expect("a scene");
+    let shown = stderr(&run(folder, &["render", "scene.toml"], 2));
+    let left: Vec<_> = files(folder).into_keys().collect();
+    let complain = |why: String| Some(format!("{what}: {why}\n{shown}"));
+    if left != [Path::new("scene.toml")] || std::fs::read_dir(folder).expect("a folder").count() != 1 {
+        return complain(format!("left {left:?}"));
+    }
+    let first = shown.lines().next().unwrap_or("");
+    let Some(rest) = first.strip_prefix("error: scene.toml:") else {
+        return complain("the first line names no place".into());
+    };
+    let mut parts = rest.splitn(3, ':');
+    let mut number = || parts.next().and_then(|p| p.parse::<usize>().ok());
+    let (Some(line), Some(column)) = (number(), number()) else {
+        return complain("no line and column".into());
+    };
+    let (want_line, want_column) = place(&text, mark);
+    if line != want_line || want_column.is_some_and(|c| c != column) {
+        return complain(format!("at {line}:{column}, not {want_line}:{want_column:?}"));
+    }
+    if !shown.contains(says) {
+        return complain(format!("does not say `{says}`"));
+    }
+    let mend = shown.lines().find_map(|l| l.trim().strip_prefix("mend: "));
+    if mend.is_none_or(|m| m.len() < 8) {
+        return complain("no mend".into());
+    }
+    None
+}
+
+#[test]
+fn every_broken_scene_is_told_where_and_how_to_mend_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let faults: Vec<String> = CASES
+        .iter()
+        .filter_map(|case| fault(folder.path(), case))
+        .collect();
+    assert!(
+        faults.is_empty(),
+        "{} of {}:\n{}",
+        faults.len(),
+        CASES.len(),
+        faults.join("\n")
+    );
+    assert!(CASES.len() >= 60);
+}
+
+#[test]
+fn the_scene_that_is_broken_elsewhere_is_right() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("box.toml"), SCENE).expect("a scene");
+    run(folder.path(), &["render", "box.toml"], 0);
+    assert!(folder.path().join("out/box.zarr/zarr.json").exists());
+}
+
+#[test]
+fn a_scene_needs_a_light() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (before, rest) = SCENE.split_once("[projector]").expect("a projector");
+    let text = format!(
+        "{before}{}",
+        &rest[rest.find("[materials]").expect("materials")..]
+    );
+    let text = edit(&text, "projector = { epipolar = { half_width_px = 1 } }\n", "");
+    std::fs::write(folder.path().join("dark.toml"), &text).expect("a scene");
+    let shown = stderr(&run(folder.path(), &["render", "dark.toml"], 2));
+    assert!(
+        shown.starts_with("error: dark.toml:9:") && shown.contains("no light"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn outputs_are_not_overwritten_by_mistake() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(
+        at.join("s.toml"),
+        mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n"),
+    )
+    .expect("a scene");
+    let first = |arguments: &[&str], code| {
+        stderr(&run(at, arguments, code))
+            .lines()
+            .next()
+            .unwrap_or("")
+            .to_owned()
+    };
+    run(at, &["render", "s.toml", "-o", "a.zarr"], 0);
+    let before = files(&at.join("a.zarr"));
+    let told = first(&["render", "s.toml", "-o", "a.zarr", "--seed", "9"], 2);
+    assert!(told.starts_with("error: ") && told.contains("a.zarr"), "{told}");
+    assert!(files(&at.join("a.zarr")) == before, "the store is as it was");
+    run(
+        at,
+        &["render", "s.toml", "-o", "a.zarr", "--seed", "9", "--force"],
+        0,
+    );
+    assert!(files(&at.join("a.zarr")) != before);
+
+    // What is no store is never replaced, and a file is no folder.
+    std::fs::create_dir(at.join("photos")).expect("a folder");
+    std::fs::write(at.join("photos/cat.jpg"), "cat").expect("a file");
+    first(&["render", "s.toml", "-o", "photos", "--force"], 2);
+    assert_eq!(std::fs::read(at.join("photos/cat.jpg")).expect("the cat"), b"cat");
+    assert!(first(&["render", "s.toml", "-o", "s.toml/out.zarr"], 2).contains("s.toml/out.zarr"));
+}
+
+#[test]
+fn bad_arguments_are_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(
+        at.join("s.toml"),
+        mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n"),
+    )
+    .expect("a scene");
+    std::fs::write(at.join("none.toml"), mirror_room(8, 8, 1, 8, "")).expect("a scene");
+    std::fs::write(at.join("bytes.toml"), [0xff, 0xfe, 0x00]).expect("a scene");
+    let before = files(at);
+    for (arguments, says) in [
+        (&["render", "missing.toml"][..], "missing.toml"),
+        (&["render", "."], "."),
+        (&["render", "bytes.toml"], "bytes.toml"),
+        (&["render", "none.toml"], "slices"),
+        (&["render", "s.toml", "--spp", "0"], "--spp"),
+        (&["render", "s.toml", "--spp", "-3"], "-3"),
+        (&["render", "s.toml", "--spp", "many"], "many"),
+        (&["render", "s.toml", "--threads", "0"], "--threads"),
+        (&["render", "s.toml", "--slices", "b"], "`b`"),
+        (&["render", "s.toml", "--resume", "--force"], "--force"),
+        (&["render"], "SCENE"),
+        (&["rendr", "s.toml"], "render"),
+        (&["info", "missing.zarr"], "missing.zarr"),
+        (&["info", "s.toml"], "s.toml"),
+        (&["figure", "missing.zarr"], "missing.zarr"),
+    ] {
+        let shown = stderr(&run(at, arguments, 2));
+        assert!(
+            shown.starts_with("error: ") && shown.contains(says),
+            "{arguments:?}: {shown}"
+        );
+        assert!(files(at) == before, "{arguments:?} wrote something");
+    }
+    assert_eq!(std::fs::read_dir(at).expect("a folder").count(), 3);
+}
+
+#[test]
+fn the_schema_is_json_and_knows_the_keys() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = run(folder.path(), &["schema"], 0);
+    let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    let mut known: Vec<&String> = schema["properties"]
+        .as_object()
+        .expect("properties")
+        .keys()
+        .collect();
+    known.sort();
+    let scene: toml::Table = shipped().parse().expect("TOML");
+    for key in scene.keys() {
+        assert!(known.contains(&key), "the schema lacks `{key}`");
+    }
+    // serde names all keys that it accepts when it meets another.
+    std::fs::write(
+        folder.path().join("s.toml"),
+        edit(SCENE, "name = \"box\"", "zzz = 1"),
+    )
+    .expect("a scene");
+    let shown = stderr(&run(folder.path(), &["render", "s.toml"], 2));
+    let expected = shown
+        .split("expected one of")
+        .nth(1)
+        .expect("a list")
+        .lines()
+        .next()
+        .expect("a line");
+    let mut accepted: Vec<String> = expected
+        .split('`')
+        .skip(1)
+        .step_by(2)
+        .map(str::to_owned)
+        .collect();
+    accepted.sort();
+    assert!(accepted.len() >= 10);
+    assert_eq!(known.into_iter().cloned().collect::<Vec<_>>(), accepted);
+    assert_eq!(schema["additionalProperties"], false);
+    assert_eq!(schema["required"], serde_json::json!(["camera"]));
+}

@@ -1,0 +1,406 @@
+//! No text makes the program panic, hang or ask for absurd memory; what builds renders to finite values.
+
+mod harness;
+
+use harness::{mirror_room, rendered};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use sunstone::scene::Scene;
+use sunstone::tensor::store::Field;
+
+/// Remembers the largest piece of memory that was asked for.
+struct Watched;
+
+static LARGEST: AtomicUsize = AtomicUsize::new(0);
+
+unsafe impl GlobalAlloc for Watched {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Watched = Watched;
+
+/// Tests of this file run one by one, so that the memory and time that each sees are its own.
+static ONE_BY_ONE: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A folder in memory where the system has one: hundreds of small stores are slow on disks.
+fn folder() -> tempfile::TempDir {
+    let memory = Path::new("/dev/shm");
+    let made = if memory.is_dir() {
+        tempfile::tempdir_in(memory)
+    } else {
+        tempfile::tempdir()
+    };
+    made.or_else(|_| tempfile::tempdir()).expect("a folder")
+}
+
+/// The most that one piece of memory may take: an epipolar table of 2^24 pixels, doubled while it grows.
+const MEMORY: usize = 1 << 30;
+
+/// The longest that one text may take.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+const SLICES: &str = r#"
+[[slices]]
+name = "conventional"
+[[slices]]
+name = "epipolar"
+camera = { binned = [2, 1] }
+projector = { epipolar = { half_width_px = 1.5 } }
+polarization = "mueller"
+[[slices]]
+name = "rows"
+camera = { rows = [1, 4] }
+projector = { binned = [1, 8] }
+time = { start_ps = 8000, bin_ps = 250, bins = 64 }
+[[slices]]
+name = "rest"
+camera = { block = [1, 2, 3, 4] }
+projector = "coaxial"
+bounces = true
+split_first_bounce = true
+[[figures]]
+name = "photo"
+view.photo = { slice = "conventional" }
+"#;
+
+/// The mirror room with `slices` at 8 × 8 pixels, less its meshes (reading them thousands of times takes long), with
+/// a lens and a lamp.
+fn room() -> String {
+    let whole = mirror_room(8, 8, 1, 8, SLICES);
+    let mut parts: Vec<&str> = whole.split("[[objects]]").collect();
+    parts.retain(|p| !p.contains("file = "));
+    let mut text = parts.join("[[objects]]");
+    text = text.replace(
+        "fov_x_deg = 50",
+        "fov_x_deg = 50\ndistortion = { k1 = -0.1, k2 = 0.02 }",
+    );
+    text.push_str("[[emitters]]\npoint = { position = [0, 1.5, 1], intensity = 2 }\n");
+    text.push_str(
+        "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [0.3, 0, 0], max = [0.6, 0.4, 0.3] }\n",
+    );
+    text.push_str("[[objects]]\nmaterial = \"gold\"\nshape.cylinder = { p0 = [0, 0, 0], p1 = [0, 0.5, 0], radius = 0.1, caps = true }\n");
+    text.push_str("transform = { scale = [1, 2, 1], rotate_deg = [0, 20, 5], translate = [-0.3, 0, 0.2] }\n");
+    text
+}
+
+/// Builds a text within bounds of time and memory.
+fn build(text: &str) -> Option<Scene> {
+    LARGEST.store(0, Ordering::Relaxed);
+    let begun = Instant::now();
+    let scene = Scene::from_text(Path::new("fuzz.toml"), text);
+    assert!(begun.elapsed() < PATIENCE, "it took {:?}", begun.elapsed());
+    let largest = LARGEST.load(Ordering::Relaxed);
+    assert!(largest <= MEMORY, "it asked for {largest} bytes at once");
+    match scene {
+        Ok(scene) => Some(scene),
+        Err(e) => {
+            assert!(!e.message.is_empty() && e.to_string().contains("mend: "), "{e}");
+            if let Some(span) = &e.span {
+                assert!(
+                    span.start <= span.end && span.end <= text.len(),
+                    "{span:?} of {}",
+                    text.len()
+                );
+                assert!(
+                    e.line_column().is_some(),
+                    "the place {span:?} is inside a character"
+                );
+            }
+            None
+        }
+    }
+}
+
+/// Renders a scene if it is small; true if it did.
+fn render_if_small(mut scene: Scene) -> bool {
+    let small = |r: [u32; 2], n: u32| r[0] <= n && r[1] <= n;
+    let bins = |s: &sunstone::tensor::slice::Slice| match s.time {
+        sunstone::tensor::slice::TimeSelect::Bins { bins, .. } => bins,
+        sunstone::tensor::slice::TimeSelect::Sum => 1,
+    };
+    if !small(scene.camera.resolution, 16)
+        || scene
+            .projector
+            .as_ref()
+            .is_some_and(|p| !small(p.pinhole.resolution, 64))
+        || scene.slices.is_empty()
+        || scene.slices.iter().any(|s| bins(s) > 1000)
+        || scene.settings.max_depth > 64
+    {
+        return false;
+    }
+    scene.settings.spp = 1;
+    let folder = folder();
+    let store = rendered(&scene, folder.path().join("out.zarr"));
+    for name in store.slice_names() {
+        let slice = store.slice(name).expect("a slice");
+        for field in [Field::Mean, Field::Overflow]
+            .into_iter()
+            .filter(|f| slice.has(*f))
+        {
+            let t = slice.read_all(field).expect("values");
+            assert!(
+                t.data.iter().all(|v| v.is_finite()),
+                "{name} has a value that is not finite"
+            );
+        }
+    }
+    true
+}
+
+fn runner(cases: u32) -> TestRunner {
+    let config = Config {
+        cases,
+        failure_persistence: None,
+        max_shrink_iters: 200,
+        ..Config::default()
+    };
+    TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]))
+}
+
+/// One change to a text.
+#[derive(Clone, Debug)]
+enum Change {
+    /// The number at this share of all numbers becomes this text.
+    Number(f64, &'static str),
+    /// The line at this share of all lines goes, or comes twice, or changes places.
+    Drop(f64),
+    Twice(f64),
+    Swap(f64, f64),
+    /// The word at one share of all words becomes that at another.
+    Word(f64, f64),
+    /// Characters go.
+    Cut(f64, usize),
+    /// A character comes.
+    Insert(f64, char),
+}
+
+const NUMBERS: [&str; 20] = [
+    "nan",
+    "inf",
+    "-inf",
+    "-1",
+    "0",
+    "-0.0",
+    "1e308",
+    "-1e308",
+    "1e-308",
+    "1e20",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "32768",
+    "3",
+    "0.5",
+    "[]",
+    "\"x\"",
+    "true",
+    "1e-9",
+];
+
+fn change() -> impl Strategy<Value = Change> {
+    let share = || 0.0..1.0_f64;
+    prop_oneof![
+        8 => (share(), prop::sample::select(&NUMBERS[..])).prop_map(|(a, n)| Change::Number(a, n)),
+        1 => share().prop_map(Change::Drop),
+        1 => share().prop_map(Change::Twice),
+        1 => (share(), share()).prop_map(|(a, b)| Change::Swap(a, b)),
+        2 => (share(), share()).prop_map(|(a, b)| Change::Word(a, b)),
+        1 => (share(), 1..8_usize).prop_map(|(a, n)| Change::Cut(a, n)),
+        1 => (share(), any::<char>()).prop_map(|(a, c)| Change::Insert(a, c)),
+    ]
+}
+
+/// Byte ranges of the longest runs of characters that `f` likes.
+fn runs(text: &str, f: impl Fn(char) -> bool, first: impl Fn(char) -> bool) -> Vec<std::ops::Range<usize>> {
+    let mut out: Vec<std::ops::Range<usize>> = Vec::new();
+    let mut inside = false;
+    for (i, c) in text.char_indices() {
+        let end = i + c.len_utf8();
+        match out.last_mut() {
+            Some(last) if inside && f(c) => last.end = end,
+            _ if f(c) => {
+                out.push(i..end);
+                inside = true;
+            }
+            _ => inside = false,
+        }
+    }
+    out.retain(|r| text[r.clone()].chars().next().is_some_and(&first));
+    out
+}
+
+fn pick(n: usize, share: f64) -> usize {
+    ((n as f64 * share) as usize).min(n.saturating_sub(1))
+}
+
+fn apply(text: &str, change: &Change) -> String {
+    let mut out = text.to_owned();
+    let in_number = |c: char| c.is_ascii_alphanumeric() || "_.-+".contains(c);
+    let lines: Vec<&str> = text.lines().collect();
+    let words = || {
+        runs(
+            text,
+            |c| c.is_ascii_alphanumeric() || c == '_',
+            |c| c.is_ascii_alphabetic(),
+        )
+    };
+    let boundary = |share: f64| {
+        text.char_indices()
+            .map(|(i, _)| i)
+            .nth(pick(text.chars().count(), share))
+            .unwrap_or(0)
+    };
+    match change {
+        Change::Number(a, n) => {
+            let numbers = runs(text, in_number, |c| c.is_ascii_digit() || c == '-' || c == '+');
+            if let Some(r) = numbers.get(pick(numbers.len(), *a)) {
+                out.replace_range(r.clone(), n);
+            }
+        }
+        Change::Drop(a) => {
+            let k = pick(lines.len(), *a);
+            out = lines
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| *i != k)
+                .map(|(_, l)| format!("{l}\n"))
+                .collect();
+        }
+        Change::Twice(a) => {
+            let k = pick(lines.len(), *a);
+            out = lines
+                .iter()
+                .enumerate()
+                .map(|(i, l)| format!("{l}\n").repeat(1 + usize::from(i == k)))
+                .collect();
+        }
+        Change::Swap(a, b) if !lines.is_empty() => {
+            let mut lines = lines.clone();
+            let n = lines.len();
+            lines.swap(pick(n, *a), pick(n, *b));
+            out = lines.join("\n");
+        }
+        Change::Swap(..) => {}
+        Change::Word(a, b) => {
+            let words = words();
+            if !words.is_empty() {
+                let (from, to) = (
+                    words[pick(words.len(), *a)].clone(),
+                    words[pick(words.len(), *b)].clone(),
+                );
+                out.replace_range(from, &text[to]);
+            }
+        }
+        Change::Cut(a, n) => {
+            let at = boundary(*a);
+            let end = text[at..]
+                .char_indices()
+                .nth(*n)
+                .map_or(text.len(), |(i, _)| at + i);
+            out.replace_range(at..end, "");
+        }
+        Change::Insert(a, c) => out.insert(boundary(*a), *c),
+    }
+    out
+}
+
+#[test]
+fn arbitrary_text_is_an_error_or_a_scene() {
+    let _alone = alone();
+    let texts = prop_oneof![
+        any::<Vec<u8>>().prop_map(|b| String::from_utf8_lossy(&b).into_owned()),
+        any::<String>(),
+        "([a-z_]{1,8}|\\[{1,2}[a-z.]{0,9}\\]{1,2}|=|\\n| |[0-9.e-]{1,6}|\"|'|\\{|\\}|,){0,60}",
+    ];
+    let tested = runner(1500).run(&texts, |text| {
+        build(&text);
+        Ok(())
+    });
+    tested.unwrap_or_else(|e| panic!("{e}"));
+}
+
+#[test]
+fn mutated_scenes_build_or_say_why_and_render_finite() {
+    let _alone = alone();
+    let base = room();
+    assert!(render_if_small(build(&base).expect("the room is right")));
+    let (built, drawn, refused) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+    let changes = prop::collection::vec(change(), 1..4);
+    let tested = runner(2500).run(&changes, |changes| {
+        let text = changes.iter().fold(base.clone(), |t, c| apply(&t, c));
+        match build(&text) {
+            None => refused.fetch_add(1, Ordering::Relaxed),
+            Some(scene) => {
+                if render_if_small(scene) {
+                    drawn.fetch_add(1, Ordering::Relaxed);
+                }
+                built.fetch_add(1, Ordering::Relaxed)
+            }
+        };
+        Ok(())
+    });
+    tested.unwrap_or_else(|e| panic!("{e}"));
+    println!("{built:?} built, {drawn:?} rendered, {refused:?} refused");
+    let count = |n: AtomicUsize| n.into_inner();
+    assert!(
+        count(drawn) > 200 && count(refused) > 200,
+        "the mutations are too tame or too wild"
+    );
+}
+
+/// Sizes that are right one by one must not multiply to more memory than a machine has.
+#[test]
+fn huge_sizes_are_bounded_or_refused() {
+    let _alone = alone();
+    let base = room();
+    let slice = |s: &str| format!("[[slices]]\nname = \"huge\"\n{s}\n");
+    let sized = |camera: u32, projector: u32, more: &str| {
+        let size = |text: &str, n: u32, fov: u32| {
+            let [from, to] = [8, n].map(|n| format!("resolution = [{n}, {n}]\nfov_x_deg = {fov}"));
+            harness::edit(text, &from, &to)
+        };
+        let text = size(&size(&base, camera, 50), projector, 58);
+        let text = text.replace("projector = \"coaxial\"", "projector = \"sum\"");
+        text + more
+    };
+    let everything = "projector = \"all\"\npolarization = \"mueller\"\ntime = { bin_ps = 1, bins = 1048576 }";
+    let message = |text: &str| {
+        assert!(build(text).is_none(), "it was built");
+        Scene::from_text(Path::new("fuzz.toml"), text)
+            .err()
+            .map_or(String::new(), |e| e.to_string())
+    };
+    assert!(
+        message(&sized(8, 32768, "")).contains("4096"),
+        "an epipolar table of 2^30 pixels"
+    );
+    assert!(message(&sized(8, 64, &slice(everything))).contains("elements"));
+    let deep = sized(
+        512,
+        8,
+        &slice("polarization = \"mueller\"\nbounces = true\nsplit_first_bounce = true"),
+    )
+    .replace("tile = 8", "tile = 512")
+    .replace("max_depth = 6", "max_depth = 1024");
+    assert!(message(&deep).contains("in one tile"), "{}", message(&deep));
+    let plain = sized(32768, 8, "");
+    assert!(build(&plain).is_some(), "a large image alone is no fault");
+    assert!(LARGEST.load(Ordering::Relaxed) < 1 << 27);
+}

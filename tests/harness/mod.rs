@@ -1,0 +1,136 @@
+//! What the tests of whole renders share: small scenes as text, and readers of what was rendered.
+
+#![allow(dead_code)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use sunstone::render::tile::{Target, Unwatched, render};
+use sunstone::scene::Scene;
+use sunstone::tensor::array::Tensor;
+use sunstone::tensor::store::{Field, TensorStore};
+
+/// The scene of mirrors, metal and glass that ships with the program.
+pub const MIRROR_ROOM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mirror_room/scene.toml");
+
+/// `text` with one passage replaced; it must be there.
+pub fn edit(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "the scene has no `{from}` to edit");
+    text.replacen(from, to, 1)
+}
+
+/// The mirror room as shipped.
+pub fn shipped() -> String {
+    std::fs::read_to_string(MIRROR_ROOM).expect("the shipped scene")
+}
+
+/// The mirror room with square images of `camera` and `projector` pixels, and other slices and figures. Its meshes
+/// are named by absolute paths, so the text works in any folder.
+pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &str) -> String {
+    let all = shipped();
+    let mut text = all[..all.find("[[slices]]").expect("slices")].to_owned();
+    for (size, fov) in [(camera, 50), (projector, 58)] {
+        text = edit(
+            &text,
+            &format!("resolution = [256, 256]\nfov_x_deg = {fov}"),
+            &format!("resolution = [{size}, {size}]\nfov_x_deg = {fov}"),
+        );
+    }
+    text = edit(&text, "spp = 128", &format!("spp = {spp}\ntile = {tile}"));
+    let folder = Path::new(MIRROR_ROOM).parent().expect("a folder");
+    for name in ["pedestal.obj", "knot.glb", "vase.ply"] {
+        let path = folder.join(name);
+        text = text.replace(
+            &format!("file = \"{name}\""),
+            &format!("file = \"{}\"", path.display()),
+        );
+    }
+    text + slices
+}
+
+/// A scene from text.
+pub fn scene(text: &str) -> Scene {
+    Scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Renders into `path`.
+pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
+    let target = Target {
+        path,
+        ..Target::default()
+    };
+    let summary = render(scene, &target, &Unwatched).expect("a render");
+    assert!(summary.complete);
+    TensorStore::open(&target.path).expect("the store just written")
+}
+
+/// A field of a slice.
+pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
+    store
+        .slice(slice)
+        .expect("the slice")
+        .read_all(field)
+        .expect("its values")
+}
+
+/// Every file below `path`, by its relative name.
+pub fn files(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
+        for entry in std::fs::read_dir(at).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                walk(root, &path, out);
+            } else {
+                let name = path.strip_prefix(root).expect("below the root").to_owned();
+                out.insert(name, std::fs::read(&path).expect("a file"));
+            }
+        }
+    }
+    let mut out = BTreeMap::new();
+    walk(path, path, &mut out);
+    out
+}
+
+/// Asserts that two stores have the same files with the same bytes, but for the time that rendering took.
+pub fn assert_same_store(a: &Path, b: &Path) {
+    let (mut a, mut b) = (files(a), files(b));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    assert!(a.len() > 10, "{} files", a.len());
+    for files in [&mut a, &mut b] {
+        let root = files.get_mut(Path::new("zarr.json")).expect("zarr.json");
+        let mut json: serde_json::Value = serde_json::from_slice(root).expect("JSON");
+        let attributes = json["attributes"].as_object_mut().expect("attributes");
+        attributes.remove("wall_time_s").expect("a wall time");
+        *root = serde_json::to_vec(&json).expect("JSON");
+    }
+    for (name, bytes) in &a {
+        assert!(bytes == &b[name], "{} differs", name.display());
+    }
+}
+
+/// The program, in a folder.
+pub fn sunstone(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .env_remove("SUNSTONE_LOG");
+    command
+}
+
+/// Runs the program and asserts its exit code.
+pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
+    let out = sunstone(folder, arguments).output().expect("the program runs");
+    assert_eq!(
+        out.status.code(),
+        Some(code),
+        "{arguments:?}: {}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    out
+}
+
+/// What a run wrote to standard error.
+pub fn stderr(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stderr).into_owned()
+}

@@ -1,0 +1,164 @@
+//! A render's bytes depend neither on threads nor on interruptions.
+
+mod harness;
+
+use harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+use sunstone::render::tile::{Target, Unwatched, render};
+
+const SLICES: &str = r#"
+[[slices]]
+name = "sum"
+[[slices]]
+name = "mueller"
+camera = { binned = 2 }
+polarization = "mueller"
+[[slices]]
+name = "flight"
+camera = { rows = [10, 30] }
+projector = { binned = 8 }
+time = { start_ps = 10000, bin_ps = 500, bins = 24 }
+[[slices]]
+name = "epipolar"
+projector = { epipolar = { half_width_px = 1.0 } }
+bounces = true
+split_first_bounce = true
+"#;
+
+/// 256 tiles of 4 × 4 pixels.
+const TILES: usize = 256;
+
+fn text(spp: u32) -> String {
+    mirror_room(64, 32, spp, 4, SLICES)
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = scene(&text(8));
+    let paths = [1, 2, 3].map(|threads| {
+        let path = folder.path().join(format!("{threads}.zarr"));
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("threads");
+        let target = Target {
+            path: path.clone(),
+            ..Target::default()
+        };
+        pool.install(|| render(&scene, &target, &Unwatched))
+            .expect("a render");
+        path
+    });
+    assert_same_store(&paths[0], &paths[1]);
+    assert_same_store(&paths[0], &paths[2]);
+}
+
+fn lines(store: &Path) -> usize {
+    std::fs::read(store.join(".sunstone-progress")).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count())
+}
+
+/// Waits until a few tiles of the store are finished, then calls `stop`.
+fn once_under_way(child: &mut Child, store: &Path, stop: impl FnOnce(&mut Child)) {
+    let begun = Instant::now();
+    while lines(store) < 5 {
+        assert!(
+            begun.elapsed() < Duration::from_secs(60),
+            "no tile was finished in a minute"
+        );
+        assert!(
+            child.try_wait().expect("a child").is_none(),
+            "the render ended before it could be stopped"
+        );
+        std::thread::sleep(Duration::from_micros(500));
+    }
+    stop(child);
+}
+
+#[test]
+fn a_killed_render_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("scene.toml"), text(48)).expect("a scene");
+    let begin = ["render", "scene.toml", "--threads", "2", "-o", "killed.zarr"];
+    let mut child = sunstone(at, &begin)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program");
+    let store = at.join("killed.zarr");
+    once_under_way(&mut child, &store, |c| c.kill().expect("a kill"));
+    assert_eq!(child.wait().expect("its end").code(), None, "it was killed");
+    let done = lines(&store);
+    assert!((5..TILES).contains(&done), "{done} tiles were finished");
+
+    // Neither begun anew by mistake, nor mixed with other slices or settings.
+    let refused = |more: &[&str]| {
+        let arguments = [&["render", "scene.toml", "-o", "killed.zarr"], more].concat();
+        stderr(&run(at, &arguments, 2))
+    };
+    assert!(refused(&[]).contains("--resume"));
+    assert!(refused(&["--resume", "--spp", "64"]).contains("samples_per_pixel differs"));
+    assert!(refused(&["--resume", "--seed", "5"]).contains("seeds differs"));
+    assert!(refused(&["--resume", "--slices", "sum"]).contains("list of slices differs"));
+    assert_eq!(lines(&store), done, "what is refused changes nothing");
+
+    run(at, &[&begin[..], &["--resume"]].concat(), 0);
+    run(
+        at,
+        &["render", "scene.toml", "--threads", "1", "-o", "whole.zarr"],
+        0,
+    );
+    assert_same_store(&store, &at.join("whole.zarr"));
+}
+
+#[test]
+fn an_interrupted_render_says_how_to_go_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = &folder.path().join("a folder's name");
+    std::fs::create_dir(at).expect("a folder");
+    std::fs::write(at.join("my scene.toml"), text(8)).expect("a scene");
+    let begin = [
+        "render",
+        "my scene.toml",
+        "--spp",
+        "40",
+        "--seed",
+        "7",
+        "--slices",
+        "mueller,sum",
+        "--threads",
+        "2",
+    ];
+    let mut child = sunstone(at, &[&begin[..], &["-o", "stopped.zarr"]].concat())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program");
+    let store = at.join("stopped.zarr");
+    once_under_way(&mut child, &store, |c| {
+        let sent = std::process::Command::new("kill")
+            .args(["-INT", &c.id().to_string()])
+            .status();
+        assert!(sent.expect("kill").success());
+    });
+    let out = child.wait_with_output().expect("its end");
+    let message = stderr(&out);
+    assert_eq!(out.status.code(), Some(130), "{message}");
+    assert!((5..TILES).contains(&lines(&store)));
+    let command = message
+        .lines()
+        .find_map(|l| l.strip_prefix("  sunstone "))
+        .expect("a command to go on with");
+
+    // As a user would paste it into a shell.
+    let shell = std::process::Command::new("sh")
+        .args(["-c", &format!("'{}' {command}", env!("CARGO_BIN_EXE_sunstone"))])
+        .current_dir(at)
+        .output()
+        .expect("a shell");
+    assert_eq!(shell.status.code(), Some(0), "{command}: {}", stderr(&shell));
+    run(at, &[&begin[..], &["-o", "whole.zarr"]].concat(), 0);
+    assert_same_store(&store, &at.join("whole.zarr"));
+}
