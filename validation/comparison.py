@@ -44,11 +44,11 @@ def compare(ours, ours_error, theirs, theirs_error, batches, scale):
     ours, theirs = np.ravel(ours), np.ravel(theirs)
     var_a, var_b = np.ravel(ours_error) ** 2, np.ravel(theirs_error) ** 2
     floor = (ROUNDING * scale) ** 2
-    variance = var_a + var_b + floor
+    variance = np.maximum(var_a + var_b + floor, 1e-300)
     # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, ours from thousands
     # of samples. Pixels without noise (rounding alone) are Gaussian enough.
-    dof = (batches - 1) * (variance / np.maximum(var_b, 1e-300)) ** 2
-    z = gaussian_from_t((ours - theirs) / np.sqrt(variance), np.minimum(dof, 1e6))
+    dof = (batches - 1) * (variance / np.maximum(var_b, 1e-3 * variance)) ** 2
+    z = gaussian_from_t((ours - theirs) / np.sqrt(variance), dof)
     noisy = var_a + var_b > floor
     n = int(noisy.sum())
     chi2 = float((z[noisy] ** 2).sum())

@@ -59,7 +59,7 @@ def sunstone():
     """Path of the program; built if there is none."""
     program = Path(os.environ.get("SUNSTONE", ROOT / "target/release/sunstone"))
     if not program.exists():
-        subprocess.run(["cargo", "build", "--release"], cwd=ROOT, check=True)
+        subprocess.run(["cargo", "build", "--release", "--locked"], cwd=ROOT, check=True)
     return program
 
 
@@ -109,14 +109,17 @@ def rotate(stokes, angle):
 
 def run_all(llvm):
     """Renders everything with both programs, into the cache."""
-    for make in scenes.STOKES:
-        scene = make()
-        mean, error = render_ours(scene)
-        save(scene, mean[..., 0], error[..., 0], render_theirs(scene, llvm))
-    scene = scenes.corner()
     if llvm:
+        import masking
         import mueller_integrator
 
+        masking.register()
+    for make in scenes.STOKES:
+        scene = make(llvm)
+        mean, error = render_ours(scene)
+        save(scene, mean[..., 0], error[..., 0], render_theirs(scene, llvm))
+    scene = scenes.corner(llvm)
+    if llvm:
         loaded = mi.load_dict(scene.dictionary(mi))
         batches = [mueller_integrator.render(scene, loaded, 64, i) for i in range(BATCHES)]
         save(scene, *render_ours(scene), np.stack(batches))

@@ -66,7 +66,7 @@ def render(description, scene, spp, seed):
     pixel = dr.arange(mi.UInt32, count) // spp
     corner = mi.Point2f(mi.Float(pixel % RESOLUTION), mi.Float(pixel // RESOLUTION))
     ray, _ = sensor.sample_ray(0.0, sampler.next_1d(), (corner + sampler.next_2d()) / RESOLUTION, mi.Point2f(0.5))
-    right = mi.Vector3f(*description.camera_axes()[0])
+    right = mi.Vector3f(*description.camera_axes()[0].tolist())
     to_camera = mi.mueller.rotate_stokes_basis(-ray.d, mi.mueller.stokes_basis(-ray.d), project(right, -ray.d))
     film = dr.zeros(mi.Float, RESOLUTION**2 * bins * 16)
     light = mi.Point3f(*position), mi.Float(intensity), mi.Vector3f(*horizontal)
