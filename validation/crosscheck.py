@@ -2,7 +2,7 @@
 """Cross-check of Sunstone against Mitsuba 3: the same scenes in both programs, compared pixel by pixel.
 
 Makes its own virtual environment (.venv at the project root) on the first run, and builds Sunstone if need be. Exit
-code 0: they agree. 1: they do not. Anything else: trouble on the way.
+code 0: they agree. 1: they do not, or trouble on the way (the last line says which).
 
 Mitsuba's llvm variants are faster and are needed for the 16-element comparison; on Debian 12 they are had with
 `apt-get install libllvm19`. Without it the scalar variant is used and that comparison is skipped.
@@ -50,6 +50,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 CACHE = ROOT / "target/crosscheck"
 BATCHES = 64
 OURS_SPP = 4096
+BLOCK = 4
 
 
 # Running both programs -----------------------------------------------------------------------------------------------
@@ -63,22 +64,26 @@ def sunstone():
     return program
 
 
-def render_ours(scene):
+def render_ours(scene, seed):
     """Means and standard errors of T, [y, x, (t,) out, in]."""
     stem = CACHE / scene.name.replace(", ", "_").replace(" ", "_")
     stem.with_suffix(".toml").write_text(scene.toml())
     store = stem.with_suffix(".zarr")
-    command = [sunstone(), "render", stem.with_suffix(".toml"), "-o", store, "--force", "--spp", str(OURS_SPP)]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    command = [sunstone(), "render", stem.with_suffix(".toml"), "-o", store, "--force", "--seed", str(seed)]
+    command += ["--spp", str(OURS_SPP), "--no-figures"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode:
+        print(run.stderr, file=sys.stderr)
+        sys.exit(3)
     data = xarray.open_zarr(store, group="mueller", consolidated=False).isel(wavelength=0)
     return data["mean"].values.astype(np.float64), data["std_error"].values.astype(np.float64)
 
 
-def render_theirs(scene, llvm):
+def render_theirs(scene, seed, llvm):
     """Mitsuba's Stokes images of many seeds, in its own frames: [seed, y, x, stokes]."""
     loaded = mi.load_dict(scene.dictionary(mi))
     spp = 128 if llvm else 24
-    images = np.stack([np.array(mi.render(loaded, spp=spp, seed=1 + i)) for i in range(BATCHES)])
+    images = np.stack([np.array(mi.render(loaded, spp=spp, seed=seed * BATCHES + i)) for i in range(BATCHES)])
     # Channels: colour of the nested integrator (with alpha, if any), then S0, S1, S2, S3 in R, G, B. All spectra are
     # constant, so that luminance is their value. (Scalar Mitsuba samples wavelengths, and R, G, B are those of equal
     # energy, which is not white.)
@@ -107,7 +112,7 @@ def rotate(stokes, angle):
     return np.stack([s0, c * s1 + s * s2, -s * s1 + c * s2, s3], axis=-1)
 
 
-def run_all(llvm):
+def run_all(seed, llvm):
     """Renders everything with both programs, into the cache."""
     if llvm:
         import masking
@@ -116,13 +121,13 @@ def run_all(llvm):
         masking.register()
     for make in scenes.STOKES:
         scene = make(llvm)
-        mean, error = render_ours(scene)
-        save(scene, mean[..., 0], error[..., 0], render_theirs(scene, llvm))
+        mean, error = render_ours(scene, seed)
+        save(scene, mean[..., 0], error[..., 0], render_theirs(scene, seed, llvm))
     scene = scenes.corner(llvm)
     if llvm:
         loaded = mi.load_dict(scene.dictionary(mi))
-        batches = [mueller_integrator.render(scene, loaded, 64, i) for i in range(BATCHES)]
-        save(scene, *render_ours(scene), np.stack(batches))
+        batches = [mueller_integrator.render(scene, loaded, 64, seed * BATCHES + i) for i in range(BATCHES)]
+        save(scene, *render_ours(scene, seed), np.stack(batches))
     else:
         path(scene).unlink(missing_ok=True)
 
@@ -165,14 +170,22 @@ def compare_all(sabotage=None):
     scene = scenes.corner()
     if path(scene).exists():
         data = np.load(path(scene))
-        theirs, error = comparison.mean_and_error(data["theirs"])
-        ours = np.swapaxes(change(np.swapaxes(data["ours"], -1, -2)), -1, -2)
+        # Few samples fall into one time bin of one pixel, too few for Gaussian errors: hence blocks of pixels.
+        theirs, error = comparison.mean_and_error(block_means(data["theirs"]))
+        ours, ours_error = block_means(data["ours"]), np.sqrt(block_means(data["ours_error"] ** 2)) / BLOCK
+        ours = np.swapaxes(change(np.swapaxes(ours, -1, -2)), -1, -2)
         flat = lambda a: a.reshape(*a.shape[:-2], 16)
         names = [f"T{i}{j} over time" for i in range(4) for j in range(4)]
-        rows += compare_elements(scene, names, *(flat(a) for a in (ours, data["ours_error"], theirs, error)))
+        rows += compare_elements(scene, names, *(flat(a) for a in (ours, ours_error, theirs, error)))
     else:
         rows.append((scene.name, "16 elements over time", None))
     return rows
+
+
+def block_means(images):
+    """Means over squares of BLOCK x BLOCK pixels of [..., y, x, t, out, in]."""
+    *seeds, h, w, t, m, n = images.shape
+    return images.reshape(*seeds, h // BLOCK, BLOCK, w // BLOCK, BLOCK, t, m, n).mean(axis=(-6, -4))
 
 
 def compare_elements(scene, names, ours, ours_error, theirs, theirs_error):
@@ -233,6 +246,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cached", action="store_true", help="compare the last run's results, render nothing")
     parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant even if there is LLVM")
+    parser.add_argument("--seed", type=int, default=1, help="other random numbers in both programs")
     parser.add_argument("--sabotage", nargs="?", const="s3", choices=list(SABOTAGE), help="falsify our side: must fail")
     parser.add_argument("--power", action="store_true", help="with the last run's results: every sabotage must be found")
     options = parser.parse_args()
@@ -246,7 +260,7 @@ def main():
     print(f"Mitsuba {mi.__version__}, variant {mi.variant()}\n")
     good = check_pins()
     if not options.cached:
-        run_all(llvm)
+        run_all(options.seed, llvm)
     print()
     rows = compare_all(options.sabotage)
     print_table(rows)
