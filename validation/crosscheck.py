@@ -83,11 +83,21 @@ def render_theirs(scene, seed, llvm):
     """Mitsuba's Stokes images of many seeds, in its own frames: [seed, y, x, stokes]."""
     loaded = mi.load_dict(scene.dictionary(mi))
     spp = 128 if llvm else 24
+    # What Mitsuba shows for a radiance of 1: exactly 1 in the mono variant, but 1.00094 ± 0.00005 in the scalar one (from
+    # its conversion of spectra to colours, by all appearance), and that is no matter of light transport.
+    empty = scenes.Scene("empty", llvm, scene.origin, scene.target, max_depth=2)
+    empty.environment(1.0)
+    white = luminance(np.array(mi.render(mi.load_dict(empty.dictionary(mi)), spp=512, seed=seed)))[..., 0].mean()
     images = np.stack([np.array(mi.render(loaded, spp=spp, seed=seed * BATCHES + i)) for i in range(BATCHES)])
+    return luminance(images) / white
+
+
+def luminance(images):
+    """The values of Stokes images as Mitsuba stores them."""
     # Channels: colour of the nested integrator (with alpha, if any), then S0, S1, S2, S3 in R, G, B. All spectra are
     # constant, so that luminance is their value. (Scalar Mitsuba samples wavelengths, and R, G, B are those of equal
     # energy, which is not white.)
-    return images[..., -12:].reshape(*images.shape[:3], 4, 3) @ [0.212671, 0.715160, 0.072169]
+    return images[..., -12:].reshape(*images.shape[:-1], 4, 3) @ [0.212671, 0.715160, 0.072169]
 
 
 def frame_angles(scene):
