@@ -1,0 +1,91 @@
+"""Do two noisy images show the same thing? Three tests, each with a stated probability of a false alarm.
+
+Both sides come with means and standard errors per pixel; Mitsuba's are estimated from `batches` renders with seeds of
+their own, so a difference over its error follows Student's t there, which `gaussian_from_t` maps to a unit Gaussian.
+
+1. chi2: the sum of all z^2; finds differences anywhere.
+2. max: the largest |z| among n pixels; finds single wrong pixels.
+3. gain: (ours / theirs) - 1 fitted to the whole image; finds wrong factors and signs far below a pixel's noise.
+
+The p-value of a comparison is three times the smallest of the three (Bonferroni), and the cross-check as a whole fails
+if any of its m comparisons has p < SIGNIFICANCE / m.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+SIGNIFICANCE = 1e-3
+# Both programs compute in single precision: differences below this fraction of the brightest pixel do not count.
+ROUNDING = 1e-5
+
+
+@dataclass
+class Comparison:
+    """Outcome of one comparison."""
+
+    pixels: int
+    max_z: float
+    chi2_per_dof: float
+    gain: float
+    gain_error: float
+    p: float
+
+
+def mean_and_error(batches):
+    """Mean over the first axis, and its standard error."""
+    batches = np.asarray(batches, np.float64)
+    return batches.mean(0), batches.std(0, ddof=1) / math.sqrt(len(batches))
+
+
+def compare(ours, ours_error, theirs, theirs_error, batches, scale):
+    """Compares two images; `scale` is the brightest value that either shows in intensity."""
+    ours, theirs = np.ravel(ours), np.ravel(theirs)
+    var_a, var_b = np.ravel(ours_error) ** 2, np.ravel(theirs_error) ** 2
+    floor = (ROUNDING * scale) ** 2
+    variance = np.maximum(var_a + var_b + floor, 1e-300)
+    # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, ours from thousands
+    # of samples. Pixels without noise (rounding alone) are Gaussian enough.
+    dof = (batches - 1) * (variance / np.maximum(var_b, 1e-3 * variance)) ** 2
+    z = gaussian_from_t((ours - theirs) / np.sqrt(variance), dof)
+    noisy = var_a + var_b > floor
+    n = int(noisy.sum())
+    chi2 = float((z[noisy] ** 2).sum())
+    p_chi2 = chi2_p_value(chi2, n) if n else 1.0
+    max_z = float(np.abs(z).max())
+    p_max = -math.expm1(z.size * math.log1p(-two_sided(max_z)))
+    gain, gain_error = fit_gain(ours, theirs, var_a, var_b, variance)
+    p_gain = two_sided(gain / gain_error) if gain_error < math.inf else 1.0
+    p = min(1.0, 3 * min(p_chi2, p_max, p_gain))
+    return Comparison(z.size, max_z, chi2 / n if n else 0.0, gain, gain_error, p)
+
+
+def fit_gain(ours, theirs, var_a, var_b, variance):
+    """Relative excess of ours over theirs, and its standard error.
+
+    The pattern is the inverse-variance mean of both, because its noise is uncorrelated with that of the difference.
+    """
+    weight = np.where(var_a + var_b > 0, var_b / np.maximum(var_a + var_b, 1e-300), 0.5)
+    pattern = weight * ours + (1 - weight) * theirs
+    power = float((pattern**2).sum())
+    if power == 0:
+        return 0.0, math.inf
+    gain = float((pattern * (ours - theirs)).sum()) / power
+    return gain, math.sqrt(float((pattern**2 * variance).sum())) / power
+
+
+def gaussian_from_t(t, dof):
+    """Unit Gaussian with the tail probability of Student's t (Wallace 1959)."""
+    return np.sign(t) * (8 * dof + 1) / (8 * dof + 3) * np.sqrt(dof * np.log1p(t**2 / dof))
+
+
+def two_sided(z):
+    """Probability that a unit Gaussian strays farther than |z|."""
+    return math.erfc(abs(z) / math.sqrt(2))
+
+
+def chi2_p_value(chi2, dof):
+    """Probability of a larger chi squared (Wilson and Hilferty 1931; good for dof above some ten)."""
+    z = ((chi2 / dof) ** (1 / 3) - (1 - 2 / (9 * dof))) / math.sqrt(2 / (9 * dof))
+    return math.erfc(z / math.sqrt(2)) / 2
