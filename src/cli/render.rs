@@ -50,8 +50,6 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
-    begun: Instant,
-    already: Mutex<Option<u64>>,
 }
 
 impl Progress {
@@ -64,20 +62,13 @@ impl Progress {
         Self {
             bar,
             last: Mutex::new(Instant::now()),
-            begun: Instant::now(),
-            already: Mutex::new(None),
         }
     }
 }
 
 impl Watch for Progress {
     fn tile_done(&self, s: &Summary) {
-        let lock = |m: &Mutex<Option<u64>>| {
-            let mut already = m.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            *already.get_or_insert(s.samples)
-        };
-        // Rates count this run alone: the first tile's samples (and those of earlier runs) are the zero.
-        let rate = (s.samples - lock(&self.already)) as f64 / self.begun.elapsed().as_secs_f64() / 1e6;
+        let rate = s.samples as f64 / s.wall_s / 1e6;
         if let Some(bar) = &self.bar {
             bar.set_length(u64::from(s.tiles));
             bar.set_position(u64::from(s.tiles_done));
@@ -171,15 +162,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             quoted(&target.path),
         )));
     }
-    super::print(&format!(
-        "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded",
-        scene.slices.len(),
-        scene.settings.spp,
-        summary.wall_s,
-        summary.samples as f64 / summary.wall_s / 1e6,
-        summary.rays as f64 / summary.wall_s / 1e6,
-        summary.discarded,
-    ))?;
+    if summary.samples == 0 {
+        super::print(&format!("{store}: was complete already"))?;
+    } else {
+        super::print(&format!(
+            "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded",
+            scene.slices.len(),
+            scene.settings.spp,
+            summary.wall_s,
+            summary.samples as f64 / summary.wall_s / 1e6,
+            summary.rays as f64 / summary.wall_s / 1e6,
+            summary.discarded,
+        ))?;
+    }
     if !a.no_figures {
         super::figure::draw_all(&target.path, None)?;
     }

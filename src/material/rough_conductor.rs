@@ -1,7 +1,8 @@
 //! Rough metal: GGX microfacets, each a Fresnel mirror (Walter et al. 2007; Mueller form as in Baek et al. 2018).
 //!
-//! Single scattering between facets, like Mitsuba's `roughconductor`: energy lost to multiple scattering at large
-//! roughness is absorbed.
+//! Single scattering between facets: energy lost to multiple scattering at large roughness is absorbed. Masking and
+//! shadowing are height-correlated (Heitz 2014), where Mitsuba's `roughconductor` takes them as independent; at α = 0.3
+//! that makes well under 1 % of difference, growing with α⁴.
 
 use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;

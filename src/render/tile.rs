@@ -66,9 +66,10 @@ pub struct Summary {
     pub complete: bool,
     pub tiles_done: u32,
     pub tiles: u32,
-    /// Totals over finished tiles, those of earlier runs included.
-    pub samples: u64,
+    /// Samples discarded, earlier runs included.
     pub discarded: u64,
+    /// Samples and rays of this run.
+    pub samples: u64,
     pub rays: u64,
     /// Seconds of this run.
     pub wall_s: f64,
@@ -122,6 +123,15 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         .collect();
     let attributes = provenance(scene);
     let store = open_store(scene, target, &plans, &attributes)?;
+    let status = store.attributes().get("status").cloned();
+    if target.resume && status == Some(json!("complete")) && !Journal::exists(&target.path) {
+        return Ok(Summary {
+            complete: true,
+            tiles_done: tile_count(scene),
+            tiles: tile_count(scene),
+            ..Summary::default()
+        });
+    }
     let journal_error = |cause| RenderError::Journal {
         path: target.path.clone(),
         cause,
@@ -137,14 +147,23 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
     };
     let tiles = tile_count(scene);
     let mut done = vec![false; tiles as usize];
-    let totals = Totals::default();
+    // What earlier runs finished, and what this one does.
+    let (before, totals) = (Totals::default(), Totals::default());
     for r in &records {
         if (r.tile as usize) < done.len() && !done[r.tile as usize] {
             done[r.tile as usize] = true;
-            totals.add(r);
+            before.add(r);
         }
     }
-    let summary = |complete| totals.summary(complete, tiles, begun);
+    let summary = || Summary {
+        complete: before.tiles() + totals.tiles() == tiles,
+        tiles_done: before.tiles() + totals.tiles(),
+        tiles,
+        discarded: before.get(&before.discarded) + totals.get(&totals.discarded),
+        samples: totals.get(&totals.samples),
+        rays: totals.get(&totals.rays),
+        wall_s: begun.elapsed().as_secs_f64(),
+    };
     let todo: Vec<u32> = (0..tiles).filter(|t| !done[*t as usize]).collect();
     todo.par_iter()
         .with_max_len(1)
@@ -165,13 +184,13 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
                 )?;
                 journal.push(&record).map_err(journal_error)?;
                 totals.add(&record);
-                watch.tile_done(&summary(false));
+                watch.tile_done(&summary());
                 Ok(())
             },
         )
         .collect::<Result<(), RenderError>>()?;
-    let complete = totals.tiles.load(Ordering::Relaxed) == u64::from(tiles);
-    let result = summary(complete);
+    let result = summary();
+    let complete = result.complete;
     let mut attributes = store.attributes();
     let earlier = attributes
         .get("wall_time_s")
@@ -179,7 +198,7 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         .unwrap_or(0.0);
     attributes.insert("wall_time_s".into(), json!(earlier + result.wall_s));
     attributes.insert("discarded_samples".into(), json!(result.discarded));
-    attributes.insert("rays".into(), json!(result.rays));
+    attributes.insert("rays".into(), json!(before.get(&before.rays) + result.rays));
     attributes.insert(
         "status".into(),
         json!(if complete { "complete" } else { "incomplete" }),
@@ -410,16 +429,12 @@ impl Totals {
         self.tiles.fetch_add(1, Ordering::Relaxed);
     }
 
-    fn summary(&self, complete: bool, tiles: u32, begun: Instant) -> Summary {
-        Summary {
-            complete,
-            tiles_done: self.tiles.load(Ordering::Relaxed) as u32,
-            tiles,
-            samples: self.samples.load(Ordering::Relaxed),
-            discarded: self.discarded.load(Ordering::Relaxed),
-            rays: self.rays.load(Ordering::Relaxed),
-            wall_s: begun.elapsed().as_secs_f64(),
-        }
+    fn get(&self, counter: &AtomicU64) -> u64 {
+        counter.load(Ordering::Relaxed)
+    }
+
+    fn tiles(&self) -> u32 {
+        self.get(&self.tiles) as u32
     }
 }
 

@@ -109,10 +109,12 @@ impl SlicePlan {
             }
         };
         let count = |table: &[u32]| {
-            let n = table.iter().filter(|i| **i != DROPPED).max().map_or(0, |m| m + 1);
-            (0..n)
-                .map(|k| table.iter().filter(|i| **i == k).count() as u32)
-                .collect::<Vec<_>>()
+            let mut counts = Vec::new();
+            for &i in table.iter().filter(|i| **i != DROPPED) {
+                counts.resize(counts.len().max(i as usize + 1), 0);
+                counts[i as usize] += 1;
+            }
+            counts
         };
         let per_index = [count(&camera[0]), count(&camera[1])];
         let [pw, ph] = extents.projector.unwrap_or([0, 0]);
