@@ -3,6 +3,7 @@
 //! `file` (syntax, errors with places) → `build` → [`Scene`].
 
 pub mod build;
+mod devices;
 pub mod emitter;
 pub mod epipolar;
 pub mod file;

@@ -1,6 +1,7 @@
 //! Objects of a scene file → triangles and quadrics.
 
-use super::build::{Context, HUGE, vector};
+use super::build::{Context, HUGE};
+use super::devices::vector;
 use super::file::{MeshFile, ObjectFile, ShapeFile, TransformFile};
 use super::locate::{Located, SceneError};
 use super::values::SpectrumFile;
