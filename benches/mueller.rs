@@ -24,12 +24,11 @@ fn mueller(c: &mut Criterion) {
         b.iter(|| (0..5).fold(Mueller::identity(), |a, _| a * black_box(m)));
     });
     let run = |steps: &[Scatter]| {
-        steps
-            .iter()
-            .fold((Chain::start(Spectral::ONE), Vec3A::X), |(chain, frame), s| {
-                let (chain, next) = chain.then(black_box(s), Vec3A::Z, frame);
-                (chain, next.unwrap_or(frame))
-            })
+        let (mut chain, mut frame) = (Chain::start(Spectral::ONE), Vec3A::X);
+        for s in steps {
+            frame = chain.push(black_box(s), Vec3A::Z, frame).unwrap_or(frame);
+        }
+        chain
     };
     c.bench_function("chain of 5 mirrors", |b| b.iter(|| run(&[mirror; 5])));
     c.bench_function("chain of 5, mirrors and walls", |b| {

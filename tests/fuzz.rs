@@ -53,7 +53,7 @@ fn folder() -> tempfile::TempDir {
 const MEMORY: usize = 1 << 30;
 
 /// The longest that one text may take.
-const PATIENCE: Duration = Duration::from_secs(3);
+const PATIENCE: Duration = Duration::from_secs(20);
 
 const SLICES: &str = r#"
 [[slices]]

@@ -116,81 +116,78 @@ impl Chain {
         }
     }
 
-    /// Multiplies by an interaction. `d_out` is the direction in which light leaves it and `frame` the current frame
-    /// of that light; returns the frame of the light that enters (any frame is valid after depolarization).
+    /// Multiplies by an interaction, in place. `d_out` is the direction in which light leaves it and `frame` the
+    /// current frame of that light; returns the frame of the light that enters, `None` where any frame is valid
+    /// because the interaction depolarizes.
     #[inline]
-    #[must_use]
-    pub fn then(&self, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> (Self, Option<Vec3A>) {
+    pub fn push(&mut self, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Vec3A> {
         match scatter {
-            Scatter::Depolarize(f) => (self.depolarized(*f), None),
+            Scatter::Depolarize(f) => {
+                self.depolarize(*f);
+                None
+            }
             Scatter::Fresnel { block, s } => {
                 let (c2, s2) = super::frame::turn(d_out, *s, frame);
-                let mut chain = *self;
-                chain.rotate_in(c2, s2);
-                (chain.times_block(block), Some(*s))
+                self.rotate_in(c2, s2);
+                self.push_block(block);
+                Some(*s)
             }
         }
     }
 
-    fn depolarized(&self, f: Spectral) -> Self {
+    #[inline]
+    fn depolarize(&mut self, f: Spectral) {
         let z = Spectral::ZERO;
+        let flat = [Spectral::ONE, z, z, z];
         match self {
-            Self::Rotation { f: g, .. } => Self::RankOne {
-                column: [*g * f, z, z, z],
-                row: [Spectral::ONE, z, z, z],
-                column_flat: true,
-                row_flat: true,
-            },
-            Self::Full(m) => Self::RankOne {
-                column: [m.m[0][0] * f, m.m[1][0] * f, m.m[2][0] * f, m.m[3][0] * f],
-                row: [Spectral::ONE, z, z, z],
-                column_flat: false,
-                row_flat: true,
-            },
             Self::RankOne {
                 column,
                 row,
                 column_flat,
-                ..
+                row_flat,
             } => {
                 let g = row[0] * f;
-                Self::RankOne {
-                    column: column.map(|c| c * g),
-                    row: [Spectral::ONE, z, z, z],
-                    column_flat: *column_flat,
-                    row_flat: true,
+                for c in &mut column[..if *column_flat { 1 } else { 4 }] {
+                    *c *= g;
                 }
+                *row = flat;
+                *row_flat = true;
+            }
+            Self::Rotation { f: g, .. } => {
+                *self = Self::RankOne {
+                    column: [*g * f, z, z, z],
+                    row: flat,
+                    column_flat: true,
+                    row_flat: true,
+                };
+            }
+            Self::Full(m) => {
+                *self = Self::RankOne {
+                    column: [m.m[0][0] * f, m.m[1][0] * f, m.m[2][0] * f, m.m[3][0] * f],
+                    row: flat,
+                    column_flat: false,
+                    row_flat: true,
+                };
             }
         }
     }
 
-    fn times_block(&self, b: &FresnelBlock) -> Self {
+    #[inline]
+    fn push_block(&mut self, b: &FresnelBlock) {
+        if matches!(self, Self::Rotation { .. }) {
+            *self = Self::Full(self.to_mueller());
+        }
         match self {
-            Self::Rotation { .. } => {
-                let mut m = self.to_mueller();
-                for row in &mut m.m {
-                    *row = row_times_block(row, b);
-                }
-                Self::Full(m)
+            Self::RankOne { row, row_flat, .. } => {
+                *row = row_times_block(row, b);
+                *row_flat = false;
             }
             Self::Full(m) => {
-                let mut m = *m;
                 for row in &mut m.m {
                     *row = row_times_block(row, b);
                 }
-                Self::Full(m)
             }
-            Self::RankOne {
-                column,
-                row,
-                column_flat,
-                ..
-            } => Self::RankOne {
-                column: *column,
-                row: row_times_block(row, b),
-                column_flat: *column_flat,
-                row_flat: false,
-            },
+            Self::Rotation { .. } => {}
         }
     }
 
@@ -237,18 +234,26 @@ impl Chain {
     #[inline]
     #[must_use]
     pub fn finish(&self) -> Product {
-        let (rows, cols) = match self {
-            Self::RankOne {
-                column_flat,
-                row_flat,
-                ..
-            } => (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 }),
-            _ => (4, 4),
-        };
+        if let Self::RankOne {
+            column,
+            row,
+            column_flat,
+            row_flat,
+        } = self
+        {
+            let (rows, cols) = (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 });
+            let mut mueller = Mueller::ZERO;
+            for (out, c) in mueller.m[..rows].iter_mut().zip(column) {
+                for (m, r) in out[..cols].iter_mut().zip(row) {
+                    *m = *c * *r;
+                }
+            }
+            return Product { mueller, rows, cols };
+        }
         Product {
             mueller: self.to_mueller(),
-            rows,
-            cols,
+            rows: 4,
+            cols: 4,
         }
     }
 }
@@ -303,9 +308,7 @@ mod tests {
                             plain = plain * block.to_mueller();
                         }
                     }
-                    let next = chain.then(step, d, frame);
-                    chain = next.0;
-                    frame = next.1.unwrap_or(frame);
+                    frame = chain.push(step, d, frame).unwrap_or(frame);
                 }
                 let got = chain.finish();
                 for i in 0..4 {

@@ -95,8 +95,7 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<C
         let Some(sampled) = material.sample(&scene.textures, &surface, wo, &mut state.lanes, stream) else {
             break;
         };
-        let (chain, frame) = state.chain.then(&sampled.scatter, wo, state.frame);
-        state.chain = chain;
+        let frame = state.chain.push(&sampled.scatter, wo, state.frame);
         state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
         state.medium = sampled.medium.unwrap_or(state.medium);
         if bounces + 1 >= scene.settings.rr_depth {
@@ -211,7 +210,8 @@ fn connect(
     if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
         return 1;
     }
-    let (mut chain, frame) = state.chain.then(&scatter, wo, state.frame);
+    let mut chain = state.chain;
+    let frame = chain.push(&scatter, wo, state.frame);
     chain.scale(to.irradiance);
     if let Some(frame) = frame {
         let (c2, s2) = turn(-to.wi, to.frame, frame);

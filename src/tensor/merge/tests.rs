@@ -1,3 +1,5 @@
+//! Tests of pooling against all samples at once.
+
 use super::*;
 use crate::tensor::axes::Extents;
 use crate::tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};

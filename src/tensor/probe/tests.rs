@@ -1,3 +1,5 @@
+//! Tests of probing against brute-force loops.
+
 use super::*;
 use crate::tensor::axes::{Extents, SliceLayout};
 use crate::tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
