@@ -1,7 +1,7 @@
 //! The command line as a user meets it: render, info, probe, figure, export, merge and schema on one small scene.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::store::{Field, TensorStore};
 
@@ -288,4 +288,21 @@ fn the_schema_is_json() {
     let text = run(Path::new("."), &["schema"]);
     let schema: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(schema["properties"]["slices"].is_object() && schema["properties"]["objects"].is_object());
+}
+
+#[test]
+fn a_reader_that_leaves_does_not_stop_the_work() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("scene.toml"), SCENE).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sunstone"))
+        .current_dir(dir.path())
+        .args(["render", "scene.toml", "-o", "room.zarr"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    assert!(child.wait().unwrap().success());
+    for figure in ["photo", "grid"] {
+        assert!(dir.path().join(format!("room.figures/{figure}.png")).exists(), "{figure}");
+    }
 }

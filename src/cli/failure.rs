@@ -15,8 +15,6 @@ pub enum Failure {
     Failed(String),
     /// Stopped by the user: exit code 130.
     Interrupted(String),
-    /// Nobody reads the output any more: not an error.
-    ClosedPipe,
 }
 
 impl Failure {
@@ -28,15 +26,6 @@ impl Failure {
     /// Failure on the way.
     pub fn failed(e: impl fmt::Display) -> Self {
         Self::Failed(e.to_string())
-    }
-
-    /// Standard output could not be written.
-    pub fn output(e: std::io::Error) -> Self {
-        if e.kind() == std::io::ErrorKind::BrokenPipe {
-            Self::ClosedPipe
-        } else {
-            Self::Failed(format!("cannot write to standard output: {e}"))
-        }
     }
 
     /// Tells the user, and gives the exit code.
@@ -58,7 +47,6 @@ impl Failure {
                 eprintln!("{m}");
                 ExitCode::from(130)
             }
-            Self::ClosedPipe => ExitCode::SUCCESS,
         }
     }
 }

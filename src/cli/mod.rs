@@ -98,7 +98,13 @@ fn schema() -> Result<(), Failure> {
     print(&text)
 }
 
-/// Writes a text and a line end to standard output; a closed pipe ends the program quietly.
+/// Writes a text and a line end to standard output. A closed pipe is no error: nobody wants to read on, but files that
+/// are still to be written are.
 fn print(text: &str) -> Result<(), Failure> {
-    writeln!(std::io::stdout().lock(), "{text}").map_err(Failure::output)
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("cannot write to standard output: {e}")))
+        }
+        _ => Ok(()),
+    }
 }
