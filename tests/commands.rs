@@ -303,6 +303,9 @@ fn a_reader_that_leaves_does_not_stop_the_work() {
     drop(child.stdout.take());
     assert!(child.wait().unwrap().success());
     for figure in ["photo", "grid"] {
-        assert!(dir.path().join(format!("room.figures/{figure}.png")).exists(), "{figure}");
+        assert!(
+            dir.path().join(format!("room.figures/{figure}.png")).exists(),
+            "{figure}"
+        );
     }
 }

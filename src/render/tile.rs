@@ -165,6 +165,11 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         wall_s: begun.elapsed().as_secs_f64(),
     };
     let todo: Vec<u32> = (0..tiles).filter(|t| !done[*t as usize]).collect();
+    tracing::info!(
+        "{} of {tiles} tiles to render, {} slices",
+        todo.len(),
+        plans.len()
+    );
     todo.par_iter()
         .with_max_len(1)
         .map_init(
@@ -183,6 +188,7 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
                     &stored,
                 )?;
                 journal.push(&record).map_err(journal_error)?;
+                tracing::debug!("tile {tile}: {} rays in {:.2} s", record.rays, record.seconds);
                 totals.add(&record);
                 watch.tile_done(&summary());
                 Ok(())

@@ -1,5 +1,5 @@
-//! Rich synthetic pictures for looking at: `cargo test --release -- --ignored gallery`, into the folder that the
-//! environment variable `FIGURE_GALLERY` names.
+//! Rich synthetic pictures of every kind come out at a useful size. To look at them, name a folder in the environment
+//! variable `FIGURE_GALLERY` and run `cargo test --release gallery`.
 
 use super::*;
 use AxisKind::{Component, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
@@ -37,17 +37,19 @@ fn lit(at: &At, w: f64, h: f64) -> f64 {
 }
 
 #[test]
-#[ignore = "writes pictures for looking at"]
 fn gallery() {
+    let temporary = tempfile::tempdir().unwrap();
     let folder =
-        std::path::PathBuf::from(std::env::var("FIGURE_GALLERY").expect("FIGURE_GALLERY names a folder"));
+        std::env::var("FIGURE_GALLERY").map_or(temporary.path().to_owned(), std::path::PathBuf::from);
     std::fs::create_dir_all(&folder).unwrap();
     let save = |name: &str, view: &View, title: &str, p: &Panel| {
-        save_png(
-            &draw(view, title, p).unwrap(),
-            &folder.join(format!("{name}.png")),
-        )
-        .unwrap();
+        let picture = draw(view, title, p).unwrap();
+        let (w, h) = picture.dimensions();
+        assert!(
+            (300..=2400).contains(&w) && (200..=2400).contains(&h),
+            "{name}: {w} × {h}"
+        );
+        save_png(&picture, &folder.join(format!("{name}.png"))).unwrap();
     };
     let t = tensor(
         join(vec![pixels(320, 240), vec![counted(Component, 2), wave()]]),
