@@ -3,8 +3,7 @@
 use super::failure::Failure;
 use std::path::PathBuf;
 use sunstone::tensor::exr::{ExrOptions, export};
-use sunstone::tensor::probe::{Selection, parse_axes};
-use sunstone::tensor::store::TensorStore;
+use sunstone::tensor::probe::parse_axes;
 
 /// Export an image slice as OpenEXR with Mitsuba's channel names (S0.R … S3.B, and R, G, B).
 ///
@@ -12,13 +11,8 @@ use sunstone::tensor::store::TensorStore;
 /// unless selected or expanded into channels.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Store written by `render` or `merge`.
-    store: PathBuf,
-    /// Slice to export.
-    slice: String,
-    /// Keep part of an axis: AXIS=VALUE or AXIS=FROM:TO, in the axis' unit. Repeatable.
-    #[arg(short = 'k', long = "select")]
-    select: Vec<Selection>,
+    #[command(flatten)]
+    source: super::Source,
     /// Axes to write as channels of their own (comma-separated names).
     #[arg(long, default_value = "")]
     expand: String,
@@ -31,10 +25,9 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let store = TensorStore::open(&a.store).map_err(Failure::input)?;
-    let slice = store.slice(&a.slice).map_err(Failure::input)?;
+    let (_, slice) = a.source.open()?;
     let options = ExrOptions {
-        select: a.select.clone(),
+        select: a.source.select.clone(),
         expand: if a.expand.is_empty() {
             vec![]
         } else {

@@ -11,7 +11,10 @@ mod render;
 use clap::{Parser, Subcommand};
 use failure::Failure;
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use sunstone::tensor::probe::Selection;
+use sunstone::tensor::store::{StoredSlice, TensorStore};
 
 /// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
 ///
@@ -56,6 +59,26 @@ enum Command {
     /// Editors with a TOML language server complete and check scene files with it: put `#:schema scene.schema.json` on
     /// the first line of a scene.
     Schema,
+}
+
+/// What `probe` and `export` read: a slice of a store, or a part of it.
+#[derive(clap::Args)]
+struct Source {
+    /// Store written by `render` or `merge`.
+    store: PathBuf,
+    /// Slice to read.
+    slice: String,
+    /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
+    #[arg(short = 'k', long = "select")]
+    select: Vec<Selection>,
+}
+
+impl Source {
+    fn open(&self) -> Result<(TensorStore, StoredSlice), Failure> {
+        let store = TensorStore::open(&self.store).map_err(Failure::input)?;
+        let slice = store.slice(&self.slice).map_err(Failure::input)?;
+        Ok((store, slice))
+    }
 }
 
 /// Parses, runs, reports; the only place that makes exit codes.

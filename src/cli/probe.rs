@@ -4,8 +4,7 @@ use super::failure::Failure;
 use std::fmt::Write;
 use std::path::PathBuf;
 use sunstone::tensor::array::Tensor;
-use sunstone::tensor::probe::{Pattern, Probe, ProbeResult, Pulse, Selection, parse_axes, parse_stokes};
-use sunstone::tensor::store::TensorStore;
+use sunstone::tensor::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes};
 
 /// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
 ///
@@ -20,13 +19,8 @@ Examples:
   sunstone probe room.zarr xt --stokes horizontal --pulse gaussian:50 -o captured.npy
   sunstone probe room.zarr ss --pattern stripes.png -o lit.zarr")]
 pub struct Arguments {
-    /// Store written by `render` or `merge`.
-    store: PathBuf,
-    /// Slice to probe.
-    slice: String,
-    /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
-    #[arg(short = 'k', long = "select")]
-    select: Vec<Selection>,
+    #[command(flatten)]
+    source: super::Source,
     /// Sum over axes (comma-separated names).
     #[arg(long, default_value = "")]
     sum: String,
@@ -65,15 +59,14 @@ enum Preset {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let store = TensorStore::open(&a.store).map_err(Failure::input)?;
-    let slice = store.slice(&a.slice).map_err(Failure::input)?;
+    let (store, slice) = a.source.open()?;
     let mut probe = match a.preset {
         None => Probe::default(),
         Some(Preset::Spatial) => Probe::spatial(),
         Some(Preset::Temporal) => Probe::temporal(),
         Some(Preset::Polarimetric) => Probe::polarimetric(),
     };
-    probe.select.extend(a.select.iter().cloned());
+    probe.select.extend(a.source.select.iter().cloned());
     if !a.sum.is_empty() {
         probe.sum.extend(parse_axes(&a.sum).map_err(Failure::input)?);
     }
