@@ -223,15 +223,18 @@ fn a_scene_needs_a_light() {
     );
 }
 
+/// A folder that holds the sound scene `s.toml`.
+fn folder_with_a_scene() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n");
+    std::fs::write(folder.path().join("s.toml"), scene).expect("a scene");
+    folder
+}
+
 #[test]
 fn outputs_are_not_overwritten_by_mistake() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder_with_a_scene();
     let at = folder.path();
-    std::fs::write(
-        at.join("s.toml"),
-        mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n"),
-    )
-    .expect("a scene");
     let first = |arguments: &[&str], code| {
         stderr(&run(at, arguments, code))
             .lines()
@@ -261,13 +264,8 @@ fn outputs_are_not_overwritten_by_mistake() {
 
 #[test]
 fn bad_arguments_are_refused_before_anything_is_written() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder_with_a_scene();
     let at = folder.path();
-    std::fs::write(
-        at.join("s.toml"),
-        mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n"),
-    )
-    .expect("a scene");
     std::fs::write(at.join("none.toml"), mirror_room(8, 8, 1, 8, "")).expect("a scene");
     std::fs::write(at.join("bytes.toml"), [0xff, 0xfe, 0x00]).expect("a scene");
     let before = files(at);

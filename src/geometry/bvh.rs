@@ -153,6 +153,18 @@ fn triangle(leaf: &Leaf, o: Vec3A, d: Vec3A, tmin: f32, tmax: f32) -> Option<(f3
 }
 
 impl Geometry {
+    /// Distance (infinity for none) at which a ray meets the primitive of leaf `i`, and its barycentric coordinates.
+    #[inline(always)]
+    fn leaf_hit(&self, i: usize, o: Vec3A, d: Vec3A, tmax: f32) -> (f32, f32, f32) {
+        let leaf = &self.leaves[i];
+        if leaf.id & QUADRIC == 0 {
+            triangle(leaf, o, d, 0.0, tmax).unwrap_or((f32::INFINITY, 0.0, 0.0))
+        } else {
+            let quadric = &self.quadrics[(leaf.id ^ QUADRIC) as usize];
+            (quadric.intersect(o, d, 0.0, tmax), 0.0, 0.0)
+        }
+    }
+
     /// Nearest hit closer than `tmax`.
     #[inline]
     #[must_use]
@@ -161,18 +173,11 @@ impl Geometry {
         let mut record = obvhs::ray::RayHit::none();
         let query = obvhs::ray::Ray::new(ray.origin, ray.dir, 0.0, tmax);
         let found = self.bvh.ray_traverse(query, &mut record, |r, i| {
-            let leaf = &self.leaves[i];
-            if leaf.id & QUADRIC == 0 {
-                match triangle(leaf, r.origin, r.direction, 0.0, r.tmax) {
-                    Some((t, u, v)) => {
-                        uv = (u, v);
-                        t
-                    }
-                    None => f32::INFINITY,
-                }
-            } else {
-                self.quadrics[(leaf.id ^ QUADRIC) as usize].intersect(r.origin, r.direction, 0.0, r.tmax)
+            let (t, u, v) = self.leaf_hit(i, r.origin, r.direction, r.tmax);
+            if t < r.tmax {
+                uv = (u, v);
             }
+            t
         });
         found.then_some(Hit {
             t: record.t,
@@ -187,14 +192,9 @@ impl Geometry {
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
         let query = obvhs::ray::Ray::new(ray.origin, ray.dir, 0.0, tmax);
-        !self.bvh.ray_traverse_miss(query, |r, i| {
-            let leaf = &self.leaves[i];
-            if leaf.id & QUADRIC == 0 {
-                triangle(leaf, r.origin, r.direction, 0.0, r.tmax).map_or(f32::INFINITY, |h| h.0)
-            } else {
-                self.quadrics[(leaf.id ^ QUADRIC) as usize].intersect(r.origin, r.direction, 0.0, r.tmax)
-            }
-        })
+        !self
+            .bvh
+            .ray_traverse_miss(query, |r, i| self.leaf_hit(i, r.origin, r.direction, r.tmax).0)
     }
 
     /// Position, normals, texture coordinates and material at a hit.

@@ -3,10 +3,10 @@
 use super::{Sampled, Textures, facing, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
-use crate::polarization::frame::perpendicular;
+use crate::polarization::frame::basis;
 use crate::sampling::{stream::Stream, warp};
 use crate::spectrum::Spectral;
-use glam::{Mat3A, Vec3A};
+use glam::Vec3A;
 use std::f32::consts::FRAC_1_PI;
 
 /// Depolarizing Lambert surface.
@@ -57,8 +57,7 @@ impl Diffuse {
         stream: &mut Stream,
     ) -> Option<Sampled> {
         let n = facing(at, wo)?;
-        let x = perpendicular(n);
-        let wi = Mat3A::from_cols(x, n.cross(x), n) * warp::cosine_hemisphere(stream.uniform2());
+        let wi = basis(n) * warp::cosine_hemisphere(stream.uniform2());
         same_side(at, wo, wi).then(|| Sampled {
             wi,
             scatter: Scatter::Depolarize(self.rho(textures, at)),

@@ -7,11 +7,11 @@
 use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
-use crate::polarization::frame::perpendicular;
+use crate::polarization::frame::basis;
 use crate::polarization::fresnel;
 use crate::sampling::{stream::Stream, warp};
 use crate::spectrum::Spectral;
-use glam::{Mat3A, Vec3A};
+use glam::Vec3A;
 
 /// Conductor of complex index n + i·k with isotropic GGX roughness.
 #[derive(Clone, Copy, Debug)]
@@ -20,12 +20,6 @@ pub struct RoughConductor {
     pub k: Spectral,
     /// GGX width α (root mean square slope), above 0.
     pub alpha: f32,
-}
-
-#[inline]
-fn local_frame(n: Vec3A) -> Mat3A {
-    let x = perpendicular(n);
-    Mat3A::from_cols(x, n.cross(x), n)
 }
 
 impl RoughConductor {
@@ -44,7 +38,7 @@ impl RoughConductor {
         if n.dot(wi) <= 0.0 || !same_side(at, wo, wi) {
             return None;
         }
-        let frame = local_frame(n).transpose();
+        let frame = basis(n).transpose();
         let (lo, li) = (frame * wo, frame * wi);
         let h = (wo + wi).normalize();
         let factor = warp::ggx_d(frame * h, self.alpha) * warp::ggx_g2(lo, li, self.alpha) / (4.0 * lo.z);
@@ -58,7 +52,7 @@ impl RoughConductor {
         if n.dot(wi) <= 0.0 {
             return 0.0;
         }
-        let frame = local_frame(n).transpose();
+        let frame = basis(n).transpose();
         let lo = frame * wo;
         let h = frame * (wo + wi).normalize();
         warp::ggx_visible_pdf(lo, h, self.alpha) / (4.0 * lo.dot(h)).max(f32::MIN_POSITIVE)
@@ -68,7 +62,7 @@ impl RoughConductor {
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, stream: &mut Stream) -> Option<Sampled> {
         let n = facing(at, wo)?;
-        let frame = local_frame(n);
+        let frame = basis(n);
         let lo = frame.transpose() * wo;
         let h = warp::ggx_visible_normal(lo, self.alpha, stream.uniform2());
         let li = h * (2.0 * lo.dot(h)) - lo;

@@ -1,6 +1,6 @@
 //! Frames of Stokes vectors: a unit vector x perpendicular to the direction of travel d.
 
-use glam::Vec3A;
+use glam::{Mat3A, Vec3A};
 
 /// cos 2θ and sin 2θ of the turn from basis `from` to basis `to` of light travelling along `d`, counter-clockwise
 /// looking toward the source. Both bases are unit vectors perpendicular to `d`.
@@ -35,6 +35,14 @@ pub fn perpendicular(d: Vec3A) -> Vec3A {
     let sign = 1.0_f32.copysign(d.z);
     let a = -1.0 / (sign + d.z);
     Vec3A::new(1.0 + sign * d.x * d.x * a, sign * d.x * d.y * a, -sign * d.x)
+}
+
+/// A right-handed orthonormal basis whose third column is the unit vector `z`: takes local directions to world ones.
+#[inline]
+#[must_use]
+pub fn basis(z: Vec3A) -> Mat3A {
+    let x = perpendicular(z);
+    Mat3A::from_cols(x, z.cross(x), z)
 }
 
 #[cfg(test)]

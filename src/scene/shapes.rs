@@ -9,7 +9,7 @@ use crate::geometry::bvh::GeometryBuilder;
 use crate::geometry::import;
 use crate::geometry::mesh::Mesh;
 use crate::geometry::quadric::{Quadric, QuadricKind};
-use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Mat3A, Vec3A};
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
 
 /// Adds one object.
@@ -206,8 +206,7 @@ fn affine(a: DAffine3) -> Affine3A {
 /// Unit disk or tube to one of `radius` about `origin`, its z axis along `axis`, of length `length`.
 fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     let z = axis.normalize_or(Vec3A::Z);
-    let x = crate::polarization::frame::perpendicular(z);
-    let m = Mat3A::from_cols(x, z.cross(x), z);
+    let m = crate::polarization::frame::basis(z);
     let r = radius.abs();
     DAffine3::from_mat3_translation(
         DMat3::from_cols(
