@@ -15,6 +15,13 @@ pub const MAX_WAVELENGTHS: usize = 4;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wavelengths(Vec<f64>);
 
+impl Default for Wavelengths {
+    /// 450, 550 and 660 nm.
+    fn default() -> Self {
+        Self(vec![450.0, 550.0, 660.0])
+    }
+}
+
 /// Why a wavelength list was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WavelengthError {

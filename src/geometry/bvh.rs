@@ -204,11 +204,12 @@ impl Geometry {
         let leaf = &self.leaves[hit.leaf as usize];
         if leaf.id & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf.id ^ QUADRIC) as usize];
-            let (p, n, uv) = quadric.surface(ray.origin + ray.dir * hit.t);
+            let (p, n, tangent, uv) = quadric.surface(ray.origin + ray.dir * hit.t);
             return Surface {
                 p,
                 ng: n,
                 ns: n,
+                tangent,
                 uv,
                 material: quadric.material,
             };
@@ -224,16 +225,23 @@ impl Geometry {
             let n = (a * w + b * u + c * v).normalize_or(ng);
             if n.dot(ng) < 0.0 { -n } else { n }
         };
-        let uv = if tri.uvs[0] == u32::MAX {
-            [u, v]
+        let (uv, tangent) = if tri.uvs[0] == u32::MAX {
+            ([u, v], e1)
         } else {
             let [a, b, c] = tri.uvs.map(|i| self.uvs[i as usize]);
-            [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
+            let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges; only the direction is wanted, so the size of det is not.
+            let along = (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum();
+            (
+                [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v],
+                along,
+            )
         };
         Surface {
             p: Vec3A::from_array(leaf.v0) + e1 * u + e2 * v,
             ng,
             ns,
+            tangent,
             uv,
             material: tri.material,
         }

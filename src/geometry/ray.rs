@@ -1,6 +1,6 @@
 //! Rays, and hits before anything but their distance is known.
 
-use glam::Vec3A;
+use glam::{Mat3A, Vec3A};
 
 /// A ray; `dir` is a unit vector, distances are metres.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +30,22 @@ pub struct Surface {
     pub ng: Vec3A,
     /// Unit shading normal, in the hemisphere of `ng`.
     pub ns: Vec3A,
+    /// Direction in which the texture coordinate u grows (∂p/∂u), neither unit nor exactly perpendicular to `ns`; see
+    /// [`Surface::tangent_frame`].
+    pub tangent: Vec3A,
     /// Texture coordinates.
     pub uv: [f32; 2],
     /// Index of the material.
     pub material: u32,
+}
+
+impl Surface {
+    /// Orthonormal x (along ∂p/∂u), y and z = `ns`: what element angles and normal maps count from. Columns take local
+    /// directions to the world.
+    #[inline]
+    #[must_use]
+    pub fn tangent_frame(&self) -> Mat3A {
+        let x = crate::polarization::frame::project(self.tangent, self.ns);
+        Mat3A::from_cols(x, self.ns.cross(x), self.ns)
+    }
 }

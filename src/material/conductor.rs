@@ -1,9 +1,9 @@
 //! Smooth metal: mirror reflection with Fresnel's Mueller matrix.
 
-use super::{Sampled, facing, s_vector, same_side};
+use super::{Specular, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
-use crate::polarization::fresnel;
+use crate::polarization::fresnel::{self, FresnelBlock};
 use crate::spectrum::Spectral;
 use glam::Vec3A;
 
@@ -14,22 +14,27 @@ pub struct Conductor {
     pub k: Spectral,
 }
 
+/// Mirror reflection at a smooth opaque surface whose Fresnel matrix is a function of the cosine of incidence.
+#[inline]
+pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
+    let n = facing(at, wo)?;
+    let cos = n.dot(wo);
+    let wi = (n * (2.0 * cos) - wo).normalize();
+    same_side(at, wo, wi).then(|| Specular {
+        wi,
+        scatter: Scatter::Fresnel {
+            block: fresnel(cos),
+            s: s_vector(n, wo),
+        },
+        medium: None,
+    })
+}
+
 impl Conductor {
     /// The one direction there is.
     #[inline]
     #[must_use]
-    pub fn sample(&self, at: &Surface, wo: Vec3A) -> Option<Sampled> {
-        let n = facing(at, wo)?;
-        let cos = n.dot(wo);
-        let wi = (n * (2.0 * cos) - wo).normalize();
-        same_side(at, wo, wi).then(|| Sampled {
-            wi,
-            scatter: Scatter::Fresnel {
-                block: fresnel::conductor(cos, self.n, self.k),
-                s: s_vector(n, wo),
-            },
-            delta: true,
-            medium: None,
-        })
+    pub fn specular(&self, at: &Surface, wo: Vec3A) -> Option<Specular> {
+        mirror(at, wo, |cos| fresnel::conductor(cos, self.n, self.k))
     }
 }

@@ -4,10 +4,10 @@
 //! refracted wavelengths part ways: one of them, drawn uniformly, goes on and carries the weight of all (Wilkie et al.
 //! 2014, "Hero wavelength spectral sampling"); reflection keeps them all.
 
-use super::{Lanes, Sampled, s_vector};
+use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
-use crate::polarization::fresnel;
+use crate::polarization::fresnel::{self, DielectricFresnel};
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
@@ -23,69 +23,119 @@ pub struct Dielectric {
     pub dispersive: bool,
 }
 
-impl Dielectric {
-    /// See [`super::Material::sample`].
+/// An interface as light that leaves along `wo` met it.
+pub(super) struct Interface {
+    /// Shading normal on the side of `wo`.
+    n: Vec3A,
+    wo: Vec3A,
+    cos_o: f32,
+    /// Index on the far side, and that over the near side's.
+    far: Spectral,
+    eta: Spectral,
+    fresnel: DielectricFresnel,
+}
+
+impl Interface {
+    /// One of its two lobes, refracted as wavelength `lane` is.
     #[inline]
-    pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: &mut Lanes, stream: &mut Stream) -> Option<Sampled> {
-        let outside = at.ng.dot(wo) > 0.0;
-        let n = if outside { at.ns } else { -at.ns };
-        let cos_o = n.dot(wo);
-        if cos_o <= 0.0 {
-            return None;
-        }
-        // Index on the side of `wo`, and on the other.
-        let (near, far) = if outside {
-            (self.exterior, self.interior)
-        } else {
-            (self.interior, self.exterior)
-        };
-        let eta = far / near;
-        let f = fresnel::dielectric(cos_o, eta);
-        let reflectances = f.reflection.a.to_array();
-        let alive = lanes.count().max(1);
-        let mean = (0..alive).map(|k| reflectances[lanes.nth(k)]).sum::<f32>() / alive as f32;
+    pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
+        let Self { n, wo, cos_o, .. } = *self;
         let s = s_vector(n, wo);
-        if stream.uniform() < mean {
+        let side = at.ng.dot(wo);
+        if lobe == Lobe::Reflected {
             let wi = (n * (2.0 * cos_o) - wo).normalize();
-            return (at.ng.dot(wi) * at.ng.dot(wo) > 0.0).then(|| Sampled {
+            return (at.ng.dot(wi) * side > 0.0).then(|| Specular {
                 wi,
                 scatter: Scatter::Fresnel {
-                    block: f.reflection.scaled(Spectral::splat(1.0 / mean)),
+                    block: self.fresnel.reflection,
                     s,
                 },
-                delta: true,
                 medium: None,
             });
         }
-        let mut weight = Spectral::splat(1.0 / (1.0 - mean));
-        let mut lane = lanes.nth(0);
-        if self.dispersive && alive > 1 {
-            lane = lanes.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1));
-            lanes.mask = 1 << lane;
-            let mut hero = [0.0; 4];
-            hero[lane] = alive as f32;
-            weight *= Spectral::new(hero);
-        }
-        let eta_lane = eta.to_array()[lane];
-        let sin2_t = (1.0 - cos_o * cos_o) / (eta_lane * eta_lane);
+        let eta = self.eta.to_array()[lane];
+        let sin2_t = (1.0 - cos_o * cos_o) / (eta * eta);
         if sin2_t >= 1.0 {
             return None;
         }
         let cos_t = (1.0 - sin2_t).sqrt();
-        let wi = (n * (cos_o / eta_lane - cos_t) - wo * (1.0 / eta_lane)).normalize();
-        if at.ng.dot(wi) * at.ng.dot(wo) >= 0.0 {
-            return None;
-        }
+        let wi = (n * (cos_o / eta - cos_t) - wo * (1.0 / eta)).normalize();
         // Radiance per squared index is what travels unchanged; power transmittance is the same both ways.
-        let scale = weight / (eta * eta);
-        Some(Sampled {
+        (at.ng.dot(wi) * side < 0.0).then(|| Specular {
             wi,
             scatter: Scatter::Fresnel {
-                block: f.transmission.scaled(scale),
+                block: self
+                    .fresnel
+                    .transmission
+                    .scaled(Spectral::ONE / (self.eta * self.eta)),
                 s,
             },
-            delta: true,
-            medium: Some(far.to_array()[lane]),
+            medium: Some(Medium {
+                index: self.far.to_array()[lane],
+            }),
         })
+    }
+}
+
+impl Dielectric {
+    /// Index on the side of `wo`, and on the other.
+    #[inline]
+    fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
+        if at.ng.dot(wo) > 0.0 {
+            (self.exterior, self.interior)
+        } else {
+            (self.interior, self.exterior)
+        }
+    }
+
+    /// The medium on the other side than `wo`.
+    #[must_use]
+    pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Medium {
+        Medium {
+            index: self.sides(at, wo).1.to_array()[lanes.nth(0)],
+        }
+    }
+
+    /// What light that leaves along `wo` met; `None` if shading and geometry disagree about the side.
+    #[inline]
+    pub(super) fn interface(&self, at: &Surface, wo: Vec3A) -> Option<Interface> {
+        let n = if at.ng.dot(wo) > 0.0 { at.ns } else { -at.ns };
+        let cos_o = n.dot(wo);
+        if cos_o <= 0.0 {
+            return None;
+        }
+        let (near, far) = self.sides(at, wo);
+        let eta = far / near;
+        Some(Interface {
+            n,
+            wo,
+            cos_o,
+            far,
+            eta,
+            fresnel: fresnel::dielectric(cos_o, eta),
+        })
+    }
+
+    /// See [`super::Materials::sample`].
+    #[inline]
+    pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: &mut Lanes, stream: &mut Stream) -> Option<Sampled> {
+        let interface = self.interface(at, wo)?;
+        let reflectance = lanes.mean(interface.fresnel.reflection.a);
+        if stream.uniform() < reflectance {
+            return interface
+                .specular(at, Lobe::Reflected, 0)
+                .map(|s| s.chosen(reflectance));
+        }
+        if self.dispersive && lanes.count() > 1 {
+            let (lane, weight) = lanes.choose_hero(stream);
+            let mut s = interface
+                .specular(at, Lobe::Transmitted, lane)?
+                .chosen(1.0 - reflectance);
+            s.scatter = s.scatter.scaled(weight);
+            return Some(s);
+        }
+        interface
+            .specular(at, Lobe::Transmitted, lanes.nth(0))
+            .map(|s| s.chosen(1.0 - reflectance))
     }
 }

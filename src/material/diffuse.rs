@@ -1,6 +1,7 @@
 //! Lambert's law: depolarizing, radiance ρ/π whatever the direction.
 
-use super::{Sampled, Textures, facing, same_side};
+use super::texture::{Spectrum, Textures};
+use super::{Sampled, facing, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
 use crate::polarization::frame::basis;
@@ -12,10 +13,8 @@ use std::f32::consts::FRAC_1_PI;
 /// Depolarizing Lambert surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Diffuse {
-    /// Albedo ρ per wavelength, 0..1; multiplied with the texture if there is one.
-    pub albedo: Spectral,
-    /// Index of an albedo image.
-    pub texture: Option<u32>,
+    /// Albedo ρ, 0..1.
+    pub albedo: Spectrum,
 }
 
 /// cosθ_i / π on the side of `wo`.
@@ -25,15 +24,7 @@ pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
 }
 
 impl Diffuse {
-    #[inline]
-    fn rho(&self, textures: &Textures, at: &Surface) -> Spectral {
-        match self.texture {
-            Some(t) => self.albedo * textures.eval(t, at.uv),
-            None => self.albedo,
-        }
-    }
-
-    /// See [`super::Material::eval`].
+    /// See [`super::Materials::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -43,7 +34,7 @@ impl Diffuse {
             return None;
         }
         Some(Scatter::Depolarize(
-            self.rho(textures, at) * Spectral::splat(cos * FRAC_1_PI),
+            self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI),
         ))
     }
 
@@ -60,7 +51,7 @@ impl Diffuse {
         let wi = basis(n) * warp::cosine_hemisphere(stream.uniform2());
         same_side(at, wo, wi).then(|| Sampled {
             wi,
-            scatter: Scatter::Depolarize(self.rho(textures, at)),
+            scatter: Scatter::Depolarize(self.albedo.at(textures, at.uv)),
             delta: false,
             medium: None,
         })

@@ -3,17 +3,25 @@
 //! Directions: `wo` points to where light goes (the camera side), `wi` to where it comes from, both away from the
 //! surface and of unit length, in world space. Everything is Σ over the projected solid angle of `wi`: values include
 //! |cosθ_i|. Opaque materials are two-sided: the shading normal is turned toward `wo`.
+//!
+//! Materials that are made of others ([`two_sided`], [`blend`], …) name them by their index in [`Materials`].
 
+pub mod blend;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
+pub mod normal_map;
+pub mod partial_depolarizer;
 pub mod rough_conductor;
+pub mod texture;
+pub mod two_sided;
 
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
+use texture::Textures;
 
 /// A material as the tracer sees it.
 #[derive(Clone, Copy, Debug)]
@@ -22,37 +30,31 @@ pub enum Material {
     Conductor(conductor::Conductor),
     RoughConductor(rough_conductor::RoughConductor),
     Dielectric(dielectric::Dielectric),
+    TwoSided(two_sided::TwoSided),
+    Blend(blend::Blend),
+    NormalMap(normal_map::NormalMap),
+    PartialDepolarizer(partial_depolarizer::PartialDepolarizer),
 }
 
-/// Albedo images: spectral texels of all textures in one table.
+/// All materials of a scene with what they share; a material's number is its place in `list`.
+///
+/// A material names only materials with smaller numbers (the scene builder sees to that), so evaluation ends.
 #[derive(Clone, Debug, Default)]
-pub struct Textures {
-    /// Width, height and first texel of every texture.
-    pub images: Vec<(u32, u32, u32)>,
-    /// Texels, top row first.
-    pub texels: Vec<[f32; 4]>,
+pub struct Materials {
+    pub list: Vec<Material>,
+    pub textures: Textures,
 }
 
-impl Textures {
-    /// Bilinear, repeating; uv (0, 0) is the lower left corner of the image.
-    #[inline]
-    #[must_use]
-    pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
-        let (w, h, first) = self.images[texture as usize];
-        let x = uv[0].rem_euclid(1.0) * w as f32 - 0.5;
-        let y = (1.0 - uv[1].rem_euclid(1.0)) * h as f32 - 0.5;
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let at = |i: f32, j: f32| {
-            let i = (i as i64).rem_euclid(i64::from(w)) as u32;
-            let j = (j as i64).rem_euclid(i64::from(h)) as u32;
-            Spectral::new(self.texels[(first + j * w + i) as usize])
-        };
-        let lerp = |a: Spectral, b: Spectral, t: f32| a + (b - a) * Spectral::splat(t);
-        let top = lerp(at(x0, y0), at(x0 + 1.0, y0), fx);
-        let bottom = lerp(at(x0, y0 + 1.0), at(x0 + 1.0, y0 + 1.0), fx);
-        lerp(top, bottom, fy)
-    }
+/// The medium that a ray runs through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Medium {
+    /// Refractive index, which sets the optical path length.
+    pub index: f32,
+}
+
+impl Medium {
+    /// Outside of everything.
+    pub const VACUUM: Self = Self { index: 1.0 };
 }
 
 /// One sampled direction.
@@ -64,12 +66,45 @@ pub struct Sampled {
     pub scatter: Scatter,
     /// True if `wi` came from a delta lobe.
     pub delta: bool,
-    /// Refractive index of the medium that `wi` lies in, where light crossed an interface.
-    pub medium: Option<f32>,
+    /// The medium that `wi` lies in, where light crossed an interface.
+    pub medium: Option<Medium>,
+}
+
+/// One of the two delta lobes that a smooth surface can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// Light that stays on its side.
+    Reflected,
+    /// Light that goes through, bent or not.
+    Transmitted,
+}
+
+/// What a delta lobe does to light, whole: not divided by any probability.
+#[derive(Clone, Copy, Debug)]
+pub struct Specular {
+    /// Where light comes from.
+    pub wi: Vec3A,
+    /// The interaction: radiance out = matrix · radiance in.
+    pub scatter: Scatter,
+    /// The medium that `wi` lies in, where light crossed an interface.
+    pub medium: Option<Medium>,
+}
+
+impl Specular {
+    /// As the outcome of a choice made with probability `p`.
+    #[inline]
+    fn chosen(self, p: f32) -> Sampled {
+        Sampled {
+            wi: self.wi,
+            scatter: self.scatter.scaled(Spectral::splat(1.0 / p)),
+            delta: true,
+            medium: self.medium,
+        }
+    }
 }
 
 /// The wavelength lanes that a path still carries: dispersion leaves one of them.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lanes {
     /// Bit i: lane i is alive.
     pub mask: u8,
@@ -107,6 +142,34 @@ impl Lanes {
             })
             .unwrap_or(0)
     }
+
+    /// The mean of a value over the living lanes.
+    #[inline]
+    #[must_use]
+    pub fn mean(self, value: Spectral) -> f32 {
+        let values = value.to_array();
+        let alive = self.count().max(1);
+        (0..alive).map(|k| values[self.nth(k)]).sum::<f32>() / alive as f32
+    }
+
+    /// Draws one living lane uniformly, which alone goes on; returns it with the weight that makes it stand for all
+    /// (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    #[inline]
+    pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
+        let alive = self.count().max(1);
+        let lane = self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1));
+        self.mask = 1 << lane;
+        let mut weight = [0.0; 4];
+        weight[lane] = alive as f32;
+        (lane, Spectral::new(weight))
+    }
+}
+
+/// True if the first `count` lanes of a value differ.
+#[must_use]
+pub fn varies(value: Spectral, count: usize) -> bool {
+    let lanes = value.to_array();
+    lanes[1..count].iter().any(|l| *l != lanes[0])
 }
 
 /// The shading normal on the side of `wo`, or `None` if shading and geometry disagree about that side.
@@ -135,32 +198,47 @@ fn s_vector(a: Vec3A, b: Vec3A) -> Vec3A {
     }
 }
 
-impl Material {
-    /// True if light can reach `wo` from other than finitely many directions, so that it can be lit by a point.
+impl Materials {
+    /// True if light can reach a direction from other than finitely many directions, so that it can be lit by a point.
     #[inline]
     #[must_use]
-    pub fn is_smooth(&self) -> bool {
-        matches!(self, Self::Diffuse(_) | Self::RoughConductor(_))
+    pub fn is_smooth(&self, id: u32) -> bool {
+        match &self.list[id as usize] {
+            Material::Diffuse(_) | Material::RoughConductor(_) => true,
+            Material::Conductor(_) | Material::Dielectric(_) => false,
+            Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
+            Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
+            Material::NormalMap(m) => self.is_smooth(m.material),
+            Material::PartialDepolarizer(m) => self.is_smooth(m.material),
+        }
     }
 
     /// Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
     #[inline]
     #[must_use]
-    pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        match self {
-            Self::Diffuse(m) => m.eval(textures, at, wo, wi),
-            Self::RoughConductor(m) => m.eval(at, wo, wi),
-            Self::Conductor(_) | Self::Dielectric(_) => None,
+    pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match &self.list[id as usize] {
+            Material::Diffuse(m) => m.eval(&self.textures, at, wo, wi),
+            Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
+            Material::Conductor(_) | Material::Dielectric(_) => None,
+            Material::TwoSided(m) => m.eval(self, at, wo, wi),
+            Material::Blend(m) => m.eval(self, at, wo, wi),
+            Material::NormalMap(m) => m.eval(self, at, wo, wi),
+            Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
         }
     }
 
     /// Density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
     #[must_use]
-    pub fn pdf(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        match self {
-            Self::Diffuse(_) => diffuse::pdf(at, wo, wi),
-            Self::RoughConductor(m) => m.pdf(at, wo, wi),
-            Self::Conductor(_) | Self::Dielectric(_) => 0.0,
+    pub fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        match &self.list[id as usize] {
+            Material::Diffuse(_) => diffuse::pdf(at, wo, wi),
+            Material::RoughConductor(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::Conductor(_) | Material::Dielectric(_) => 0.0,
+            Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
+            Material::Blend(m) => m.pdf(self, at, wo, wi),
+            Material::NormalMap(m) => m.pdf(self, at, wo, wi),
+            Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
         }
     }
 
@@ -168,17 +246,53 @@ impl Material {
     #[inline]
     pub fn sample(
         &self,
-        textures: &Textures,
+        id: u32,
         at: &Surface,
         wo: Vec3A,
         lanes: &mut Lanes,
         stream: &mut Stream,
     ) -> Option<Sampled> {
-        match self {
-            Self::Diffuse(m) => m.sample(textures, at, wo, stream),
-            Self::Conductor(m) => m.sample(at, wo),
-            Self::RoughConductor(m) => m.sample(at, wo, stream),
-            Self::Dielectric(m) => m.sample(at, wo, lanes, stream),
+        match &self.list[id as usize] {
+            Material::Diffuse(m) => m.sample(&self.textures, at, wo, stream),
+            Material::Conductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
+            Material::RoughConductor(m) => m.sample(&self.textures, at, wo, stream),
+            Material::Dielectric(m) => m.sample(at, wo, lanes, stream),
+            Material::TwoSided(m) => self.sample(m.side(at, wo)?, at, wo, lanes, stream),
+            Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
+            Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
+            Material::PartialDepolarizer(m) => m.sample(self, at, wo, lanes, stream),
+        }
+    }
+
+    /// A delta lobe as it is; `None` if the material has none of that kind, or no light comes that way.
+    ///
+    /// `lane` is the wavelength whose direction counts where the material disperses.
+    #[must_use]
+    pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
+        match (&self.list[id as usize], lobe) {
+            (Material::Diffuse(_) | Material::RoughConductor(_), _) => None,
+            (Material::Conductor(m), Lobe::Reflected) => m.specular(at, wo),
+            (Material::Conductor(_), Lobe::Transmitted) => None,
+            (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
+            (Material::TwoSided(m), _) => self.specular(m.side(at, wo)?, at, wo, lobe, lane),
+            (Material::Blend(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::NormalMap(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::PartialDepolarizer(m), _) => m.specular(self, at, wo, lobe, lane),
+        }
+    }
+
+    /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
+    #[must_use]
+    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Medium> {
+        match &self.list[id as usize] {
+            Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
+            Material::TwoSided(m) => self.beyond(m.side(at, wo)?, at, wo, lanes),
+            Material::Blend(m) => self
+                .beyond(m.a, at, wo, lanes)
+                .or_else(|| self.beyond(m.b, at, wo, lanes)),
+            Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
+            Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
+            Material::Diffuse(_) | Material::Conductor(_) | Material::RoughConductor(_) => None,
         }
     }
 }

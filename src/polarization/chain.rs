@@ -4,6 +4,7 @@
 //! depolarizing interaction is f·e₀e₀ᵀ, behind which the product is the outer product of one column (camera side) and
 //! one row (projector side): 8 numbers instead of 16, and most of the time 2 that are not zero.
 
+use super::frame::turn;
 use super::fresnel::FresnelBlock;
 use super::mueller::Mueller;
 use crate::spectrum::{Spectral, max_lane};
@@ -16,6 +17,12 @@ pub enum Scatter {
     Depolarize(Spectral),
     /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence.
     Fresnel { block: FresnelBlock, s: Vec3A },
+    /// Any matrix, from Stokes vectors in frame `frame_in` (⟂ `wi`) to frame `frame_out` (⟂ `wo`).
+    Full {
+        mueller: Mueller,
+        frame_out: Vec3A,
+        frame_in: Vec3A,
+    },
 }
 
 impl Scatter {
@@ -26,6 +33,7 @@ impl Scatter {
         match self {
             Self::Depolarize(f) => *f,
             Self::Fresnel { block, .. } => block.a,
+            Self::Full { mueller, .. } => mueller.m[0][0],
         }
     }
 
@@ -39,6 +47,66 @@ impl Scatter {
                 block: block.scaled(f),
                 s,
             },
+            Self::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => Self::Full {
+                mueller: mueller.scaled(f),
+                frame_out,
+                frame_in,
+            },
+        }
+    }
+
+    /// The full matrix between the given frames of the light that leaves along `wo` and of that which comes along
+    /// `-wi`.
+    #[must_use]
+    pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {
+        let (mut m, out, inn) = match self {
+            Self::Depolarize(f) => {
+                let mut m = Mueller::ZERO;
+                m.m[0][0] = *f;
+                return m;
+            }
+            Self::Fresnel { block, s } => (block.to_mueller(), *s, *s),
+            Self::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => (*mueller, *frame_out, *frame_in),
+        };
+        let (c2, s2) = turn(wo, out, frame_out);
+        m.rotate_out(c2, s2);
+        let (c2, s2) = turn(-wi, frame_in, inn);
+        m.rotate_in(c2, s2);
+        m
+    }
+
+    /// This interaction and another between the same two directions, side by side.
+    #[must_use]
+    pub fn plus(&self, other: &Self, wo: Vec3A, wi: Vec3A) -> Self {
+        let (frame_out, frame_in) = match (self, other) {
+            (Self::Depolarize(f), Self::Depolarize(g)) => return Self::Depolarize(*f + *g),
+            (Self::Fresnel { s, .. }, _) | (Self::Depolarize(_), Self::Fresnel { s, .. }) => (*s, *s),
+            (
+                Self::Full {
+                    frame_out, frame_in, ..
+                },
+                _,
+            )
+            | (
+                _,
+                Self::Full {
+                    frame_out, frame_in, ..
+                },
+            ) => (*frame_out, *frame_in),
+        };
+        let mueller = self.between(wo, frame_out, wi, frame_in) + other.between(wo, frame_out, wi, frame_in);
+        Self::Full {
+            mueller,
+            frame_out,
+            frame_in,
         }
     }
 }
@@ -127,10 +195,20 @@ impl Chain {
                 None
             }
             Scatter::Fresnel { block, s } => {
-                let (c2, s2) = super::frame::turn(d_out, *s, frame);
+                let (c2, s2) = turn(d_out, *s, frame);
                 self.rotate_in(c2, s2);
                 self.push_block(block);
                 Some(*s)
+            }
+            Scatter::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => {
+                let (c2, s2) = turn(d_out, *frame_out, frame);
+                self.rotate_in(c2, s2);
+                self.push_full(mueller);
+                Some(*frame_in)
             }
         }
     }
@@ -188,6 +266,22 @@ impl Chain {
                 }
             }
             Self::Rotation { .. } => {}
+        }
+    }
+
+    #[inline]
+    fn push_full(&mut self, b: &Mueller) {
+        match self {
+            Self::RankOne { row, row_flat, .. } => {
+                *row = b.row_times(row);
+                *row_flat = false;
+            }
+            Self::Full(m) => {
+                for row in &mut m.m {
+                    *row = b.row_times(row);
+                }
+            }
+            Self::Rotation { .. } => *self = Self::Full(self.to_mueller() * *b),
         }
     }
 
@@ -262,7 +356,6 @@ impl Chain {
 mod tests {
     use super::*;
     use crate::polarization::elements::depolarizer;
-    use crate::polarization::frame::turn;
     use crate::polarization::fresnel::conductor;
 
     /// Every form of the chain equals the plain product of 4×4 matrices.
@@ -293,6 +386,13 @@ mod tests {
                 block: block(0.9),
                 s: at(110.0),
             },
+            Scatter::Full {
+                mueller: crate::polarization::elements::retarder(0.3, 1.1)
+                    * crate::polarization::elements::polarizer(1.0)
+                    * block(0.6).to_mueller(),
+                frame_out: at(40.0),
+                frame_in: at(-65.0),
+            },
             Scatter::Depolarize(gray),
         ];
         for first in 0..steps.len() {
@@ -307,6 +407,13 @@ mod tests {
                             plain.rotate_in(c2, s2);
                             plain = plain * block.to_mueller();
                         }
+                        Scatter::Full {
+                            mueller, frame_out, ..
+                        } => {
+                            let (c2, s2) = turn(d, *frame_out, frame);
+                            plain.rotate_in(c2, s2);
+                            plain = plain * *mueller;
+                        }
                     }
                     frame = chain.push(step, d, frame).unwrap_or(frame);
                 }
@@ -320,6 +427,32 @@ mod tests {
                         }
                     }
                 }
+            }
+        }
+    }
+
+    /// A sum of interactions is the sum of their matrices in any frames.
+    #[test]
+    fn sums_of_interactions_are_sums_of_matrices() {
+        let block = conductor(0.4, Spectral::splat(0.4), Spectral::splat(2.5));
+        let (wo, wi) = (Vec3A::Z, Vec3A::new(0.6, 0.0, 0.8));
+        let a = Scatter::Fresnel { block, s: Vec3A::Y };
+        let b = Scatter::Full {
+            mueller: crate::polarization::elements::retarder(0.3, 1.1),
+            frame_out: Vec3A::X,
+            frame_in: Vec3A::new(0.8, 0.0, -0.6),
+        };
+        let c = Scatter::Depolarize(Spectral::splat(0.3));
+        let (x, y) = (
+            Vec3A::new(0.6, 0.8, 0.0),
+            crate::polarization::frame::project(Vec3A::new(0.3, 1.0, 0.2), wi),
+        );
+        for (p, q) in [(a, b), (b, a), (a, c), (c, b), (c, c)] {
+            let sum = p.plus(&q, wo, wi).between(wo, x, wi, y);
+            let want = p.between(wo, x, wi, y) + q.between(wo, x, wi, y);
+            for i in 0..16 {
+                let diff = sum.m[i / 4][i % 4] - want.m[i / 4][i % 4];
+                assert!(max_lane(diff.abs()) < 1e-6);
             }
         }
     }

@@ -60,6 +60,14 @@ impl Mueller {
             .map(|row| row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3])
     }
 
+    /// A row vector times the matrix, `out[j] = Σ_i row[i] m[i][j]`.
+    #[inline]
+    #[must_use]
+    pub fn row_times(&self, row: &[Spectral; 4]) -> [Spectral; 4] {
+        let m = &self.m;
+        std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])
+    }
+
     /// R(θ)·M: the outgoing frame turned by θ, given cos 2θ and sin 2θ (PHYSICS: M' = R(θ_out) M R(-θ_in)).
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
@@ -86,16 +94,9 @@ impl Mul for Mueller {
     type Output = Self;
     /// Light meets the right factor first.
     fn mul(self, rhs: Self) -> Self {
-        let mut out = Self::ZERO;
-        for i in 0..4 {
-            for j in 0..4 {
-                out.m[i][j] = self.m[i][0] * rhs.m[0][j]
-                    + self.m[i][1] * rhs.m[1][j]
-                    + self.m[i][2] * rhs.m[2][j]
-                    + self.m[i][3] * rhs.m[3][j];
-            }
+        Self {
+            m: self.m.map(|row| rhs.row_times(&row)),
         }
-        out
     }
 }
 

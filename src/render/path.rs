@@ -6,7 +6,7 @@
 //! and the projector block the connection (light through them needs paths from the projector).
 
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::Lanes;
+use crate::material::{Lanes, Medium};
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
 use crate::sampling::stream::Stream;
@@ -31,8 +31,8 @@ struct State {
     frame: Vec3A,
     /// Optical path length so far, metres.
     optical_m: f64,
-    /// Refractive index of the medium that the ray is in.
-    medium: f32,
+    /// The medium that the ray is in.
+    medium: Medium,
     /// Camera pixel, row-major.
     pixel: u32,
     lanes: Lanes,
@@ -66,7 +66,7 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<C
         chain: Chain::start(scene.wavelengths.ones()),
         frame: scene.camera.frame(dir),
         optical_m: 0.0,
-        medium: 1.0,
+        medium: Medium::VACUUM,
         pixel: y * scene.camera.resolution[0] + x,
         lanes: Lanes::first(scene.wavelengths.count()),
     };
@@ -82,17 +82,17 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<C
             break;
         }
         let surface = scene.geometry.surface(&state.ray, &hit);
-        state.optical_m += f64::from(state.medium) * f64::from((surface.p - state.from).length());
+        state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
         let wo = -state.ray.dir;
-        let material = &scene.materials[surface.material as usize];
-        if material.is_smooth() {
+        let (materials, id) = (&scene.materials, surface.material);
+        if materials.is_smooth(id) {
             rays += connect_all(scene, &state, &surface, wo, bounces + 1, out);
         }
         // The last interaction goes on only to see an environment.
         if bounces + 1 == last && scene.environment.is_none() {
             break;
         }
-        let Some(sampled) = material.sample(&scene.textures, &surface, wo, &mut state.lanes, stream) else {
+        let Some(sampled) = materials.sample(id, &surface, wo, &mut state.lanes, stream) else {
             break;
         };
         let frame = state.chain.push(&sampled.scatter, wo, state.frame);
@@ -196,8 +196,8 @@ fn connect(
     to: &Connection,
     out: &mut Vec<Contribution>,
 ) -> u32 {
-    let material = &scene.materials[surface.material as usize];
-    let Some(scatter) = material.eval(&scene.textures, surface, wo, to.wi) else {
+    let id = surface.material;
+    let Some(scatter) = scene.materials.eval(id, surface, wo, to.wi) else {
         return 0;
     };
     let origin = scene.geometry.leave(surface, to.wi);
@@ -217,9 +217,12 @@ fn connect(
         let (c2, s2) = turn(-to.wi, to.frame, frame);
         chain.rotate_in(c2, s2);
     }
+    let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
+    let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
+    let medium = beyond.flatten().unwrap_or(state.medium);
     out.push(Contribution {
         product: chain.finish(),
-        time_ps: picoseconds(state.optical_m + f64::from(state.medium) * f64::from(to.distance)),
+        time_ps: picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance)),
         pixel: to.pixel,
         epipolar_px: 0.0,
         bounces,

@@ -2,16 +2,14 @@
 
 use super::devices::{emitters, pinhole, projector};
 use super::epipolar::Epipolar;
-use super::file::{MaterialFile, SceneFile};
+use super::file::SceneFile;
 use super::locate::{Located, SceneError};
-use super::values::{AlbedoFile, SpectrumFile};
-use super::{Scene, Settings, shapes, slices};
+use super::values::SpectrumFile;
+use super::{Scene, Settings, materials, shapes, slices};
 use crate::geometry::bvh::GeometryBuilder;
-use crate::material::{Material, Textures, conductor, dielectric, diffuse, rough_conductor};
 use crate::spectrum::{Spectral, Wavelengths};
 use crate::tensor::slice::{CameraSelect, ProjectorSelect};
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,6 +23,25 @@ pub(super) struct Context {
 }
 
 impl Context {
+    /// Of a file with its text and its list of wavelengths.
+    pub fn new(path: &Path, text: &str, wavelengths_nm: &Located<Vec<f64>>) -> Result<Self, SceneError> {
+        let mut ctx = Self {
+            file: path.to_owned(),
+            text: text.into(),
+            wavelengths: Wavelengths::default(),
+            hash: Sha256::new(),
+        };
+        ctx.hash.update(text.as_bytes());
+        ctx.wavelengths = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
+            ctx.error(
+                wavelengths_nm.span(),
+                format!("wavelengths_nm: {e}"),
+                "list 1 to 4 rising vacuum wavelengths in nanometres",
+            )
+        })?;
+        Ok(ctx)
+    }
+
     /// An error at a place, with its mend.
     pub fn error(
         &self,
@@ -115,14 +132,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] naming file, line, column and mend.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path).map_err(|e| SceneError {
-            file: path.to_owned(),
-            text: "".into(),
-            span: None,
-            message: format!("cannot read the scene file: {e}"),
-            help: Some("give the path of a scene.toml".into()),
-        })?;
-        Self::from_text(path, &text)
+        Self::from_text(path, &read(path, "scene file")?)
     }
 
     /// Builds a scene from its text; `path` names it in messages and anchors the files it refers to.
@@ -130,34 +140,32 @@ impl Scene {
     /// # Errors
     /// As [`Self::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, SceneError> {
-        let text: Arc<str> = text.into();
-        let file: SceneFile = toml::from_str(&text).map_err(|e| SceneError {
-            file: path.to_owned(),
-            text: text.clone(),
-            span: e.span(),
-            message: e.message().lines().collect::<Vec<_>>().join("; "),
-            help: Some(syntax_help(e.message())),
-        })?;
-        let wavelengths = Wavelengths::new(file.wavelengths_nm.to_vec()).map_err(|e| {
-            let span = file.wavelengths_nm.span();
-            SceneError {
-                file: path.to_owned(),
-                text: text.clone(),
-                span: (span != (0..0)).then_some(span),
-                message: format!("wavelengths_nm: {e}"),
-                help: Some("list 1 to 4 rising vacuum wavelengths in nanometres".into()),
-            }
-        })?;
-        let mut hash = Sha256::new();
-        hash.update(text.as_bytes());
-        let mut ctx = Context {
-            file: path.to_owned(),
-            text,
-            wavelengths,
-            hash,
-        };
+        let file: SceneFile = parse(path, text)?;
+        let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
         build(&mut ctx, &file)
     }
+}
+
+/// Reads the text of a file that the user named.
+pub(super) fn read(path: &Path, what: &str) -> Result<String, SceneError> {
+    std::fs::read_to_string(path).map_err(|e| SceneError {
+        file: path.to_owned(),
+        text: "".into(),
+        span: None,
+        message: format!("cannot read the {what}: {e}"),
+        help: Some("give the path of a TOML file".into()),
+    })
+}
+
+/// Reads the syntax of a file.
+pub(super) fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, SceneError> {
+    toml::from_str(text).map_err(|e| SceneError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: e.span(),
+        message: e.message().lines().collect::<Vec<_>>().join("; "),
+        help: Some(syntax_help(e.message())),
+    })
 }
 
 fn syntax_help(message: &str) -> String {
@@ -186,13 +194,7 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
             "add a [projector], or [[emitters]] with a point or an environment",
         ));
     }
-    let mut textures = Textures::default();
-    let mut materials = Vec::new();
-    let mut names = BTreeMap::new();
-    for (name, m) in &file.materials {
-        names.insert(name.as_str(), materials.len() as u32);
-        materials.push(material(ctx, m, &mut textures)?);
-    }
+    let (materials, names) = materials::build(ctx, &file.materials)?;
     let mut geometry = GeometryBuilder::default();
     for object in &file.objects {
         shapes::add(ctx, object, &names, &mut geometry)?;
@@ -246,7 +248,6 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
         wavelengths: ctx.wavelengths.clone(),
         geometry: geometry.build(),
         materials,
-        textures,
         camera,
         projector,
         points,
@@ -293,99 +294,6 @@ fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, SceneError> {
         seed: r.seed,
         tile: check(&r.tile, "tile", 1..=512)?,
     })
-}
-
-fn material(
-    ctx: &mut Context,
-    m: &Located<MaterialFile>,
-    textures: &mut Textures,
-) -> Result<Material, SceneError> {
-    // Unused lanes get index 1, so that nothing divides by zero there.
-    let unused = Spectral::ONE - ctx.wavelengths.ones();
-    Ok(match &**m {
-        MaterialFile::Diffuse(d) => {
-            let span = d.albedo.span();
-            match &*d.albedo {
-                AlbedoFile::Spectrum(s) => Material::Diffuse(diffuse::Diffuse {
-                    albedo: ctx.spectrum(s, span, "albedo", 0.0..=1.0)?,
-                    texture: None,
-                }),
-                AlbedoFile::Image(i) => {
-                    let scale = SpectrumFile::Scalar(i.scale);
-                    Material::Diffuse(diffuse::Diffuse {
-                        albedo: ctx.spectrum(&scale, span, "scale", 0.0..=1.0)?,
-                        texture: Some(texture(ctx, &i.image, textures)?),
-                    })
-                }
-            }
-        }
-        MaterialFile::Conductor(c) => Material::Conductor(conductor::Conductor {
-            n: ctx.located(&c.n, "n", 1e-3..=100.0)? + unused,
-            k: ctx.located(&c.k, "k", 0.0..=100.0)?,
-        }),
-        MaterialFile::RoughConductor(c) => {
-            if !(0.001..=1.0).contains(&*c.alpha) {
-                return Err(ctx.error(
-                    c.alpha.span(),
-                    format!("alpha is {}", *c.alpha),
-                    "it must lie in 0.001..1; for a mirror use `conductor`",
-                ));
-            }
-            Material::RoughConductor(rough_conductor::RoughConductor {
-                n: ctx.located(&c.n, "n", 1e-3..=100.0)? + unused,
-                k: ctx.located(&c.k, "k", 0.0..=100.0)?,
-                alpha: *c.alpha as f32,
-            })
-        }
-        MaterialFile::Dielectric(d) => {
-            let interior = ctx.located(&d.ior, "ior", 1.0..=10.0)? + unused;
-            let exterior = ctx.located(&d.exterior_ior, "exterior_ior", 1.0..=10.0)? + unused;
-            let varies = |s: Spectral| {
-                let lanes = s.to_array();
-                lanes[1..ctx.wavelengths.count()].iter().any(|l| *l != lanes[0])
-            };
-            Material::Dielectric(dielectric::Dielectric {
-                interior,
-                exterior,
-                dispersive: varies(interior) || varies(exterior),
-            })
-        }
-    })
-}
-
-/// Reads an albedo image: sRGB to linear, red, green or blue for each wavelength.
-fn texture(ctx: &mut Context, name: &Located<String>, textures: &mut Textures) -> Result<u32, SceneError> {
-    let bytes = ctx.read(name, name.span())?;
-    let image = image::load_from_memory(&bytes).map_err(|e| {
-        ctx.error(
-            name.span(),
-            format!("cannot decode {}: {e}", ctx.path(name).display()),
-            "use a PNG or JPEG file",
-        )
-    })?;
-    let image = image.to_rgb32f();
-    let linear = |c: f32| {
-        if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
-    };
-    let channel = |nm: f64| match nm {
-        nm if nm < 500.0 => 2,
-        nm if nm < 590.0 => 1,
-        _ => 0,
-    };
-    textures
-        .images
-        .push((image.width(), image.height(), textures.texels.len() as u32));
-    let wavelengths = ctx.wavelengths.clone();
-    textures.texels.extend(
-        image
-            .pixels()
-            .map(|p| wavelengths.map(|nm| linear(p.0[channel(nm)])).to_array()),
-    );
-    Ok(textures.images.len() as u32 - 1)
 }
 
 /// The camera bins' least common multiple: tiles must be a multiple of it.

@@ -1,7 +1,8 @@
 //! The syntax of a scene file (TOML). Unknown keys are errors; every value that can be wrong in meaning is [`Located`].
 
 use super::locate::Located;
-use super::values::{AlbedoFile, BinSize, SpectrumFile, TimeFile};
+use super::material_file::MaterialFile;
+use super::values::{BinSize, SpectrumFile, TimeFile};
 use crate::tensor::view::Figure;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -69,8 +70,8 @@ impl Default for RenderFile {
     }
 }
 
-fn default_wavelengths() -> Located<Vec<f64>> {
-    Located::nowhere(vec![450.0, 550.0, 660.0])
+pub(super) fn default_wavelengths() -> Located<Vec<f64>> {
+    Located::nowhere(crate::spectrum::Wavelengths::default().nm().to_vec())
 }
 
 /// A camera: resolution, one kind of intrinsics, pose.
@@ -127,7 +128,7 @@ pub struct ProjectorFile {
     pub pose: Option<Located<PoseFile>>,
 }
 
-fn unit_spectrum() -> Located<SpectrumFile> {
+pub(super) fn unit_spectrum() -> Located<SpectrumFile> {
     Located::nowhere(SpectrumFile::Scalar(1.0))
 }
 
@@ -203,61 +204,6 @@ pub struct EnvironmentFile {
 
 fn x_axis() -> [f64; 3] {
     [1.0, 0.0, 0.0]
-}
-
-/// A material.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum MaterialFile {
-    /// Depolarizing Lambert surface.
-    Diffuse(DiffuseFile),
-    /// Smooth metal.
-    Conductor(ConductorFile),
-    /// Metal with GGX microfacets.
-    RoughConductor(RoughConductorFile),
-    /// Smooth glass, water, …: a closed surface's inside against its outside.
-    Dielectric(DielectricFile),
-}
-
-/// See [`MaterialFile::Diffuse`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DiffuseFile {
-    /// 0..1: a number, one per wavelength, or an image.
-    pub albedo: Located<AlbedoFile>,
-}
-
-/// See [`MaterialFile::Conductor`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ConductorFile {
-    /// Real part n of the refractive index.
-    pub n: Located<SpectrumFile>,
-    /// Extinction coefficient k ≥ 0.
-    pub k: Located<SpectrumFile>,
-}
-
-/// See [`MaterialFile::RoughConductor`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RoughConductorFile {
-    /// Real part n of the refractive index.
-    pub n: Located<SpectrumFile>,
-    /// Extinction coefficient k ≥ 0.
-    pub k: Located<SpectrumFile>,
-    /// GGX width, 0.001..1.
-    pub alpha: Located<f64>,
-}
-
-/// See [`MaterialFile::Dielectric`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DielectricFile {
-    /// Refractive index inside; a list that varies with wavelength disperses.
-    pub ior: Located<SpectrumFile>,
-    /// Refractive index outside.
-    #[serde(default = "unit_spectrum")]
-    pub exterior_ior: Located<SpectrumFile>,
 }
 
 /// A shape with its material and place.

@@ -8,6 +8,8 @@ pub mod emitter;
 pub mod epipolar;
 pub mod file;
 pub mod locate;
+pub mod material_file;
+pub mod materials;
 pub mod pinhole;
 pub mod projector;
 pub mod shapes;
@@ -15,7 +17,7 @@ pub mod slices;
 pub mod values;
 
 use crate::geometry::bvh::Geometry;
-use crate::material::{Material, Textures};
+use crate::material::Materials;
 use crate::spectrum::Wavelengths;
 use crate::tensor::{axes::Extents, slice::Slice, view::Figure};
 use emitter::{Environment, PointEmitter};
@@ -29,8 +31,7 @@ pub struct Scene {
     pub wavelengths: Wavelengths,
     pub geometry: Geometry,
     /// Indexed by `Surface::material`.
-    pub materials: Vec<Material>,
-    pub textures: Textures,
+    pub materials: Materials,
     pub camera: Pinhole,
     pub projector: Option<Projector>,
     pub points: Vec<PointEmitter>,

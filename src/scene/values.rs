@@ -24,11 +24,25 @@ pub enum AlbedoFile {
     Image(ImageAlbedo),
 }
 
+/// A number, or an image of it (the first channel, linear).
+#[derive(Clone, Debug)]
+pub enum ScalarFile {
+    Number(f64),
+    Image(ImageAlbedo),
+}
+
+/// A refractive index: a spectrum, or a name of the optical constants.
+#[derive(Clone, Debug)]
+pub enum IndexFile {
+    Values(SpectrumFile),
+    Named(String),
+}
+
 /// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
-    /// PNG or JPEG file, relative to the scene file; sRGB-encoded.
+    /// PNG or JPEG file, relative to the scene file; colours are sRGB-encoded, numbers (roughness, weights) linear.
     pub image: Located<String>,
     /// Multiplies the image.
     #[serde(default = "one")]
@@ -141,6 +155,73 @@ impl JsonSchema for AlbedoFile {
             g.subschema_for::<ImageAlbedo>(),
         );
         json_schema!({"anyOf": [spectrum, image]})
+    }
+}
+
+impl<'de> Deserialize<'de> for ScalarFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = ScalarFile;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number, or { image = \"file.png\" }")
+            }
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<ScalarFile, E> {
+                Ok(ScalarFile::Number(v))
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<ScalarFile, E> {
+                Ok(ScalarFile::Number(v as f64))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ScalarFile, A::Error> {
+                ImageAlbedo::deserialize(MapAccessDeserializer::new(map)).map(ScalarFile::Image)
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for ScalarFile {
+    fn schema_name() -> Cow<'static, str> {
+        "Scalar".into()
+    }
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let image = g.subschema_for::<ImageAlbedo>();
+        json_schema!({"anyOf": [{"type": "number"}, image]})
+    }
+}
+
+impl<'de> Deserialize<'de> for IndexFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = IndexFile;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number, a list with one number per wavelength, or a name such as \"N-BK7\"")
+            }
+            fn visit_str<E: de::Error>(self, v: &str) -> Result<IndexFile, E> {
+                Ok(IndexFile::Named(v.to_owned()))
+            }
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<IndexFile, E> {
+                SpectrumVisitor.visit_f64(v).map(IndexFile::Values)
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<IndexFile, E> {
+                SpectrumVisitor.visit_i64(v).map(IndexFile::Values)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<IndexFile, A::Error> {
+                SpectrumVisitor.visit_seq(seq).map(IndexFile::Values)
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for IndexFile {
+    fn schema_name() -> Cow<'static, str> {
+        "RefractiveIndex".into()
+    }
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let spectrum = g.subschema_for::<SpectrumFile>();
+        json_schema!({"anyOf": [spectrum, {"type": "string", "description": "A name of the optical constants."}]})
     }
 }
 

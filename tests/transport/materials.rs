@@ -7,24 +7,32 @@ use std::f64::consts::TAU;
 use sunstone::geometry::ray::Surface;
 use sunstone::material::diffuse::Diffuse;
 use sunstone::material::rough_conductor::RoughConductor;
-use sunstone::material::{Lanes, Material, Textures};
+use sunstone::material::texture::{Scalar, Spectrum};
+use sunstone::material::{Lanes, Material, Materials};
 use sunstone::polarization::chain::Scatter;
 use sunstone::sampling::stream::Stream;
 use sunstone::spectrum::Spectral;
 
-fn rough(alpha: f32) -> Material {
-    Material::RoughConductor(RoughConductor {
-        n: Spectral::new([0.4242, 1.5, 0.2, 2.0]),
-        k: Spectral::new([2.4721, 1.9, 3.1, 0.5]),
-        alpha,
-    })
+/// A table of one material, which has number 0.
+fn table(material: Material) -> Materials {
+    Materials {
+        list: vec![material],
+        ..Materials::default()
+    }
 }
 
-fn diffuse() -> Material {
-    Material::Diffuse(Diffuse {
-        albedo: Spectral::new([0.9, 0.5, 0.2, 0.1]),
-        texture: None,
-    })
+fn rough(alpha: f32) -> Materials {
+    table(Material::RoughConductor(RoughConductor {
+        n: Spectral::new([0.4242, 1.5, 0.2, 2.0]),
+        k: Spectral::new([2.4721, 1.9, 3.1, 0.5]),
+        alpha: Scalar::uniform(alpha),
+    }))
+}
+
+fn diffuse() -> Materials {
+    table(Material::Diffuse(Diffuse {
+        albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.1])),
+    }))
 }
 
 /// A frame in general position: columns x, y, normal.
@@ -38,6 +46,7 @@ fn surface() -> Surface {
         p: Vec3A::ZERO,
         ng: n,
         ns: n,
+        tangent: axes().x_axis,
         uv: [0.0; 2],
         material: 0,
     }
@@ -50,7 +59,7 @@ fn toward(cos: f32, phi: f32) -> Vec3A {
 }
 
 /// Every material and angle that the tests below go through.
-fn cases() -> Vec<(String, Material, f32)> {
+fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for cos in [1.0_f32, 0.6, 0.2, 0.05] {
         list.push((format!("diffuse, cos {cos}"), diffuse(), cos));
@@ -68,13 +77,13 @@ fn samples_follow_their_density() {
     const ROWS: usize = 20;
     const COLUMNS: usize = 40;
     const SUB: usize = 32;
-    for (case, (name, material, cos)) in cases().into_iter().enumerate() {
+    for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
         let (at, wo, back) = (surface(), toward(cos, 0.4), axes().transpose());
         let mut observed = vec![0.0_f64; ROWS * COLUMNS + 1];
         let mut stream = Stream::new(41, case as u32, 0);
         for _ in 0..N {
             let mut lanes = Lanes::first(4);
-            let sampled = material.sample(&Textures::default(), &at, wo, &mut lanes, &mut stream);
+            let sampled = materials.sample(0, &at, wo, &mut lanes, &mut stream);
             let cell = sampled.map_or(ROWS * COLUMNS, |s| {
                 let w = back * s.wi;
                 assert!(
@@ -97,7 +106,7 @@ fn samples_follow_their_density() {
                         let step = |i: usize| (i as f32 + 0.5) / SUB as f32;
                         let z = (row + step(k / SUB)) / ROWS as f32;
                         let phi = (column + step(k % SUB)) / COLUMNS as f32 * TAU as f32;
-                        f64::from(material.pdf(&at, wo, toward(z, phi)))
+                        f64::from(materials.pdf(0, &at, wo, toward(z, phi)))
                     })
                     .sum();
                 sum * area * N as f64
@@ -139,29 +148,29 @@ fn elements(s: &Scatter) -> ([[f32; 4]; 4], Vec3A) {
     match s {
         Scatter::Depolarize(f) => ([f.to_array(), [0.0; 4], [0.0; 4], [0.0; 4]], Vec3A::ZERO),
         Scatter::Fresnel { block: f, s } => ([f.a, f.b, f.c, f.d].map(|e| e.to_array()), *s),
+        Scatter::Full { .. } => panic!("none of these materials is as general as that"),
     }
 }
 
 /// Sampled weight = eval / pdf in all elements and lanes.
 #[test]
 fn weights_are_values_over_densities() {
-    let textures = Textures::default();
-    for (case, (name, material, cos)) in cases().into_iter().enumerate() {
+    for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
         let (at, wo) = (surface(), toward(cos, -1.0));
         let mut stream = Stream::new(42, case as u32, 0);
         let mut compared = 0;
         for _ in 0..2000 {
             let mut lanes = Lanes::first(4);
-            let Some(sampled) = material.sample(&textures, &at, wo, &mut lanes, &mut stream) else {
+            let Some(sampled) = materials.sample(0, &at, wo, &mut lanes, &mut stream) else {
                 continue;
             };
             // At the very horizon f32 directions do not fix the cosine to 1e-4.
             if at.ns.dot(sampled.wi) < 2e-3 {
                 continue;
             }
-            let pdf = material.pdf(&at, wo, sampled.wi);
-            let value = material
-                .eval(&textures, &at, wo, sampled.wi)
+            let pdf = materials.pdf(0, &at, wo, sampled.wi);
+            let value = materials
+                .eval(0, &at, wo, sampled.wi)
                 .expect("a sampled direction has a value");
             let ((got, s), (want, t)) = (
                 elements(&sampled.scatter),
@@ -194,7 +203,6 @@ fn weights_are_values_over_densities() {
 /// Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness.
 #[test]
 fn rough_conductor_is_reciprocal() {
-    let textures = Textures::default();
     let at = surface();
     let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
     let mut stream = Stream::new(43, 0, 0);
@@ -214,7 +222,7 @@ fn rough_conductor_is_reciprocal() {
         let (da, db) = (a.as_dvec3().normalize(), b.as_dvec3().normalize());
         let (xa, xb) = (axis(da, ta), axis(db, tb));
         let brdf = |o: Vec3A, i: Vec3A, xo: DVec3, xi: DVec3| {
-            let value = rough(alpha).eval(&textures, &at, o, i).unwrap();
+            let value = rough(alpha).eval(0, &at, o, i).unwrap();
             let (e, s) = elements(&value.scaled(Spectral::splat(1.0 / at.ns.dot(i))));
             let [a, b, c, d] = e.map(|lanes| f64::from(lanes[0]));
             let block = M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c);

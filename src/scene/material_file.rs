@@ -1,0 +1,140 @@
+//! The syntax of materials, in scene files and in files of their own.
+
+use super::file::{default_wavelengths, unit_spectrum};
+use super::locate::Located;
+use super::values::{AlbedoFile, IndexFile, ScalarFile, SpectrumFile};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// A file of materials alone: what `sunstone pbrdf eval` reads.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Sunstone materials")]
+pub struct MaterialSetFile {
+    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    #[serde(default = "default_wavelengths")]
+    pub wavelengths_nm: Located<Vec<f64>>,
+    /// Materials by name.
+    pub materials: BTreeMap<String, Located<MaterialFile>>,
+}
+
+/// A material.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum MaterialFile {
+    /// Depolarizing Lambert surface.
+    Diffuse(DiffuseFile),
+    /// Smooth metal.
+    Conductor(ConductorFile),
+    /// Metal with microfacets.
+    RoughConductor(RoughConductorFile),
+    /// Smooth glass, water, …: a closed surface's inside against its outside.
+    Dielectric(DielectricFile),
+    /// One material in front, another (or none) behind.
+    TwoSided(TwoSidedFile),
+    /// Two materials mixed by area.
+    Blend(BlendFile),
+    /// A material under normals from an image.
+    NormalMap(NormalMapFile),
+    /// A material that loses part of its polarization.
+    PartialDepolarizer(PartialDepolarizerFile),
+}
+
+/// See [`MaterialFile::Diffuse`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DiffuseFile {
+    /// 0..1: a number, one per wavelength, or an image.
+    pub albedo: Located<AlbedoFile>,
+}
+
+/// See [`MaterialFile::Conductor`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConductorFile {
+    /// Name of a metal in the optical constants, instead of n and k.
+    pub metal: Option<Located<String>>,
+    /// Real part n of the refractive index.
+    pub n: Option<Located<SpectrumFile>>,
+    /// Extinction coefficient k ≥ 0.
+    pub k: Option<Located<SpectrumFile>>,
+}
+
+/// See [`MaterialFile::RoughConductor`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RoughConductorFile {
+    /// Name of a metal in the optical constants, instead of n and k.
+    pub metal: Option<Located<String>>,
+    /// Real part n of the refractive index.
+    pub n: Option<Located<SpectrumFile>>,
+    /// Extinction coefficient k ≥ 0.
+    pub k: Option<Located<SpectrumFile>>,
+    /// Roughness, 0.001..1: a number or an image.
+    pub alpha: Located<ScalarFile>,
+}
+
+/// See [`MaterialFile::Dielectric`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DielectricFile {
+    /// Refractive index inside: a number, one per wavelength (then it disperses), or a name of the optical constants.
+    pub ior: Located<IndexFile>,
+    /// Refractive index outside.
+    #[serde(default = "unit_index")]
+    pub exterior_ior: Located<IndexFile>,
+}
+
+pub(super) fn unit_index() -> Located<IndexFile> {
+    Located::nowhere(IndexFile::Values((*unit_spectrum()).clone()))
+}
+
+/// See [`MaterialFile::TwoSided`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TwoSidedFile {
+    /// Name of the material on the side that the surface faces.
+    pub front: Located<String>,
+    /// Name of the material on the other side; absent: black.
+    pub back: Option<Located<String>>,
+}
+
+/// See [`MaterialFile::Blend`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BlendFile {
+    /// Name of the first material.
+    pub a: Located<String>,
+    /// Name of the second material.
+    pub b: Located<String>,
+    /// Share of the second, 0..1: a number or an image.
+    pub weight: Located<ScalarFile>,
+}
+
+/// See [`MaterialFile::NormalMap`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NormalMapFile {
+    /// Name of the material.
+    pub material: Located<String>,
+    /// PNG or JPEG file of unit vectors (x right, y up, z out of the surface), each coordinate stored as (c + 1)/2.
+    pub image: Located<String>,
+    /// Multiplies x and y.
+    #[serde(default = "unit")]
+    pub strength: Located<f64>,
+}
+
+fn unit() -> Located<f64> {
+    Located::nowhere(1.0)
+}
+
+/// See [`MaterialFile::PartialDepolarizer`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PartialDepolarizerFile {
+    /// Name of the material.
+    pub material: Located<String>,
+    /// Share of its light that loses its polarization, 0..1: a number or an image.
+    pub fraction: Located<ScalarFile>,
+}

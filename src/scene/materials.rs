@@ -1,0 +1,309 @@
+//! Materials of a file → the flat table of [`Materials`].
+
+use super::build::{Context, parse, read};
+use super::locate::{Located, SceneError};
+use super::material_file::{MaterialFile, MaterialSetFile};
+use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use crate::material::texture::{Scalar, Spectrum};
+use crate::material::{
+    Material, Materials, blend, conductor, dielectric, diffuse, normal_map, partial_depolarizer,
+    rough_conductor, two_sided, varies,
+};
+use crate::spectrum::{Spectral, Wavelengths};
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+/// A file of materials, built.
+pub struct MaterialSet {
+    pub wavelengths: Wavelengths,
+    pub materials: Materials,
+    /// Number of each material by name.
+    pub names: BTreeMap<String, u32>,
+}
+
+impl MaterialSet {
+    /// Reads and builds a file of materials: `wavelengths_nm` and `[materials]` as in a scene file.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming file, line, column and mend.
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        Self::from_text(path, &read(path, "material file")?)
+    }
+
+    /// Builds a file of materials from its text; `path` names it in messages and anchors the files it refers to.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn from_text(path: &Path, text: &str) -> Result<Self, SceneError> {
+        let file: MaterialSetFile = parse(path, text)?;
+        let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
+        let (materials, names) = build(&mut ctx, &file.materials)?;
+        Ok(Self {
+            wavelengths: ctx.wavelengths,
+            materials,
+            names: names.into_iter().map(|(n, id)| (n.to_owned(), id)).collect(),
+        })
+    }
+}
+
+type Named = BTreeMap<String, Located<MaterialFile>>;
+
+/// The state of building: materials that others name are built before them.
+struct Builder<'c, 'a> {
+    ctx: &'c mut Context,
+    files: &'a Named,
+    table: Materials,
+    done: BTreeMap<&'a str, u32>,
+    /// Materials being built, outermost first.
+    open: Vec<&'a str>,
+}
+
+/// Builds all materials; the map gives their numbers.
+pub(super) fn build<'a>(
+    ctx: &mut Context,
+    files: &'a Named,
+) -> Result<(Materials, BTreeMap<&'a str, u32>), SceneError> {
+    let mut builder = Builder {
+        ctx,
+        files,
+        table: Materials::default(),
+        done: BTreeMap::new(),
+        open: vec![],
+    };
+    for name in files.keys() {
+        builder.named(name)?;
+    }
+    Ok((builder.table, builder.done))
+}
+
+impl<'a> Builder<'_, 'a> {
+    fn named(&mut self, name: &'a str) -> Result<u32, SceneError> {
+        if let Some(id) = self.done.get(name) {
+            return Ok(*id);
+        }
+        let file = &self.files[name];
+        self.open.push(name);
+        let material = self.material(file)?;
+        self.open.pop();
+        let id = self.table.list.len() as u32;
+        self.table.list.push(material);
+        self.done.insert(name, id);
+        Ok(id)
+    }
+
+    /// The material that another one names.
+    fn inner(&mut self, name: &Located<String>) -> Result<u32, SceneError> {
+        let files = self.files;
+        let Some((key, _)) = files.get_key_value(name.as_str()) else {
+            let known = files.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+            return Err(self.ctx.error(
+                name.span(),
+                format!("there is no material `{}`", **name),
+                format!("add [materials.{}], or use one of: {known}", **name),
+            ));
+        };
+        if self.open.contains(&key.as_str()) || self.open.len() >= 16 {
+            return Err(self.ctx.error(
+                name.span(),
+                format!("material `{key}` is made of itself, or of too many others"),
+                "materials may name others, up to 16 deep, but not in a circle",
+            ));
+        }
+        self.named(key)
+    }
+
+    fn material(&mut self, m: &'a Located<MaterialFile>) -> Result<Material, SceneError> {
+        // Unused lanes get index 1, so that nothing divides by zero there.
+        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
+        Ok(match &**m {
+            MaterialFile::Diffuse(d) => Material::Diffuse(diffuse::Diffuse {
+                albedo: self.albedo(&d.albedo)?,
+            }),
+            MaterialFile::Conductor(c) => {
+                let (n, k) = self.complex_index(m, &c.metal, &c.n, &c.k)?;
+                Material::Conductor(conductor::Conductor { n, k })
+            }
+            MaterialFile::RoughConductor(c) => {
+                let (n, k) = self.complex_index(m, &c.metal, &c.n, &c.k)?;
+                Material::RoughConductor(rough_conductor::RoughConductor {
+                    n,
+                    k,
+                    alpha: self.alpha(&c.alpha)?,
+                })
+            }
+            MaterialFile::Dielectric(d) => {
+                let interior = self.index(&d.ior, "ior")? + unused;
+                let exterior = self.index(&d.exterior_ior, "exterior_ior")? + unused;
+                let count = self.ctx.wavelengths.count();
+                Material::Dielectric(dielectric::Dielectric {
+                    interior,
+                    exterior,
+                    dispersive: varies(interior, count) || varies(exterior, count),
+                })
+            }
+            MaterialFile::TwoSided(t) => Material::TwoSided(two_sided::TwoSided {
+                front: self.inner(&t.front)?,
+                back: t.back.as_ref().map(|b| self.inner(b)).transpose()?,
+            }),
+            MaterialFile::Blend(b) => Material::Blend(blend::Blend {
+                a: self.inner(&b.a)?,
+                b: self.inner(&b.b)?,
+                weight: self.scalar(&b.weight, "weight", 0.0..=1.0)?,
+            }),
+            MaterialFile::NormalMap(n) => {
+                if !(0.0..=10.0).contains(&*n.strength) {
+                    return Err(self.ctx.error(
+                        n.strength.span(),
+                        format!("strength is {}", *n.strength),
+                        "it must lie in 0..10",
+                    ));
+                }
+                Material::NormalMap(normal_map::NormalMap {
+                    material: self.inner(&n.material)?,
+                    texture: self.linear_image(&n.image)?,
+                    strength: *n.strength as f32,
+                })
+            }
+            MaterialFile::PartialDepolarizer(p) => {
+                Material::PartialDepolarizer(partial_depolarizer::PartialDepolarizer {
+                    material: self.inner(&p.material)?,
+                    fraction: self.scalar(&p.fraction, "fraction", 0.0..=1.0)?,
+                })
+            }
+        })
+    }
+
+    fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, SceneError> {
+        let span = albedo.span();
+        Ok(match &**albedo {
+            AlbedoFile::Spectrum(s) => Spectrum::uniform(self.ctx.spectrum(s, span, "albedo", 0.0..=1.0)?),
+            AlbedoFile::Image(i) => {
+                let scale = SpectrumFile::Scalar(i.scale);
+                Spectrum {
+                    value: self.ctx.spectrum(&scale, span, "scale", 0.0..=1.0)?,
+                    texture: Some(self.colour_image(&i.image)?),
+                }
+            }
+        })
+    }
+
+    /// A number within `range`, or an image scaled to it.
+    fn scalar(
+        &mut self,
+        s: &Located<ScalarFile>,
+        what: &str,
+        range: RangeInclusive<f64>,
+    ) -> Result<Scalar, SceneError> {
+        let (value, image) = match &**s {
+            ScalarFile::Number(v) => (*v, None),
+            ScalarFile::Image(ImageAlbedo { image, scale }) => (*scale, Some(image)),
+        };
+        if !range.contains(&value) {
+            return Err(self.ctx.error(
+                s.span(),
+                format!("{what} is {value}"),
+                format!("it must lie in {}..{}", range.start(), range.end()),
+            ));
+        }
+        Ok(Scalar {
+            value: value as f32,
+            texture: image.map(|i| self.linear_image(i)).transpose()?,
+        })
+    }
+
+    /// Roughness.
+    fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, SceneError> {
+        self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
+            if e.message.starts_with("alpha") {
+                e.help = Some(
+                    "it must lie in 0.001..1; for a smooth surface use the material without `rough_`".into(),
+                );
+            }
+            e
+        })
+    }
+
+    /// Refractive index of something transparent; 0 in unused lanes.
+    fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, SceneError> {
+        match &**index {
+            IndexFile::Values(s) => self.ctx.spectrum(s, index.span(), what, 1.0..=10.0),
+            IndexFile::Named(name) => Err(self.ctx.error(
+                index.span(),
+                format!("there are no optical constants of `{name}`"),
+                "give numbers",
+            )),
+        }
+    }
+
+    /// n and k of something that absorbs, by name or by value; n is 1 in unused lanes.
+    fn complex_index(
+        &mut self,
+        place: &Located<MaterialFile>,
+        metal: &Option<Located<String>>,
+        n: &Option<Located<SpectrumFile>>,
+        k: &Option<Located<SpectrumFile>>,
+    ) -> Result<(Spectral, Spectral), SceneError> {
+        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
+        match (metal, n, k) {
+            (None, Some(n), Some(k)) => Ok((
+                self.ctx.located(n, "n", 1e-3..=100.0)? + unused,
+                self.ctx.located(k, "k", 0.0..=100.0)?,
+            )),
+            (Some(name), None, None) => Err(self.ctx.error(
+                name.span(),
+                format!("there are no optical constants of `{}`", **name),
+                "give n and k",
+            )),
+            _ => Err(self.ctx.error(
+                place.span(),
+                "the refractive index is missing, or given twice",
+                "give metal = \"NAME\", or both n and k",
+            )),
+        }
+    }
+
+    /// Reads an image of colours: sRGB to linear, red, green or blue for each wavelength.
+    fn colour_image(&mut self, name: &Located<String>) -> Result<u32, SceneError> {
+        let linear = |c: f32| {
+            if c <= 0.04045 {
+                c / 12.92
+            } else {
+                ((c + 0.055) / 1.055).powf(2.4)
+            }
+        };
+        let channel = |nm: f64| match nm {
+            nm if nm < 500.0 => 2,
+            nm if nm < 590.0 => 1,
+            _ => 0,
+        };
+        let wavelengths = self.ctx.wavelengths.clone();
+        self.image(name, |p| wavelengths.map(|nm| linear(p[channel(nm)])).to_array())
+    }
+
+    /// Reads an image of numbers: channels as they are.
+    fn linear_image(&mut self, name: &Located<String>) -> Result<u32, SceneError> {
+        self.image(name, |[r, g, b]| [r, g, b, 0.0])
+    }
+
+    fn image(
+        &mut self,
+        name: &Located<String>,
+        texel: impl Fn([f32; 3]) -> [f32; 4],
+    ) -> Result<u32, SceneError> {
+        let bytes = self.ctx.read(name, name.span())?;
+        let image = image::load_from_memory(&bytes).map_err(|e| {
+            self.ctx.error(
+                name.span(),
+                format!("cannot decode {}: {e}", self.ctx.path(name).display()),
+                "use a PNG or JPEG file",
+            )
+        })?;
+        let image = image.to_rgb32f();
+        let textures = &mut self.table.textures;
+        let first = textures.texels.len() as u32;
+        textures.images.push((image.width(), image.height(), first));
+        textures.texels.extend(image.pixels().map(|p| texel(p.0)));
+        Ok(textures.images.len() as u32 - 1)
+    }
+}
