@@ -15,31 +15,11 @@ import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent
-LLVM = Path("/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1")
-
-
-def enter_environment():
-    """Runs the rest of this script inside .venv, made as requirements.txt says."""
-    venv = ROOT / ".venv"
-    requirements = (HERE / "requirements.txt").read_text()
-    stamp = venv / "requirements.installed"
-    if not stamp.exists() or stamp.read_text() != requirements:
-        subprocess.run([sys.executable, "-m", "venv", venv], check=True)
-        pip = [venv / "bin/python", "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
-        subprocess.run([*pip, "-r", HERE / "requirements.txt"], check=True)
-        stamp.write_text(requirements)
-    if Path(sys.prefix).resolve() != venv.resolve():
-        os.execv(venv / "bin/python", [str(venv / "bin/python"), *sys.argv])
-
+import environment
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
-    enter_environment()
-    if LLVM.exists():
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(LLVM))
+    environment.enter()
     import mitsuba as mi
     import numpy as np
     import xarray
@@ -47,7 +27,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import comparison
     import scenes
 
-CACHE = ROOT / "target/crosscheck"
+CACHE = environment.ROOT / "target/crosscheck"
 BATCHES = 64
 OURS_SPP = 4096
 BLOCK = 4
@@ -56,20 +36,12 @@ BLOCK = 4
 # Running both programs -----------------------------------------------------------------------------------------------
 
 
-def sunstone():
-    """Path of the program; built if there is none."""
-    program = Path(os.environ.get("SUNSTONE", ROOT / "target/release/sunstone"))
-    if not program.exists():
-        subprocess.run(["cargo", "build", "--release", "--locked"], cwd=ROOT, check=True)
-    return program
-
-
 def render_ours(scene, seed):
     """Means and standard errors of T, [y, x, (t,) out, in]."""
     stem = CACHE / scene.name.replace(", ", "_").replace(" ", "_")
     stem.with_suffix(".toml").write_text(scene.toml())
     store = stem.with_suffix(".zarr")
-    command = [sunstone(), "render", stem.with_suffix(".toml"), "-o", store, "--force", "--seed", str(seed)]
+    command = [environment.sunstone(), "render", stem.with_suffix(".toml"), "-o", store, "--force", "--seed", str(seed)]
     command += ["--spp", str(OURS_SPP), "--no-figures"]
     run = subprocess.run(command, capture_output=True, text=True)
     if run.returncode:

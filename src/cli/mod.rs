@@ -5,6 +5,7 @@ mod failure;
 mod figure;
 mod info;
 mod merge;
+mod pbrdf;
 mod probe;
 mod render;
 
@@ -54,6 +55,7 @@ enum Command {
     Figure(figure::Arguments),
     Merge(merge::Arguments),
     Export(export::Arguments),
+    Pbrdf(pbrdf::Arguments),
     /// Print the JSON Schema of scene files.
     ///
     /// Editors with a TOML language server complete and check scene files with it: put `#:schema scene.schema.json` on
@@ -92,6 +94,7 @@ pub fn run() -> ExitCode {
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
         Command::Export(a) => export::run(&a),
+        Command::Pbrdf(a) => pbrdf::run(&a),
         Command::Schema => schema(),
     };
     match result {
