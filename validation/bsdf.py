@@ -166,8 +166,8 @@ def compare(case, pairs, seed, sabotage):
     """Largest |dM|/M00 over all pairs, wavelengths and elements."""
     random = np.random.default_rng(seed)
     # Uniform in the cosine.
-    ranges = np.cos(np.radians(np.array([case.theta, case.theta_out]).T))
-    theta = np.degrees(np.arccos(random.uniform(*ranges, (pairs, 2))))
+    near, far = np.cos(np.radians(np.array([case.theta, case.theta_out]).T))
+    theta = np.degrees(np.arccos(random.uniform(far, near, (pairs, 2))))
     phi = random.uniform(-180, 180, (pairs, 2))
     lines = np.stack([theta[:, 0], phi[:, 0], theta[:, 1], phi[:, 1]], 1)
     if case.lobe != "brdf":

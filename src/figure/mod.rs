@@ -22,6 +22,7 @@ mod photo;
 mod profile;
 mod raster;
 mod reduce;
+pub mod sheet;
 mod text;
 mod ticks;
 

@@ -120,7 +120,8 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<(RgbImage,
     Ok((img, plot))
 }
 
-fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
+/// Colour of element `i` of a matrix: normalized, M00 as intensity.
+pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
     match (normalized, i) {
         (true, 0) if m[0].is_finite() => Rgb([srgb(m[0] / white); 3]),
         (true, 0) => UNDEFINED,

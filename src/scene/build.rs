@@ -90,6 +90,16 @@ impl Context {
         let list = match s {
             SpectrumFile::Scalar(v) => vec![*v; n],
             SpectrumFile::PerWavelength(list) if list.len() == n => list.clone(),
+            SpectrumFile::Table(table) if table.is_sound() => {
+                self.wavelengths.nm().iter().map(|nm| table.at(*nm)).collect()
+            }
+            SpectrumFile::Table(_) => {
+                return Err(self.error(
+                    span,
+                    format!("the table of {what} is uneven"),
+                    "give nm, rising, and as many values",
+                ));
+            }
             SpectrumFile::PerWavelength(list) => {
                 return Err(self.error(
                     span,

@@ -240,16 +240,14 @@ fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, Scen
     let scale = match t.scale.as_deref() {
         None => DVec3::ONE,
         Some(SpectrumFile::Scalar(s)) => DVec3::splat(*s),
-        Some(SpectrumFile::PerWavelength(v)) => match v.as_slice() {
-            [x, y, z] => DVec3::new(*x, *y, *z),
-            _ => {
-                return Err(ctx.error(
-                    t.span(),
-                    format!("scale has {} values", v.len()),
-                    "give one factor, or three (x, y, z)",
-                ));
-            }
-        },
+        Some(SpectrumFile::PerWavelength(v)) if v.len() == 3 => DVec3::new(v[0], v[1], v[2]),
+        Some(_) => {
+            return Err(ctx.error(
+                t.span(),
+                "scale is neither one factor nor three",
+                "give one factor, or three (x, y, z)",
+            ));
+        }
     };
     let [x, y, z] = t.rotate_deg.unwrap_or([0.0; 3]).map(f64::to_radians);
     Ok(DAffine3::from_scale_rotation_translation(

@@ -10,11 +10,46 @@ use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
 use std::fmt;
 
-/// One number for all wavelengths, or a list with one number per wavelength.
+/// One number for all wavelengths, a list with one number per wavelength, or a table of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SpectrumFile {
     Scalar(f64),
     PerWavelength(Vec<f64>),
+    Table(SpectrumTable),
+}
+
+/// `{ nm = [400, 550, 700], values = [0.1, 0.2, 0.8] }`: linear between entries, constant beyond them.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpectrumTable {
+    /// Vacuum wavelengths in nanometres, rising.
+    pub nm: Vec<f64>,
+    /// One value for each.
+    pub values: Vec<f64>,
+}
+
+impl SpectrumTable {
+    /// True if there are as many values as wavelengths, at least one, and wavelengths rise.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let finite = self.nm.iter().chain(&self.values).all(|v| v.is_finite());
+        finite
+            && !self.nm.is_empty()
+            && self.nm.len() == self.values.len()
+            && self.nm.is_sorted_by(|a, b| a < b)
+    }
+
+    /// The value at a wavelength; 0 for an empty table.
+    #[must_use]
+    pub fn at(&self, nm: f64) -> f64 {
+        let right = self.nm.partition_point(|w| *w <= nm);
+        let entry = |i: usize| Some((*self.nm.get(i)?, *self.values.get(i)?));
+        match (right.checked_sub(1).and_then(entry), entry(right)) {
+            (Some((w0, v0)), Some((w1, v1))) => v0 + (v1 - v0) * (nm - w0) / (w1 - w0),
+            (Some((_, v)), None) | (None, Some((_, v))) => v,
+            (None, None) => 0.0,
+        }
+    }
 }
 
 /// An albedo: a spectrum, or an image.
@@ -82,7 +117,7 @@ struct SpectrumVisitor;
 impl<'de> Visitor<'de> for SpectrumVisitor {
     type Value = SpectrumFile;
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number, or a list with one number per wavelength")
+        f.write_str("a number, a list with one number per wavelength, or { nm = [..], values = [..] }")
     }
     fn visit_f64<E: de::Error>(self, v: f64) -> Result<SpectrumFile, E> {
         Ok(SpectrumFile::Scalar(v))
@@ -100,6 +135,9 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
         }
         Ok(SpectrumFile::PerWavelength(list))
     }
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<SpectrumFile, A::Error> {
+        SpectrumTable::deserialize(MapAccessDeserializer::new(map)).map(SpectrumFile::Table)
+    }
 }
 
 impl<'de> Deserialize<'de> for SpectrumFile {
@@ -112,11 +150,50 @@ impl JsonSchema for SpectrumFile {
     fn schema_name() -> Cow<'static, str> {
         "Spectrum".into()
     }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let table = g.subschema_for::<SpectrumTable>();
         json_schema!({
-            "description": "One number for all wavelengths, or a list with one number per wavelength.",
-            "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}]
+            "description": "One number for all wavelengths, a list with one number per wavelength, or a table.",
+            "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}, table]
         })
+    }
+}
+
+/// The keys of an image and of a table together: which of the two is meant shows in the keys that are there.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AlbedoMap {
+    image: Option<Located<String>>,
+    scale: Option<f64>,
+    nm: Option<Vec<f64>>,
+    values: Option<Vec<f64>>,
+}
+
+impl AlbedoMap {
+    fn resolve<E: de::Error>(self) -> Result<AlbedoFile, E> {
+        match self {
+            Self {
+                image: Some(image),
+                scale,
+                nm: None,
+                values: None,
+            } => Ok(AlbedoFile::Image(ImageAlbedo {
+                image,
+                scale: scale.unwrap_or_else(one),
+            })),
+            Self {
+                image: None,
+                scale: None,
+                nm: Some(nm),
+                values: Some(values),
+            } => Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
+                nm,
+                values,
+            }))),
+            _ => Err(E::custom(
+                "an albedo is { image = \"file.png\", scale = 1 } or { nm = [..], values = [..] }",
+            )),
+        }
     }
 }
 
@@ -126,7 +203,9 @@ impl<'de> Deserialize<'de> for AlbedoFile {
         impl<'de> Visitor<'de> for V {
             type Value = AlbedoFile;
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a number, a list with one number per wavelength, or { image = \"file.png\" }")
+                f.write_str(
+                    "a number, a list with one number per wavelength, { nm = [..], values = [..] }, or { image = \"file.png\" }",
+                )
             }
             fn visit_f64<E: de::Error>(self, v: f64) -> Result<AlbedoFile, E> {
                 SpectrumVisitor.visit_f64(v).map(AlbedoFile::Spectrum)
@@ -138,7 +217,7 @@ impl<'de> Deserialize<'de> for AlbedoFile {
                 SpectrumVisitor.visit_seq(seq).map(AlbedoFile::Spectrum)
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoFile, A::Error> {
-                ImageAlbedo::deserialize(MapAccessDeserializer::new(map)).map(AlbedoFile::Image)
+                AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()
             }
         }
         d.deserialize_any(V)
@@ -209,6 +288,9 @@ impl<'de> Deserialize<'de> for IndexFile {
             }
             fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<IndexFile, A::Error> {
                 SpectrumVisitor.visit_seq(seq).map(IndexFile::Values)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<IndexFile, A::Error> {
+                SpectrumVisitor.visit_map(map).map(IndexFile::Values)
             }
         }
         d.deserialize_any(V)

@@ -1,6 +1,7 @@
 //! `sunstone pbrdf`: polarimetric BRDFs by themselves.
 
 mod eval;
+mod sheet;
 
 use super::failure::Failure;
 use clap::Subcommand;
@@ -15,10 +16,12 @@ pub struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Eval(eval::Arguments),
+    Sheet(sheet::Arguments),
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     match &a.command {
         Command::Eval(a) => eval::run(a),
+        Command::Sheet(a) => sheet::run(a),
     }
 }

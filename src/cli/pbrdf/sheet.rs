@@ -1,0 +1,110 @@
+//! `sunstone pbrdf sheet`: every material of a file as a sphere, as 4×4 Mueller grids on one page.
+
+use crate::cli::failure::Failure;
+use std::path::{Path, PathBuf};
+use sunstone::figure::save_png;
+use sunstone::figure::sheet::{Grid, draw};
+use sunstone::render::tile::{Target, Unwatched, render};
+use sunstone::scene::Scene;
+use sunstone::scene::materials::MaterialSet;
+use sunstone::tensor::store::{Field, TensorStore};
+
+/// Render every material of a file as a sphere in a 4×4 Mueller grid, all on one page.
+///
+/// A projector beside the camera lights the sphere; smooth materials, which it cannot light, stand under an even
+/// unpolarized sky instead.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// File of materials.
+    material: PathBuf,
+    /// Picture to write.
+    #[arg(short, long, default_value = "sheet.png")]
+    output: PathBuf,
+    /// Wavelength to show, nanometres (the nearest there is).
+    #[arg(short, long, default_value_t = 550.0)]
+    wavelength: f64,
+    /// Materials a row.
+    #[arg(long, default_value_t = 5)]
+    columns: usize,
+    /// Pixels across each sphere's picture.
+    #[arg(long, default_value_t = 72, value_parser = clap::value_parser!(u32).range(8..=1024))]
+    size: u32,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    spp: u32,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let set = MaterialSet::load(&a.material)?;
+    let text = std::fs::read_to_string(&a.material).map_err(Failure::input)?;
+    let grids: Result<Vec<Grid>, Failure> = set
+        .names
+        .iter()
+        .map(|(name, id)| sphere(a, &text, name, set.materials.is_smooth(*id)))
+        .collect();
+    let nm = set.wavelengths.nm();
+    let title = format!("Mueller matrices at {} nm", nm[nearest(nm, a.wavelength)]);
+    let notes = [
+        "Spheres lit by a projector right above the camera; rows of each grid: Stokes out, columns: Stokes in.",
+        "M00 is shown as intensity on a scale of its own; grey: no light.",
+    ];
+    let image = draw(&title, &grids?, a.columns, &notes).map_err(Failure::input)?;
+    if let Some(folder) = a.output.parent() {
+        std::fs::create_dir_all(folder).map_err(Failure::failed)?;
+    }
+    save_png(&image, &a.output).map_err(Failure::failed)?;
+    crate::cli::print(&a.output.display().to_string())
+}
+
+/// Lane of the wavelength nearest to the wanted one.
+fn nearest(nm: &[f64], wanted: f64) -> usize {
+    let distance = |lane: &usize| (nm[*lane] - wanted).abs();
+    (0..nm.len())
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or(0)
+}
+
+/// The sphere's scene: the material file's own text, and what there is around it.
+fn sphere(a: &Arguments, text: &str, name: &str, lit: bool) -> Result<Grid, Failure> {
+    let light = if lit {
+        "[projector]\nresolution = [8, 8]\nfov_x_deg = 60\nirradiance = 36\n\
+         pose.look_at = { origin = [0.6, 2.5, 5.4], target = [0, 0, 0] }"
+    } else {
+        "[[emitters]]\nenvironment.radiance = 1"
+    };
+    let scene = format!(
+        "{text}\n[render]\nspp = {spp}\nmax_depth = 2\ntile = 16\n\
+         [camera]\nresolution = [{size}, {size}]\nfov_x_deg = 20\n\
+         pose.look_at = {{ origin = [0, 0, 6], target = [0, 0, 0] }}\n{light}\n\
+         [[objects]]\nshape.sphere = {{}}\nmaterial = {name:?}\n\
+         [[slices]]\nname = \"mueller\"\npolarization = \"mueller\"\n",
+        spp = a.spp,
+        size = a.size,
+    );
+    let scene = Scene::from_text(&a.material, &scene)?;
+    let folder = tempfile::tempdir().map_err(Failure::failed)?;
+    let target = Target {
+        path: folder.path().join("sphere"),
+        ..Target::default()
+    };
+    render(&scene, &target, &Unwatched).map_err(Failure::failed)?;
+    Ok(Grid {
+        label: name.to_owned(),
+        width: a.size as usize,
+        data: matrices(&target.path, scene.wavelengths.nm(), a.wavelength)?,
+    })
+}
+
+/// The Mueller matrices of the one slice at the wanted wavelength, row-major from the top.
+fn matrices(store: &Path, nm: &[f64], wavelength: f64) -> Result<Vec<[f32; 16]>, Failure> {
+    let store = TensorStore::open(store).map_err(Failure::failed)?;
+    let slice = store.slice("mueller").map_err(Failure::failed)?;
+    let mean = slice.read_all(Field::Mean).map_err(Failure::failed)?;
+    let lanes = nm.len();
+    let lane = nearest(nm, wavelength);
+    // Axes of the slice: y, x, Stokes out, Stokes in, wavelength.
+    let pixels = mean.data.chunks_exact(16 * lanes);
+    Ok(pixels
+        .map(|m| std::array::from_fn(|i| m[i * lanes + lane]))
+        .collect())
+}
