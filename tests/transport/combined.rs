@@ -1,0 +1,252 @@
+//! Materials made of others, and materials with images.
+
+use crate::support::render_text;
+use glam::Vec3A;
+use std::path::Path;
+use sunstone::geometry::ray::Surface;
+use sunstone::material::{Lanes, Lobe};
+use sunstone::polarization::frame::perpendicular;
+use sunstone::polarization::mueller::Mueller;
+use sunstone::sampling::{stream::Stream, warp};
+use sunstone::scene::materials::MaterialSet;
+use sunstone::spectrum::max_lane;
+
+const FILE: &str = r#"
+[materials]
+rough.rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }
+mirror.conductor = { n = 0.4, k = 2.4 }
+white.diffuse.albedo = 0.8
+mixed.blend = { a = "rough", b = "white", weight = 0.3 }
+sheen.blend = { a = "mirror", b = "white", weight = 0.25 }
+dull.partial_depolarizer = { material = "rough", fraction = 0.6 }
+faces.two_sided = { front = "rough", back = "white" }
+front.two_sided = { front = "rough" }
+"#;
+
+fn set(text: &str) -> MaterialSet {
+    MaterialSet::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn flat(uv: [f32; 2]) -> Surface {
+    Surface {
+        p: Vec3A::ZERO,
+        ng: Vec3A::Z,
+        ns: Vec3A::Z,
+        tangent: Vec3A::X,
+        uv,
+        material: 0,
+    }
+}
+
+/// Value of a named material between two directions, in frames that do not depend on the material.
+fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> Mueller {
+    set.materials
+        .eval(set.names[name], at, wo, wi)
+        .map(|s| s.between(wo, perpendicular(wo), wi, perpendicular(wi)))
+        .unwrap_or_default()
+}
+
+/// Largest difference of elements.
+fn off(a: &Mueller, b: &Mueller) -> f32 {
+    (0..16)
+        .map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs()))
+        .fold(0.0, f32::max)
+}
+
+fn weighted(terms: &[(f32, Mueller)]) -> Mueller {
+    terms.iter().fold(Mueller::ZERO, |sum, (w, m)| {
+        sum + m.scaled(sunstone::spectrum::Spectral::splat(*w))
+    })
+}
+
+/// Directions above the surface.
+fn directions(n: usize, seed: u64) -> Vec<[Vec3A; 2]> {
+    let mut stream = Stream::new(seed, 0, 0);
+    let mut draw = || warp::cosine_hemisphere(stream.uniform2());
+    (0..n).map(|_| [draw(), draw()]).collect()
+}
+
+#[test]
+fn mixtures_are_sums() {
+    let set = set(FILE);
+    let at = flat([0.5; 2]);
+    for [wo, wi] in directions(500, 1) {
+        let get = |name| value(&set, name, &at, wo, wi);
+        let want = weighted(&[(0.7, get("rough")), (0.3, get("white"))]);
+        assert!(off(&get("mixed"), &want) < 1e-5);
+        // M00 stays, all else shrinks to 0.4 of itself.
+        let mut want = weighted(&[(0.4, get("rough"))]);
+        want.m[0][0] = get("rough").m[0][0];
+        assert!(off(&get("dull"), &want) < 1e-5);
+        // Front, back, and no back.
+        assert_eq!(off(&get("faces"), &get("rough")), 0.0);
+        assert_eq!(off(&get("front"), &get("rough")), 0.0);
+        let below = |name| value(&set, name, &at, -wo, -wi);
+        assert_eq!(off(&below("faces"), &below("white")), 0.0);
+        assert_eq!(below("front"), Mueller::ZERO);
+        let pdf = |name: &str| set.materials.pdf(set.names[name], &at, wo, wi);
+        assert!((pdf("mixed") - 0.7 * pdf("rough") - 0.3 * pdf("white")).abs() < 1e-5);
+        assert_eq!(pdf("dull"), pdf("rough"));
+    }
+}
+
+/// Delta lobes of a mixture: each by its share, in the list of lobes and among samples (40 000, 5 sigma).
+#[test]
+fn mixtures_of_mirrors_keep_shares() {
+    let set = set(FILE);
+    let at = flat([0.5; 2]);
+    let wo = Vec3A::new(0.6, 0.0, 0.8);
+    let lobe = |name: &str| {
+        set.materials
+            .specular(set.names[name], &at, wo, Lobe::Reflected, 0)
+            .unwrap()
+            .scatter
+            .m00()
+            .to_array()[0]
+    };
+    assert!((lobe("sheen") - 0.75 * lobe("mirror")).abs() < 1e-6);
+    assert!(
+        set.materials
+            .specular(set.names["white"], &at, wo, Lobe::Reflected, 0)
+            .is_none()
+    );
+    let n = 40_000;
+    let (mut deltas, mut sum) = (0.0, 0.0);
+    for i in 0..n {
+        let mut stream = Stream::new(9, i, 0);
+        let s = set
+            .materials
+            .sample(set.names["sheen"], &at, wo, &mut Lanes::first(3), &mut stream)
+            .unwrap();
+        deltas += f64::from(u8::from(s.delta));
+        sum += f64::from(s.scatter.m00().to_array()[0]);
+    }
+    let n = f64::from(n);
+    assert!((deltas / n - 0.75).abs() < 5.0 * (0.75 * 0.25 / n).sqrt());
+    // A sample brings the mirror's reflectance or the albedo.
+    let (m, d) = (f64::from(lobe("mirror")), 0.8);
+    let want = 0.75 * m + 0.25 * d;
+    assert!((sum / n - want).abs() < 5.0 * (m - d).abs() * (0.75 * 0.25 / n).sqrt());
+}
+
+/// A picture of one colour, as a PNG file's name for TOML.
+fn picture(folder: &Path, name: &str, rgb: [u8; 3]) -> String {
+    let path = folder.join(name);
+    image::RgbImage::from_pixel(4, 4, image::Rgb(rgb))
+        .save(&path)
+        .unwrap();
+    format!("{:?}", path.to_str().unwrap())
+}
+
+/// Images of numbers are linear: 102/255 is 0.4.
+#[test]
+fn images_of_numbers_are_linear() {
+    let folder = tempfile::tempdir().unwrap();
+    let gray = picture(folder.path(), "gray.png", [102; 3]);
+    let set = set(&format!(
+        r#"{FILE}
+plain.rough_conductor = {{ n = 0.4, k = 2.4, alpha = 0.2 }}
+image.rough_conductor = {{ n = 0.4, k = 2.4, alpha = {{ image = {gray}, scale = 0.5 }} }}
+plainmix.blend = {{ a = "rough", b = "white", weight = 0.4 }}
+imagemix.blend = {{ a = "rough", b = "white", weight = {{ image = {gray} }} }}
+plaindull.partial_depolarizer = {{ material = "rough", fraction = 0.4 }}
+imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gray} }} }}
+"#
+    ));
+    let at = flat([0.3, 0.8]);
+    for [wo, wi] in directions(200, 2) {
+        let get = |name| value(&set, name, &at, wo, wi);
+        for (a, b) in [
+            ("plain", "image"),
+            ("plainmix", "imagemix"),
+            ("plaindull", "imagedull"),
+        ] {
+            assert!(
+                off(&get(a), &get(b)) < 1e-4 * max_lane(get(a).m[0][0]).max(1e-3),
+                "{b}"
+            );
+        }
+    }
+}
+
+/// A plane whose normal map says "tilted" is as bright as a plane tilted so: E·ρ/π·cos of the angle between the
+/// tilted normal and the light, for a point light far away. The map's x is the surface's u, its y is up.
+#[test]
+fn a_normal_map_tilts_the_normal() {
+    let folder = tempfile::tempdir().unwrap();
+    for rgb in [
+        [128_u8, 128, 255],
+        [191, 128, 237],
+        [64, 128, 237],
+        [128, 191, 237],
+        [100, 70, 230],
+    ] {
+        let map = picture(folder.path(), "normal.png", rgb);
+        let text = format!(
+            r#"
+wavelengths_nm = [550]
+[render]
+spp = 16
+max_depth = 2
+[camera]
+resolution = [4, 4]
+fov_x_deg = 1
+pose.look_at = {{ origin = [0, 0, 4], target = [0, 0, 0] }}
+[[emitters]]
+point = {{ position = [3000, 1000, 5000], intensity = 35e6 }}
+[materials]
+white.diffuse.albedo = 0.5
+bumpy.normal_map = {{ material = "white", image = {map} }}
+[[objects]]
+shape.rectangle = {{ corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }}
+material = "bumpy"
+[[slices]]
+name = "image"
+"#
+        );
+        let mean = render_text(&text).mean("image");
+        let n = rgb.map(|c| f64::from(c) / 255.0 * 2.0 - 1.0);
+        let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let light = [3.0, 1.0, 5.0].map(|c| c / 35.0_f64.sqrt());
+        let cos: f64 = n.iter().zip(light).map(|(a, b)| a / length * b).sum();
+        let want = 0.5 / std::f64::consts::PI * cos;
+        for got in &mean.data {
+            assert!(
+                (f64::from(*got) - want).abs() < 2e-3 * want,
+                "{rgb:?}: {got}, expected {want}"
+            );
+        }
+    }
+}
+
+/// Seen through the tracer: white in front, nothing behind.
+#[test]
+fn a_black_back_is_black() {
+    for (z, want) in [(3.0, 0.8), (-3.0, 0.0)] {
+        let text = format!(
+            r#"
+wavelengths_nm = [550]
+[render]
+spp = 8
+max_depth = 2
+[camera]
+resolution = [4, 4]
+fov_x_deg = 1
+pose.look_at = {{ origin = [0, 0, {z}], target = [0, 0, 0] }}
+[[emitters]]
+environment.radiance = 1
+[materials]
+white.diffuse.albedo = 0.8
+page.two_sided = {{ front = "white" }}
+[[objects]]
+shape.rectangle = {{ corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }}
+material = "page"
+[[slices]]
+name = "image"
+"#
+        );
+        for got in &render_text(&text).mean("image").data {
+            assert!((got - want).abs() < 1e-5, "{got}, expected {want}");
+        }
+    }
+}
