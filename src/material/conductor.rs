@@ -1,5 +1,6 @@
 //! Smooth metal: mirror reflection with Fresnel's Mueller matrix.
 
+use super::facets::reflect;
 use super::{Specular, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
@@ -19,7 +20,7 @@ pub struct Conductor {
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;
     let cos = n.dot(wo);
-    let wi = (n * (2.0 * cos) - wo).normalize();
+    let wi = reflect(wo, n).normalize();
     same_side(at, wo, wi).then(|| Specular {
         wi,
         scatter: Scatter::Fresnel {

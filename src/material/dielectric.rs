@@ -4,6 +4,7 @@
 //! refracted wavelengths part ways: one of them, drawn uniformly, goes on and carries the weight of all (Wilkie et al.
 //! 2014, "Hero wavelength spectral sampling"); reflection keeps them all.
 
+use super::facets::{reflect, refract};
 use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
 use crate::geometry::ray::Surface;
 use crate::polarization::chain::Scatter;
@@ -28,7 +29,6 @@ pub(super) struct Interface {
     /// Shading normal on the side of `wo`.
     n: Vec3A,
     wo: Vec3A,
-    cos_o: f32,
     /// Index on the far side, and that over the near side's.
     far: Spectral,
     eta: Spectral,
@@ -39,11 +39,11 @@ impl Interface {
     /// One of its two lobes, refracted as wavelength `lane` is.
     #[inline]
     pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
-        let Self { n, wo, cos_o, .. } = *self;
+        let Self { n, wo, .. } = *self;
         let s = s_vector(n, wo);
         let side = at.ng.dot(wo);
         if lobe == Lobe::Reflected {
-            let wi = (n * (2.0 * cos_o) - wo).normalize();
+            let wi = reflect(wo, n).normalize();
             return (at.ng.dot(wi) * side > 0.0).then(|| Specular {
                 wi,
                 scatter: Scatter::Fresnel {
@@ -53,13 +53,7 @@ impl Interface {
                 medium: None,
             });
         }
-        let eta = self.eta.to_array()[lane];
-        let sin2_t = (1.0 - cos_o * cos_o) / (eta * eta);
-        if sin2_t >= 1.0 {
-            return None;
-        }
-        let cos_t = (1.0 - sin2_t).sqrt();
-        let wi = (n * (cos_o / eta - cos_t) - wo * (1.0 / eta)).normalize();
+        let wi = refract(wo, n, self.eta.to_array()[lane])?.normalize();
         // Radiance per squared index is what travels unchanged; power transmittance is the same both ways.
         (at.ng.dot(wi) * side < 0.0).then(|| Specular {
             wi,
@@ -80,7 +74,7 @@ impl Interface {
 impl Dielectric {
     /// Index on the side of `wo`, and on the other.
     #[inline]
-    fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
+    pub(super) fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
         if at.ng.dot(wo) > 0.0 {
             (self.exterior, self.interior)
         } else {
@@ -109,7 +103,6 @@ impl Dielectric {
         Some(Interface {
             n,
             wo,
-            cos_o,
             far,
             eta,
             fresnel: fresnel::dielectric(cos_o, eta),
@@ -126,16 +119,21 @@ impl Dielectric {
                 .specular(at, Lobe::Reflected, 0)
                 .map(|s| s.chosen(reflectance));
         }
+        let (lane, weight) = self.refracted_lane(lanes, stream);
+        let mut s = interface
+            .specular(at, Lobe::Transmitted, lane)?
+            .chosen(1.0 - reflectance);
+        s.scatter = s.scatter.scaled(weight);
+        Some(s)
+    }
+
+    /// The wavelength whose refraction a path follows, and the weight that makes it stand for all that it leaves behind.
+    #[inline]
+    pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {
-            let (lane, weight) = lanes.choose_hero(stream);
-            let mut s = interface
-                .specular(at, Lobe::Transmitted, lane)?
-                .chosen(1.0 - reflectance);
-            s.scatter = s.scatter.scaled(weight);
-            return Some(s);
+            lanes.choose_hero(stream)
+        } else {
+            (lanes.nth(0), Spectral::ONE)
         }
-        interface
-            .specular(at, Lobe::Transmitted, lanes.nth(0))
-            .map(|s| s.chosen(1.0 - reflectance))
     }
 }

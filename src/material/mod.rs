@@ -10,9 +10,12 @@ pub mod blend;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
+pub mod facets;
 pub mod normal_map;
 pub mod partial_depolarizer;
+pub mod plastic;
 pub mod rough_conductor;
+pub mod rough_dielectric;
 pub mod texture;
 pub mod two_sided;
 
@@ -30,6 +33,8 @@ pub enum Material {
     Conductor(conductor::Conductor),
     RoughConductor(rough_conductor::RoughConductor),
     Dielectric(dielectric::Dielectric),
+    RoughDielectric(rough_dielectric::RoughDielectric),
+    Plastic(plastic::Plastic),
     TwoSided(two_sided::TwoSided),
     Blend(blend::Blend),
     NormalMap(normal_map::NormalMap),
@@ -204,7 +209,10 @@ impl Materials {
     #[must_use]
     pub fn is_smooth(&self, id: u32) -> bool {
         match &self.list[id as usize] {
-            Material::Diffuse(_) | Material::RoughConductor(_) => true,
+            Material::Diffuse(_)
+            | Material::RoughConductor(_)
+            | Material::RoughDielectric(_)
+            | Material::Plastic(_) => true,
             Material::Conductor(_) | Material::Dielectric(_) => false,
             Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
             Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
@@ -220,6 +228,8 @@ impl Materials {
         match &self.list[id as usize] {
             Material::Diffuse(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
+            Material::RoughDielectric(m) => m.eval(&self.textures, at, wo, wi),
+            Material::Plastic(m) => m.eval(&self.textures, at, wo, wi),
             Material::Conductor(_) | Material::Dielectric(_) => None,
             Material::TwoSided(m) => m.eval(self, at, wo, wi),
             Material::Blend(m) => m.eval(self, at, wo, wi),
@@ -234,6 +244,8 @@ impl Materials {
         match &self.list[id as usize] {
             Material::Diffuse(_) => diffuse::pdf(at, wo, wi),
             Material::RoughConductor(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::RoughDielectric(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::Plastic(m) => m.pdf(&self.textures, at, wo, wi),
             Material::Conductor(_) | Material::Dielectric(_) => 0.0,
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
             Material::Blend(m) => m.pdf(self, at, wo, wi),
@@ -257,6 +269,8 @@ impl Materials {
             Material::Conductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
             Material::RoughConductor(m) => m.sample(&self.textures, at, wo, stream),
             Material::Dielectric(m) => m.sample(at, wo, lanes, stream),
+            Material::RoughDielectric(m) => m.sample(&self.textures, at, wo, lanes, stream),
+            Material::Plastic(m) => m.sample(&self.textures, at, wo, stream),
             Material::TwoSided(m) => self.sample(m.side(at, wo)?, at, wo, lanes, stream),
             Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
             Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
@@ -270,7 +284,13 @@ impl Materials {
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
-            (Material::Diffuse(_) | Material::RoughConductor(_), _) => None,
+            (
+                Material::Diffuse(_)
+                | Material::RoughConductor(_)
+                | Material::RoughDielectric(_)
+                | Material::Plastic(_),
+                _,
+            ) => None,
             (Material::Conductor(m), Lobe::Reflected) => m.specular(at, wo),
             (Material::Conductor(_), Lobe::Transmitted) => None,
             (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
@@ -286,13 +306,17 @@ impl Materials {
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Medium> {
         match &self.list[id as usize] {
             Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
+            Material::RoughDielectric(m) => Some(m.interface.beyond(at, wo, lanes)),
             Material::TwoSided(m) => self.beyond(m.side(at, wo)?, at, wo, lanes),
             Material::Blend(m) => self
                 .beyond(m.a, at, wo, lanes)
                 .or_else(|| self.beyond(m.b, at, wo, lanes)),
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
-            Material::Diffuse(_) | Material::Conductor(_) | Material::RoughConductor(_) => None,
+            Material::Diffuse(_)
+            | Material::Conductor(_)
+            | Material::RoughConductor(_)
+            | Material::Plastic(_) => None,
         }
     }
 }

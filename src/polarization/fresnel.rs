@@ -91,8 +91,15 @@ pub struct DielectricFresnel {
 /// A smooth dielectric interface: `eta` is the index on the far side over that on the side light comes from, `cos_i`
 /// the cosine of incidence in 0..1.
 #[must_use]
+#[inline]
 pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
-    let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
+    dielectric_per_lane(Spectral::splat(cos_i), eta)
+}
+
+/// [`dielectric`] with an angle of incidence for each wavelength.
+#[must_use]
+pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel {
+    let ci = cos_i.max(Spectral::ZERO).min(Spectral::ONE);
     let eta2 = eta * eta;
     let sin2 = Spectral::ONE - ci * ci;
     // Negative under the root means total reflection: the root is then imaginary and the wave decays.

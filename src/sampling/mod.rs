@@ -1,4 +1,6 @@
 //! Random numbers that depend only on (seed, pixel, sample), and warps of them with their densities.
 
+pub mod beckmann;
+pub mod microfacet;
 pub mod stream;
 pub mod warp;

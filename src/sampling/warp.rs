@@ -46,7 +46,7 @@ pub fn sphere(u: [f32; 2]) -> Vec3A {
 }
 
 /// A normal visible from the unit direction `wo` (wo.z > 0) under the isotropic GGX distribution of roughness
-/// `alpha`; density [`ggx_visible_pdf`]. Spherical caps (Dupuy & Benyoub 2023).
+/// `alpha`; density [`super::microfacet::Microfacet::visible_pdf`]. Spherical caps (Dupuy & Benyoub 2023).
 #[inline]
 #[must_use]
 pub fn ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
@@ -58,49 +58,13 @@ pub fn ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     Vec3A::new(alpha * h.x, alpha * h.y, h.z.max(0.0)).normalize()
 }
 
-/// GGX distribution of normals D(h) (Trowbridge & Reitz 1975, Walter et al. 2007), per solid angle of h.
-#[inline]
-#[must_use]
-pub fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
-    if h.z <= 0.0 {
-        return 0.0;
-    }
-    let a2 = alpha * alpha;
-    // (1 - cos²) + a² cos² without cancellation: x² + y² is exact where cos² is near 1.
-    let t = (h.x * h.x + h.y * h.y) + a2 * h.z * h.z;
-    a2 * FRAC_1_PI / (t * t)
-}
-
-/// Smith's masking G1(w) for GGX.
-#[inline]
-#[must_use]
-pub fn ggx_g1(w: Vec3A, alpha: f32) -> f32 {
-    let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z).max(f32::MIN_POSITIVE);
-    2.0 / (1.0 + (1.0 + alpha * alpha * tan2).sqrt())
-}
-
-/// Smith's height-correlated masking and shadowing G2(wo, wi) for GGX (Heitz 2014, eq. 99).
-#[inline]
-#[must_use]
-pub fn ggx_g2(wo: Vec3A, wi: Vec3A, alpha: f32) -> f32 {
-    let lambda = |w: Vec3A| 1.0 / ggx_g1(w, alpha) - 1.0;
-    1.0 / (1.0 + lambda(wo) + lambda(wi))
-}
-
-/// Density of [`ggx_visible_normal`] per solid angle of h: G1(wo) max(0, wo·h) D(h) / wo.z.
-#[inline]
-#[must_use]
-pub fn ggx_visible_pdf(wo: Vec3A, h: Vec3A, alpha: f32) -> f32 {
-    ggx_g1(wo, alpha) * wo.dot(h).max(0.0) * ggx_d(h, alpha) / wo.z
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::sampling::stream::Stream;
 
     /// Pearson's chi² of 2^18 samples of a sampler against its density on a 20 × 40 grid in (cosθ, φ).
-    fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
+    pub fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
         const N: usize = 1 << 18;
         const ROWS: usize = 20;
         const COLUMNS: usize = 40;
@@ -168,17 +132,6 @@ mod tests {
     #[test]
     fn chi2_cosine_hemisphere() {
         chi2(cosine_hemisphere, cosine_pdf);
-    }
-
-    #[test]
-    fn chi2_ggx_visible_normals() {
-        for (alpha, cos_o) in [(0.2_f32, 0.9_f32), (0.5, 0.3), (1.0, 0.05), (0.7, 1.0)] {
-            let wo = Vec3A::new((1.0 - cos_o * cos_o).sqrt(), 0.0, cos_o);
-            chi2(
-                |u| ggx_visible_normal(wo, alpha, u),
-                |h| ggx_visible_pdf(wo, h, alpha),
-            );
-        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::file::{default_wavelengths, unit_spectrum};
 use super::locate::Located;
 use super::values::{AlbedoFile, IndexFile, ScalarFile, SpectrumFile};
+use crate::sampling::microfacet::{Distribution, Masking};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -31,6 +32,10 @@ pub enum MaterialFile {
     RoughConductor(RoughConductorFile),
     /// Smooth glass, water, …: a closed surface's inside against its outside.
     Dielectric(DielectricFile),
+    /// Glass with microfacets.
+    RoughDielectric(RoughDielectricFile),
+    /// Rough dielectric coat over a depolarizing base.
+    Plastic(PlasticFile),
     /// One material in front, another (or none) behind.
     TwoSided(TwoSidedFile),
     /// Two materials mixed by area.
@@ -73,6 +78,12 @@ pub struct RoughConductorFile {
     pub k: Option<Located<SpectrumFile>>,
     /// Roughness, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
+    /// Distribution of facet normals.
+    #[serde(default)]
+    pub distribution: Distribution,
+    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
+    #[serde(default)]
+    pub masking: Masking,
 }
 
 /// See [`MaterialFile::Dielectric`].
@@ -84,6 +95,53 @@ pub struct DielectricFile {
     /// Refractive index outside.
     #[serde(default = "unit_index")]
     pub exterior_ior: Located<IndexFile>,
+}
+
+/// See [`MaterialFile::RoughDielectric`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RoughDielectricFile {
+    /// Refractive index inside: a number, one per wavelength (then it disperses), or a name of the optical constants.
+    pub ior: Located<IndexFile>,
+    /// Refractive index outside.
+    #[serde(default = "unit_index")]
+    pub exterior_ior: Located<IndexFile>,
+    /// Roughness, 0.001..1: a number or an image.
+    pub alpha: Located<ScalarFile>,
+    /// Distribution of facet normals.
+    #[serde(default)]
+    pub distribution: Distribution,
+    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
+    #[serde(default)]
+    pub masking: Masking,
+}
+
+/// See [`MaterialFile::Plastic`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlasticFile {
+    /// Albedo of the base, 0..1: a number, one per wavelength, or an image.
+    pub albedo: Located<AlbedoFile>,
+    /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
+    pub ior: Located<IndexFile>,
+    /// Refractive index outside.
+    #[serde(default = "unit_index")]
+    pub exterior_ior: Located<IndexFile>,
+    /// Factor of the surface reflection, 0..1: a number or one per wavelength.
+    #[serde(default = "unit_spectrum")]
+    pub specular: Located<SpectrumFile>,
+    /// Light thrown back into the base from inside comes out later (as in Mitsuba's `plastic`) instead of being lost
+    /// (as in Baek et al. 2018 and Mitsuba's `pplastic`).
+    #[serde(default)]
+    pub interreflection: bool,
+    /// Roughness, 0.001..1: a number or an image.
+    pub alpha: Located<ScalarFile>,
+    /// Distribution of facet normals.
+    #[serde(default)]
+    pub distribution: Distribution,
+    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
+    #[serde(default)]
+    pub masking: Masking,
 }
 
 pub(super) fn unit_index() -> Located<IndexFile> {

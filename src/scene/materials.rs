@@ -4,11 +4,14 @@ use super::build::{Context, parse, read};
 use super::locate::{Located, SceneError};
 use super::material_file::{MaterialFile, MaterialSetFile};
 use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use crate::material::dielectric::Dielectric;
+use crate::material::facets::Roughness;
 use crate::material::texture::{Scalar, Spectrum};
 use crate::material::{
-    Material, Materials, blend, conductor, dielectric, diffuse, normal_map, partial_depolarizer,
-    rough_conductor, two_sided, varies,
+    Lanes, Material, Materials, blend, conductor, diffuse, normal_map, partial_depolarizer, plastic,
+    rough_conductor, rough_dielectric, two_sided, varies,
 };
+use crate::sampling::microfacet::{Distribution, Masking};
 use crate::spectrum::{Spectral, Wavelengths};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -114,8 +117,6 @@ impl<'a> Builder<'_, 'a> {
     }
 
     fn material(&mut self, m: &'a Located<MaterialFile>) -> Result<Material, SceneError> {
-        // Unused lanes get index 1, so that nothing divides by zero there.
-        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
         Ok(match &**m {
             MaterialFile::Diffuse(d) => Material::Diffuse(diffuse::Diffuse {
                 albedo: self.albedo(&d.albedo)?,
@@ -129,17 +130,26 @@ impl<'a> Builder<'_, 'a> {
                 Material::RoughConductor(rough_conductor::RoughConductor {
                     n,
                     k,
-                    alpha: self.alpha(&c.alpha)?,
+                    roughness: self.roughness(&c.alpha, c.distribution, c.masking)?,
                 })
             }
-            MaterialFile::Dielectric(d) => {
-                let interior = self.index(&d.ior, "ior")? + unused;
-                let exterior = self.index(&d.exterior_ior, "exterior_ior")? + unused;
-                let count = self.ctx.wavelengths.count();
-                Material::Dielectric(dielectric::Dielectric {
-                    interior,
-                    exterior,
-                    dispersive: varies(interior, count) || varies(exterior, count),
+            MaterialFile::Dielectric(d) => Material::Dielectric(self.interface(&d.ior, &d.exterior_ior)?),
+            MaterialFile::RoughDielectric(d) => {
+                Material::RoughDielectric(rough_dielectric::RoughDielectric {
+                    interface: self.interface(&d.ior, &d.exterior_ior)?,
+                    roughness: self.roughness(&d.alpha, d.distribution, d.masking)?,
+                    lanes: Lanes::first(self.ctx.wavelengths.count()),
+                })
+            }
+            MaterialFile::Plastic(p) => {
+                let interface = self.interface(&p.ior, &p.exterior_ior)?;
+                let eta = interface.interior / interface.exterior;
+                Material::Plastic(plastic::Plastic {
+                    albedo: self.albedo(&p.albedo)?,
+                    eta,
+                    roughness: self.roughness(&p.alpha, p.distribution, p.masking)?,
+                    specular: self.ctx.located(&p.specular, "specular", 0.0..=1.0)?,
+                    internal: p.interreflection.then(|| plastic::internal_reflectance(eta)),
                 })
             }
             MaterialFile::TwoSided(t) => Material::TwoSided(two_sided::TwoSided {
@@ -212,15 +222,41 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Roughness.
-    fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, SceneError> {
-        self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
+    fn roughness(
+        &mut self,
+        alpha: &Located<ScalarFile>,
+        distribution: Distribution,
+        masking: Masking,
+    ) -> Result<Roughness, SceneError> {
+        let alpha = self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("alpha") {
                 e.help = Some(
                     "it must lie in 0.001..1; for a smooth surface use the material without `rough_`".into(),
                 );
             }
             e
+        })?;
+        Ok(Roughness {
+            distribution,
+            masking,
+            alpha,
+        })
+    }
+
+    /// Indices inside and outside of something transparent; 1 in unused lanes, so that nothing divides by zero there.
+    fn interface(
+        &mut self,
+        interior: &Located<IndexFile>,
+        exterior: &Located<IndexFile>,
+    ) -> Result<Dielectric, SceneError> {
+        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
+        let interior = self.index(interior, "ior")? + unused;
+        let exterior = self.index(exterior, "exterior_ior")? + unused;
+        let count = self.ctx.wavelengths.count();
+        Ok(Dielectric {
+            interior,
+            exterior,
+            dispersive: varies(interior, count) || varies(exterior, count),
         })
     }
 

@@ -6,10 +6,12 @@ use glam::{DVec3, Mat3A, Vec3A};
 use std::f64::consts::TAU;
 use sunstone::geometry::ray::Surface;
 use sunstone::material::diffuse::Diffuse;
+use sunstone::material::facets::Roughness;
 use sunstone::material::rough_conductor::RoughConductor;
 use sunstone::material::texture::{Scalar, Spectrum};
 use sunstone::material::{Lanes, Material, Materials};
 use sunstone::polarization::chain::Scatter;
+use sunstone::sampling::microfacet::{Distribution, Masking};
 use sunstone::sampling::stream::Stream;
 use sunstone::spectrum::Spectral;
 
@@ -25,7 +27,11 @@ fn rough(alpha: f32) -> Materials {
     table(Material::RoughConductor(RoughConductor {
         n: Spectral::new([0.4242, 1.5, 0.2, 2.0]),
         k: Spectral::new([2.4721, 1.9, 3.1, 0.5]),
-        alpha: Scalar::uniform(alpha),
+        roughness: Roughness {
+            distribution: Distribution::Ggx,
+            masking: Masking::Correlated,
+            alpha: Scalar::uniform(alpha),
+        },
     }))
 }
 

@@ -1,0 +1,151 @@
+//! Light and the facets of a rough surface: what reflects and refracts from one direction into another.
+//!
+//! All in the frame of the shading normal on the side of `wo`. Reflection meets facets whose normal h halves the angle,
+//! refraction those with h ∝ ∓(wo + η·wi) (Walter et al. 2007, eqs. 13, 14, 16, 17). For facets that pass on all light,
+//! the values of radiance times cosθ_i are
+//!
+//! - reflection D·G2 / (4 cosθ_o),
+//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), which is Walter's eq. 21 with radiance scaled by 1/η².
+//!
+//! Light that facets throw at each other is left out: it is absorbed.
+
+use super::texture::{Scalar, Textures};
+use crate::geometry::ray::Surface;
+use crate::polarization::frame::basis;
+use crate::sampling::microfacet::{Distribution, Masking, Microfacet};
+use glam::{Mat3A, Vec3A};
+
+/// Roughness of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Roughness {
+    pub distribution: Distribution,
+    pub masking: Masking,
+    /// Width α of the distribution of normals, above 0.
+    pub alpha: Scalar,
+}
+
+/// Least α that f32 can sample; images may hold less.
+const LEAST_ALPHA: f32 = 1e-3;
+
+/// The facets at a point, seen from `wo`.
+pub(super) struct Facets {
+    model: Microfacet,
+    /// Takes local directions to the world.
+    frame: Mat3A,
+    /// `wo` in the local frame; z is its cosine, above 0.
+    pub lo: Vec3A,
+}
+
+/// The facets that turn one direction into another.
+#[derive(Clone, Copy)]
+pub(super) struct Passage {
+    /// Cosine between facet normal and `wo`.
+    pub cos: f32,
+    /// Radiance times cosθ_i if the facets passed on all light.
+    pub factor: f32,
+}
+
+/// `wo` mirrored at the plane of normal `h`.
+#[inline]
+pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
+    h * (2.0 * wo.dot(h)) - wo
+}
+
+/// `wo` refracted at the plane of normal `h` (on its side) into relative index `eta`; `None` under total reflection.
+#[inline]
+pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
+    let cos = wo.dot(h);
+    let sin2_t = (1.0 - cos * cos) / (eta * eta);
+    (sin2_t < 1.0).then(|| h * (cos / eta - (1.0 - sin2_t).sqrt()) - wo * (1.0 / eta))
+}
+
+impl Facets {
+    /// `n` is the shading normal on the side of `wo`.
+    #[inline]
+    pub fn new(roughness: &Roughness, textures: &Textures, at: &Surface, n: Vec3A, wo: Vec3A) -> Self {
+        let frame = basis(n);
+        Self {
+            model: Microfacet {
+                distribution: roughness.distribution,
+                masking: roughness.masking,
+                alpha: roughness.alpha.at(textures, at.uv).max(LEAST_ALPHA),
+            },
+            frame,
+            lo: frame.transpose() * wo,
+        }
+    }
+
+    /// A world direction in the local frame.
+    #[inline]
+    pub fn local(&self, w: Vec3A) -> Vec3A {
+        self.frame.transpose() * w
+    }
+
+    /// A local direction in the world, of unit length.
+    #[inline]
+    pub fn world(&self, w: Vec3A) -> Vec3A {
+        (self.frame * w).normalize()
+    }
+
+    /// A local facet normal among those visible from `wo`.
+    #[inline]
+    pub fn visible(&self, u: [f32; 2]) -> Vec3A {
+        self.model.visible_normal(self.lo, u)
+    }
+
+    /// What is left of a facet's light on its way to or from `li`, given that the facet is visible: G2/G1.
+    #[inline]
+    pub fn kept(&self, li: Vec3A) -> f32 {
+        self.model.g2(self.lo, li) / self.model.g1(self.lo)
+    }
+
+    /// Reflection from the local direction `li`.
+    #[inline]
+    pub fn reflection(&self, li: Vec3A) -> Option<Passage> {
+        let h = (li.z > 0.0).then(|| (self.lo + li).normalize())?;
+        Some(Passage {
+            cos: self.lo.dot(h),
+            factor: self.model.d(h) * self.model.g2(self.lo, li) / (4.0 * self.lo.z),
+        })
+    }
+
+    /// Cosine at the facet of a reflection from `li`, and the density of `li` if visible facets are drawn.
+    #[inline]
+    pub fn reflection_pdf(&self, li: Vec3A) -> Option<(f32, f32)> {
+        let h = (li.z > 0.0).then(|| (self.lo + li).normalize())?;
+        let cos = self.lo.dot(h);
+        Some((cos, self.model.g1(self.lo) * self.model.d(h) / (4.0 * self.lo.z)))
+    }
+
+    /// The normal of the facets that refract `wo` to `li`, on the side of `wo`, and (wo·h + η li·h)².
+    #[inline]
+    fn refracting(&self, li: Vec3A, eta: f32) -> Option<(Vec3A, f32)> {
+        let v = self.lo + li * eta;
+        let length2 = v.length_squared();
+        if li.z >= 0.0 || length2 < 1e-10 {
+            return None;
+        }
+        let h = v * length2.sqrt().recip();
+        let h = if h.z < 0.0 { -h } else { h };
+        (self.lo.dot(h) > 0.0 && li.dot(h) < 0.0).then_some((h, length2))
+    }
+
+    /// Refraction from the local direction `li` on the far side, whose index over that of the near side is `eta`.
+    #[inline]
+    pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
+        let (h, length2) = self.refracting(li, eta)?;
+        let (cos, cos_t) = (self.lo.dot(h), -li.dot(h));
+        Some(Passage {
+            cos,
+            factor: self.model.d(h) * self.model.g2(self.lo, li) * cos * cos_t / (self.lo.z * length2),
+        })
+    }
+
+    /// As [`Self::reflection_pdf`], for a refraction.
+    #[inline]
+    pub fn refraction_pdf(&self, li: Vec3A, eta: f32) -> Option<(f32, f32)> {
+        let (h, length2) = self.refracting(li, eta)?;
+        let density = self.model.visible_pdf(self.lo, h) * eta * eta * -li.dot(h) / length2;
+        Some((self.lo.dot(h), density))
+    }
+}

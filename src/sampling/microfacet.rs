@@ -1,0 +1,216 @@
+//! Distributions of microfacet normals about +z with Smith's masking and shadowing, isotropic.
+//!
+//! GGX: D(h) = α² / (π (sin²θ + α² cos²θ)²), Λ = (√(1 + α² tan²θ) - 1)/2 (Trowbridge & Reitz 1975; Walter et al. 2007).
+//! Beckmann: [`super::beckmann`]. G1 = 1/(1 + Λ). Facets are independent of their height's neighbours (Smith 1967), and
+//! of their heights one of two things is assumed:
+//!
+//! - correlated (Heitz 2014, eq. 99): one facet, one height. Reflection G2 = 1/(1 + Λo + Λi); in transmission what is
+//!   high for one side is low for the other, G2 = B(1 + Λo, 1 + Λi) with Euler's beta (Heitz et al. 2016, "Multiple-
+//!   scattering microfacet BSDFs with the Smith model", §5.2);
+//! - separable (Walter et al. 2007; what Mitsuba 3 has): G2 = G1(o)·G1(i).
+
+use super::{beckmann, warp};
+use glam::Vec3A;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::f32::consts::FRAC_1_PI;
+
+/// Shape of the distribution of normals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Distribution {
+    /// Trowbridge & Reitz: long tails, as of ground surfaces.
+    #[default]
+    Ggx,
+    /// Gaussian slopes.
+    Beckmann,
+}
+
+/// How masking and shadowing of the same facet go together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Masking {
+    /// Through the facet's height (Heitz 2014).
+    #[default]
+    Correlated,
+    /// Not at all: the product of the two (Walter et al. 2007).
+    Separable,
+}
+
+/// Facets about +z: directions are unit vectors in a frame whose z axis is the surface's normal.
+#[derive(Clone, Copy, Debug)]
+pub struct Microfacet {
+    pub distribution: Distribution,
+    pub masking: Masking,
+    /// Width α of the distribution (Beckmann: the root mean square slope), above 0.
+    pub alpha: f32,
+}
+
+impl Microfacet {
+    /// D(h), per solid angle of h.
+    #[inline]
+    #[must_use]
+    pub fn d(&self, h: Vec3A) -> f32 {
+        match self.distribution {
+            Distribution::Ggx => ggx_d(h, self.alpha),
+            Distribution::Beckmann => beckmann::d(h, self.alpha),
+        }
+    }
+
+    /// Smith's Λ(w): hidden over visible area of the facets that face `w`, which may lie on either side.
+    #[inline]
+    fn lambda(&self, w: Vec3A) -> f32 {
+        match self.distribution {
+            Distribution::Ggx => ggx_lambda(w, self.alpha),
+            Distribution::Beckmann => beckmann::lambda(w, self.alpha),
+        }
+    }
+
+    /// Masking G1(w).
+    #[inline]
+    #[must_use]
+    pub fn g1(&self, w: Vec3A) -> f32 {
+        1.0 / (1.0 + self.lambda(w))
+    }
+
+    /// Masking and shadowing G2(wo, wi), of reflection where both lie on one side and else of transmission.
+    #[inline]
+    #[must_use]
+    pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
+        let (o, i) = (self.lambda(wo), self.lambda(wi));
+        match self.masking {
+            Masking::Separable => 1.0 / ((1.0 + o) * (1.0 + i)),
+            Masking::Correlated if wo.z * wi.z > 0.0 => 1.0 / (1.0 + o + i),
+            Masking::Correlated => beta(1.0 + o, 1.0 + i),
+        }
+    }
+
+    /// A normal visible from `wo` (wo.z > 0); density [`Self::visible_pdf`].
+    #[inline]
+    #[must_use]
+    pub fn visible_normal(&self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
+        match self.distribution {
+            Distribution::Ggx => warp::ggx_visible_normal(wo, self.alpha, u),
+            Distribution::Beckmann => beckmann::visible_normal(wo, self.alpha, u),
+        }
+    }
+
+    /// Density of [`Self::visible_normal`] per solid angle of h: G1(wo) max(0, wo·h) D(h) / wo.z.
+    #[inline]
+    #[must_use]
+    pub fn visible_pdf(&self, wo: Vec3A, h: Vec3A) -> f32 {
+        self.g1(wo) * wo.dot(h).max(0.0) * self.d(h) / wo.z
+    }
+}
+
+#[inline]
+fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
+    if h.z <= 0.0 {
+        return 0.0;
+    }
+    let a2 = alpha * alpha;
+    // (1 - cos²) + a² cos² without cancellation: x² + y² is exact where cos² is near 1.
+    let t = (h.x * h.x + h.y * h.y) + a2 * h.z * h.z;
+    a2 * FRAC_1_PI / (t * t)
+}
+
+#[inline]
+fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
+    let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z).max(f32::MIN_POSITIVE);
+    ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
+}
+
+/// ln Γ(x) for x ≥ 1: Stirling's series from 8 on, Γ(x + 1) = x Γ(x) below; error 1e-10.
+fn ln_gamma(x: f64) -> f64 {
+    let (mut x, mut product) = (x, 1.0);
+    while x < 8.0 {
+        product *= x;
+        x += 1.0;
+    }
+    let r = 1.0 / (x * x);
+    let series = (1.0 / 12.0 - r * (1.0 / 360.0 - r / 1260.0)) / x;
+    (x - 0.5) * x.ln() - x + 0.918_938_533_204_672_7 + series - product.ln()
+}
+
+/// Euler's B(x, y) for x, y ≥ 1. In f64, since at grazing incidence large logarithms cancel.
+fn beta(x: f32, y: f32) -> f32 {
+    // Facets far from the horizon hide nothing: B(1, y) = 1/y.
+    if x == 1.0 || y == 1.0 {
+        return 1.0 / (x * y);
+    }
+    let (x, y) = (f64::from(x), f64::from(y));
+    (ln_gamma(x) + ln_gamma(y) - ln_gamma(x + y)).exp() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::warp::tests::chi2;
+
+    fn facets(distribution: Distribution, masking: Masking, alpha: f32) -> Microfacet {
+        Microfacet {
+            distribution,
+            masking,
+            alpha,
+        }
+    }
+
+    fn toward(cos: f32, phi: f32) -> Vec3A {
+        let s = (1.0 - cos * cos).sqrt();
+        Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
+    }
+
+    #[test]
+    fn chi2_visible_normals() {
+        for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+            for (alpha, cos) in [
+                (0.2_f32, 0.9_f32),
+                (0.5, 0.3),
+                (1.0, 0.05),
+                (0.6, 0.002),
+                (0.7, 1.0),
+            ] {
+                let m = facets(distribution, Masking::Separable, alpha);
+                let wo = toward(cos, 0.6);
+                chi2(|u| m.visible_normal(wo, u), |h| m.visible_pdf(wo, h));
+            }
+        }
+    }
+
+    /// B(m, n) = (m - 1)! (n - 1)! / (m + n - 1)! and B(3/2, 3/2) = π/8.
+    #[test]
+    fn beta_has_its_closed_forms() {
+        for (x, y, want) in [
+            (1.0, 1.0, 1.0),
+            (1.0, 7.0, 1.0 / 7.0),
+            (2.0, 3.0, 1.0 / 12.0),
+            (5.0, 4.0, 1.0 / 280.0),
+            (1.5, 1.5, std::f32::consts::PI / 8.0),
+            (20.0, 2.0, 1.0 / 420.0),
+            (1000.0, 2.0, 1.0 / 1_001_000.0),
+        ] {
+            let got = beta(x, y);
+            assert!(
+                (got - want).abs() < 1e-6 * want,
+                "B({x}, {y}) = {got}, not {want}"
+            );
+        }
+    }
+
+    /// A ray that reaches a facet by one height passes the other way by the same: reflection is correlated, so at
+    /// least the product; transmission is anticorrelated, so at most that.
+    #[test]
+    fn heights_help_reflection_and_hinder_transmission() {
+        for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+            for k in 1..30 {
+                let (wo, up) = (toward(0.3, 0.0), toward(k as f32 / 30.0, 2.0));
+                let down = -up;
+                let g = |masking, wi| facets(distribution, masking, 0.6).g2(wo, wi);
+                let product = g(Masking::Separable, up);
+                assert_eq!(product, g(Masking::Separable, down));
+                assert!(g(Masking::Correlated, up) >= product * (1.0 - 1e-6));
+                assert!(g(Masking::Correlated, down) <= product * (1.0 + 1e-6));
+            }
+        }
+    }
+}
