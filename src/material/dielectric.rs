@@ -64,9 +64,7 @@ impl Interface {
                     .scaled(Spectral::ONE / (self.eta * self.eta)),
                 s,
             },
-            medium: Some(Medium {
-                index: self.far.to_array()[lane],
-            }),
+            medium: Some(Medium::clear(self.far.to_array()[lane])),
         })
     }
 }
@@ -85,9 +83,7 @@ impl Dielectric {
     /// The medium on the other side than `wo`.
     #[must_use]
     pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Medium {
-        Medium {
-            index: self.sides(at, wo).1.to_array()[lanes.nth(0)],
-        }
+        Medium::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
     /// What light that leaves along `wo` met; `None` if shading and geometry disagree about the side.

@@ -7,15 +7,21 @@
 //! Materials that are made of others ([`two_sided`], [`blend`], …) name them by their index in [`Materials`].
 
 pub mod blend;
+pub mod coated_conductor;
 pub mod conductor;
+pub mod constants;
+pub mod crystal;
 pub mod dielectric;
 pub mod diffuse;
 pub mod facets;
 pub mod normal_map;
 pub mod partial_depolarizer;
 pub mod plastic;
+pub mod polarizer;
+pub mod retarder;
 pub mod rough_conductor;
 pub mod rough_dielectric;
+pub mod sheet;
 pub mod texture;
 pub mod two_sided;
 
@@ -39,6 +45,10 @@ pub enum Material {
     Blend(blend::Blend),
     NormalMap(normal_map::NormalMap),
     PartialDepolarizer(partial_depolarizer::PartialDepolarizer),
+    CoatedConductor(coated_conductor::CoatedConductor),
+    Polarizer(polarizer::Polarizer),
+    Retarder(retarder::Retarder),
+    Crystal(crystal::Crystal),
 }
 
 /// All materials of a scene with what they share; a material's number is its place in `list`.
@@ -55,11 +65,26 @@ pub struct Materials {
 pub struct Medium {
     /// Refractive index, which sets the optical path length.
     pub index: f32,
+    /// Number of the [`crystal`] that fills it, or [`NO_CRYSTAL`].
+    pub crystal: u32,
 }
+
+/// [`Medium::crystal`] of what does not act on polarization.
+pub const NO_CRYSTAL: u32 = u32::MAX;
 
 impl Medium {
     /// Outside of everything.
-    pub const VACUUM: Self = Self { index: 1.0 };
+    pub const VACUUM: Self = Self::clear(1.0);
+
+    /// A medium that only slows light down.
+    #[inline]
+    #[must_use]
+    pub const fn clear(index: f32) -> Self {
+        Self {
+            index,
+            crystal: NO_CRYSTAL,
+        }
+    }
 }
 
 /// One sampled direction.
@@ -213,7 +238,12 @@ impl Materials {
             | Material::RoughConductor(_)
             | Material::RoughDielectric(_)
             | Material::Plastic(_) => true,
-            Material::Conductor(_) | Material::Dielectric(_) => false,
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::Crystal(_) => false,
             Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
             Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
             Material::NormalMap(m) => self.is_smooth(m.material),
@@ -230,7 +260,12 @@ impl Materials {
             Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughDielectric(m) => m.eval(&self.textures, at, wo, wi),
             Material::Plastic(m) => m.eval(&self.textures, at, wo, wi),
-            Material::Conductor(_) | Material::Dielectric(_) => None,
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::Crystal(_) => None,
             Material::TwoSided(m) => m.eval(self, at, wo, wi),
             Material::Blend(m) => m.eval(self, at, wo, wi),
             Material::NormalMap(m) => m.eval(self, at, wo, wi),
@@ -246,7 +281,12 @@ impl Materials {
             Material::RoughConductor(m) => m.pdf(&self.textures, at, wo, wi),
             Material::RoughDielectric(m) => m.pdf(&self.textures, at, wo, wi),
             Material::Plastic(m) => m.pdf(&self.textures, at, wo, wi),
-            Material::Conductor(_) | Material::Dielectric(_) => 0.0,
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::Crystal(_) => 0.0,
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
             Material::Blend(m) => m.pdf(self, at, wo, wi),
             Material::NormalMap(m) => m.pdf(self, at, wo, wi),
@@ -275,6 +315,10 @@ impl Materials {
             Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
             Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
             Material::PartialDepolarizer(m) => m.sample(self, at, wo, lanes, stream),
+            Material::CoatedConductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
+            Material::Polarizer(m) => Some(m.specular(at, wo).chosen(1.0)),
+            Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
+            Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
         }
     }
 
@@ -298,6 +342,12 @@ impl Materials {
             (Material::Blend(m), _) => m.specular(self, at, wo, lobe, lane),
             (Material::NormalMap(m), _) => m.specular(self, at, wo, lobe, lane),
             (Material::PartialDepolarizer(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::CoatedConductor(m), Lobe::Reflected) => m.specular(at, wo),
+            (Material::CoatedConductor(_), Lobe::Transmitted) => None,
+            (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
+            (Material::Retarder(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
+            (Material::Polarizer(_) | Material::Retarder(_), Lobe::Reflected) => None,
+            (Material::Crystal(m), _) => m.specular(id, at, wo, lobe, lane),
         }
     }
 
@@ -313,10 +363,25 @@ impl Materials {
                 .or_else(|| self.beyond(m.b, at, wo, lanes)),
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
+            Material::Crystal(m) => Some(m.beyond(id, at, wo, lanes)),
             Material::Diffuse(_)
             | Material::Conductor(_)
             | Material::RoughConductor(_)
-            | Material::Plastic(_) => None,
+            | Material::Plastic(_)
+            | Material::CoatedConductor(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_) => None,
+        }
+    }
+
+    /// What a straight way of `length` metres through a medium does to the polarization of light that travels along
+    /// ±`dir`; `None` where it does nothing.
+    #[inline]
+    #[must_use]
+    pub fn propagate(&self, medium: Medium, dir: Vec3A, length: f64) -> Option<Scatter> {
+        match self.list.get(medium.crystal as usize)? {
+            Material::Crystal(m) => Some(m.propagate(dir, length)),
+            _ => None,
         }
     }
 }

@@ -138,9 +138,7 @@ impl RoughDielectric {
         let li = refract(facets.lo, h, eta.to_array()[lane])?;
         let wi = facets.world(li);
         let weight = weight / (eta * eta * Spectral::splat(1.0 - reflectance));
-        let medium = Medium {
-            index: far.to_array()[lane],
-        };
+        let medium = Medium::clear(far.to_array()[lane]);
         (li.z < 0.0 && !same_side(at, wo, wi))
             .then(|| sampled(wi, li, fresnel.transmission, weight, Some(medium)))
     }

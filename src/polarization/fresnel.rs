@@ -23,7 +23,7 @@ pub struct FresnelBlock {
 
 impl FresnelBlock {
     /// From the complex amplitude coefficients of s and p and a common power factor.
-    fn from_amplitudes(s: Complex, p: Complex, factor: Spectral) -> Self {
+    pub(super) fn from_amplitudes(s: Complex, p: Complex, factor: Spectral) -> Self {
         let half = Spectral::HALF;
         let (rs, rp) = (s.norm2(), p.norm2());
         let cross = s.conj() * p;

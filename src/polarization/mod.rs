@@ -10,3 +10,4 @@ pub mod elements;
 pub mod frame;
 pub mod fresnel;
 pub mod mueller;
+pub mod thin_film;

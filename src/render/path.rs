@@ -6,7 +6,7 @@
 //! and the projector block the connection (light through them needs paths from the projector).
 
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Lanes, Medium};
+use crate::material::{Lanes, Medium, NO_CRYSTAL};
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
 use crate::sampling::stream::Stream;
@@ -36,6 +36,27 @@ struct State {
     /// Camera pixel, row-major.
     pixel: u32,
     lanes: Lanes,
+}
+
+impl State {
+    /// Lets the medium act on the light of the current ray, all the way from a surface that the ray hit: it comes from
+    /// there, so the medium's matrix stands left of what that surface will add.
+    #[inline]
+    fn cross(&mut self, scene: &Scene, surface: &Surface) {
+        if self.medium.crystal == NO_CRYSTAL {
+            return;
+        }
+        // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off
+        // the surface, which shifts the hit point sideways.
+        let (dir, ng) = (self.ray.dir.as_dvec3(), surface.ng.as_dvec3());
+        let length = (surface.p.as_dvec3() - self.from.as_dvec3()).dot(ng) / dir.dot(ng);
+        if let Some(scatter) = scene.materials.propagate(self.medium, self.ray.dir, length) {
+            self.frame = self
+                .chain
+                .push(&scatter, -self.ray.dir, self.frame)
+                .unwrap_or(self.frame);
+        }
+    }
 }
 
 /// A connection to a point emitter or the projector.
@@ -85,6 +106,7 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<C
         state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
         let wo = -state.ray.dir;
         let (materials, id) = (&scene.materials, surface.material);
+        state.cross(scene, &surface);
         if materials.is_smooth(id) {
             rays += connect_all(scene, &state, &surface, wo, bounces + 1, out);
         }
@@ -213,13 +235,16 @@ fn connect(
     let mut chain = state.chain;
     let frame = chain.push(&scatter, wo, state.frame);
     chain.scale(to.irradiance);
-    if let Some(frame) = frame {
-        let (c2, s2) = turn(-to.wi, to.frame, frame);
-        chain.rotate_in(c2, s2);
-    }
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let medium = beyond.flatten().unwrap_or(state.medium);
+    if let Some(mut frame) = frame {
+        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
+            frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
+        }
+        let (c2, s2) = turn(-to.wi, to.frame, frame);
+        chain.rotate_in(c2, s2);
+    }
     out.push(Contribution {
         product: chain.finish(),
         time_ps: picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance)),

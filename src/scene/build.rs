@@ -78,14 +78,14 @@ impl Context {
         Ok(bytes)
     }
 
-    /// A spectrum on the scene's wavelengths, every value within `range`.
-    pub fn spectrum(
+    /// A value for each of the scene's wavelengths, all within `range`.
+    pub fn values(
         &self,
         s: &SpectrumFile,
         span: Range<usize>,
         what: &str,
         range: std::ops::RangeInclusive<f64>,
-    ) -> Result<Spectral, SceneError> {
+    ) -> Result<Vec<f64>, SceneError> {
         let n = self.wavelengths.count();
         let list = match s {
             SpectrumFile::Scalar(v) => vec![*v; n],
@@ -115,8 +115,19 @@ impl Context {
                 format!("it must lie in {}..{}", range.start(), range.end()),
             ));
         }
+        Ok(list)
+    }
+
+    /// [`Self::values`] in their lanes.
+    pub fn spectrum(
+        &self,
+        s: &SpectrumFile,
+        span: Range<usize>,
+        what: &str,
+        range: std::ops::RangeInclusive<f64>,
+    ) -> Result<Spectral, SceneError> {
         let mut lanes = [0.0_f32; 4];
-        for (lane, v) in lanes.iter_mut().zip(list) {
+        for (lane, v) in lanes.iter_mut().zip(self.values(s, span, what, range)?) {
             *lane = v as f32;
         }
         Ok(Spectral::new(lanes))

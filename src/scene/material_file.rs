@@ -44,6 +44,14 @@ pub enum MaterialFile {
     NormalMap(NormalMapFile),
     /// A material that loses part of its polarization.
     PartialDepolarizer(PartialDepolarizerFile),
+    /// Mirror under thin films.
+    CoatedConductor(CoatedConductorFile),
+    /// Thin sheet that passes one linear polarization.
+    Polarizer(PolarizerFile),
+    /// Thin sheet that delays one linear polarization: a wave plate.
+    Retarder(RetarderFile),
+    /// Closed surface filled with a uniaxial crystal.
+    Crystal(CrystalFile),
 }
 
 /// See [`MaterialFile::Diffuse`].
@@ -195,4 +203,115 @@ pub struct PartialDepolarizerFile {
     pub material: Located<String>,
     /// Share of its light that loses its polarization, 0..1: a number or an image.
     pub fraction: Located<ScalarFile>,
+}
+
+/// See [`MaterialFile::CoatedConductor`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CoatedConductorFile {
+    /// Name of the substrate in the optical constants, instead of n and k.
+    pub metal: Option<Located<String>>,
+    /// Real part n of the substrate's refractive index.
+    pub n: Option<Located<SpectrumFile>>,
+    /// Extinction coefficient k ≥ 0 of the substrate.
+    pub k: Option<Located<SpectrumFile>>,
+    /// Films from the outside in, at most 4.
+    pub films: Located<Vec<Located<FilmFile>>>,
+}
+
+/// One film of a [`CoatedConductorFile`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilmFile {
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants.
+    pub ior: Located<IndexFile>,
+    /// Extinction coefficient k ≥ 0; 0 if absent. The optical constants have their own.
+    pub k: Option<Located<SpectrumFile>>,
+    /// Thickness in nanometres.
+    pub thickness_nm: Located<f64>,
+}
+
+/// See [`MaterialFile::Polarizer`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PolarizerFile {
+    /// Transmitting axis: degrees from the surface's u direction, counter-clockwise seen from the side that the normal
+    /// points to; 0 if neither this nor `axis` is given.
+    pub angle_deg: Option<Located<f64>>,
+    /// Transmitting axis as a direction in the world, instead of angle_deg.
+    pub axis: Option<Located<[f64; 3]>>,
+    /// Share of the power along the transmitting axis that passes, 0..1.
+    #[serde(default = "unit_spectrum_here")]
+    pub transmittance: Located<SpectrumFile>,
+    /// Power that passes along the blocked axis, over that along the transmitting axis, 0..1.
+    #[serde(default = "zero_spectrum")]
+    pub extinction: Located<SpectrumFile>,
+}
+
+fn unit_spectrum_here() -> Located<SpectrumFile> {
+    Located::nowhere(SpectrumFile::Scalar(1.0))
+}
+
+fn zero_spectrum() -> Located<SpectrumFile> {
+    Located::nowhere(SpectrumFile::Scalar(0.0))
+}
+
+/// See [`MaterialFile::Retarder`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RetarderFile {
+    /// Retardance at normal incidence in degrees: a number or one per wavelength.
+    pub retardance_deg: Option<Located<SpectrumFile>>,
+    /// Difference of optical paths at normal incidence in nanometres, instead of retardance_deg.
+    pub retardance_nm: Option<Located<SpectrumFile>>,
+    /// Fast axis: degrees from the surface's u direction, counter-clockwise seen from the side that the normal points
+    /// to; 0 if neither this nor `axis` is given.
+    pub angle_deg: Option<Located<f64>>,
+    /// Fast axis as a direction in the world, instead of angle_deg.
+    pub axis: Option<Located<[f64; 3]>>,
+    /// Share of the power that passes, 0..1.
+    #[serde(default = "unit_spectrum_here")]
+    pub transmittance: Located<SpectrumFile>,
+    /// How the retardance depends on incidence.
+    #[serde(default)]
+    pub tilt: TiltFile,
+    /// Mean refractive index of the plate, for tilt = "plate"; 1.55 if absent.
+    pub ior: Option<Located<f64>>,
+}
+
+/// How a retarder's retardance depends on incidence.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TiltFile {
+    /// As a zero-order plate of a positive uniaxial crystal.
+    #[default]
+    Plate,
+    /// Not at all.
+    Constant,
+    /// In proportion to the cosine of incidence, as Mitsuba 3.
+    Cosine,
+}
+
+/// See [`MaterialFile::Crystal`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CrystalFile {
+    /// `calcite`, `quartz` or `sapphire`, instead of n_o and n_e.
+    pub name: Option<Located<String>>,
+    /// Ordinary refractive index.
+    pub n_o: Option<Located<SpectrumFile>>,
+    /// Extraordinary refractive index.
+    pub n_e: Option<Located<SpectrumFile>>,
+    /// Optic axis: a direction in the world.
+    pub axis: Located<[f64; 3]>,
+    /// Refractive index outside.
+    #[serde(default = "unit_index")]
+    pub exterior_ior: Located<IndexFile>,
+    /// Full width at half maximum of the light's spectral line in nanometres, which a thick crystal depolarizes.
+    #[serde(default = "zero")]
+    pub bandwidth_nm: Located<f64>,
+}
+
+fn zero() -> Located<f64> {
+    Located::nowhere(0.0)
 }

@@ -4,6 +4,7 @@ use super::build::{Context, parse, read};
 use super::locate::{Located, SceneError};
 use super::material_file::{MaterialFile, MaterialSetFile};
 use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use crate::material::constants::{self, ConstantsError};
 use crate::material::dielectric::Dielectric;
 use crate::material::facets::Roughness;
 use crate::material::texture::{Scalar, Spectrum};
@@ -12,9 +13,9 @@ use crate::material::{
     rough_conductor, rough_dielectric, two_sided, varies,
 };
 use crate::sampling::microfacet::{Distribution, Masking};
-use crate::spectrum::{Spectral, Wavelengths};
+use crate::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
 /// A file of materials, built.
@@ -53,8 +54,8 @@ impl MaterialSet {
 type Named = BTreeMap<String, Located<MaterialFile>>;
 
 /// The state of building: materials that others name are built before them.
-struct Builder<'c, 'a> {
-    ctx: &'c mut Context,
+pub(super) struct Builder<'c, 'a> {
+    pub(super) ctx: &'c mut Context,
     files: &'a Named,
     table: Materials,
     done: BTreeMap<&'a str, u32>,
@@ -181,6 +182,10 @@ impl<'a> Builder<'_, 'a> {
                     fraction: self.scalar(&p.fraction, "fraction", 0.0..=1.0)?,
                 })
             }
+            MaterialFile::CoatedConductor(c) => Material::CoatedConductor(self.coated(m, c)?),
+            MaterialFile::Polarizer(p) => Material::Polarizer(self.polarizer(p)?),
+            MaterialFile::Retarder(r) => Material::Retarder(self.retarder(m, r)?),
+            MaterialFile::Crystal(c) => Material::Crystal(self.crystal(m, c)?),
         })
     }
 
@@ -261,19 +266,27 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// Refractive index of something transparent; 0 in unused lanes.
-    fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, SceneError> {
-        match &**index {
-            IndexFile::Values(s) => self.ctx.spectrum(s, index.span(), what, 1.0..=10.0),
-            IndexFile::Named(name) => Err(self.ctx.error(
+    pub(super) fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, SceneError> {
+        let name = match &**index {
+            IndexFile::Values(s) => return self.ctx.spectrum(s, index.span(), what, 1.0..=10.0),
+            IndexFile::Named(name) => name,
+        };
+        let (n, k) = self.constants(name, index.span())?;
+        if max_lane(k) > 1e-3 {
+            return Err(self.ctx.error(
                 index.span(),
-                format!("there are no optical constants of `{name}`"),
-                "give numbers",
-            )),
+                format!(
+                    "`{name}` absorbs (k up to {}), so it is not transparent",
+                    max_lane(k)
+                ),
+                "use a conductor, or give the refractive index as a number",
+            ));
         }
+        Ok(n)
     }
 
     /// n and k of something that absorbs, by name or by value; n is 1 in unused lanes.
-    fn complex_index(
+    pub(super) fn complex_index(
         &mut self,
         place: &Located<MaterialFile>,
         metal: &Option<Located<String>>,
@@ -286,17 +299,50 @@ impl<'a> Builder<'_, 'a> {
                 self.ctx.located(n, "n", 1e-3..=100.0)? + unused,
                 self.ctx.located(k, "k", 0.0..=100.0)?,
             )),
-            (Some(name), None, None) => Err(self.ctx.error(
-                name.span(),
-                format!("there are no optical constants of `{}`", **name),
-                "give n and k",
-            )),
+            (Some(name), None, None) => {
+                let (n, k) = self.constants(name, name.span())?;
+                Ok((n + unused, k))
+            }
             _ => Err(self.ctx.error(
                 place.span(),
                 "the refractive index is missing, or given twice",
                 "give metal = \"NAME\", or both n and k",
             )),
         }
+    }
+
+    /// n and k of a named substance on the scene's wavelengths, in full precision; rows past their count are zero.
+    pub(super) fn constants_f64(
+        &self,
+        name: &str,
+        span: Range<usize>,
+    ) -> Result<[[f64; 2]; MAX_WAVELENGTHS], SceneError> {
+        let mut rows = [[0.0; 2]; MAX_WAVELENGTHS];
+        for (row, nm) in rows.iter_mut().zip(self.ctx.wavelengths.nm()) {
+            let (n, k) = constants::lookup(name, *nm).map_err(|e| {
+                self.ctx.error(
+                    span.clone(),
+                    e.to_string(),
+                    match e {
+                        ConstantsError::Unknown { .. } => "use one of these names, or give numbers",
+                        ConstantsError::Range { .. } => "give numbers, or change wavelengths_nm",
+                    },
+                )
+            })?;
+            *row = [n, k];
+        }
+        Ok(rows)
+    }
+
+    /// n and k of a named substance; 0 in unused lanes.
+    pub(super) fn constants(
+        &self,
+        name: &str,
+        span: Range<usize>,
+    ) -> Result<(Spectral, Spectral), SceneError> {
+        let rows = self.constants_f64(name, span)?;
+        let column = |i: usize| Spectral::new(rows.map(|row| row[i] as f32));
+        Ok((column(0), column(1)))
     }
 
     /// Reads an image of colours: sRGB to linear, red, green or blue for each wavelength.

@@ -11,6 +11,7 @@ pub mod locate;
 pub mod material_file;
 pub mod materials;
 pub mod pinhole;
+mod polarizing;
 pub mod projector;
 pub mod shapes;
 pub mod slices;

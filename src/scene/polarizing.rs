@@ -1,0 +1,253 @@
+//! Polarizing materials of a file → their tables: coated mirrors, polarizer and retarder sheets, crystals.
+
+use super::locate::{Located, SceneError};
+use super::material_file::{
+    CoatedConductorFile, CrystalFile, FilmFile, MaterialFile, PolarizerFile, RetarderFile, TiltFile,
+};
+use super::materials::Builder;
+use super::values::{IndexFile, SpectrumFile};
+use crate::material::coated_conductor::{CoatedConductor, MAX_FILMS};
+use crate::material::crystal::Crystal;
+use crate::material::dielectric::Dielectric;
+use crate::material::polarizer::Polarizer;
+use crate::material::retarder::{Retarder, Tilt};
+use crate::material::sheet::SheetAxis;
+use crate::material::varies;
+use crate::polarization::thin_film::Film;
+use crate::spectrum::{MAX_WAVELENGTHS, Spectral};
+use glam::{DVec3, Vec3A};
+use std::ops::RangeInclusive;
+
+/// Uniaxial crystals that the optical constants know: their name there ends in `_o` and `_e`.
+const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
+
+impl Builder<'_, '_> {
+    pub(super) fn coated(
+        &mut self,
+        place: &Located<MaterialFile>,
+        file: &CoatedConductorFile,
+    ) -> Result<CoatedConductor, SceneError> {
+        let (n, k) = self.complex_index(place, &file.metal, &file.n, &file.k)?;
+        if file.films.len() > MAX_FILMS {
+            return Err(self.ctx.error(
+                file.films.span(),
+                format!("there are {} films", file.films.len()),
+                format!("a mirror can have up to {MAX_FILMS}"),
+            ));
+        }
+        let mut films = [Film::NONE; MAX_FILMS];
+        for (slot, film) in films.iter_mut().zip(file.films.iter()) {
+            *slot = self.film(film)?;
+        }
+        Ok(CoatedConductor {
+            n,
+            k,
+            films,
+            count: file.films.len(),
+        })
+    }
+
+    fn film(&mut self, film: &FilmFile) -> Result<Film, SceneError> {
+        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
+        let (n, k) = match (&*film.ior, &film.k) {
+            (IndexFile::Named(name), None) => self.constants(name, film.ior.span())?,
+            (IndexFile::Named(name), Some(k)) => {
+                return Err(self.ctx.error(
+                    k.span(),
+                    format!("`{name}` has its k from the optical constants"),
+                    "take k away, or give ior as a number",
+                ));
+            }
+            (IndexFile::Values(n), k) => (
+                self.ctx.spectrum(n, film.ior.span(), "ior", 1e-3..=100.0)?,
+                k.as_ref()
+                    .map_or(Ok(Spectral::ZERO), |k| self.ctx.located(k, "k", 0.0..=100.0))?,
+            ),
+        };
+        let thickness = self.number(&film.thickness_nm, "thickness_nm", 0.0..=100_000.0)?;
+        Ok(Film {
+            n: n + unused,
+            k,
+            waves: self.ctx.wavelengths.map(|nm| (thickness / nm) as f32),
+        })
+    }
+
+    pub(super) fn polarizer(&mut self, file: &PolarizerFile) -> Result<Polarizer, SceneError> {
+        Ok(Polarizer {
+            axis: self.sheet_axis(&file.angle_deg, &file.axis)?,
+            transmittance: self
+                .ctx
+                .located(&file.transmittance, "transmittance", 0.0..=1.0)?,
+            extinction: self.ctx.located(&file.extinction, "extinction", 0.0..=1.0)?,
+        })
+    }
+
+    pub(super) fn retarder(
+        &mut self,
+        place: &Located<MaterialFile>,
+        file: &RetarderFile,
+    ) -> Result<Retarder, SceneError> {
+        let retardance = match (&file.retardance_deg, &file.retardance_nm) {
+            (Some(deg), None) => {
+                self.ctx.located(deg, "retardance_deg", 0.0..=36_000.0)? * Spectral::splat(1_f32.to_radians())
+            }
+            (None, Some(nm)) => {
+                let waves_per_nm = self.ctx.wavelengths.map(|nm| (std::f64::consts::TAU / nm) as f32);
+                self.ctx.located(nm, "retardance_nm", 0.0..=100_000.0)? * waves_per_nm
+            }
+            _ => {
+                return Err(self.ctx.error(
+                    place.span(),
+                    "the retardance is missing, or given twice",
+                    "give retardance_deg = 90 (a quarter wave), or retardance_nm",
+                ));
+            }
+        };
+        let tilt = match (file.tilt, &file.ior) {
+            (TiltFile::Plate, ior) => {
+                let ior = ior
+                    .as_ref()
+                    .map_or(Ok(1.55), |ior| self.number(ior, "ior", 1.0..=10.0))?;
+                Tilt::Plate(ior as f32)
+            }
+            (_, Some(ior)) => {
+                return Err(self.ctx.error(
+                    ior.span(),
+                    "ior means something for tilt = \"plate\" alone",
+                    "take it away",
+                ));
+            }
+            (TiltFile::Constant, None) => Tilt::Constant,
+            (TiltFile::Cosine, None) => Tilt::Cosine,
+        };
+        Ok(Retarder {
+            axis: self.sheet_axis(&file.angle_deg, &file.axis)?,
+            retardance,
+            transmittance: self
+                .ctx
+                .located(&file.transmittance, "transmittance", 0.0..=1.0)?,
+            tilt,
+        })
+    }
+
+    pub(super) fn crystal(
+        &mut self,
+        place: &Located<MaterialFile>,
+        file: &CrystalFile,
+    ) -> Result<Crystal, SceneError> {
+        let (n_o, n_e) = self.crystal_indices(place, file)?;
+        let exterior =
+            self.index(&file.exterior_ior, "exterior_ior")? + Spectral::ONE - self.ctx.wavelengths.ones();
+        let mut interior = [1.0; MAX_WAVELENGTHS];
+        let (mut waves_per_m, mut bandwidth) = ([0.0; MAX_WAVELENGTHS], [0.0; MAX_WAVELENGTHS]);
+        let width = self.number(&file.bandwidth_nm, "bandwidth_nm", 0.0..=1000.0)?;
+        for (i, nm) in self.ctx.wavelengths.nm().iter().enumerate() {
+            interior[i] = f64::midpoint(n_o[i], n_e[i]) as f32;
+            waves_per_m[i] = 1e9 / nm;
+            bandwidth[i] = width / nm;
+        }
+        let interior = Spectral::new(interior);
+        let count = self.ctx.wavelengths.count();
+        Ok(Crystal {
+            faces: Dielectric {
+                interior,
+                exterior,
+                dispersive: varies(interior, count) || varies(exterior, count),
+            },
+            axis: self.direction(&file.axis)?,
+            n_o,
+            n_e,
+            waves_per_m,
+            bandwidth,
+        })
+    }
+
+    /// n_o and n_e per wavelength, 1 in unused lanes.
+    fn crystal_indices(
+        &mut self,
+        place: &Located<MaterialFile>,
+        file: &CrystalFile,
+    ) -> Result<([f64; MAX_WAVELENGTHS], [f64; MAX_WAVELENGTHS]), SceneError> {
+        let count = self.ctx.wavelengths.count();
+        let used = |column: [f64; MAX_WAVELENGTHS]| {
+            std::array::from_fn(|lane| if lane < count { column[lane] } else { 1.0 })
+        };
+        match (&file.name, &file.n_o, &file.n_e) {
+            (Some(name), None, None) => {
+                let plain = name.trim().to_lowercase();
+                if !CRYSTALS.contains(&plain.as_str()) {
+                    return Err(self.ctx.error(
+                        name.span(),
+                        format!("there are no constants of a crystal `{}`", **name),
+                        format!("use one of {}, or give n_o and n_e", CRYSTALS.join(", ")),
+                    ));
+                }
+                let n = |ray: &str| {
+                    let rows = self.constants_f64(&format!("{plain}_{ray}"), name.span())?;
+                    Ok(used(rows.map(|[n, _]| n)))
+                };
+                Ok((n("o")?, n("e")?))
+            }
+            (None, Some(n_o), Some(n_e)) => {
+                let n = |s: &Located<SpectrumFile>, what| {
+                    // In full precision: retardances are differences times thousands of waves.
+                    let list = self.ctx.values(s, s.span(), what, 1.0..=10.0)?;
+                    Ok(std::array::from_fn(|i| list.get(i).copied().unwrap_or(1.0)))
+                };
+                Ok((n(n_o, "n_o")?, n(n_e, "n_e")?))
+            }
+            _ => Err(self.ctx.error(
+                place.span(),
+                "the crystal's refractive indices are missing, or given twice",
+                "give name = \"calcite\", or both n_o and n_e",
+            )),
+        }
+    }
+
+    /// An axis in a sheet: an angle or a direction, 0° if neither is given.
+    fn sheet_axis(
+        &self,
+        angle_deg: &Option<Located<f64>>,
+        axis: &Option<Located<[f64; 3]>>,
+    ) -> Result<SheetAxis, SceneError> {
+        match (angle_deg, axis) {
+            (None, None) => Ok(SheetAxis::Angle(0.0)),
+            (Some(angle), None) => {
+                let angle = self.number(angle, "angle_deg", -36_000.0..=36_000.0)?;
+                Ok(SheetAxis::Angle(angle.to_radians() as f32))
+            }
+            (None, Some(axis)) => Ok(SheetAxis::World(self.direction(axis)?)),
+            (Some(_), Some(axis)) => Err(self.ctx.error(
+                axis.span(),
+                "the axis is given twice, by angle_deg and by axis",
+                "take one of them away",
+            )),
+        }
+    }
+
+    /// A unit vector.
+    fn direction(&self, axis: &Located<[f64; 3]>) -> Result<Vec3A, SceneError> {
+        DVec3::from_array(**axis)
+            .try_normalize()
+            .map(|d| d.as_vec3a())
+            .ok_or_else(|| {
+                self.ctx.error(
+                    axis.span(),
+                    format!("axis is {:?}, which is no direction", **axis),
+                    "give three numbers that are not all zero",
+                )
+            })
+    }
+
+    /// A number within a range.
+    fn number(&self, v: &Located<f64>, what: &str, range: RangeInclusive<f64>) -> Result<f64, SceneError> {
+        if range.contains(&**v) {
+            return Ok(**v);
+        }
+        Err(self.ctx.error(
+            v.span(),
+            format!("{what} is {}", **v),
+            format!("it must lie in {}..{}", range.start(), range.end()),
+        ))
+    }
+}
