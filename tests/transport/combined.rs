@@ -250,3 +250,27 @@ name = "image"
         }
     }
 }
+
+/// The shipped metamers: one colour in every direction under unpolarized light, different polarization. The
+/// depolarization index of Gil & Bernabéu (1985), |M without M00| / (√3 M00), tells them apart.
+#[test]
+fn metamers_differ_in_depolarization_alone() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("pbrdf/metamers.toml");
+    let set = MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"));
+    let at = flat([0.5; 2]);
+    let mut widest = 0.0_f32;
+    for [wo, wi] in directions(2000, 3) {
+        let [paint, organic] = ["painted_plastic", "organic"].map(|n| value(&set, n, &at, wo, wi));
+        for lane in 0..3 {
+            let [p, o] = [&paint, &organic].map(|m| m.lane(lane));
+            assert!((p[0][0] - o[0][0]).abs() <= 1e-6 * p[0][0], "colours differ");
+            let index = |m: [[f32; 4]; 4]| {
+                let square: f32 = m.iter().flatten().map(|e| (e / m[0][0]).powi(2)).sum();
+                ((square - 1.0).max(0.0) / 3.0).sqrt()
+            };
+            assert!((index(o) - 0.25 * index(p)).abs() < 1e-3);
+            widest = widest.max(index(p) - index(o));
+        }
+    }
+    assert!(widest > 0.5, "the gloss tells them apart: {widest}");
+}
