@@ -108,7 +108,7 @@ fn cases() -> Vec<(String, Materials, f32)> {
 #[test]
 fn samples_follow_their_density() {
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
-        follow_density(&name, &materials, seen_from(cos, 1.4), case as u32, 16);
+        follow_density(&name, &materials, seen_from(cos, 1.4), case as u32, 12);
     }
 }
 
@@ -222,7 +222,7 @@ fn matrices_are_realizable() {
 /// erf by its series.
 fn erf(x: f64) -> f64 {
     let (mut term, mut sum) = (x, x);
-    for n in 1..200 {
+    for n in 1..100 {
         term *= -x * x / f64::from(n);
         sum += term / f64::from(2 * n + 1);
     }
@@ -257,8 +257,8 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
 /// Power that facets with separable masking reflect and let through, E[F·G1(wi)] over the visible ones, by a midpoint
 /// rule over facet slopes. Reflection of facets and of nothing else: `through` is false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
-    const U: u32 = 500;
-    const PHI: u32 = 200;
+    const U: u32 = 250;
+    const PHI: u32 = 100;
     let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let mut sum = [0.0; 2];
     for k in 0..U * PHI {
@@ -300,7 +300,7 @@ fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2
 /// disperses, from outside and inside; what is returned never exceeds what came.
 #[test]
 fn rough_glass_returns_its_directional_albedo() {
-    const N: u32 = 100_000;
+    const N: u32 = 50_000;
     let flint = [1.3, 1.5, 1.8, 2.2];
     for distribution in [Ggx, Beckmann] {
         for (cos, alpha) in [(0.9_f32, 0.2_f32), (0.4, 0.5), (-0.85, 0.2), (-0.4, 0.5)] {
@@ -338,7 +338,7 @@ fn rough_glass_returns_its_directional_albedo() {
                         a * scale,
                         sigma * scale
                     );
-                    assert!(sigma * scale < 0.01);
+                    assert!(sigma * scale < 0.015);
                 }
             }
         }
