@@ -39,10 +39,14 @@ pub(super) struct Facets {
 /// The facets that turn one direction into another.
 #[derive(Clone, Copy)]
 pub(super) struct Passage {
-    /// Cosine between facet normal and `wo`.
-    pub cos: f32,
-    /// Radiance times cosθ_i if the facets passed on all light.
-    pub factor: f32,
+    /// Cosine between their normal and `wo`.
+    pub cos_o: f32,
+    /// That between their normal and `wi`, without its sign.
+    pub cos_i: f32,
+    /// Radiance times cosθ_i if they passed on all light.
+    pub value: f32,
+    /// Density of `wi` if facets are drawn among the visible and pass light on.
+    pub pdf: f32,
 }
 
 /// `wo` mirrored at the plane of normal `h`.
@@ -103,49 +107,37 @@ impl Facets {
     #[inline]
     pub fn reflection(&self, li: Vec3A) -> Option<Passage> {
         let h = (li.z > 0.0).then(|| (self.lo + li).normalize())?;
+        let cos = self.lo.dot(h);
+        let d = self.model.d(h) / (4.0 * self.lo.z);
         Some(Passage {
-            cos: self.lo.dot(h),
-            factor: self.model.d(h) * self.model.g2(self.lo, li) / (4.0 * self.lo.z),
+            cos_o: cos,
+            cos_i: cos,
+            value: d * self.model.g2(self.lo, li),
+            pdf: d * self.model.g1(self.lo),
         })
     }
 
-    /// Cosine at the facet of a reflection from `li`, and the density of `li` if visible facets are drawn.
+    /// Refraction from the local direction `li` on the far side, whose index over that of the near side is `eta`.
     #[inline]
-    pub fn reflection_pdf(&self, li: Vec3A) -> Option<(f32, f32)> {
-        let h = (li.z > 0.0).then(|| (self.lo + li).normalize())?;
-        let cos = self.lo.dot(h);
-        Some((cos, self.model.g1(self.lo) * self.model.d(h) / (4.0 * self.lo.z)))
-    }
-
-    /// The normal of the facets that refract `wo` to `li`, on the side of `wo`, and (wo·h + η li·h)².
-    #[inline]
-    fn refracting(&self, li: Vec3A, eta: f32) -> Option<(Vec3A, f32)> {
+    pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
         let v = self.lo + li * eta;
+        // (wo·h + η wi·h)².
         let length2 = v.length_squared();
         if li.z >= 0.0 || length2 < 1e-10 {
             return None;
         }
         let h = v * length2.sqrt().recip();
         let h = if h.z < 0.0 { -h } else { h };
-        (self.lo.dot(h) > 0.0 && li.dot(h) < 0.0).then_some((h, length2))
-    }
-
-    /// Refraction from the local direction `li` on the far side, whose index over that of the near side is `eta`.
-    #[inline]
-    pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
-        let (h, length2) = self.refracting(li, eta)?;
-        let (cos, cos_t) = (self.lo.dot(h), -li.dot(h));
+        let (cos_o, cos_i) = (self.lo.dot(h), -li.dot(h));
+        if cos_o <= 0.0 || cos_i <= 0.0 {
+            return None;
+        }
+        let d = self.model.d(h) * cos_o * cos_i / (self.lo.z * length2);
         Some(Passage {
-            cos,
-            factor: self.model.d(h) * self.model.g2(self.lo, li) * cos * cos_t / (self.lo.z * length2),
+            cos_o,
+            cos_i,
+            value: d * self.model.g2(self.lo, li),
+            pdf: d * self.model.g1(self.lo) * eta * eta,
         })
-    }
-
-    /// As [`Self::reflection_pdf`], for a refraction.
-    #[inline]
-    pub fn refraction_pdf(&self, li: Vec3A, eta: f32) -> Option<(f32, f32)> {
-        let (h, length2) = self.refracting(li, eta)?;
-        let density = self.model.visible_pdf(self.lo, h) * eta * eta * -li.dot(h) / length2;
-        Some((self.lo.dot(h), density))
     }
 }

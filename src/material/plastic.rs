@@ -60,6 +60,14 @@ struct Seen {
     specular: f32,
 }
 
+impl Seen {
+    /// Of the local direction `li`, given that among reflections.
+    #[inline]
+    fn density(&self, reflection: f32, li: Vec3A) -> f32 {
+        self.specular * reflection + (1.0 - self.specular) * warp::cosine_pdf(li)
+    }
+}
+
 impl Plastic {
     #[inline]
     fn seen(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Seen> {
@@ -83,14 +91,14 @@ impl Plastic {
         })
     }
 
-    /// Both lobes in the frame of the reflection.
-    fn value(&self, seen: &Seen, wi: Vec3A) -> Option<Scatter> {
+    /// Both lobes in the frame of the reflection, and the density of both.
+    fn value(&self, seen: &Seen, wi: Vec3A) -> Option<(Scatter, f32)> {
         let Seen { n, wo, out, .. } = *seen;
         let li = seen.facets.local(wi);
         let to = seen.facets.reflection(li)?;
-        let block = fresnel::dielectric(to.cos, self.eta)
+        let block = fresnel::dielectric(to.cos_o, self.eta)
             .reflection
-            .scaled(self.specular * Spectral::splat(to.factor));
+            .scaled(self.specular * Spectral::splat(to.value));
         let s = s_vector(wi, wo);
         let inn = fresnel::dielectric(li.z, self.eta).transmission;
         let base = seen.base * Spectral::splat(li.z * FRAC_1_PI);
@@ -108,17 +116,12 @@ impl Plastic {
                 *m += c * r;
             }
         }
-        Some(Scatter::Full {
+        let scatter = Scatter::Full {
             mueller,
             frame_out: s,
             frame_in: s,
-        })
-    }
-
-    fn density(seen: &Seen, wi: Vec3A) -> f32 {
-        let li = seen.facets.local(wi);
-        let surface = seen.facets.reflection_pdf(li).map_or(0.0, |(_, pdf)| pdf);
-        seen.specular * surface + (1.0 - seen.specular) * warp::cosine_pdf(li)
+        };
+        Some((scatter, seen.density(to.pdf, li)))
     }
 
     /// See [`super::Materials::eval`].
@@ -126,14 +129,19 @@ impl Plastic {
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let seen = self.seen(textures, at, wo)?;
-        same_side(at, wo, wi).then(|| self.value(&seen, wi)).flatten()
+        let value = same_side(at, wo, wi).then(|| self.value(&seen, wi)).flatten();
+        value.map(|(scatter, _)| scatter)
     }
 
     /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        match self.seen(textures, at, wo) {
-            Some(seen) if same_side(at, wo, wi) => Self::density(&seen, wi),
+        let density = |seen: Seen| {
+            let li = seen.facets.local(wi);
+            Some(seen.density(seen.facets.reflection(li)?.pdf, li))
+        };
+        match self.seen(textures, at, wo).and_then(density) {
+            Some(pdf) if same_side(at, wo, wi) => pdf,
             _ => 0.0,
         }
     }
@@ -156,11 +164,10 @@ impl Plastic {
         if li.z <= 0.0 || !same_side(at, wo, wi) {
             return None;
         }
-        let value = self.value(&seen, wi)?;
-        let density = Self::density(&seen, wi).max(f32::MIN_POSITIVE);
+        let (scatter, pdf) = self.value(&seen, wi)?;
         Some(Sampled {
             wi,
-            scatter: value.scaled(Spectral::splat(1.0 / density)),
+            scatter: scatter.scaled(Spectral::splat(1.0 / pdf.max(f32::MIN_POSITIVE))),
             delta: false,
             medium: None,
         })

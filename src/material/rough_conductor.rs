@@ -45,15 +45,15 @@ impl RoughConductor {
             return None;
         }
         let to = facets.reflection(facets.local(wi))?;
-        Some(self.fresnel(wo, wi, to.cos, to.factor))
+        Some(self.fresnel(wo, wi, to.cos_o, to.value))
     }
 
     /// Density of the visible normal over 4 wo·h.
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
-        let density = |facets: Facets| facets.reflection_pdf(facets.local(wi));
-        match self.facets(textures, at, wo).and_then(density) {
-            Some((_, pdf)) if same_side(at, wo, wi) => pdf,
+        let passage = |facets: Facets| facets.reflection(facets.local(wi));
+        match self.facets(textures, at, wo).and_then(passage) {
+            Some(to) if same_side(at, wo, wi) => to.pdf,
             _ => 0.0,
         }
     }

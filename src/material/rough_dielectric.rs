@@ -25,16 +25,14 @@ pub struct RoughDielectric {
     pub lanes: Lanes,
 }
 
-/// A passage for each wavelength of a dispersive index.
+/// Cosine on the rarer side and value of a refraction, given its index ratio.
+///
+/// Power transmittance is the same both ways, and from the rarer side, where no total reflection is near, f32 knows it.
 #[inline]
-fn per_lane(eta: Spectral, passage: impl Fn(f32) -> Option<Passage>) -> (Spectral, Spectral) {
-    let (mut cos, mut factor) = ([1.0; 4], [0.0; 4]);
-    for (lane, eta) in eta.to_array().into_iter().enumerate() {
-        if let Some(p) = passage(eta) {
-            (cos[lane], factor[lane]) = (p.cos, p.factor);
-        }
-    }
-    (Spectral::new(cos), Spectral::new(factor))
+fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
+    passage.map_or((1.0, 0.0), |p| {
+        (if eta < 1.0 { p.cos_i } else { p.cos_o }, p.value)
+    })
 }
 
 impl RoughDielectric {
@@ -60,19 +58,25 @@ impl RoughDielectric {
         let li = facets.local(wi);
         let block = if same_side(at, wo, wi) {
             let to = facets.reflection(li)?;
-            let block = fresnel::dielectric(to.cos, eta).reflection;
-            block.scaled(Spectral::splat(to.factor))
-        } else if self.disperses() {
-            let (cos, factor) = per_lane(eta, |eta| facets.refraction(li, eta));
-            if factor == Spectral::ZERO {
+            let block = fresnel::dielectric(to.cos_o, eta).reflection;
+            block.scaled(Spectral::splat(to.value))
+        } else {
+            let (cos, value) = if self.disperses() {
+                let by_lane = eta.to_array().map(|e| from_rarer(facets.refraction(li, e), e));
+                (
+                    Spectral::new(by_lane.map(|(cos, _)| cos)),
+                    Spectral::new(by_lane.map(|(_, value)| value)),
+                )
+            } else {
+                let e = eta.to_array()[0];
+                let (cos, value) = from_rarer(facets.refraction(li, e), e);
+                (Spectral::splat(cos), Spectral::splat(value))
+            };
+            if value == Spectral::ZERO {
                 return None;
             }
-            let block = fresnel::dielectric_per_lane(cos, eta).transmission;
-            block.scaled(factor)
-        } else {
-            let to = facets.refraction(li, eta.to_array()[0])?;
-            let block = fresnel::dielectric(to.cos, eta).transmission;
-            block.scaled(Spectral::splat(to.factor))
+            let block = fresnel::dielectric_per_lane(cos, eta.max(Spectral::ONE / eta)).transmission;
+            block.scaled(value)
         };
         let s = s_vector(wi, wo);
         Some(Scatter::Fresnel { block, s })
@@ -89,13 +93,13 @@ impl RoughDielectric {
         let reflectance = |cos| self.lanes.mean(fresnel::dielectric(cos, eta).reflection.a);
         if same_side(at, wo, wi) {
             return facets
-                .reflection_pdf(li)
-                .map_or(0.0, |(cos, pdf)| reflectance(cos) * pdf);
+                .reflection(li)
+                .map_or(0.0, |to| reflectance(to.cos_o) * to.pdf);
         }
         let refraction = |eta| {
             facets
-                .refraction_pdf(li, eta)
-                .map_or(0.0, |(cos, pdf)| (1.0 - reflectance(cos)) * pdf)
+                .refraction(li, eta)
+                .map_or(0.0, |to| (1.0 - reflectance(to.cos_o)) * to.pdf)
         };
         if self.disperses() {
             self.lanes.mean(Spectral::new(eta.to_array().map(refraction)))

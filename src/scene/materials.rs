@@ -235,9 +235,8 @@ impl<'a> Builder<'_, 'a> {
     ) -> Result<Roughness, SceneError> {
         let alpha = self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("alpha") {
-                e.help = Some(
-                    "it must lie in 0.001..1; for a smooth surface use the material without `rough_`".into(),
-                );
+                e.help =
+                    Some("it must lie in 0.001..1; `conductor` and `dielectric` are smooth surfaces".into());
             }
             e
         })?;

@@ -9,6 +9,7 @@ mod frames;
 mod glass;
 mod indirect;
 mod materials;
+mod microfacet;
 mod optics;
 mod specular;
 #[path = "../support/mod.rs"]

@@ -11,12 +11,13 @@ use sunstone::material::rough_conductor::RoughConductor;
 use sunstone::material::texture::{Scalar, Spectrum};
 use sunstone::material::{Lanes, Material, Materials};
 use sunstone::polarization::chain::Scatter;
+use sunstone::polarization::frame::perpendicular;
 use sunstone::sampling::microfacet::{Distribution, Masking};
 use sunstone::sampling::stream::Stream;
 use sunstone::spectrum::Spectral;
 
 /// A table of one material, which has number 0.
-fn table(material: Material) -> Materials {
+pub fn table(material: Material) -> Materials {
     Materials {
         list: vec![material],
         ..Materials::default()
@@ -42,11 +43,11 @@ fn diffuse() -> Materials {
 }
 
 /// A frame in general position: columns x, y, normal.
-fn axes() -> Mat3A {
+pub fn axes() -> Mat3A {
     Mat3A::from_rotation_y(0.7) * Mat3A::from_rotation_x(-1.1) * Mat3A::from_rotation_z(0.3)
 }
 
-fn surface() -> Surface {
+pub fn surface() -> Surface {
     let n = axes().z_axis;
     Surface {
         p: Vec3A::ZERO,
@@ -59,7 +60,7 @@ fn surface() -> Surface {
 }
 
 /// A direction of given cosine to the normal and azimuth.
-fn toward(cos: f32, phi: f32) -> Vec3A {
+pub fn toward(cos: f32, phi: f32) -> Vec3A {
     let s = (1.0 - cos * cos).sqrt();
     axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
 }
@@ -76,176 +77,211 @@ fn cases() -> Vec<(String, Materials, f32)> {
     list
 }
 
-/// Pearson's chi² of 10⁵ samples on a 20 × 40 grid over the hemisphere, absorbed samples in a cell of their own.
+/// Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere, absorbed samples in a cell of their own; expected
+/// counts by a midpoint rule of `sub`² points per cell.
+///
+/// The grid's pole lies in the surface, so that lobes about the normal fall on many cells and the horizon on their
+/// borders.
+pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, sub: usize) {
+    const N: usize = 100_000;
+    const ROWS: usize = 40;
+    const COLUMNS: usize = 40;
+    let at = surface();
+    let grid = Mat3A::from_cols(axes().y_axis, axes().z_axis, axes().x_axis);
+    let mut observed = vec![0.0_f64; ROWS * COLUMNS + 1];
+    let mut stream = Stream::new(41, seed, 0);
+    for _ in 0..N {
+        let mut lanes = Lanes::first(4);
+        let sampled = materials.sample(0, &at, wo, &mut lanes, &mut stream);
+        let cell = sampled.map_or(ROWS * COLUMNS, |s| {
+            assert!((s.wi.length() - 1.0).abs() < 1e-4 && !s.delta, "{name}: {}", s.wi);
+            let w = grid.transpose() * s.wi;
+            let row = (((w.z + 1.0) / 2.0 * ROWS as f32) as usize).min(ROWS - 1);
+            let turn = (f64::from(w.y).atan2(f64::from(w.x)) / TAU).rem_euclid(1.0);
+            row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)
+        });
+        observed[cell] += 1.0;
+    }
+    // dω = dcosθ dφ.
+    let area = 2.0 * TAU / (ROWS * COLUMNS * sub * sub) as f64;
+    let step = |i: usize| (i as f32 + 0.5) / sub as f32;
+    let mut expected: Vec<f64> = (0..ROWS * COLUMNS)
+        .map(|cell| {
+            let (row, column) = ((cell / COLUMNS) as f32, (cell % COLUMNS) as f32);
+            let mut sum = 0.0;
+            for i in 0..sub {
+                let z = -1.0 + 2.0 * (row + step(i)) / ROWS as f32;
+                let r = (1.0 - z * z).sqrt();
+                for j in 0..sub {
+                    let phi = (column + step(j)) / COLUMNS as f32 * TAU as f32;
+                    let wi = grid * Vec3A::new(r * phi.cos(), r * phi.sin(), z);
+                    sum += f64::from(materials.pdf(0, &at, wo, wi));
+                }
+            }
+            sum * area * N as f64
+        })
+        .collect();
+    let inside: f64 = expected.iter().sum();
+    assert!(
+        inside < N as f64 * 1.003,
+        "{name}: density integrates to {}",
+        inside / N as f64
+    );
+    expected.push((N as f64 - inside).max(0.0));
+    let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
+    for (o, e) in observed.iter().zip(&expected) {
+        if *e < 10.0 {
+            faint[0] += o;
+            faint[1] += e;
+        } else {
+            chi += (o - e).powi(2) / e;
+            dof += 1.0;
+        }
+    }
+    let [o, e] = faint;
+    assert!(
+        (o - e).abs() < 5.0 * e.sqrt() + 10.0,
+        "{name}: {o} samples where {e} belong"
+    );
+    // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+    let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
+    assert!(
+        z < 5.0,
+        "{name}: chi² = {chi} on {dof} degrees of freedom, z = {z}"
+    );
+}
+
 #[test]
 fn samples_follow_their_density() {
-    const N: usize = 100_000;
-    const ROWS: usize = 20;
-    const COLUMNS: usize = 40;
-    const SUB: usize = 32;
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
-        let (at, wo, back) = (surface(), toward(cos, 0.4), axes().transpose());
-        let mut observed = vec![0.0_f64; ROWS * COLUMNS + 1];
-        let mut stream = Stream::new(41, case as u32, 0);
-        for _ in 0..N {
-            let mut lanes = Lanes::first(4);
-            let sampled = materials.sample(0, &at, wo, &mut lanes, &mut stream);
-            let cell = sampled.map_or(ROWS * COLUMNS, |s| {
-                let w = back * s.wi;
-                assert!(
-                    (w.length() - 1.0).abs() < 1e-4 && w.z >= 0.0 && !s.delta,
-                    "{name}: {w}"
-                );
-                let row = ((w.z * ROWS as f32) as usize).min(ROWS - 1);
-                let turn = (f64::from(w.y).atan2(f64::from(w.x)) / TAU).rem_euclid(1.0);
-                row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)
-            });
-            observed[cell] += 1.0;
+        follow_density(&name, &materials, toward(cos, 1.4), case as u32, 24);
+    }
+}
+
+/// All elements and lanes of an interaction between fixed frames.
+pub fn elements(s: &Scatter, wo: Vec3A, wi: Vec3A) -> [[f32; 16]; 4] {
+    let m = s.between(wo, perpendicular(wo), wi, perpendicular(wi));
+    std::array::from_fn(|lane| std::array::from_fn(|e| m.m[e / 4][e % 4].to_array()[lane]))
+}
+
+/// Sampled weight = eval / pdf in all elements and lanes, to `tolerance` of M00; returns how many were compared.
+pub fn weights_agree(name: &str, materials: &Materials, wo: Vec3A, seed: u32, tolerance: f32) -> u32 {
+    let at = surface();
+    let mut stream = Stream::new(42, seed, 0);
+    let mut compared = 0;
+    for _ in 0..2000 {
+        let mut lanes = Lanes::first(4);
+        let Some(sampled) = materials.sample(0, &at, wo, &mut lanes, &mut stream) else {
+            continue;
+        };
+        let wi = sampled.wi;
+        // At the very horizon f32 directions do not fix the cosine to 1e-4.
+        if at.ns.dot(wi).abs() < 2e-3 {
+            continue;
         }
-        // Expected counts by a midpoint rule per cell; dω = dcosθ dφ.
-        let area = TAU / (ROWS * COLUMNS * SUB * SUB) as f64;
-        let mut expected: Vec<f64> = (0..ROWS * COLUMNS)
-            .map(|cell| {
-                let (row, column) = ((cell / COLUMNS) as f32, (cell % COLUMNS) as f32);
-                let sum: f64 = (0..SUB * SUB)
-                    .map(|k| {
-                        let step = |i: usize| (i as f32 + 0.5) / SUB as f32;
-                        let z = (row + step(k / SUB)) / ROWS as f32;
-                        let phi = (column + step(k % SUB)) / COLUMNS as f32 * TAU as f32;
-                        f64::from(materials.pdf(0, &at, wo, toward(z, phi)))
-                    })
-                    .sum();
-                sum * area * N as f64
-            })
-            .collect();
-        let inside: f64 = expected.iter().sum();
-        assert!(
-            inside < N as f64 * 1.003,
-            "{name}: density integrates to {}",
-            inside / N as f64
-        );
-        expected.push((N as f64 - inside).max(0.0));
-        let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
-        for (o, e) in observed.iter().zip(&expected) {
-            if *e < 10.0 {
-                faint[0] += o;
-                faint[1] += e;
-            } else {
-                chi += (o - e).powi(2) / e;
-                dof += 1.0;
+        let pdf = materials.pdf(0, &at, wo, wi);
+        let value = materials
+            .eval(0, &at, wo, wi)
+            .unwrap_or_else(|| panic!("{name}: sampled {wi} has no value"));
+        let got = elements(&sampled.scatter, wo, wi);
+        let want = elements(&value.scaled(Spectral::splat(1.0 / pdf)), wo, wi);
+        for (lane, (got, want)) in got.iter().zip(&want).enumerate() {
+            for (e, (g, w)) in got.iter().zip(want).enumerate() {
+                assert!(
+                    (g - w).abs() <= tolerance * want[0],
+                    "{name}, lane {lane}, element {}{}: {g} is not {w} at wi {wi}",
+                    e / 4,
+                    e % 4
+                );
             }
         }
-        let [o, e] = faint;
-        assert!(
-            (o - e).abs() < 5.0 * e.sqrt() + 10.0,
-            "{name}: {o} samples where {e} belong"
-        );
-        // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
-        let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
-        assert!(
-            z < 5.0,
-            "{name}: chi² = {chi} on {dof} degrees of freedom, z = {z}"
-        );
+        compared += 1;
     }
+    compared
 }
 
-/// a, b, c, d of the lanes of an interaction, and its s vector; a depolarizer has `a` alone.
-fn elements(s: &Scatter) -> ([[f32; 4]; 4], Vec3A) {
-    match s {
-        Scatter::Depolarize(f) => ([f.to_array(), [0.0; 4], [0.0; 4], [0.0; 4]], Vec3A::ZERO),
-        Scatter::Fresnel { block: f, s } => ([f.a, f.b, f.c, f.d].map(|e| e.to_array()), *s),
-        Scatter::Full { .. } => panic!("none of these materials is as general as that"),
-    }
-}
-
-/// Sampled weight = eval / pdf in all elements and lanes.
 #[test]
 fn weights_are_values_over_densities() {
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
-        let (at, wo) = (surface(), toward(cos, -1.0));
-        let mut stream = Stream::new(42, case as u32, 0);
-        let mut compared = 0;
-        for _ in 0..2000 {
-            let mut lanes = Lanes::first(4);
-            let Some(sampled) = materials.sample(0, &at, wo, &mut lanes, &mut stream) else {
-                continue;
-            };
-            // At the very horizon f32 directions do not fix the cosine to 1e-4.
-            if at.ns.dot(sampled.wi) < 2e-3 {
-                continue;
-            }
-            let pdf = materials.pdf(0, &at, wo, sampled.wi);
-            let value = materials
-                .eval(0, &at, wo, sampled.wi)
-                .expect("a sampled direction has a value");
-            let ((got, s), (want, t)) = (
-                elements(&sampled.scatter),
-                elements(&value.scaled(Spectral::splat(1.0 / pdf))),
-            );
-            for lane in 0..4 {
-                for element in 0..4 {
-                    let (g, w) = (got[element][lane], want[element][lane]);
-                    assert!(
-                        (g - w).abs() <= 1e-4 * want[0][lane],
-                        "{name}, lane {lane}, element {element}: {g} is not {w} at wi {}",
-                        sampled.wi
-                    );
-                }
-            }
-            // The s vector is a polarization axis: its sign has no meaning. Near normal incidence it has no direction.
-            if s != Vec3A::ZERO && s.dot(t).abs() < 0.999 {
-                assert!(
-                    wo.cross(sampled.wi).length() < 1e-2,
-                    "{name}: s vectors {s} and {t}"
-                );
-            }
-            compared += 1;
-        }
+        let compared = weights_agree(&name, &materials, toward(cos, -1.0), case as u32, 1e-4);
         assert!(compared > 500, "{name}: only {compared} samples");
     }
 }
 
-/// Helmholtz reciprocity of Mueller matrices: with the same axes for a ray and its reverse, M(o→i) = Δ M(i→o)ᵀ Δ with
-/// Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness.
-#[test]
-fn rough_conductor_is_reciprocal() {
+/// The BSDF (without cosine) of lane 0 between axes `xo` and `xi`, in f64 from the interaction's own frames.
+pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> Option<M> {
     let at = surface();
+    let s = materials.eval(0, &at, o, i)?;
+    let (fo, fi) = match &s {
+        Scatter::Depolarize(_) => (o.any_orthonormal_vector(), i.any_orthonormal_vector()),
+        Scatter::Fresnel { s, .. } => (*s, *s),
+        Scatter::Full {
+            frame_out, frame_in, ..
+        } => (*frame_out, *frame_in),
+    };
+    let m = s.between(o, fo, i, fi).lane(0);
+    let m = M::from_fn(|r, c| f64::from(m[r][c])) / f64::from(at.ns.dot(i).abs());
+    Some(turn(o.as_dvec3(), fo.as_dvec3(), xo) * m * turn(-i.as_dvec3(), xi, fi.as_dvec3()))
+}
+
+/// Helmholtz reciprocity of Mueller matrices: with the same axes for a ray and its reverse, M(o→i) = Δ M(i→o)ᵀ Δ with
+/// Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness. `index` gives the refractive index
+/// on a direction's side; of radiance, what is reciprocal is the BSDF over the squared index of where it goes (Veach
+/// 1997, eq. 5.14).
+///
+/// Of 700 directions from `pair`; returns how many had a value.
+pub fn is_reciprocal(
+    name: &str,
+    materials: &Materials,
+    index: impl Fn(Vec3A) -> f64,
+    pair: impl Fn(&mut Stream) -> [Vec3A; 2],
+    tolerance: f64,
+) -> u32 {
     let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
     let mut stream = Stream::new(43, 0, 0);
-    let mut strongest = 0.0_f64;
-    for case in 0..2000 {
-        let alpha = [0.1, 0.3, 0.8][case % 3];
-        let mut draw = || {
-            let [u, v] = stream.uniform2();
-            (toward(0.05 + 0.95 * u, v * TAU as f32), v)
-        };
-        let ((a, ta), (b, tb)) = (draw(), draw());
+    let (mut strongest, mut pairs) = (0.0_f64, 0);
+    for _ in 0..700 {
+        let [a, b] = pair(&mut stream);
         // An arbitrary axis across each ray, the same in both directions of travel.
-        let axis = |d: DVec3, t: f32| {
+        let mut axis = |d: Vec3A| {
+            let (d, t) = (d.as_dvec3().normalize(), f64::from(stream.uniform()) * TAU);
             let x = d.any_orthonormal_vector();
-            x * f64::from(3.0 * t).cos() + d.cross(x) * f64::from(3.0 * t).sin()
+            x * t.cos() + d.cross(x) * t.sin()
         };
-        let (da, db) = (a.as_dvec3().normalize(), b.as_dvec3().normalize());
-        let (xa, xb) = (axis(da, ta), axis(db, tb));
-        let brdf = |o: Vec3A, i: Vec3A, xo: DVec3, xi: DVec3| {
-            let value = rough(alpha).eval(0, &at, o, i).unwrap();
-            let (e, s) = elements(&value.scaled(Spectral::splat(1.0 / at.ns.dot(i))));
-            let [a, b, c, d] = e.map(|lanes| f64::from(lanes[0]));
-            let block = M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c);
-            let s = s.as_dvec3();
-            turn(o.as_dvec3(), s, xo) * block * turn(-i.as_dvec3(), xi, s)
+        let (xa, xb) = (axis(a), axis(b));
+        let forth = bsdf(materials, a, b, [xa, xb]);
+        let back = bsdf(materials, b, a, [xb, xa]);
+        let (forth, back) = match (forth, back) {
+            (Some(f), Some(g)) => (f / index(a).powi(2), g / index(b).powi(2)),
+            (None, None) => continue,
+            _ => panic!("{name}: only one way between {a} and {b}"),
         };
-        let forth = brdf(a, b, xa, xb);
-        let back = brdf(b, a, xb, xa);
         let want = delta * forth.transpose() * delta;
         let scale = want[(0, 0)].max(1e-12);
         let off = (back - want).abs().max() / scale;
         assert!(
-            off < 2e-4,
-            "alpha {alpha}, {a} and {b}: off by {off}\n{back}\n{want}"
+            off < tolerance,
+            "{name}, {a} and {b}: off by {off}\n{back}\n{want}"
         );
-        // Without Δ the law would not hold.
         strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
+        pairs += 1;
     }
-    assert!(strongest > 0.1, "no case in which the sign flip matters");
+    assert!(strongest > 0.01, "{name}: no case in which the sign flip matters");
+    pairs
+}
+
+/// Two directions on the front, at least 3° above the horizon.
+pub fn pair_in_front(stream: &mut Stream) -> [Vec3A; 2] {
+    std::array::from_fn(|_| {
+        let [u, v] = stream.uniform2();
+        toward(0.05 + 0.95 * u, v * TAU as f32)
+    })
+}
+
+#[test]
+fn rough_conductor_is_reciprocal() {
+    for alpha in [0.1, 0.3, 0.8] {
+        let pairs = is_reciprocal("conductor", &rough(alpha), |_| 1.0, pair_in_front, 2e-4);
+        assert_eq!(pairs, 700);
+    }
 }

@@ -1,0 +1,93 @@
+//! One evaluation and one sample of each material at 4 wavelengths, over directions in general position.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::Vec3A;
+use std::hint::black_box;
+use std::path::Path;
+use sunstone::geometry::ray::Surface;
+use sunstone::material::Lanes;
+use sunstone::sampling::{stream::Stream, warp};
+use sunstone::scene::materials::MaterialSet;
+
+/// One line per material: its name in the report and its definition in a scene file.
+const MATERIALS: &[(&str, &str)] = &[
+    ("diffuse", "diffuse.albedo = 0.5"),
+    ("conductor", "conductor = { n = 0.4, k = 2.4 }"),
+    (
+        "rough_conductor ggx",
+        "rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }",
+    ),
+    (
+        "rough_conductor beckmann",
+        "rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3, distribution = \"beckmann\" }",
+    ),
+    ("dielectric", "dielectric.ior = 1.5"),
+    (
+        "rough_dielectric ggx",
+        "rough_dielectric = { ior = 1.5, alpha = 0.3 }",
+    ),
+    (
+        "rough_dielectric ggx separable",
+        "rough_dielectric = { ior = 1.5, alpha = 0.3, masking = \"separable\" }",
+    ),
+    (
+        "rough_dielectric beckmann",
+        "rough_dielectric = { ior = 1.5, alpha = 0.3, distribution = \"beckmann\" }",
+    ),
+    (
+        "rough_dielectric dispersive",
+        "rough_dielectric = { ior = [1.52, 1.51, 1.50, 1.49], alpha = 0.3 }",
+    ),
+    ("plastic", "plastic = { albedo = 0.5, ior = 1.5, alpha = 0.3 }"),
+];
+
+fn materials(c: &mut Criterion) {
+    let mut stream = Stream::new(0, 0, 0);
+    let wo = Vec3A::new(0.5, 0.1, 0.86).normalize();
+    let at = Surface {
+        p: Vec3A::ZERO,
+        ng: Vec3A::Z,
+        ns: Vec3A::Z,
+        tangent: Vec3A::X,
+        uv: [0.3, 0.6],
+        material: 0,
+    };
+    let above: Vec<_> = (0..256)
+        .map(|_| warp::cosine_hemisphere(stream.uniform2()))
+        .collect();
+    let below: Vec<_> = above.iter().map(|w| -*w).collect();
+    let mut group = c.benchmark_group("materials");
+    for (name, definition) in MATERIALS {
+        let text = format!("wavelengths_nm = [450, 520, 590, 660]\n[materials]\nm.{definition}\n");
+        let set = MaterialSet::from_text(Path::new("bench.toml"), &text).expect("the material is sound");
+        let m = &set.materials;
+        let mut eval = |what: &str, directions: &[Vec3A]| {
+            let mut next = directions.iter().cycle();
+            group.bench_function(format!("{name}, {what}"), |b| {
+                b.iter(|| {
+                    let wi = next.next().copied().unwrap_or(wo);
+                    m.eval(0, black_box(&at), black_box(wo), black_box(wi))
+                });
+            });
+        };
+        eval("eval", &above);
+        if name.starts_with("rough_dielectric") {
+            eval("eval through", &below);
+        }
+        group.bench_function(format!("{name}, sample"), |b| {
+            b.iter(|| {
+                m.sample(
+                    0,
+                    black_box(&at),
+                    black_box(wo),
+                    &mut Lanes::first(4),
+                    &mut stream,
+                )
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, materials);
+criterion_main!(benches);
