@@ -2,6 +2,7 @@
 //!
 //! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
 
+mod crystals;
 mod direct;
 mod energy;
 mod frames;
@@ -9,6 +10,7 @@ mod glass;
 mod indirect;
 mod materials;
 mod optics;
+mod sheets;
 mod specular;
 #[path = "../support/mod.rs"]
 mod support;
