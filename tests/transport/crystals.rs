@@ -43,10 +43,14 @@ fn way(k: DVec3, c: DVec3, length: f64, n_o: f64, n_e: f64) -> (M, DVec3) {
     (retarder(TAU * length * (n - n_o) / 550e-9), frame)
 }
 
+/// Where the slab's upper face is met: far enough from the origin for the step off a surface, which grows with the
+/// coordinates, to be more than a wave.
+const AT: DVec3 = DVec3::new(0.5, -0.25, THICK);
+
 /// A slab across z from 0 to `top`.
 fn slab(top: f64) -> String {
     format!(
-        "[[objects]]\nmaterial = \"crystal\"\nshape.cube = {{ min = [-0.25, -0.2, 0.0], max = [0.25, 0.27, {top:?}] }}\n"
+        "[[objects]]\nmaterial = \"crystal\"\nshape.cube = {{ min = [0.25, -0.5, 0.0], max = [0.75, 0.03, {top:?}] }}\n"
     )
 }
 
@@ -57,7 +61,7 @@ const THICK: f64 = 1.0 / 1024.0;
 /// camera leaves along `d`. Returns the light that met no inner reflection, and what it should be.
 fn through_slab(d: DVec3, axis: DVec3, n_o: f64, n_e: f64, keys: &str) -> (M, f64, M) {
     let mean = f64::midpoint(n_o, n_e);
-    let top = DVec3::new(0.0, 0.0, THICK);
+    let top = AT;
     let eye = top + d * 1.5;
     let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
     let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
@@ -65,7 +69,13 @@ fn through_slab(d: DVec3, axis: DVec3, n_o: f64, n_e: f64, keys: &str) -> (M, f6
     let bottom = top - inside * length;
     let target = bottom - d * 0.5;
     let camera = Device::ray(eye.to_array(), top).rolled(0.4);
-    let lamp = Device::look_at([0.8, 0.3, target.z + 0.2], target, [3, 3], 20.0).rolled(-0.3);
+    let lamp = Device::look_at(
+        (target + DVec3::new(0.8, 0.3, 0.2)).to_array(),
+        target,
+        [3, 3],
+        20.0,
+    )
+    .rolled(-0.3);
     let d_in = (target - lamp.origin).normalize();
     let normal = (d - d_in).normalize();
     let u = normal.any_orthonormal_vector();
@@ -175,9 +185,15 @@ fn no_retardance_along_the_axis() {
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
     let axis = DVec3::new(0.5, 1.0, 0.0).normalize();
-    let (top, target) = (DVec3::new(0.0, 0.0, THICK), DVec3::new(0.0, 0.0, -0.5));
-    let camera = Device::ray([0.0, 0.0, 1.5], top).rolled(0.4);
-    let lamp = Device::look_at([0.8, 0.3, -0.3], target, [3, 3], 20.0).rolled(-0.3);
+    let (top, target) = (AT, AT - DVec3::Z * (THICK + 0.5));
+    let camera = Device::ray((AT + DVec3::Z * 1.5).to_array(), top).rolled(0.4);
+    let lamp = Device::look_at(
+        (target + DVec3::new(0.8, 0.3, 0.2)).to_array(),
+        target,
+        [3, 3],
+        20.0,
+    )
+    .rolled(-0.3);
     let d_in = (target - lamp.origin).normalize();
     let normal = (DVec3::Z - d_in).normalize();
     let text = head(4000, 7, 22)
