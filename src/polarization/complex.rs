@@ -123,7 +123,7 @@ mod tests {
             let got = [root.re, root.im].map(|x| x.to_array()[2]);
             for (g, w) in got.iter().zip(want) {
                 assert!(
-                    (g - w).abs() <= 1e-6 * w,
+                    (g - w).abs() <= 1e-6 * w.abs(),
                     "√({re} + {im}i) = {got:?}, not {want:?}"
                 );
             }
