@@ -44,3 +44,53 @@ impl Polarizer {
         sheet::straight(wo, block, wo.cross(absorbing))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarization::frame::perpendicular;
+
+    /// Mitsuba 3.9.1's `polarizer` with `theta = -30` (its angle runs the other way), in the same frames.
+    #[test]
+    fn tilted_polarizers_match_mitsuba() {
+        let n = Vec3A::Z;
+        let at = Surface {
+            p: Vec3A::ZERO,
+            ng: n,
+            ns: n,
+            tangent: Vec3A::X,
+            uv: [0.0; 2],
+            material: 0,
+        };
+        let sheet = Polarizer {
+            axis: SheetAxis::Angle(30_f32.to_radians()),
+            transmittance: Spectral::ONE,
+            extinction: Spectral::ZERO,
+        };
+        for (wo, [m01, m02, m11, m12]) in [
+            ([0.6, 0.0, 0.8], [0.324_176, 0.380_67, 0.210_18, 0.246_808]),
+            (
+                [-0.48, 0.6, -0.64],
+                [0.317_718, -0.386_077, 0.201_889, -0.245_327],
+            ),
+            (
+                [0.28, 0.576, -0.768],
+                [0.144_119, -0.478_779, 0.041_541, -0.138_003],
+            ),
+        ] {
+            let wo = Vec3A::from_array(wo);
+            let x = perpendicular(wo);
+            let m = sheet.specular(&at, wo).scatter.between(wo, x, -wo, x).lane(0);
+            for (got, want) in [
+                (m[0][0], 0.5),
+                (m[0][1], m01),
+                (m[2][0], m02),
+                (m[1][1], m11),
+                (m[1][2], m12),
+                (m[3][3], 0.0),
+            ] {
+                assert!((got - want).abs() < 2e-6, "{wo}: {m:?}");
+            }
+        }
+    }
+}

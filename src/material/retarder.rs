@@ -84,3 +84,46 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
     (project(outer, wo), (1.0 - along * along) / cos_t)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarization::frame::perpendicular;
+
+    /// Mitsuba 3.9.1's `retarder` with `theta = 30`, `delta = 100`, from either side.
+    #[test]
+    fn upright_retarders_match_mitsuba() {
+        let n = Vec3A::Z;
+        let at = Surface {
+            p: Vec3A::ZERO,
+            ng: n,
+            ns: n,
+            tangent: Vec3A::X,
+            uv: [0.0; 2],
+            material: 0,
+        };
+        for tilt in [Tilt::Plate(1.5), Tilt::Constant, Tilt::Cosine] {
+            let sheet = Retarder {
+                axis: SheetAxis::Angle(30_f32.to_radians()),
+                retardance: Spectral::splat(100_f32.to_radians()),
+                transmittance: Spectral::ONE,
+                tilt,
+            };
+            for (wo, side) in [(Vec3A::Z, 1.0), (-Vec3A::Z, -1.0)] {
+                let x = perpendicular(wo);
+                let m = sheet.specular(&at, wo).scatter.between(wo, x, -wo, x).lane(0);
+                for (got, want) in [
+                    (m[0][0], 1.0),
+                    (m[1][1], 0.119_764),
+                    (m[1][2], side * 0.508_205),
+                    (m[1][3], side * -0.852_869),
+                    (m[2][3], 0.492_404),
+                    (m[3][1], side * 0.852_869),
+                    (m[3][3], -0.173_648),
+                ] {
+                    assert!((got - want).abs() < 2e-6, "{tilt:?} from {wo}: {m:?}");
+                }
+            }
+        }
+    }
+}

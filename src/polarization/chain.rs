@@ -15,7 +15,8 @@ use glam::Vec3A;
 pub enum Scatter {
     /// f·e₀e₀ᵀ: all polarization is lost; frames do not matter.
     Depolarize(Spectral),
-    /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence.
+    /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence. Wave
+    /// plates and polarizers that do not bend light have this form too, in the frame `s` of their axis.
     Fresnel { block: FresnelBlock, s: Vec3A },
     /// Any matrix, from Stokes vectors in frame `frame_in` (⟂ `wi`) to frame `frame_out` (⟂ `wo`).
     Full {

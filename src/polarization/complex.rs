@@ -48,14 +48,14 @@ impl Complex {
     /// is the decaying wave.
     #[must_use]
     pub fn sqrt(self) -> Self {
-        let half = Spectral::HALF;
-        let modulus = self.norm2().sqrt();
-        let re = ((modulus + self.re) * half).max(Spectral::ZERO).sqrt();
-        let im = ((modulus - self.re) * half).max(Spectral::ZERO).sqrt();
-        let negative = self.im.simd_lt(Spectral::ZERO);
+        // The larger part by a root, the other by division: their difference would cancel for weak absorbers.
+        let large = ((self.norm2().sqrt() + self.re.abs()) * Spectral::HALF).sqrt();
+        let small = self.im * Spectral::HALF / large.max(Spectral::splat(f32::MIN_POSITIVE));
+        let minus = self.im.simd_lt(Spectral::ZERO);
+        let left = self.re.simd_lt(Spectral::ZERO);
         Self {
-            re,
-            im: negative.bitselect(-im, im),
+            re: left.bitselect(small.abs(), large),
+            im: left.bitselect(minus.bitselect(-large, large), small),
         }
     }
 }
@@ -95,5 +95,38 @@ impl Div for Complex {
     /// The divisor must not be zero in a lane that is used.
     fn div(self, rhs: Self) -> Self {
         (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn square_roots_lie_in_the_right_half_plane() {
+        for (re, im, want) in [
+            (4.0, 0.0, [2.0, 0.0]),
+            (-4.0, 0.0, [0.0, 2.0]),
+            (0.0, 0.0, [0.0, 0.0]),
+            (0.0, 2.0, [1.0, 1.0]),
+            (-3.0, 4.0, [1.0, 2.0]),
+            (-3.0, -4.0, [1.0, -2.0]),
+            // (2 + 10⁻⁵ i)²: the imaginary part is far below what a difference of f32 could give.
+            (4.0, 4e-5, [2.0, 1e-5]),
+            (-4.0, 4e-5, [1e-5, 2.0]),
+        ] {
+            let root = Complex {
+                re: Spectral::splat(re),
+                im: Spectral::splat(im),
+            }
+            .sqrt();
+            let got = [root.re, root.im].map(|x| x.to_array()[2]);
+            for (g, w) in got.iter().zip(want) {
+                assert!(
+                    (g - w).abs() <= 1e-6 * w.abs(),
+                    "√({re} + {im}i) = {got:?}, not {want:?}"
+                );
+            }
+        }
     }
 }

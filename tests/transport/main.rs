@@ -3,6 +3,7 @@
 //! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
 
 mod combined;
+mod crystals;
 mod direct;
 mod energy;
 mod frames;
@@ -11,6 +12,7 @@ mod indirect;
 mod materials;
 mod microfacet;
 mod optics;
+mod sheets;
 mod specular;
 #[path = "../support/mod.rs"]
 mod support;
