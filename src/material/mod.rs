@@ -10,6 +10,7 @@ pub mod blend;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
+pub mod measured;
 pub mod normal_map;
 pub mod partial_depolarizer;
 pub mod rough_conductor;
@@ -34,6 +35,7 @@ pub enum Material {
     Blend(blend::Blend),
     NormalMap(normal_map::NormalMap),
     PartialDepolarizer(partial_depolarizer::PartialDepolarizer),
+    Measured(measured::Measured),
 }
 
 /// All materials of a scene with what they share; a material's number is its place in `list`.
@@ -43,6 +45,8 @@ pub enum Material {
 pub struct Materials {
     pub list: Vec<Material>,
     pub textures: Textures,
+    /// Tables of measured materials.
+    pub tables: Vec<measured::table::Table>,
 }
 
 /// The medium that a ray runs through.
@@ -204,7 +208,7 @@ impl Materials {
     #[must_use]
     pub fn is_smooth(&self, id: u32) -> bool {
         match &self.list[id as usize] {
-            Material::Diffuse(_) | Material::RoughConductor(_) => true,
+            Material::Diffuse(_) | Material::RoughConductor(_) | Material::Measured(_) => true,
             Material::Conductor(_) | Material::Dielectric(_) => false,
             Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
             Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
@@ -225,6 +229,7 @@ impl Materials {
             Material::Blend(m) => m.eval(self, at, wo, wi),
             Material::NormalMap(m) => m.eval(self, at, wo, wi),
             Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
+            Material::Measured(m) => m.eval(self, at, wo, wi),
         }
     }
 
@@ -239,6 +244,7 @@ impl Materials {
             Material::Blend(m) => m.pdf(self, at, wo, wi),
             Material::NormalMap(m) => m.pdf(self, at, wo, wi),
             Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
+            Material::Measured(m) => m.pdf(self, at, wo, wi),
         }
     }
 
@@ -261,6 +267,7 @@ impl Materials {
             Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
             Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
             Material::PartialDepolarizer(m) => m.sample(self, at, wo, lanes, stream),
+            Material::Measured(m) => m.sample(self, at, wo, stream),
         }
     }
 
@@ -270,7 +277,7 @@ impl Materials {
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
-            (Material::Diffuse(_) | Material::RoughConductor(_), _) => None,
+            (Material::Diffuse(_) | Material::RoughConductor(_) | Material::Measured(_), _) => None,
             (Material::Conductor(m), Lobe::Reflected) => m.specular(at, wo),
             (Material::Conductor(_), Lobe::Transmitted) => None,
             (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
@@ -292,7 +299,10 @@ impl Materials {
                 .or_else(|| self.beyond(m.b, at, wo, lanes)),
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
-            Material::Diffuse(_) | Material::Conductor(_) | Material::RoughConductor(_) => None,
+            Material::Diffuse(_)
+            | Material::Conductor(_)
+            | Material::RoughConductor(_)
+            | Material::Measured(_) => None,
         }
     }
 }

@@ -39,6 +39,8 @@ pub enum MaterialFile {
     NormalMap(NormalMapFile),
     /// A material that loses part of its polarization.
     PartialDepolarizer(PartialDepolarizerFile),
+    /// A table of measured Mueller matrices.
+    Measured(MeasuredFile),
 }
 
 /// See [`MaterialFile::Diffuse`].
@@ -137,4 +139,15 @@ pub struct PartialDepolarizerFile {
     pub material: Located<String>,
     /// Share of its light that loses its polarization, 0..1: a number or an image.
     pub fraction: Located<ScalarFile>,
+}
+
+/// See [`MaterialFile::Measured`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeasuredFile {
+    /// `.pbsdf` file in the layout of the KAIST pBRDF set.
+    pub file: Located<String>,
+    /// Takes evenly spaced angles where the file's axes are empty, as in downsampled files.
+    #[serde(default)]
+    pub even_axes: bool,
 }

@@ -2,14 +2,16 @@
 
 use super::build::{Context, parse, read};
 use super::locate::{Located, SceneError};
-use super::material_file::{MaterialFile, MaterialSetFile};
+use super::material_file::{MaterialFile, MaterialSetFile, MeasuredFile};
 use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use crate::material::measured::table::{Options, Table};
 use crate::material::texture::{Scalar, Spectrum};
 use crate::material::{
-    Material, Materials, blend, conductor, dielectric, diffuse, normal_map, partial_depolarizer,
+    Material, Materials, blend, conductor, dielectric, diffuse, measured, normal_map, partial_depolarizer,
     rough_conductor, two_sided, varies,
 };
 use crate::spectrum::{Spectral, Wavelengths};
+use sha2::Digest;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -171,7 +173,31 @@ impl<'a> Builder<'_, 'a> {
                     fraction: self.scalar(&p.fraction, "fraction", 0.0..=1.0)?,
                 })
             }
+            MaterialFile::Measured(m) => Material::Measured(measured::Measured {
+                table: self.measured(m)?,
+            }),
         })
+    }
+
+    /// Maps a table. Only parts of it count into the scene's hash, since whole tables take seconds to read.
+    fn measured(&mut self, m: &MeasuredFile) -> Result<u32, SceneError> {
+        let path = self.ctx.path(&m.file);
+        let options = Options {
+            even_axes: m.even_axes,
+            wavelengths: self.ctx.wavelengths.clone(),
+        };
+        let table = Table::open(&path, &options).map_err(|e| {
+            let text = e.to_string();
+            let (fault, mend) = text.split_once("; ").unwrap_or((&text, "give another file"));
+            self.ctx
+                .error(m.file.span(), format!("{} {fault}", path.display()), mend)
+        })?;
+        self.ctx.hash.update((table.file_len() as u64).to_le_bytes());
+        for piece in table.pieces() {
+            self.ctx.hash.update(piece);
+        }
+        self.table.tables.push(table);
+        Ok(self.table.tables.len() as u32 - 1)
     }
 
     fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, SceneError> {

@@ -8,6 +8,7 @@ mod frames;
 mod glass;
 mod indirect;
 mod materials;
+mod measured;
 mod optics;
 mod specular;
 #[path = "../support/mod.rs"]
