@@ -15,6 +15,7 @@ use sunstone::material::measured::write::write;
 use sunstone::material::{Lanes, Material, Materials};
 use sunstone::polarization::chain::Scatter;
 use sunstone::sampling::stream::Stream;
+use sunstone::scene::Scene;
 use sunstone::scene::materials::MaterialSet;
 
 /// Remembers the largest piece of memory that a thread asked for.
@@ -189,7 +190,8 @@ fn other_layouts_of_the_same_table_read_alike() {
 #[test]
 fn every_fault_is_named_with_its_mend() {
     type Fields = Vec<FieldOf>;
-    let by_field: Vec<(&str, fn(&mut Fields))> = vec![
+    type Case = (&'static str, fn(&mut Fields));
+    let by_field: Vec<Case> = vec![
         ("no field `theta_d`", |f| f.retain(|x| x.0 != "theta_d")),
         ("no field `M`", |f| f.retain(|x| x.0 != "M")),
         ("no field `wvls`", |f| f.retain(|x| x.0 != "wvls")),
@@ -282,8 +284,7 @@ fn every_fault_is_named_with_its_mend() {
     let missing = Table::open(&folder.path().join("no.pbsdf"), &Options::default());
     assert!(
         missing
-            .err()
-            .expect("no file")
+            .expect_err("no file")
             .to_string()
             .starts_with("cannot be read")
     );
@@ -298,9 +299,9 @@ fn every_fault_is_named_with_its_mend() {
 fn empty_axes_may_be_even() {
     let folder = folder();
     let mut f = fields();
-    for k in 0..3 {
-        f[k].2[0] = 0;
-        f[k].3.clear();
+    for axis in &mut f[..3] {
+        axis.2[0] = 0;
+        axis.3.clear();
     }
     let path = saved(folder.path(), &container(&f).0);
     assert!(matches!(
@@ -350,37 +351,38 @@ fn scenes_name_the_place_of_the_file() {
     );
 }
 
-/// Pieces tell tables apart: all of a small file; of a large one header, axes and 256 stretches of the data, so that
-/// a change as long as their distance is always seen.
+/// Pieces tell tables apart: all of a small file; of a large one header, axes and 64 stretches of the data, so that a
+/// change as long as their distance is always seen. A scene's hash follows them.
 #[test]
-fn pieces_cover_what_they_say() {
+fn scenes_know_tables_by_their_pieces() {
     let folder = folder();
     let small = saved(folder.path(), &container(&fields()).0);
     let table = Table::open(&small, &Options::default()).expect("a table");
-    assert_eq!(table.pieces().map(<[u8]>::len).sum::<usize>(), table.file_len());
-    let path = folder.path().join("large.pbsdf");
+    assert!(table.pieces().eq(std::iter::once(0..table.file_len())));
     let axes = Axes::even([73, 31, 31], vec![550]);
-    write(&path, &axes, |_, slab| slab.fill(0.25)).expect("a table");
-    let pieces = || -> Vec<u8> {
-        let table = Table::open(&path, &Options::default()).expect("a table");
-        table.pieces().flatten().copied().collect()
+    write(&small, &axes, |_, slab| slab.fill(0.25)).expect("a table");
+    let table = Table::open(&small, &Options::default()).expect("a table");
+    let read: usize = table.pieces().map(|r| r.len()).sum();
+    assert_eq!(read, 211 + 4 * (73 + 31 + 31) + 2 + 64 * 4096);
+    let hash = || {
+        let text = "[camera]\nresolution = [2, 2]\nfov_x_deg = 50\n[[emitters]]\nenvironment.radiance = 1\n\
+                    [materials]\nx.measured = { file = \"table.pbsdf\" }\n";
+        let scene = Scene::from_text(&folder.path().join("scene.toml"), text);
+        scene.unwrap_or_else(|e| panic!("{e}")).sha256
     };
-    let before = pieces();
-    assert_eq!(before.len(), 211 + 4 * (73 + 31 + 31) + 2 + 256 * 4096);
-    let whole = std::fs::read(&path).expect("the file");
+    let before = hash();
+    let whole = std::fs::read(&small).expect("the file");
     let data = 73 * 31 * 31 * 64;
     let start = whole.len() - data;
-    let changes = [
-        216..217,
-        start + 1_000_000..start + 1_000_000 + data / 255,
-        whole.len() - 1..whole.len(),
-    ];
-    for change in changes {
+    let stretch = start + 1_000_000..start + 1_000_000 + data / 63;
+    for change in [216..217, stretch, whole.len() - 1..whole.len()] {
         let mut file = whole.clone();
         file[change.clone()].iter_mut().for_each(|x| *x ^= 1);
-        std::fs::write(&path, file).expect("a file");
-        assert_ne!(before, pieces(), "{change:?}");
+        std::fs::write(&small, file).expect("a file");
+        assert_ne!(before, hash(), "{change:?}");
     }
+    std::fs::write(&small, whole).expect("a file");
+    assert_eq!(before, hash());
 }
 
 fn surface() -> Surface {

@@ -4,6 +4,7 @@ use super::build::{Context, parse, read};
 use super::locate::{Located, SceneError};
 use super::material_file::{MaterialFile, MaterialSetFile, MeasuredFile};
 use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use crate::material::measured::error::PbsdfError;
 use crate::material::measured::table::{Options, Table};
 use crate::material::texture::{Scalar, Spectrum};
 use crate::material::{
@@ -13,6 +14,7 @@ use crate::material::{
 use crate::spectrum::{Spectral, Wavelengths};
 use sha2::Digest;
 use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -47,6 +49,19 @@ impl MaterialSet {
             names: names.into_iter().map(|(n, id)| (n.to_owned(), id)).collect(),
         })
     }
+}
+
+/// The pieces of a table's file that tell it from others.
+fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    let mut out = Vec::new();
+    for range in table.pieces() {
+        let end = out.len();
+        out.resize(end + range.len(), 0);
+        file.seek(SeekFrom::Start(range.start as u64))?;
+        file.read_exact(&mut out[end..])?;
+    }
+    Ok(out)
 }
 
 type Named = BTreeMap<String, Located<MaterialFile>>;
@@ -179,23 +194,23 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Maps a table. Only parts of it count into the scene's hash, since whole tables take seconds to read.
+    /// Maps a table. Only [`Table::pieces`] of it count into the scene's hash, since whole tables take seconds to read.
     fn measured(&mut self, m: &MeasuredFile) -> Result<u32, SceneError> {
         let path = self.ctx.path(&m.file);
         let options = Options {
             even_axes: m.even_axes,
             wavelengths: self.ctx.wavelengths.clone(),
         };
-        let table = Table::open(&path, &options).map_err(|e| {
+        let refused = |e: PbsdfError| {
             let text = e.to_string();
             let (fault, mend) = text.split_once("; ").unwrap_or((&text, "give another file"));
-            self.ctx
-                .error(m.file.span(), format!("{} {fault}", path.display()), mend)
-        })?;
+            let message = format!("{} {fault}", path.display());
+            self.ctx.error(m.file.span(), message, mend)
+        };
+        let table = Table::open(&path, &options).map_err(refused)?;
+        let pieces = pieces(&path, &table).map_err(|e| refused(PbsdfError::Read(e)))?;
         self.ctx.hash.update((table.file_len() as u64).to_le_bytes());
-        for piece in table.pieces() {
-            self.ctx.hash.update(piece);
-        }
+        self.ctx.hash.update(&pieces);
         self.table.tables.push(table);
         Ok(self.table.tables.len() as u32 - 1)
     }

@@ -145,13 +145,13 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);
     let fine = error([33, 19, 19]);
-    let finer = error([65, 37, 37]);
-    println!("rms, worst: {coarse:?} {fine:?} {finer:?}");
-    for (a, b) in [(coarse, fine), (fine, finer)] {
-        let order = (a[0] / b[0]).log2();
-        assert!((1.7..2.4).contains(&order), "order {order} from {a:?} to {b:?}");
-    }
-    assert!(finer[0] < 4e-3 && finer[1] < 0.03, "{finer:?}");
+    println!("rms, worst: {coarse:?} {fine:?}");
+    let order = (coarse[0] / fine[0]).log2();
+    assert!(
+        (1.8..2.2).contains(&order),
+        "order {order} from {coarse:?} to {fine:?}"
+    );
+    assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
 }
 
 /// At an entry itself the table is its source to rounding, frames and cosine included.
@@ -224,8 +224,8 @@ fn realizability_is_inherited() {
         let m = matrix(&value, wo, wi, 1);
         assert!(m[(0, 0)] >= 0.0);
         if m[(0, 0)] > 0.0 {
-            let m = m / m[(0, 0)];
-            assert!(cloude::is_realizable(&m, 1e-5), "{wo} {wi}: {m}");
+            let rows = std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] / m[(0, 0)]));
+            assert!(cloude::is_realizable(&rows, 1e-5), "{wo} {wi}: {m}");
             lit += 1;
         }
     }
@@ -277,7 +277,7 @@ fn the_azimuth_of_the_difference_goes_round() {
 fn holes_are_bridged() {
     let bench = Bench::new();
     let axes = Axes::even([9, 6, 6], vec![450, 550]);
-    let hole = |at: [usize; 4]| (at[0] * 7 + at[1] * 5 + at[2] * 3) % 4 != 0 || at[1] == 5;
+    let hole = |at: [usize; 4]| !(at[0] * 7 + at[1] * 5 + at[2] * 3).is_multiple_of(4) || at[1] == 5;
     let constant = |e: usize| if e == 0 { 0.3 } else { 0.01 * e as f32 };
     for bad in [f32::NAN, f32::INFINITY] {
         for element in [0, 9] {
@@ -353,13 +353,13 @@ fn sampled() -> Vec<(String, Materials)> {
         .collect()
 }
 
-/// Pearson's chi² of 10⁵ samples on a 16 × 32 grid over the hemisphere, rejected samples in a cell of their own.
+/// Pearson's chi² of 60 000 samples on a 16 × 32 grid over the hemisphere, rejected samples in a cell of their own.
 #[test]
 fn samples_follow_their_density() {
-    const N: usize = 100_000;
+    const N: usize = 60_000;
     const ROWS: usize = 16;
     const COLUMNS: usize = 32;
-    const SUB: usize = 40;
+    const SUB: usize = 24;
     for (case, (name, materials)) in sampled().into_iter().enumerate() {
         for cos in [1.0_f32, 0.7, 0.3, 0.05] {
             let (at, wo, back) = (surface(), toward(cos, 0.4), axes().transpose());
@@ -462,7 +462,7 @@ fn importance_tables_reduce_variance() {
     let at = surface();
     for cos in [1.0_f32, 0.7, 0.3] {
         let wo = toward(cos, 0.4);
-        const N: usize = 100_000;
+        const N: usize = 50_000;
         let moments = |mut weight: Box<dyn FnMut(&mut Stream) -> f64>| {
             let mut stream = Stream::new(17, 0, 0);
             let (mut a, mut b, mut top) = (0.0, 0.0, 0.0_f64);

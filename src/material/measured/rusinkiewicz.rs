@@ -38,14 +38,15 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     } else {
         n
     };
-    let across = n.cross(h);
+    // n × h, without cancellation where the two are close.
+    let across = n.cross(h - n);
     let sin_h = across.length();
     let b = if sin_h > 1e-6 {
         across * sin_h.recip()
     } else {
         perpendicular(h)
     };
-    // 2 wi × wo, without cancellation where the two are close.
+    // 2 wi × wo, likewise.
     let cross = difference.cross(sum);
     let size = cross.length();
     let s = if size > 1e-6 { cross * size.recip() } else { -b };

@@ -290,21 +290,22 @@ impl Table {
         }
     }
 
-    /// Pieces of the file by which to tell it from others without reading all of it: the whole where it is small, else
-    /// header, axes and 256 pieces of 4 KiB spread evenly over the data. A change between the pieces goes unseen.
-    pub fn pieces(&self) -> impl Iterator<Item = &[u8]> {
-        const PIECES: usize = 256;
+    /// Byte ranges of the file by which to tell it from others without reading all of it: the whole where it is small,
+    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. A change between the pieces goes unseen.
+    ///
+    /// Read them from the file, not from the map: pages that were touched would count as memory of the process.
+    pub fn pieces(&self) -> impl Iterator<Item = Range<usize>> {
+        const PIECES: usize = 64;
         const PIECE: usize = 4096;
-        let bytes: &[u8] = &self.map;
-        let small = bytes.len() <= 2 * PIECES * PIECE;
-        let heads = self.heads.iter().filter(move |_| !small).cloned();
-        let spread = (bytes.len() - self.start).saturating_sub(PIECE);
+        let (size, start) = (self.map.len(), self.start);
+        let small = size <= 2 * PIECES * PIECE;
+        let heads = self.heads.clone().into_iter().filter(move |_| !small);
+        let spread = (size - start).saturating_sub(PIECE);
         let data = (0..PIECES).filter(move |_| !small).map(move |i| {
-            let at = self.start + spread / (PIECES - 1) * i;
-            at..(at + PIECE).min(bytes.len())
+            let at = start + spread / (PIECES - 1) * i;
+            at..(at + PIECE).min(size)
         });
-        let whole = small.then_some(0..bytes.len());
-        heads.chain(data).chain(whole).map(move |r| &bytes[r])
+        heads.chain(data).chain(small.then_some(0..size))
     }
 
     /// Bytes of the file.
