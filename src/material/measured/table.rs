@@ -302,7 +302,8 @@ impl Table {
         let heads = self.heads.clone().into_iter().filter(move |_| !small);
         let spread = (size - start).saturating_sub(PIECE);
         let data = (0..PIECES).filter(move |_| !small).map(move |i| {
-            let at = start + spread / (PIECES - 1) * i;
+            // Sizes of files are far below 2^64 / 64.
+            let at = start + (spread as u64 * i as u64 / (PIECES as u64 - 1)) as usize;
             at..(at + PIECE).min(size)
         });
         heads.chain(data).chain(small.then_some(0..size))
