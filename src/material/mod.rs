@@ -14,6 +14,7 @@ pub mod crystal;
 pub mod dielectric;
 pub mod diffuse;
 pub mod facets;
+pub mod measured;
 pub mod normal_map;
 pub mod partial_depolarizer;
 pub mod plastic;
@@ -49,6 +50,7 @@ pub enum Material {
     Polarizer(polarizer::Polarizer),
     Retarder(retarder::Retarder),
     Crystal(crystal::Crystal),
+    Measured(measured::Measured),
 }
 
 /// All materials of a scene with what they share; a material's number is its place in `list`.
@@ -58,6 +60,8 @@ pub enum Material {
 pub struct Materials {
     pub list: Vec<Material>,
     pub textures: Textures,
+    /// Tables of measured materials.
+    pub tables: Vec<measured::table::Table>,
 }
 
 /// The medium that a ray runs through.
@@ -237,7 +241,8 @@ impl Materials {
             Material::Diffuse(_)
             | Material::RoughConductor(_)
             | Material::RoughDielectric(_)
-            | Material::Plastic(_) => true,
+            | Material::Plastic(_)
+            | Material::Measured(_) => true,
             Material::Conductor(_)
             | Material::CoatedConductor(_)
             | Material::Dielectric(_)
@@ -270,6 +275,7 @@ impl Materials {
             Material::Blend(m) => m.eval(self, at, wo, wi),
             Material::NormalMap(m) => m.eval(self, at, wo, wi),
             Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
+            Material::Measured(m) => m.eval(self, at, wo, wi),
         }
     }
 
@@ -291,6 +297,7 @@ impl Materials {
             Material::Blend(m) => m.pdf(self, at, wo, wi),
             Material::NormalMap(m) => m.pdf(self, at, wo, wi),
             Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
+            Material::Measured(m) => m.pdf(self, at, wo, wi),
         }
     }
 
@@ -319,6 +326,7 @@ impl Materials {
             Material::Polarizer(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
+            Material::Measured(m) => m.sample(self, at, wo, stream),
         }
     }
 
@@ -332,7 +340,8 @@ impl Materials {
                 Material::Diffuse(_)
                 | Material::RoughConductor(_)
                 | Material::RoughDielectric(_)
-                | Material::Plastic(_),
+                | Material::Plastic(_)
+                | Material::Measured(_),
                 _,
             ) => None,
             (Material::Conductor(m), Lobe::Reflected) => m.specular(at, wo),
@@ -368,6 +377,7 @@ impl Materials {
             | Material::Conductor(_)
             | Material::RoughConductor(_)
             | Material::Plastic(_)
+            | Material::Measured(_)
             | Material::CoatedConductor(_)
             | Material::Polarizer(_)
             | Material::Retarder(_) => None,

@@ -52,6 +52,8 @@ pub enum MaterialFile {
     Retarder(RetarderFile),
     /// Closed surface filled with a uniaxial crystal.
     Crystal(CrystalFile),
+    /// A table of measured Mueller matrices.
+    Measured(MeasuredFile),
 }
 
 /// See [`MaterialFile::Diffuse`].
@@ -314,4 +316,15 @@ pub struct CrystalFile {
 
 fn zero() -> Located<f64> {
     Located::nowhere(0.0)
+}
+
+/// See [`MaterialFile::Measured`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeasuredFile {
+    /// `.pbsdf` file in the layout of the KAIST pBRDF set.
+    pub file: Located<String>,
+    /// Takes evenly spaced angles where the file's axes are empty, as in downsampled files.
+    #[serde(default)]
+    pub even_axes: bool,
 }

@@ -2,19 +2,23 @@
 
 use super::build::{Context, parse, read};
 use super::locate::{Located, SceneError};
-use super::material_file::{MaterialFile, MaterialSetFile};
+use super::material_file::{MaterialFile, MaterialSetFile, MeasuredFile};
 use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use crate::material::constants::{self, ConstantsError};
 use crate::material::dielectric::Dielectric;
 use crate::material::facets::Roughness;
+use crate::material::measured::error::PbsdfError;
+use crate::material::measured::table::{Options, Table};
 use crate::material::texture::{Scalar, Spectrum};
 use crate::material::{
-    Lanes, Material, Materials, blend, conductor, diffuse, normal_map, partial_depolarizer, plastic,
+    Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer, plastic,
     rough_conductor, rough_dielectric, two_sided, varies,
 };
 use crate::sampling::microfacet::{Distribution, Masking};
 use crate::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
+use sha2::Digest;
 use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
@@ -49,6 +53,19 @@ impl MaterialSet {
             names: names.into_iter().map(|(n, id)| (n.to_owned(), id)).collect(),
         })
     }
+}
+
+/// The pieces of a table's file that tell it from others.
+fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    let mut out = Vec::new();
+    for range in table.pieces() {
+        let end = out.len();
+        out.resize(end + range.len(), 0);
+        file.seek(SeekFrom::Start(range.start as u64))?;
+        file.read_exact(&mut out[end..])?;
+    }
+    Ok(out)
 }
 
 type Named = BTreeMap<String, Located<MaterialFile>>;
@@ -186,7 +203,31 @@ impl<'a> Builder<'_, 'a> {
             MaterialFile::Polarizer(p) => Material::Polarizer(self.polarizer(p)?),
             MaterialFile::Retarder(r) => Material::Retarder(self.retarder(m, r)?),
             MaterialFile::Crystal(c) => Material::Crystal(self.crystal(m, c)?),
+            MaterialFile::Measured(m) => Material::Measured(measured::Measured {
+                table: self.measured(m)?,
+            }),
         })
+    }
+
+    /// Maps a table. Only [`Table::pieces`] of it count into the scene's hash, since whole tables take seconds to read.
+    fn measured(&mut self, m: &MeasuredFile) -> Result<u32, SceneError> {
+        let path = self.ctx.path(&m.file);
+        let options = Options {
+            even_axes: m.even_axes,
+            wavelengths: self.ctx.wavelengths.clone(),
+        };
+        let refused = |e: PbsdfError| {
+            let text = e.to_string();
+            let (fault, mend) = text.split_once("; ").unwrap_or((&text, "give another file"));
+            let message = format!("{} {fault}", path.display());
+            self.ctx.error(m.file.span(), message, mend)
+        };
+        let table = Table::open(&path, &options).map_err(refused)?;
+        let pieces = pieces(&path, &table).map_err(|e| refused(PbsdfError::Read(e)))?;
+        self.ctx.hash.update((table.file_len() as u64).to_le_bytes());
+        self.ctx.hash.update(&pieces);
+        self.table.tables.push(table);
+        Ok(self.table.tables.len() as u32 - 1)
     }
 
     fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, SceneError> {

@@ -10,6 +10,7 @@ mod frames;
 mod glass;
 mod indirect;
 mod materials;
+mod measured;
 mod microfacet;
 mod optics;
 mod sheets;

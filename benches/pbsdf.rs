@@ -1,0 +1,80 @@
+//! A measured material: one value, one sample, and opening a table.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::Vec3A;
+use sunstone::geometry::ray::Surface;
+use sunstone::material::measured::Measured;
+use sunstone::material::measured::axes::Axes;
+use sunstone::material::measured::table::{Options, Table};
+use sunstone::material::measured::write::tabulate;
+use sunstone::material::rough_conductor::RoughConductor;
+use sunstone::material::texture::Scalar;
+use sunstone::material::{Lanes, Material, Materials};
+use sunstone::sampling::{stream::Stream, warp};
+use sunstone::spectrum::{Spectral, Wavelengths};
+
+fn pbsdf(c: &mut Criterion) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("metal.pbsdf");
+    let metal = Materials {
+        list: vec![Material::RoughConductor(RoughConductor {
+            n: Spectral::new([1.38, 0.42, 0.14, 1.0]),
+            k: Spectral::new([1.9, 2.5, 3.7, 0.0]),
+            alpha: Scalar::uniform(0.2),
+        })],
+        ..Materials::default()
+    };
+    // 38 MB: more than the caches hold.
+    let axes = Axes::even([91, 46, 46], vec![450, 550, 650]);
+    tabulate(&path, &axes, &metal, 0).expect("a table");
+    let open = |nm: &[f64]| {
+        let options = Options {
+            wavelengths: Wavelengths::new(nm.to_vec()).expect("wavelengths"),
+            ..Options::default()
+        };
+        Table::open(&path, &options).expect("the table just written")
+    };
+    c.bench_function("open", |b| b.iter(|| open(&[450.0, 550.0, 650.0])));
+    let at = Surface {
+        p: Vec3A::ZERO,
+        ng: Vec3A::Z,
+        ns: Vec3A::Z,
+        tangent: Vec3A::X,
+        uv: [0.0; 2],
+        material: 0,
+    };
+    for (name, nm) in [
+        ("3 wavelengths on bands", [450.0, 550.0, 650.0]),
+        ("3 between bands", [460.0, 540.0, 640.0]),
+    ] {
+        let materials = Materials {
+            list: vec![Material::Measured(Measured { table: 0 })],
+            tables: vec![open(&nm)],
+            ..Materials::default()
+        };
+        let mut stream = Stream::new(1, 0, 0);
+        c.bench_function(&format!("eval, {name}, random directions"), |b| {
+            b.iter(|| {
+                let wo = warp::cosine_hemisphere(stream.uniform2());
+                let wi = warp::cosine_hemisphere(stream.uniform2());
+                materials.eval(0, &at, wo, wi)
+            });
+        });
+        c.bench_function(&format!("pdf, {name}, random directions"), |b| {
+            b.iter(|| {
+                let wo = warp::cosine_hemisphere(stream.uniform2());
+                let wi = warp::cosine_hemisphere(stream.uniform2());
+                materials.pdf(0, &at, wo, wi)
+            });
+        });
+        c.bench_function(&format!("sample, {name}, random viewers"), |b| {
+            b.iter(|| {
+                let wo = warp::cosine_hemisphere(stream.uniform2());
+                materials.sample(0, &at, wo, &mut Lanes::first(3), &mut stream)
+            });
+        });
+    }
+}
+
+criterion_group!(benches, pbsdf);
+criterion_main!(benches);

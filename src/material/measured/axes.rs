@@ -1,0 +1,233 @@
+//! The angles and wavelengths at which a table has entries, and where a value lies among them.
+
+use super::error::PbsdfError;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// Angles beyond their range by less than this are rounding of whoever wrote the file.
+const TOLERANCE: f32 = 1e-3;
+
+/// The axes of a table, in the order of its dimensions: radians, and nanometres of vacuum wavelength.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axes {
+    /// Azimuth of the difference vector, -π..π.
+    pub phi_d: Vec<f32>,
+    /// Polar angle of the difference vector, 0..π/2.
+    pub theta_d: Vec<f32>,
+    /// Polar angle of the half vector, 0..π/2.
+    pub theta_h: Vec<f32>,
+    /// Wavelengths, rising.
+    pub wavelengths_nm: Vec<u16>,
+}
+
+/// `count` values from `low` to `high`, ends included.
+fn evenly(low: f32, high: f32, count: usize) -> Vec<f32> {
+    let last = count.saturating_sub(1).max(1) as f64;
+    let (low, high) = (f64::from(low), f64::from(high));
+    (0..count)
+        .map(|i| (low + (high - low) * (i as f64 / last)) as f32)
+        .collect()
+}
+
+/// Names of the angular axes, each with its range.
+pub(super) const ANGLES: [(&str, f32, f32); 3] = [
+    ("phi_d", -PI, PI),
+    ("theta_d", 0.0, FRAC_PI_2),
+    ("theta_h", 0.0, FRAC_PI_2),
+];
+
+impl Axes {
+    /// Evenly spaced angles over their whole range, ends included: counts along phi_d, theta_d and theta_h.
+    #[must_use]
+    pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
+        let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
+        Self {
+            phi_d,
+            theta_d,
+            theta_h,
+            wavelengths_nm,
+        }
+    }
+
+    /// The angular axes in the order of [`ANGLES`].
+    pub(super) fn angles(&self) -> [&[f32]; 3] {
+        [&self.phi_d, &self.theta_d, &self.theta_h]
+    }
+
+    /// Elements of one phi_d slab: theta_d × theta_h × wavelength × 16.
+    ///
+    /// # Errors
+    /// [`PbsdfError::TooLarge`] where one slab or the table is more than can be counted.
+    pub fn slab_len(&self) -> Result<usize, PbsdfError> {
+        let parts = [self.theta_d.len(), self.theta_h.len(), self.wavelengths_nm.len()];
+        let slab = parts.iter().try_fold(16, |n: usize, p| n.checked_mul(*p));
+        slab.filter(|n| {
+            n.checked_mul(self.phi_d.len())
+                .is_some_and(|n| n <= isize::MAX as usize / 4)
+        })
+        .ok_or(PbsdfError::TooLarge)
+    }
+
+    /// Checks ranges, order and lengths.
+    ///
+    /// # Errors
+    /// [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`], [`PbsdfError::Order`],
+    /// [`PbsdfError::HalfCircle`].
+    pub fn check(&self) -> Result<(), PbsdfError> {
+        for (values, (axis, low, high)) in self.angles().into_iter().zip(ANGLES) {
+            if values.len() < 2 {
+                return Err(PbsdfError::ShortAxis(axis, values.len()));
+            }
+            let range = low - TOLERANCE..=high + TOLERANCE;
+            if let Some(&value) = values.iter().find(|v| !range.contains(*v)) {
+                return Err(PbsdfError::Angle {
+                    axis,
+                    value,
+                    low,
+                    high,
+                });
+            }
+            if let Some(w) = values.windows(2).find(|w| w[0] >= w[1]) {
+                return Err(PbsdfError::Order {
+                    axis,
+                    before: w[0].into(),
+                    after: w[1].into(),
+                });
+            }
+        }
+        let (first, last) = (self.phi_d[0], self.phi_d[self.phi_d.len() - 1]);
+        if first + TAU - last > PI - TOLERANCE {
+            return Err(PbsdfError::HalfCircle(first, last));
+        }
+        if self.wavelengths_nm.is_empty() {
+            return Err(PbsdfError::NoWavelengths);
+        }
+        if let Some(w) = self.wavelengths_nm.windows(2).find(|w| w[0] >= w[1]) {
+            return Err(PbsdfError::Order {
+                axis: "wvls",
+                before: w[0].into(),
+                after: w[1].into(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Evenly spaced values of the `k`-th of [`ANGLES`].
+pub(super) fn even_axis(k: usize, count: usize) -> Vec<f32> {
+    let (_, low, high) = ANGLES[k];
+    evenly(low, high, count)
+}
+
+/// The two entries around a value, and the weight of the second.
+pub(super) type Place = (usize, usize, f32);
+
+/// One checked axis, ready for lookup.
+#[derive(Clone, Debug)]
+pub(super) struct Axis {
+    nodes: Vec<f32>,
+    /// Entries per radian where they are evenly spaced.
+    rate: Option<f32>,
+}
+
+impl Axis {
+    /// Of two or more strictly rising values.
+    pub fn new(nodes: Vec<f32>) -> Self {
+        let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
+        let step = (last - first) / (nodes.len() - 1) as f32;
+        let even = nodes
+            .iter()
+            .enumerate()
+            .all(|(i, v)| (v - (first + step * i as f32)).abs() < 0.01 * step);
+        Self {
+            nodes,
+            rate: even.then(|| step.recip()),
+        }
+    }
+
+    pub fn nodes(&self) -> &[f32] {
+        &self.nodes
+    }
+
+    /// The entry at or below `x`, which lies within the axis (or beside it by rounding).
+    #[inline]
+    fn below(&self, x: f32) -> usize {
+        let last = self.nodes.len() - 2;
+        match self.rate {
+            Some(rate) => {
+                // The guess is at most one off, since the nodes are even to a hundredth of a step.
+                let i = (((x - self.nodes[0]) * rate) as usize).min(last);
+                if x < self.nodes[i] {
+                    i.saturating_sub(1)
+                } else if x >= self.nodes[i + 1] {
+                    (i + 1).min(last)
+                } else {
+                    i
+                }
+            }
+            None => self
+                .nodes
+                .partition_point(|n| *n <= x)
+                .saturating_sub(1)
+                .min(last),
+        }
+    }
+
+    /// Where `x` lies; beyond the ends, the end.
+    #[inline]
+    pub fn place(&self, x: f32) -> Place {
+        let i = self.below(x);
+        let (a, b) = (self.nodes[i], self.nodes[i + 1]);
+        (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
+    }
+
+    /// Where the angle `x` in -π..π lies on an axis that goes round: the last entry and the first are neighbours.
+    #[inline]
+    pub fn place_around(&self, x: f32) -> Place {
+        let last = self.nodes.len() - 1;
+        let (first, end) = (self.nodes[0], self.nodes[last]);
+        if x >= first && x <= end {
+            return self.place(x);
+        }
+        let x = if x < first { x + TAU } else { x };
+        let gap = (first + TAU - end).max(f32::MIN_POSITIVE);
+        (last, 0, ((x - end) / gap).clamp(0.0, 1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The fast path finds what a search finds, and interpolating an axis itself gives the value back.
+    #[test]
+    fn places_reproduce_values() {
+        let even = Axis::new(even_axis(1, 91));
+        let uneven = Axis::new((0..40).map(|i| FRAC_PI_2 * (i as f32 / 39.0).powi(2)).collect());
+        assert!(even.rate.is_some() && uneven.rate.is_none());
+        for axis in [even, uneven] {
+            for k in 0..=10_000 {
+                let x = FRAC_PI_2 * k as f32 / 10_000.0;
+                let (i, j, t) = axis.place(x);
+                let back = axis.nodes[i] * (1.0 - t) + axis.nodes[j] * t;
+                assert!((back - x).abs() < 1e-6 && (0.0..=1.0).contains(&t), "{x}: {back}");
+            }
+            assert_eq!(axis.place(-0.5).2, 0.0);
+            let (_, j, t) = axis.place(2.0);
+            assert!(j == axis.nodes.len() - 1 && t == 1.0);
+        }
+    }
+
+    /// An axis without its closing entry goes round: the gap is bridged by the last and the first.
+    #[test]
+    fn the_circle_closes() {
+        let axis = Axis::new((0..8).map(|i| -PI + PI / 8.0 + TAU / 8.0 * i as f32).collect());
+        let (i, j, t) = axis.place_around(PI);
+        assert!((i, j) == (7, 0) && (t - 0.5).abs() < 1e-5);
+        let (i, j, t) = axis.place_around(-PI);
+        assert!((i, j) == (7, 0) && (t - 0.5).abs() < 1e-5);
+        let closed = Axis::new(even_axis(0, 9));
+        assert_eq!(closed.place_around(-PI).0, 0);
+        let (_, j, t) = closed.place_around(PI);
+        assert!(j == 8 && t == 1.0);
+    }
+}

@@ -1,0 +1,169 @@
+//! Half vectors drawn in proportion to what a table reflects.
+//!
+//! For evenly spaced polar angles θ_o of the viewer, a piecewise constant density over the half vector h is tabulated:
+//! p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo), with M̄ the mean of M00 over φ_d and wavelength and the last factor the
+//! Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14). Cells are even in azimuth about the plane of wo and n, which p is
+//! symmetric about, and in q = 1 - cosθ_h between edges that crowd where θ_h is small, so that within a cell a uniform
+//! (q, φ) is uniform in solid angle. One of the two neighbouring θ_o is taken by its linear weight, so the density is
+//! the same blend of both. (Dupuy & Jakob 2018 sample measured BRDFs from tables of their own likewise.)
+
+use super::axes::Axis;
+use glam::Vec3A;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// M̄ over θ_d (rows) and θ_h.
+pub(super) struct Mean {
+    pub theta_d: Axis,
+    pub theta_h: Axis,
+    pub values: Vec<f32>,
+}
+
+impl Mean {
+    fn at(&self, theta_d: f32, theta_h: f32) -> f32 {
+        let (d0, d1, td) = self.theta_d.place(theta_d);
+        let (h0, h1, th) = self.theta_h.place(theta_h);
+        let columns = self.theta_h.nodes().len();
+        let row = |d: usize| {
+            let (a, b) = (self.values[d * columns + h0], self.values[d * columns + h1]);
+            a + (b - a) * th
+        };
+        let (a, b) = (row(d0), row(d1));
+        a + (b - a) * td
+    }
+}
+
+/// Tabulated densities of half vectors. Local directions: z the normal, wo in the xz half plane with x ≥ 0.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Importance {
+    /// Values of θ_o, from 0 to π/2.
+    angles: usize,
+    rows: usize,
+    columns: usize,
+    /// q at the borders of rows.
+    edges: Vec<f32>,
+    /// For every θ_o the running sums over cells, row by row; the last is 1.
+    sums: Vec<f32>,
+}
+
+impl Importance {
+    /// From M̄ and the table's number of entries along θ_d, θ_h and φ_d: a coarse table gets a coarse density.
+    pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
+        let [d, h, phi] = entries;
+        let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));
+        let edges = (0..=rows).map(|i| {
+            let theta = FRAC_PI_2 * (i as f32 / rows as f32).powi(2);
+            2.0 * (0.5 * theta).sin().powi(2)
+        });
+        let mut out = Self {
+            angles,
+            rows,
+            columns,
+            edges: edges.collect(),
+            sums: Vec::with_capacity(angles * rows * columns),
+        };
+        for angle in 0..angles {
+            let (sin, cos) = (FRAC_PI_2 * angle as f32 / (angles - 1) as f32).sin_cos();
+            out.tabulate(Vec3A::new(sin, 0.0, cos.max(0.0)), mean);
+        }
+        out
+    }
+
+    /// Appends the density for one `wo`, each cell from 2 × 2 points.
+    fn tabulate(&mut self, wo: Vec3A, mean: &Mean) {
+        let point = |q: f32, phi: f32| {
+            let h = direction(q, phi);
+            let cos = h.dot(wo);
+            let cos_i = 2.0 * cos * h.z - wo.z;
+            if cos <= 0.0 || cos_i <= 0.0 {
+                return 0.0;
+            }
+            mean.at(cos.min(1.0).acos(), h.z.min(1.0).acos()) * cos_i * cos
+        };
+        let mut masses = Vec::with_capacity(self.rows * self.columns);
+        for row in self.edges.windows(2) {
+            let width = row[1] - row[0];
+            for column in 0..self.columns {
+                let mut sum = 0.0;
+                for (a, b) in [(0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)] {
+                    let phi = PI * (column as f32 + b) / self.columns as f32;
+                    sum += point(row[0] + a * width, phi);
+                }
+                masses.push(f64::from(sum * width));
+            }
+        }
+        let mut total: f64 = masses.iter().sum();
+        if total <= 0.0 {
+            // Nothing is known to be reflected (holes, or the very horizon): any half vector is as good.
+            for (mass, cell) in masses.iter_mut().zip(0..) {
+                let row = cell / self.columns;
+                *mass = f64::from(self.edges[row + 1] - self.edges[row]);
+            }
+            total = masses.iter().sum();
+        }
+        let mut sum = 0.0;
+        let sums = masses.iter().map(|mass| {
+            sum += mass;
+            ((sum / total) as f32).min(1.0)
+        });
+        self.sums.extend(sums);
+        if let Some(last) = self.sums.last_mut() {
+            *last = 1.0;
+        }
+    }
+
+    /// The θ_o below `cos_o`, and the weight of the next.
+    #[inline]
+    fn angle(&self, cos_o: f32) -> (usize, f32) {
+        let x = cos_o.clamp(0.0, 1.0).acos() / FRAC_PI_2 * (self.angles - 1) as f32;
+        let i = (x as usize).min(self.angles - 2);
+        (i, (x - i as f32).clamp(0.0, 1.0))
+    }
+
+    /// Probability of a cell under the `angle`-th θ_o.
+    #[inline]
+    fn mass(&self, angle: usize, cell: usize) -> f32 {
+        let sums = &self.sums[angle * self.rows * self.columns..];
+        sums[cell] - if cell > 0 { sums[cell - 1] } else { 0.0 }
+    }
+
+    /// Density of [`Self::sample`] per solid angle of the local half vector `h`.
+    #[inline]
+    pub fn pdf(&self, cos_o: f32, h: Vec3A) -> f32 {
+        let q = (h.x * h.x + h.y * h.y) / (1.0 + h.z);
+        let row = self.edges[1..self.rows].partition_point(|e| *e <= q);
+        let share = h.y.abs().atan2(h.x) / PI;
+        let column = ((share * self.columns as f32) as usize).min(self.columns - 1);
+        let (angle, t) = self.angle(cos_o);
+        let cell = row * self.columns + column;
+        let mass = (1.0 - t) * self.mass(angle, cell) + t * self.mass(angle + 1, cell);
+        let area = (self.edges[row + 1] - self.edges[row]) * (TAU / self.columns as f32);
+        mass / area
+    }
+
+    /// A local half vector for a viewer at `cos_o`; `u` chooses θ_o, the cell, q and φ.
+    #[inline]
+    pub fn sample(&self, cos_o: f32, u: [f32; 4]) -> Vec3A {
+        let (angle, t) = self.angle(cos_o);
+        let angle = angle + usize::from(u[0] < t);
+        let cells = self.rows * self.columns;
+        let sums = &self.sums[angle * cells..(angle + 1) * cells];
+        let cell = sums.partition_point(|s| *s <= u[1]).min(cells - 1);
+        let (row, column) = (cell / self.columns, cell % self.columns);
+        let q = self.edges[row] + u[2] * (self.edges[row + 1] - self.edges[row]);
+        // Both halves of the symmetric azimuth.
+        let (side, within) = if u[3] < 0.5 {
+            (1.0, 2.0 * u[3])
+        } else {
+            (-1.0, 2.0 * u[3] - 1.0)
+        };
+        direction(q, side * PI * (column as f32 + within) / self.columns as f32)
+    }
+}
+
+/// The direction of q = 1 - cosθ and azimuth φ.
+#[inline]
+fn direction(q: f32, phi: f32) -> Vec3A {
+    let r = (q * (2.0 - q)).max(0.0).sqrt();
+    let (s, c) = phi.sin_cos();
+    Vec3A::new(r * c, r * s, 1.0 - q)
+}

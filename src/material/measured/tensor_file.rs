@@ -1,0 +1,223 @@
+//! The container of named arrays that Mitsuba calls a tensor file, read in place.
+//!
+//! All little-endian: `"tensor_file\0"`, version u8 × 2 = 1.0, field count u32; for each field: name length u16, name,
+//! number of dimensions u16, type u8, offset of the data from the start of the file u64, shape u64 × dimensions. Data
+//! are row-major, usually aligned to 8 bytes (nothing here relies on it).
+//!
+//! Every size in the header is a claim: the reader allocates nothing, and takes no byte range that the file lacks.
+
+use super::error::PbsdfError;
+use std::ops::Range;
+
+/// The first bytes of every tensor file.
+pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
+
+/// Bytes before the first field.
+pub(super) const HEAD: usize = 18;
+
+/// Element types that tables use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dtype {
+    U16,
+    F32,
+}
+
+impl Dtype {
+    /// The type's code in the file.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::U16 => 3,
+            Self::F32 => 10,
+        }
+    }
+
+    /// Bytes of an element.
+    #[must_use]
+    pub fn size(self) -> usize {
+        match self {
+            Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::U16 => "u16",
+            Self::F32 => "f32",
+        }
+    }
+}
+
+/// Name of a type code.
+fn type_name(code: u8) -> String {
+    let names = [
+        "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f16", "f32", "f64",
+    ];
+    usize::from(code)
+        .checked_sub(1)
+        .and_then(|i| names.get(i))
+        .map_or_else(|| format!("{code} (unknown)"), |n| (*n).to_owned())
+}
+
+/// Takes bytes off the front.
+fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
+    let (head, tail) = bytes.split_at_checked(count)?;
+    *bytes = tail;
+    Some(head)
+}
+
+fn number<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
+    take(bytes, N)?.try_into().ok()
+}
+
+/// One field as the header describes it, unchecked.
+#[derive(Clone, Copy)]
+struct Entry<'a> {
+    name: &'a [u8],
+    code: u8,
+    offset: u64,
+    /// u64 each.
+    shape: &'a [u8],
+}
+
+fn entry<'a>(bytes: &mut &'a [u8]) -> Option<Entry<'a>> {
+    let length = u16::from_le_bytes(number(bytes)?);
+    let name = take(bytes, length.into())?;
+    let dimensions = u16::from_le_bytes(number(bytes)?);
+    let [code] = number(bytes)?;
+    let offset = u64::from_le_bytes(number(bytes)?);
+    let shape = take(bytes, usize::from(dimensions) * 8)?;
+    Some(Entry {
+        name,
+        code,
+        offset,
+        shape,
+    })
+}
+
+/// A field whose data lie inside the file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field<'a> {
+    /// Type of its elements.
+    pub dtype: Dtype,
+    /// The bytes of its data; empty where the shape has a zero.
+    pub range: Range<usize>,
+    shape: &'a [u8],
+}
+
+impl Field<'_> {
+    /// Extent along each dimension.
+    pub fn shape(&self) -> impl ExactSizeIterator<Item = u64> + '_ {
+        let word = |w: &[u8]| w.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b));
+        self.shape.chunks_exact(8).map(word)
+    }
+
+    /// The shape in words; long ones are cut.
+    pub(super) fn shape_text(&self) -> String {
+        let mut parts: Vec<String> = self.shape().take(8).map(|n| n.to_string()).collect();
+        if self.shape().len() > 8 {
+            parts.push("…".into());
+        }
+        format!("({})", parts.join(", "))
+    }
+}
+
+/// A tensor file in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct TensorFile<'a> {
+    bytes: &'a [u8],
+    count: u32,
+}
+
+impl<'a> TensorFile<'a> {
+    /// Checks magic, version and that the header is whole.
+    ///
+    /// # Errors
+    /// [`PbsdfError::Magic`], [`PbsdfError::Version`], [`PbsdfError::Header`].
+    pub fn new(bytes: &'a [u8]) -> Result<Self, PbsdfError> {
+        if !bytes.starts_with(MAGIC) {
+            return Err(PbsdfError::Magic);
+        }
+        let cut = PbsdfError::Header { field: 0, count: 0 };
+        let Some(rest) = bytes.get(MAGIC.len()..HEAD) else {
+            return Err(cut);
+        };
+        if rest[..2] != [1, 0] {
+            return Err(PbsdfError::Version(rest[0], rest[1]));
+        }
+        let count = u32::from_le_bytes([rest[2], rest[3], rest[4], rest[5]]);
+        let file = Self { bytes, count };
+        file.header_end()?;
+        Ok(file)
+    }
+
+    fn cut(&self, field: u32) -> PbsdfError {
+        PbsdfError::Header {
+            field: field + 1,
+            count: self.count,
+        }
+    }
+
+    /// Where the header ends, bytes from the start of the file.
+    ///
+    /// # Errors
+    /// [`PbsdfError::Header`] where it does not.
+    pub fn header_end(&self) -> Result<usize, PbsdfError> {
+        let mut at = &self.bytes[HEAD..];
+        // A field takes 13 bytes or more, so a file that claims billions of them is found out at its end.
+        for field in 0..self.count {
+            entry(&mut at).ok_or_else(|| self.cut(field))?;
+        }
+        Ok(self.bytes.len() - at.len())
+    }
+
+    /// The field of a name, its type, extent and byte range checked.
+    ///
+    /// # Errors
+    /// [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`], [`PbsdfError::Truncated`] and the errors
+    /// of [`Self::new`].
+    pub fn field(&self, name: &'static str, dtype: Dtype) -> Result<Field<'a>, PbsdfError> {
+        let mut at = &self.bytes[HEAD..];
+        let mut found = None;
+        for field in 0..self.count {
+            let e = entry(&mut at).ok_or_else(|| self.cut(field))?;
+            if e.name == name.as_bytes() && found.replace(e).is_some() {
+                return Err(PbsdfError::Twice(name));
+            }
+        }
+        let e = found.ok_or(PbsdfError::Missing(name))?;
+        if e.code != dtype.code() {
+            return Err(PbsdfError::Type {
+                field: name,
+                found: type_name(e.code),
+                want: dtype.name(),
+            });
+        }
+        let mut field = Field {
+            dtype,
+            range: 0..0,
+            shape: e.shape,
+        };
+        // A zero anywhere means no data, wherever they are said to lie and however long the rest is.
+        if field.shape().any(|n| n == 0) {
+            return Ok(field);
+        }
+        let bytes = field
+            .shape()
+            .try_fold(dtype.size() as u64, u64::checked_mul)
+            .unwrap_or(u64::MAX);
+        let end = u128::from(e.offset) + u128::from(bytes);
+        if end > self.bytes.len() as u128 {
+            return Err(PbsdfError::Truncated {
+                field: name,
+                start: e.offset,
+                end,
+                size: self.bytes.len(),
+            });
+        }
+        // Both fit: they do not exceed the length of a slice.
+        field.range = e.offset as usize..(e.offset + bytes) as usize;
+        Ok(field)
+    }
+}

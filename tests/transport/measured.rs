@@ -1,0 +1,514 @@
+//! Measured materials against the material that a table was made from, and against what interpolation promises.
+
+use crate::optics::M;
+use glam::{Mat3A, Vec3A};
+use std::f32::consts::{FRAC_PI_2, PI};
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+use sunstone::decompose::cloude;
+use sunstone::geometry::ray::Surface;
+use sunstone::material::measured::Measured;
+use sunstone::material::measured::axes::Axes;
+use sunstone::material::measured::rusinkiewicz::{Coordinates, coordinates};
+use sunstone::material::measured::table::{Options, Table};
+use sunstone::material::measured::write::{tabulate, write};
+use sunstone::material::rough_conductor::RoughConductor;
+use sunstone::material::texture::Scalar;
+use sunstone::material::{Lanes, Material, Materials};
+use sunstone::polarization::chain::Scatter;
+use sunstone::polarization::frame::project;
+use sunstone::sampling::stream::Stream;
+use sunstone::spectrum::{Spectral, Wavelengths};
+
+/// Rough gold (550 nm) and silver-like metal in two lanes.
+fn metal(alpha: f32) -> Materials {
+    Materials {
+        list: vec![Material::RoughConductor(RoughConductor {
+            n: Spectral::new([0.4242, 0.06, 1.0, 1.0]),
+            k: Spectral::new([2.4721, 3.6, 0.0, 0.0]),
+            alpha: Scalar::uniform(alpha),
+        })],
+        ..Materials::default()
+    }
+}
+
+/// Tables in a folder that lives as long as they are made and opened.
+struct Bench(tempfile::TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        let memory = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir());
+        Self(memory.expect("a folder"))
+    }
+
+    fn path(&self) -> PathBuf {
+        self.0.path().join("t.pbsdf")
+    }
+
+    fn open(&self, nm: &[f64]) -> Materials {
+        let options = Options {
+            wavelengths: Wavelengths::new(nm.to_vec()).expect("wavelengths"),
+            ..Options::default()
+        };
+        let table = Table::open(&self.path(), &options).unwrap_or_else(|e| panic!("{e}"));
+        Materials {
+            list: vec![Material::Measured(Measured { table: 0 })],
+            tables: vec![table],
+            ..Materials::default()
+        }
+    }
+
+    /// A table made from a metal, bands 450 and 550 nm.
+    fn of_metal(&self, alpha: f32, counts: [usize; 3]) -> Materials {
+        let axes = Axes::even(counts, vec![450, 550]);
+        tabulate(&self.path(), &axes, &metal(alpha), 0).expect("a table");
+        self.open(&[450.0, 550.0])
+    }
+
+    /// A table of numbers.
+    fn of(&self, axes: &Axes, nm: &[f64], mut value: impl FnMut([usize; 4], usize) -> f32) -> Materials {
+        let (h, bands) = (axes.theta_h.len(), axes.wavelengths_nm.len());
+        write(&self.path(), axes, |phi, slab| {
+            for (i, x) in slab.iter_mut().enumerate() {
+                let cell = i / 16;
+                let at = [phi, cell / bands / h, cell / bands % h, cell % bands];
+                *x = value(at, i % 16);
+            }
+        })
+        .expect("a table");
+        self.open(nm)
+    }
+}
+
+/// A frame in general position: columns x, y, normal.
+fn axes() -> Mat3A {
+    Mat3A::from_rotation_y(0.7) * Mat3A::from_rotation_x(-1.1) * Mat3A::from_rotation_z(0.3)
+}
+
+fn surface() -> Surface {
+    let n = axes().z_axis;
+    Surface {
+        p: Vec3A::ZERO,
+        ng: n,
+        ns: n,
+        tangent: axes().x_axis,
+        uv: [0.0; 2],
+        material: 0,
+    }
+}
+
+/// A direction of given cosine to the normal and azimuth.
+fn toward(cos: f32, phi: f32) -> Vec3A {
+    let s = (1.0 - cos * cos).max(0.0).sqrt();
+    axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
+}
+
+/// A pair of directions with cosines of at least `least`.
+fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
+    let mut draw = || {
+        let [u, v] = stream.uniform2();
+        toward(least + (1.0 - least) * u, v * TAU as f32)
+    };
+    (draw(), draw())
+}
+
+/// The matrix between axes that depend on the rays alone, one lane.
+fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
+    let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
+    let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
+    M::from_fn(|i, j| f64::from(m[i][j]))
+}
+
+/// Root mean square and largest difference of any element between a table and its source, over M00, for pairs within
+/// 60° of the normal (cells that touch the horizon have holes).
+fn error(counts: [usize; 3]) -> [f64; 2] {
+    let (bench, source) = (Bench::new(), metal(0.5));
+    let table = bench.of_metal(0.5, counts);
+    let (at, mut stream) = (surface(), Stream::new(11, 0, 0));
+    let (mut sum, mut worst) = (0.0, 0.0_f64);
+    let n = 4000;
+    for _ in 0..n {
+        let (wo, wi) = pair(&mut stream, 0.5);
+        let [got, want] = [&table, &source].map(|m| {
+            let value = m.eval(0, &at, wo, wi).expect("both are above the surface");
+            matrix(&value, wo, wi, 1)
+        });
+        let off = (got - want).abs().max() / want[(0, 0)];
+        sum += off * off;
+        worst = worst.max(off);
+    }
+    [(sum / f64::from(n)).sqrt(), worst]
+}
+
+/// Linear interpolation errs by the square of the step: half the step, a quarter of the error.
+#[test]
+fn tables_converge_to_their_source_at_second_order() {
+    let coarse = error([17, 10, 10]);
+    let fine = error([33, 19, 19]);
+    println!("rms, worst: {coarse:?} {fine:?}");
+    let order = (coarse[0] / fine[0]).log2();
+    assert!(
+        (1.8..2.2).contains(&order),
+        "order {order} from {coarse:?} to {fine:?}"
+    );
+    assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
+}
+
+/// At an entry itself the table is its source to rounding, frames and cosine included.
+#[test]
+fn entries_are_the_source() {
+    let (bench, source) = (Bench::new(), metal(0.4));
+    let table = bench.of_metal(0.4, [13, 7, 10]);
+    let at = surface();
+    let mut compared = 0;
+    for (i, j, k) in (0..13).flat_map(|i| (0..7).flat_map(move |j| (0..10).map(move |k| (i, j, k)))) {
+        let [p, d, h] = table.tables[0].angles();
+        let c = Coordinates {
+            phi_d: p[i],
+            theta_d: d[j],
+            theta_h: h[k],
+        };
+        let (wi, wo, _) = sunstone::material::measured::rusinkiewicz::directions(c);
+        if wi.z < 0.05 || wo.z < 0.05 {
+            continue;
+        }
+        let turn = axes() * Mat3A::from_rotation_z(1.3 * i as f32);
+        let (wi, wo) = (turn * wi, turn * wo);
+        let [got, want] =
+            [&table, &source].map(|m| matrix(&m.eval(0, &at, wo, wi).expect("above"), wo, wi, 0));
+        let off = (got - want).abs().max() / want[(0, 0)];
+        // Rounding of f32 angles moves the place in the table by up to 1e-5 of a step.
+        assert!(off < 1e-4, "{c:?}: off by {off}\n{got}\n{want}");
+        compared += 1;
+    }
+    assert!(compared > 300, "{compared}");
+}
+
+/// M(o→i) = Δ M(i→o)ᵀ Δ with the same axes for a ray and its reverse: the table has its source's reciprocity where
+/// φ_d and φ_d + π are both entries.
+#[test]
+fn reciprocity_is_inherited() {
+    let bench = Bench::new();
+    let table = bench.of_metal(0.4, [17, 9, 9]);
+    let (at, mut stream) = (surface(), Stream::new(12, 0, 0));
+    let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
+    let mut strongest = 0.0_f64;
+    for _ in 0..2000 {
+        let (a, b) = pair(&mut stream, 0.1);
+        let brdf = |o: Vec3A, i: Vec3A| {
+            let value = table.eval(0, &at, o, i).expect("above");
+            matrix(&value, o, i, 0) / f64::from(at.ns.dot(i))
+        };
+        let (forth, back) = (brdf(a, b), brdf(b, a));
+        let want = delta * forth.transpose() * delta;
+        let scale = want[(0, 0)].max(1e-3);
+        assert!(
+            (back - want).abs().max() < 5e-4 * scale,
+            "{a} {b}\n{back}\n{want}"
+        );
+        strongest = strongest.max((back - forth.transpose()).abs().max() / scale);
+    }
+    assert!(strongest > 0.1, "no case in which the sign flip matters");
+}
+
+/// Interpolation is a convex sum, so a table of realizable matrices gives realizable ones, holes at the horizon or not.
+#[test]
+fn realizability_is_inherited() {
+    let bench = Bench::new();
+    let table = bench.of_metal(0.3, [9, 7, 7]);
+    let (at, mut stream) = (surface(), Stream::new(13, 0, 0));
+    let mut lit = 0;
+    for _ in 0..3000 {
+        let (wo, wi) = pair(&mut stream, 0.005);
+        let value = table.eval(0, &at, wo, wi).expect("above");
+        let m = matrix(&value, wo, wi, 1);
+        assert!(m[(0, 0)] >= 0.0);
+        if m[(0, 0)] > 0.0 {
+            let rows = std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] / m[(0, 0)]));
+            assert!(cloude::is_realizable(&rows, 1e-5), "{wo} {wi}: {m}");
+            lit += 1;
+        }
+    }
+    assert!(lit > 2500, "{lit}");
+}
+
+/// φ_d = -π and π are one: tables that close there and tables that do not are continuous across, and agree.
+#[test]
+fn the_azimuth_of_the_difference_goes_round() {
+    let bench = Bench::new();
+    let wave = |phi: f32, e: usize| {
+        if e == 0 {
+            2.0 + phi.cos() + 0.5 * (2.0 * phi).sin()
+        } else {
+            0.0
+        }
+    };
+    let mut half_open = Axes::even([48, 4, 4], vec![550]);
+    for (i, p) in half_open.phi_d.iter_mut().enumerate() {
+        *p = -PI + 0.07 + i as f32 * 2.0 * PI / 48.0;
+    }
+    for axes in [Axes::even([49, 4, 4], vec![550]), half_open] {
+        let phi = axes.phi_d.clone();
+        let materials = bench.of(&axes, &[550.0], |at, e| wave(phi[at[0]], e));
+        let m00 = |phi_d: f32| {
+            let at = Coordinates {
+                phi_d,
+                theta_d: 0.5,
+                theta_h: 0.4,
+            };
+            materials.tables[0].eval(at).m[0][0].to_array()[0]
+        };
+        for k in 0..=400 {
+            let p = PI * (k as f32 / 200.0 - 1.0);
+            assert!(
+                (m00(p) - wave(p, 0)).abs() < 0.01,
+                "{p}: {} is not {}",
+                m00(p),
+                wave(p, 0)
+            );
+        }
+        assert!((m00(PI) - m00(-PI)).abs() < 1e-5);
+    }
+}
+
+/// Holes are left out and the rest weighs more: a constant stays that constant wherever one corner is there, and is 0
+/// where none is. An entry with one bad element is a hole too, in its own band alone.
+#[test]
+fn holes_are_bridged() {
+    let bench = Bench::new();
+    let axes = Axes::even([9, 6, 6], vec![450, 550]);
+    let hole = |at: [usize; 4]| !(at[0] * 7 + at[1] * 5 + at[2] * 3).is_multiple_of(4) || at[1] == 5;
+    let constant = |e: usize| if e == 0 { 0.3 } else { 0.01 * e as f32 };
+    for bad in [f32::NAN, f32::INFINITY] {
+        for element in [0, 9] {
+            let materials = bench.of(&axes, &[450.0, 500.0, 550.0], |at, e| {
+                if at[3] == 1 && hole(at) && e == element {
+                    bad
+                } else {
+                    constant(e)
+                }
+            });
+            let table = &materials.tables[0];
+            let (mut stream, mut dark) = (Stream::new(14, 0, 0), 0);
+            for _ in 0..3000 {
+                let at = Coordinates {
+                    phi_d: PI * (2.0 * stream.uniform() - 1.0),
+                    theta_d: FRAC_PI_2 * stream.uniform(),
+                    theta_h: FRAC_PI_2 * stream.uniform(),
+                };
+                let m = table.eval(at);
+                for e in 0..16 {
+                    let lanes = m.m[e / 4][e % 4].to_array();
+                    let near = |x: f32| (x - constant(e)).abs() < 1e-6;
+                    assert!(near(lanes[0]) && near(lanes[1]), "{at:?}: {lanes:?}");
+                    assert!(near(lanes[2]) || lanes[2] == 0.0, "{at:?}: {lanes:?}");
+                    assert_eq!(lanes[3], 0.0, "an unused lane");
+                }
+                dark += u32::from(m.m[0][0].to_array()[2] == 0.0);
+            }
+            assert!((10..1500).contains(&dark), "{dark} of 3000 have no corner");
+        }
+    }
+}
+
+/// Wavelengths between bands are linear, beyond them the nearest; angles beyond the axes keep the last entry; less
+/// than no light is none.
+#[test]
+fn values_keep_to_the_ends() {
+    let bench = Bench::new();
+    let mut axes = Axes::even([5, 3, 3], vec![450, 550, 650]);
+    axes.theta_d = vec![0.1, 0.6, 1.2];
+    axes.theta_h = vec![0.0, 0.4, 1.3];
+    let spectrum = [1.0, 2.0, 5.0];
+    let slope = |at: [usize; 4], e: usize| {
+        let sign = if at[2] == 2 { -1.0 } else { 1.0 };
+        (if e == 0 { sign } else { 0.1 }) * spectrum[at[3]] * (1.0 + at[1] as f32)
+    };
+    let materials = bench.of(&axes, &[400.0, 475.0, 550.0, 660.0], slope);
+    let eval = |theta_d: f32, theta_h: f32| {
+        let at = Coordinates {
+            phi_d: 0.3,
+            theta_d,
+            theta_h,
+        };
+        materials.tables[0].eval(at).m
+    };
+    let near = |got: Spectral, want: [f32; 4]| {
+        let off = (got - Spectral::new(want)).abs().to_array();
+        assert!(off.iter().all(|o| *o < 1e-5), "{got} is not {want:?}");
+    };
+    near(eval(0.6, 0.2)[0][0], [2.0, 2.5, 4.0, 10.0]);
+    near(eval(0.02, 0.2)[0][0], [1.0, 1.25, 2.0, 5.0]);
+    near(eval(1.5, 0.2)[0][0], [3.0, 3.75, 6.0, 15.0]);
+    near(eval(0.6, 1.5)[0][0], [0.0; 4]);
+    near(eval(0.6, 1.5)[2][1], [0.0; 4]);
+}
+
+/// Tables that sampling is tried on: glossy, satin, coarse, and one that reflects nothing it knows of at the horizon.
+fn sampled() -> Vec<(String, Materials)> {
+    let bench = Bench::new();
+    [(0.1, [19, 31, 46]), (0.3, [19, 19, 19]), (0.6, [7, 5, 6])]
+        .map(|(alpha, counts)| (format!("alpha {alpha}"), bench.of_metal(alpha, counts)))
+        .into_iter()
+        .collect()
+}
+
+/// Pearson's chi² of 60 000 samples on a 16 × 24 grid over the hemisphere, rejected samples in a cell of their own.
+#[test]
+fn samples_follow_their_density() {
+    const N: usize = 60_000;
+    const ROWS: usize = 16;
+    const COLUMNS: usize = 24;
+    const SUB: usize = 40;
+    for (case, (name, materials)) in sampled().into_iter().enumerate() {
+        for cos in [&[1.0_f32, 0.3, 0.05][..], &[0.7, 0.1], &[1.0, 0.05]][case]
+            .iter()
+            .copied()
+        {
+            let (at, wo, back) = (surface(), toward(cos, 0.4), axes().transpose());
+            let mut stream = Stream::new(15, case as u32, 0);
+            let mut observed = vec![0.0_f64; ROWS * COLUMNS + 1];
+            for _ in 0..N {
+                let sampled = materials.sample(0, &at, wo, &mut Lanes::first(2), &mut stream);
+                let cell = sampled.map_or(ROWS * COLUMNS, |s| {
+                    let w = back * s.wi;
+                    let row = ((w.z * ROWS as f32) as usize).min(ROWS - 1);
+                    let turn = (f64::from(w.y).atan2(f64::from(w.x)) / TAU).rem_euclid(1.0);
+                    row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)
+                });
+                observed[cell] += 1.0;
+            }
+            // Expected counts by a midpoint rule per cell; dω = dcosθ dφ.
+            let area = TAU / (ROWS * COLUMNS * SUB * SUB) as f64;
+            let mut expected: Vec<f64> = (0..ROWS * COLUMNS)
+                .map(|cell| {
+                    let (row, column) = ((cell / COLUMNS) as f32, (cell % COLUMNS) as f32);
+                    let step = |i: usize| (i as f32 + 0.5) / SUB as f32;
+                    let points = (0..SUB * SUB).map(|k| {
+                        let z = (row + step(k / SUB)) / ROWS as f32;
+                        let phi = (column + step(k % SUB)) / COLUMNS as f32 * TAU as f32;
+                        f64::from(materials.pdf(0, &at, wo, toward(z, phi)))
+                    });
+                    points.sum::<f64>() * area * N as f64
+                })
+                .collect();
+            let inside: f64 = expected.iter().sum();
+            assert!(
+                inside < N as f64 * 1.004 && inside > N as f64 * 0.5,
+                "{name}, cos {cos}: density integrates to {}",
+                inside / N as f64
+            );
+            expected.push((N as f64 - inside).max(0.0));
+            let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
+            for (o, e) in observed.iter().zip(&expected) {
+                if *e < 10.0 {
+                    faint[0] += o;
+                    faint[1] += e;
+                } else {
+                    chi += (o - e).powi(2) / e;
+                    dof += 1.0;
+                }
+            }
+            let [o, e] = faint;
+            assert!(
+                (o - e).abs() < 5.0 * e.sqrt() + 10.0,
+                "{name}, cos {cos}: {o} samples where {e} belong"
+            );
+            // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+            let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
+            println!("{name}, cos {cos}: inside {:.4}, z = {z:.2}", inside / N as f64);
+            assert!(
+                z < 5.0,
+                "{name}, cos {cos}: chi² = {chi} on {dof} degrees of freedom, z = {z}"
+            );
+        }
+    }
+}
+
+/// Sampled weight = eval / pdf, in all elements and lanes.
+#[test]
+fn weights_are_values_over_densities() {
+    for (name, materials) in sampled() {
+        for cos in [1.0_f32, 0.5, 0.05] {
+            let (at, wo) = (surface(), toward(cos, -1.0));
+            let mut stream = Stream::new(16, 0, 0);
+            let mut compared = 0;
+            for _ in 0..1000 {
+                let Some(s) = materials.sample(0, &at, wo, &mut Lanes::first(2), &mut stream) else {
+                    continue;
+                };
+                let pdf = materials.pdf(0, &at, wo, s.wi);
+                let value = materials
+                    .eval(0, &at, wo, s.wi)
+                    .expect("a sampled direction has a value");
+                let want = value.scaled(Spectral::splat(1.0 / pdf));
+                for lane in 0..2 {
+                    let [g, w] = [&s.scatter, &want].map(|x| matrix(x, wo, s.wi, lane));
+                    assert!(
+                        (g - w).abs().max() <= 1e-5 * w[(0, 0)].max(1e-6),
+                        "{name}: {g} is not {w}"
+                    );
+                }
+                compared += 1;
+            }
+            assert!(compared > 300, "{name}, cos {cos}: {compared} samples");
+        }
+    }
+}
+
+/// What sampling by the table gains over sampling by the cosine alone: the second moment of the weight's M00, whose
+/// mean (the reflected share of light) both must give.
+#[test]
+fn importance_tables_reduce_variance() {
+    let bench = Bench::new();
+    let materials = bench.of_metal(0.1, [19, 31, 91]);
+    let at = surface();
+    for cos in [1.0_f32, 0.7, 0.3] {
+        let wo = toward(cos, 0.4);
+        const N: usize = 50_000;
+        let moments = |mut weight: Box<dyn FnMut(&mut Stream) -> f64>| {
+            let mut stream = Stream::new(17, 0, 0);
+            let (mut a, mut b, mut top) = (0.0, 0.0, 0.0_f64);
+            for _ in 0..N {
+                let w = weight(&mut stream);
+                (a, b, top) = (a + w, b + w * w, top.max(w));
+            }
+            let mean = a / N as f64;
+            (mean, b / N as f64 - mean * mean, top)
+        };
+        let (m, s) = (materials.clone(), at);
+        let table = moments(Box::new(move |stream| {
+            let sampled = m.sample(0, &s, wo, &mut Lanes::first(2), stream);
+            sampled.map_or(0.0, |s| f64::from(s.scatter.m00().to_array()[0]))
+        }));
+        let (m, s) = (materials.clone(), at);
+        let cosine = moments(Box::new(move |stream| {
+            let local = sunstone::sampling::warp::cosine_hemisphere(stream.uniform2());
+            let pdf = sunstone::sampling::warp::cosine_pdf(local);
+            let value = m.eval(0, &s, wo, axes() * local);
+            value.map_or(0.0, |v| f64::from(v.m00().to_array()[0] / pdf))
+        }));
+        println!("cos {cos}: (mean, variance, largest) by table {table:?}, by cosine {cosine:?}");
+        let error = ((table.1 + cosine.1) / N as f64).sqrt();
+        assert!((table.0 - cosine.0).abs() < 5.0 * error, "{table:?} {cosine:?}");
+        assert!(table.1 * 20.0 < cosine.1, "{table:?} {cosine:?}");
+    }
+}
+
+/// Mirror images of each other: a table cannot tell left from right unless its φ_d does.
+#[test]
+fn coordinates_of_mirrored_pairs_are_mirrored() {
+    let mut stream = Stream::new(18, 0, 0);
+    for _ in 0..500 {
+        let (wo, wi) = pair(&mut stream, 0.05);
+        let n = axes().z_axis;
+        let flip = |v: Vec3A| v - axes().x_axis * (2.0 * v.dot(axes().x_axis));
+        let (a, _) = coordinates(n, wo, wi);
+        let (b, _) = coordinates(n, flip(wo), flip(wi));
+        let off = (a.phi_d + b.phi_d).abs();
+        assert!(
+            off.min(TAU as f32 - off) < 1e-3 && (a.theta_d - b.theta_d).abs() < 1e-5,
+            "{a:?} {b:?}"
+        );
+    }
+}
