@@ -26,10 +26,10 @@ fn pbsdf(c: &mut Criterion) {
     };
     // 38 MB: more than the caches hold.
     let axes = Axes::even([91, 46, 46], vec![450, 550, 650]);
-    tabulate(&path, &axes, &metal, 0).expect("a table");
+    tabulate(&path, &axes, &[(&metal, 0)]).expect("a table");
     let open = |nm: &[f64]| {
         let options = Options {
-            wavelengths: Wavelengths::new(nm.to_vec()).expect("wavelengths"),
+            wavelengths: Some(Wavelengths::new(nm.to_vec()).expect("wavelengths")),
             ..Options::default()
         };
         Table::open(&path, &options).expect("the table just written")

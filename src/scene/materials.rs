@@ -11,8 +11,8 @@ use crate::material::measured::error::PbsdfError;
 use crate::material::measured::table::{Options, Table};
 use crate::material::texture::{Scalar, Spectrum};
 use crate::material::{
-    Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer, plastic,
-    rough_conductor, rough_dielectric, two_sided, varies,
+    Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
+    plastic, rough_conductor, rough_dielectric, two_sided, varies,
 };
 use crate::sampling::microfacet::{Distribution, Masking};
 use crate::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
@@ -45,7 +45,23 @@ impl MaterialSet {
     /// As [`Self::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, SceneError> {
         let file: MaterialSetFile = parse(path, text)?;
-        let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
+        Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
+    }
+
+    /// As [`Self::from_text`], at wavelengths other than the file's own.
+    ///
+    /// # Errors
+    /// As [`Self::load`]; also where a spectrum is a list made for another number of wavelengths.
+    pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, SceneError> {
+        let file: MaterialSetFile = parse(path, text)?;
+        let ctx = Context {
+            wavelengths,
+            ..Context::new(path, text, &file.wavelengths_nm)?
+        };
+        Self::build(ctx, &file)
+    }
+
+    fn build(mut ctx: Context, file: &MaterialSetFile) -> Result<Self, SceneError> {
         let (materials, names) = build(&mut ctx, &file.materials)?;
         Ok(Self {
             wavelengths: ctx.wavelengths,
@@ -214,7 +230,7 @@ impl<'a> Builder<'_, 'a> {
         let path = self.ctx.path(&m.file);
         let options = Options {
             even_axes: m.even_axes,
-            wavelengths: self.ctx.wavelengths.clone(),
+            wavelengths: Some(self.ctx.wavelengths.clone()),
         };
         let refused = |e: PbsdfError| {
             let text = e.to_string();

@@ -47,7 +47,7 @@ impl Bench {
 
     fn open(&self, nm: &[f64]) -> Materials {
         let options = Options {
-            wavelengths: Wavelengths::new(nm.to_vec()).expect("wavelengths"),
+            wavelengths: Some(Wavelengths::new(nm.to_vec()).expect("wavelengths")),
             ..Options::default()
         };
         let table = Table::open(&self.path(), &options).unwrap_or_else(|e| panic!("{e}"));
@@ -61,7 +61,7 @@ impl Bench {
     /// A table made from a metal, bands 450 and 550 nm.
     fn of_metal(&self, alpha: f32, counts: [usize; 3]) -> Materials {
         let axes = Axes::even(counts, vec![450, 550]);
-        tabulate(&self.path(), &axes, &metal(alpha), 0).expect("a table");
+        tabulate(&self.path(), &axes, &[(&metal(alpha), 0)]).expect("a table");
         self.open(&[450.0, 550.0])
     }
 

@@ -2,6 +2,8 @@
 
 mod eval;
 mod sheet;
+mod synth;
+mod table;
 
 use super::failure::Failure;
 use clap::Subcommand;
@@ -17,11 +19,19 @@ pub struct Arguments {
 enum Command {
     Eval(eval::Arguments),
     Sheet(sheet::Arguments),
+    Synth(synth::Arguments),
+    Info(table::InfoArguments),
+    Plot(table::PlotArguments),
+    Slice(table::SliceArguments),
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     match &a.command {
         Command::Eval(a) => eval::run(a),
         Command::Sheet(a) => sheet::run(a),
+        Command::Synth(a) => synth::run(a),
+        Command::Info(a) => table::info(a),
+        Command::Plot(a) => table::plot(a),
+        Command::Slice(a) => table::slice(a),
     }
 }

@@ -11,7 +11,7 @@ use sunstone::tensor::store::{Field, TensorStore};
 
 /// Render every material of a file as a sphere in a 4×4 Mueller grid, all on one page.
 ///
-/// A projector beside the camera lights the sphere; smooth materials, which it cannot light, stand under an even
+/// A projector to the right of the camera lights the sphere; smooth materials, which it cannot light, stand under an even
 /// unpolarized sky instead.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -36,16 +36,15 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let set = MaterialSet::load(&a.material)?;
-    let text = std::fs::read_to_string(&a.material).map_err(Failure::input)?;
     let grids: Result<Vec<Grid>, Failure> = set
         .names
         .iter()
-        .map(|(name, id)| sphere(a, &text, name, set.materials.is_smooth(*id)))
+        .map(|(name, id)| sphere(a, &set, name, *id))
         .collect();
     let nm = set.wavelengths.nm();
     let title = format!("Mueller matrices at {} nm", nm[nearest(nm, a.wavelength)]);
     let notes = [
-        "Spheres lit by a projector right above the camera; rows of each grid: Stokes out, columns: Stokes in.",
+        "Spheres lit by a projector 45° to the right of the camera and above it; rows of each grid: Stokes out, columns: Stokes in.",
         "M00 is shown as intensity on a scale of its own; grey: no light.",
     ];
     let image = draw(&title, &grids?, a.columns, &notes).map_err(Failure::input)?;
@@ -64,24 +63,32 @@ fn nearest(nm: &[f64], wanted: f64) -> usize {
         .unwrap_or(0)
 }
 
-/// The sphere's scene: the material file's own text, and what there is around it.
-fn sphere(a: &Arguments, text: &str, name: &str, lit: bool) -> Result<Grid, Failure> {
-    let light = if lit {
-        "[projector]\nresolution = [8, 8]\nfov_x_deg = 60\nirradiance = 36\n\
-         pose.look_at = { origin = [0.6, 2.5, 5.4], target = [0, 0, 0] }"
+/// Renders one material. The scene's own materials only hold the places, so that those of the file, which may be large
+/// tables, are read once.
+fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid, Failure> {
+    let (light, depth) = if set.materials.is_smooth(id) {
+        let projector = "[projector]\nresolution = [8, 8]\nfov_x_deg = 60\nirradiance = 41\n\
+                         pose.look_at = { origin = [4.2, 2.4, 4.2], target = [0, 0, 0] }";
+        (projector, 2)
     } else {
-        "[[emitters]]\nenvironment.radiance = 1"
+        ("[[emitters]]\nenvironment.radiance = 1", 8)
     };
-    let scene = format!(
-        "{text}\n[render]\nspp = {spp}\nmax_depth = 2\ntile = 16\n\
+    let places: String = (0..set.materials.list.len())
+        .map(|i| format!("m{i:06}.diffuse.albedo = 0\n"))
+        .collect();
+    let text = format!(
+        "wavelengths_nm = {nm:?}\n[materials]\n{places}\
+         [render]\nspp = {spp}\nmax_depth = {depth}\ntile = 16\n\
          [camera]\nresolution = [{size}, {size}]\nfov_x_deg = 20\n\
          pose.look_at = {{ origin = [0, 0, 6], target = [0, 0, 0] }}\n{light}\n\
-         [[objects]]\nshape.sphere = {{}}\nmaterial = {name:?}\n\
+         [[objects]]\nshape.sphere = {{}}\nmaterial = \"m{id:06}\"\n\
          [[slices]]\nname = \"mueller\"\npolarization = \"mueller\"\n",
+        nm = set.wavelengths.nm(),
         spp = a.spp,
         size = a.size,
     );
-    let scene = Scene::from_text(&a.material, &scene)?;
+    let mut scene = Scene::from_text(&a.material, &text)?;
+    scene.materials = set.materials.clone();
     let folder = tempfile::tempdir().map_err(Failure::failed)?;
     let target = Target {
         path: folder.path().join("sphere"),

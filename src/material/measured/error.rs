@@ -71,6 +71,14 @@ pub enum PbsdfError {
     /// An axis of one entry.
     #[error("has {1} entries on axis `{0}`; two or more are needed to interpolate")]
     ShortAxis(&'static str, usize),
+    /// Materials to tabulate that do not cover the bands.
+    #[error("cannot be written: {sources} sets of four bands for {bands} bands; give one set for every four")]
+    Sources {
+        /// Bands to write.
+        bands: usize,
+        /// Sets of materials given.
+        sources: usize,
+    },
     /// No wavelength at all.
     #[error("lists no wavelengths; `wvls` needs one entry or more")]
     NoWavelengths,

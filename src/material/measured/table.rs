@@ -15,7 +15,7 @@ use super::importance::{Importance, Mean};
 use super::rusinkiewicz::Coordinates;
 use super::tensor_file::{Dtype, Field, TensorFile};
 use crate::polarization::mueller::Mueller;
-use crate::spectrum::{Spectral, Wavelengths};
+use crate::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths};
 use memmap2::Mmap;
 use std::fs::File;
 use std::ops::Range;
@@ -27,8 +27,8 @@ use std::sync::Arc;
 pub struct Options {
     /// Takes evenly spaced angles (ends included) for an axis that the file leaves empty.
     pub even_axes: bool,
-    /// The wavelengths of the render, whose values the table gives in their lanes.
-    pub wavelengths: Wavelengths,
+    /// The wavelengths of the render, whose values the table gives in their lanes; absent: its own first ones.
+    pub wavelengths: Option<Wavelengths>,
 }
 
 /// Elements at or beyond this magnitude are no reflectance; like NaN they mark a hole.
@@ -184,13 +184,18 @@ impl Table {
             return Err(PbsdfError::Empty);
         }
         let start = m.range.start;
-        let lanes = lanes(&axes.wavelengths_nm, &options.wavelengths, path);
+        let own = || {
+            let first = axes.wavelengths_nm.iter().take(MAX_WAVELENGTHS);
+            Wavelengths::new(first.map(|nm| f64::from(*nm)).collect()).unwrap_or_default()
+        };
+        let wavelengths = options.wavelengths.clone().unwrap_or_else(own);
+        let lanes = lanes(&axes.wavelengths_nm, &wavelengths, path);
         let counts = extent;
         let mut table = Self {
             start,
             heads,
             lanes,
-            lane_count: options.wavelengths.count(),
+            lane_count: wavelengths.count(),
             axes: [axes.phi_d, axes.theta_d, axes.theta_h].map(Axis::new),
             wavelengths_nm: axes.wavelengths_nm,
             importance: Importance::default(),
@@ -223,6 +228,19 @@ impl Table {
         let [_, d, h] = &self.axes;
         let entry = (phi_d * d.nodes().len() + theta_d) * h.nodes().len() + theta_h;
         self.start + entry * self.wavelengths_nm.len() * CELL
+    }
+
+    /// One stored matrix, rows of Stokes out first; `None` if it is a hole, or not there. `at` counts entries of phi_d,
+    /// theta_d and theta_h.
+    #[must_use]
+    pub fn entry(&self, at: [usize; 3], band: usize) -> Option<[f32; 16]> {
+        let inside = at.iter().zip(&self.axes).all(|(i, axis)| *i < axis.nodes().len());
+        if !inside || band >= self.wavelengths_nm.len() {
+            return None;
+        }
+        let first = self.cell(at[0], at[1], at[2]) + band * CELL;
+        let m: [f32; 16] = std::array::from_fn(|i| float(&self.map, first + 4 * i));
+        m.iter().all(|e| e.abs() < LIMIT).then_some(m)
     }
 
     /// Mueller matrix of the BRDF between s frames at given coordinates, 1/sr; unused lanes are 0.

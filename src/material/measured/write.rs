@@ -10,7 +10,9 @@ use super::rusinkiewicz::{Coordinates, directions};
 use super::tensor_file::{Dtype, MAGIC};
 use crate::geometry::ray::Surface;
 use crate::material::Materials;
+use crate::spectrum::MAX_WAVELENGTHS;
 use glam::Vec3A;
+use rayon::prelude::*;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -86,44 +88,54 @@ pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) 
 /// Least cosine to the normal at which a material is tabulated.
 const LEAST_COS: f32 = 1e-4;
 
-/// Writes what material number `id` does, band k from lane k (so 1 to 4 bands): its BRDF at every entry, and holes
-/// where light or viewer are below the horizon, as measurements have them.
+/// Writes what a material does: its BRDF at every entry, and holes where light or viewer are below the horizon, as
+/// measurements have them.
+///
+/// Lanes carry up to four bands at once, so `sources` holds the material in as many tables as it takes, with its
+/// number there: bands 0 to 3 from the lanes of the first, 4 to 7 from those of the second, and so on.
 ///
 /// # Errors
-/// As [`write`]; [`PbsdfError::TooLarge`] for more than 4 bands.
-pub fn tabulate(path: &Path, axes: &Axes, materials: &Materials, id: u32) -> Result<(), PbsdfError> {
+/// As [`write`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
+pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
     let bands = axes.wavelengths_nm.len();
-    if bands > 4 {
-        return Err(PbsdfError::TooLarge);
+    if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {
+        return Err(PbsdfError::Sources {
+            bands,
+            sources: sources.len(),
+        });
     }
-    let at = Surface {
-        p: Vec3A::ZERO,
-        ng: Vec3A::Z,
-        ns: Vec3A::Z,
-        tangent: Vec3A::X,
-        uv: [0.0; 2],
-        material: id,
-    };
     write(path, axes, |i, slab| {
         let (matrices, _) = slab.as_chunks_mut::<16>();
-        for (k, cell) in matrices.chunks_exact_mut(bands.max(1)).enumerate() {
-            let (wi, wo, s) = directions(Coordinates {
+        let cells = matrices.par_chunks_exact_mut(bands.max(1));
+        cells.enumerate().with_min_len(256).for_each(|(k, cell)| {
+            let at = Coordinates {
                 phi_d: axes.phi_d[i],
                 theta_d: axes.theta_d[k / axes.theta_h.len()],
                 theta_h: axes.theta_h[k % axes.theta_h.len()],
-            });
+            };
+            let (wi, wo, s) = directions(at);
             if wi.z < LEAST_COS || wo.z < LEAST_COS {
                 cell.fill([f32::NAN; 16]);
-                continue;
+                return;
             }
-            let Some(scatter) = materials.eval(id, &at, wo, wi) else {
-                continue;
-            };
-            let m = scatter.between(wo, s, wi, s);
-            for (lane, matrix) in cell.iter_mut().enumerate() {
-                let rows = m.lane(lane);
-                *matrix = std::array::from_fn(|e| rows[e / 4][e % 4] / wi.z);
+            for (bands, (materials, id)) in cell.chunks_mut(MAX_WAVELENGTHS).zip(sources) {
+                let at = Surface {
+                    p: Vec3A::ZERO,
+                    ng: Vec3A::Z,
+                    ns: Vec3A::Z,
+                    tangent: Vec3A::X,
+                    uv: [0.0; 2],
+                    material: *id,
+                };
+                let Some(scatter) = materials.eval(*id, &at, wo, wi) else {
+                    continue;
+                };
+                let m = scatter.between(wo, s, wi, s);
+                for (lane, matrix) in bands.iter_mut().enumerate() {
+                    let rows = m.lane(lane);
+                    *matrix = std::array::from_fn(|e| rows[e / 4][e % 4] / wi.z);
+                }
             }
-        }
+        });
     })
 }

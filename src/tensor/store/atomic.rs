@@ -92,7 +92,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 /// Writes a file whole as [`write_file`] does, its bytes given to a buffered writer.
-pub(crate) fn write_file_with(
+pub fn write_file_with(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> io::Result<()> {

@@ -20,7 +20,7 @@ use self::atomic::AtomicDirectory;
 use self::chunked::{ChunkedArray, Description};
 use crate::tensor::axes::SliceLayout;
 
-pub(crate) use self::atomic::write_file_with;
+pub use self::atomic::write_file_with;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::slice::{Field, StoredSlice};
