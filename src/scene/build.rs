@@ -4,7 +4,7 @@ use super::devices::{emitters, pinhole, projector};
 use super::epipolar::Epipolar;
 use super::file::SceneFile;
 use super::locate::{Located, SceneError};
-use super::values::SpectrumFile;
+use super::values::{SpectrumFile, interpolate};
 use super::{Scene, Settings, materials, shapes, slices};
 use crate::geometry::bvh::GeometryBuilder;
 use crate::spectrum::{Spectral, Wavelengths};
@@ -18,7 +18,10 @@ use std::sync::Arc;
 pub(super) struct Context {
     pub file: PathBuf,
     pub text: Arc<str>,
+    /// Wavelengths to build for.
     pub wavelengths: Wavelengths,
+    /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
+    pub listed: Wavelengths,
     pub hash: Sha256,
 }
 
@@ -29,16 +32,18 @@ impl Context {
             file: path.to_owned(),
             text: text.into(),
             wavelengths: Wavelengths::default(),
+            listed: Wavelengths::default(),
             hash: Sha256::new(),
         };
         ctx.hash.update(text.as_bytes());
-        ctx.wavelengths = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
+        ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
             ctx.error(
                 wavelengths_nm.span(),
                 format!("wavelengths_nm: {e}"),
                 "list 1 to 4 rising vacuum wavelengths in nanometres",
             )
         })?;
+        ctx.wavelengths = ctx.listed.clone();
         Ok(ctx)
     }
 
@@ -86,13 +91,15 @@ impl Context {
         what: &str,
         range: std::ops::RangeInclusive<f64>,
     ) -> Result<Vec<f64>, SceneError> {
-        let n = self.wavelengths.count();
+        let n = self.listed.count();
+        let at = |nm: &[f64], values: &[f64]| {
+            let wanted = self.wavelengths.nm().iter();
+            wanted.map(|w| interpolate(nm, values, *w)).collect()
+        };
         let list = match s {
-            SpectrumFile::Scalar(v) => vec![*v; n],
-            SpectrumFile::PerWavelength(list) if list.len() == n => list.clone(),
-            SpectrumFile::Table(table) if table.is_sound() => {
-                self.wavelengths.nm().iter().map(|nm| table.at(*nm)).collect()
-            }
+            SpectrumFile::Scalar(v) => vec![*v; self.wavelengths.count()],
+            SpectrumFile::PerWavelength(list) if list.len() == n => at(self.listed.nm(), list),
+            SpectrumFile::Table(table) if table.is_sound() => at(&table.nm, &table.values),
             SpectrumFile::Table(_) => {
                 return Err(self.error(
                     span,

@@ -48,10 +48,10 @@ impl MaterialSet {
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
     }
 
-    /// As [`Self::from_text`], at wavelengths other than the file's own.
+    /// As [`Self::from_text`], at wavelengths other than the file's own, between which its lists are interpolated.
     ///
     /// # Errors
-    /// As [`Self::load`]; also where a spectrum is a list made for another number of wavelengths.
+    /// As [`Self::load`].
     pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, SceneError> {
         let file: MaterialSetFile = parse(path, text)?;
         let ctx = Context {

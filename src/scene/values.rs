@@ -38,17 +38,16 @@ impl SpectrumTable {
             && self.nm.len() == self.values.len()
             && self.nm.is_sorted_by(|a, b| a < b)
     }
+}
 
-    /// The value at a wavelength; 0 for an empty table.
-    #[must_use]
-    pub fn at(&self, nm: f64) -> f64 {
-        let right = self.nm.partition_point(|w| *w <= nm);
-        let entry = |i: usize| Some((*self.nm.get(i)?, *self.values.get(i)?));
-        match (right.checked_sub(1).and_then(entry), entry(right)) {
-            (Some((w0, v0)), Some((w1, v1))) => v0 + (v1 - v0) * (nm - w0) / (w1 - w0),
-            (Some((_, v)), None) | (None, Some((_, v))) => v,
-            (None, None) => 0.0,
-        }
+/// The value at a wavelength: linear between entries, constant beyond them, 0 where there are none. `nm` rises.
+pub(super) fn interpolate(nm: &[f64], values: &[f64], at: f64) -> f64 {
+    let right = nm.partition_point(|w| *w <= at);
+    let entry = |i: usize| Some((*nm.get(i)?, *values.get(i)?));
+    match (right.checked_sub(1).and_then(entry), entry(right)) {
+        (Some((w0, v0)), Some((w1, v1))) => v0 + (v1 - v0) * (at - w0) / (w1 - w0),
+        (Some((_, v)), None) | (None, Some((_, v))) => v,
+        (None, None) => 0.0,
     }
 }
 

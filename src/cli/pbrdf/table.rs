@@ -240,7 +240,9 @@ fn csv(table: &Table, kept: &[Vec<usize>], path: &Path) -> std::io::Result<()> {
         writeln!(file)?;
         for (at, m) in entries(table, kept) {
             for (nodes, i) in table.angles().iter().zip(at) {
-                write!(file, "{},", nodes[i].to_degrees())?;
+                // Single-precision radians hold an angle to about 1e-5 degrees.
+                let degrees = f64::from(nodes[i]).to_degrees();
+                write!(file, "{},", (degrees * 1e4).round() / 1e4)?;
             }
             write!(file, "{}", table.wavelengths_nm()[at[3]])?;
             for e in m {

@@ -1,0 +1,210 @@
+//! `sunstone pbrdf` as a user meets it: evaluate a material, make tables, look at them, cut them, draw them.
+
+mod harness;
+
+use harness::{files, run, stderr};
+use serde_json::Value;
+use std::path::Path;
+
+const MATERIALS: &str = r#"
+wavelengths_nm = [450, 550, 650]
+[materials]
+gold.conductor = { n = 0.4242, k = 2.4721 }
+rough.rough_conductor = { metal = "Au", alpha = 0.4 }
+glass.dielectric = { ior = [1.52, 1.51, 1.5] }
+white.diffuse.albedo = { nm = [400, 500, 700], values = [0.2, 0.6, 0.8] }
+"#;
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("m.toml"), MATERIALS).expect("a file");
+    folder
+}
+
+fn json(folder: &Path, arguments: &[&str]) -> Value {
+    let out = run(folder, arguments, 0);
+    serde_json::from_slice(&out.stdout).expect("JSON")
+}
+
+fn element(v: &Value, lane: usize, i: usize, j: usize) -> f64 {
+    v["mueller"][lane][i][j].as_f64().expect("a number")
+}
+
+#[test]
+fn handbook_values_are_printed() {
+    let folder = folder();
+    let eval = |arguments: &str| {
+        let mut all = vec!["pbrdf", "eval", "m.toml"];
+        all.extend(arguments.split_whitespace());
+        json(folder.path(), &all)
+    };
+    // Gold at 60°, the convention's pinned numbers.
+    let gold = eval("--name gold --in 60,20 --mirror");
+    for (i, j, want) in [
+        (0, 0, 0.792_257),
+        (0, 1, 0.102_981),
+        (2, 2, -0.406_951),
+        (3, 2, 0.671_906),
+        (0, 3, 0.0),
+    ] {
+        assert!((element(&gold, 1, i, j) - want).abs() < 2e-6, "[{i}][{j}]");
+    }
+    assert_eq!(gold["out"]["phi_deg"], 200.0);
+    assert_eq!(gold["kind"], "mirror");
+    // Power into glass at 45°: 1 less Fresnel's reflectance of index 1.5, each wavelength by its own angle.
+    let glass = eval("--name glass --in 45,0 --refract");
+    assert!((element(&glass, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
+    let theta = |lane: usize| glass["out"][lane]["theta_deg"].as_f64().expect("an angle");
+    for (lane, n) in [(0, 1.52), (1, 1.51), (2, 1.5_f64)] {
+        let want = 180.0 - (45.0_f64.to_radians().sin() / n).asin().to_degrees();
+        assert!((theta(lane) - want).abs() < 1e-4);
+    }
+    // The same power the other way, and none beyond the critical angle.
+    let back = 180.0 - theta(2);
+    let out = eval(&format!("--name glass --in {},0 --refract", 180.0 - back));
+    assert!((element(&out, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
+    let total = eval("--name glass --in 130,0 --refract");
+    assert!(total["out"][0].is_null() && element(&total, 0, 0, 0) == 0.0);
+    // Lambert: ρ/π from the table of albedos, density cos/π.
+    let white = eval("--name white --in 60,10 --out 20,100");
+    for (lane, albedo) in [(0, 0.4), (1, 0.65), (2, 0.75)] {
+        assert!((element(&white, lane, 0, 0) - albedo / std::f64::consts::PI).abs() < 1e-6);
+    }
+    let pdf = white["pdf"].as_f64().expect("a density");
+    assert!((pdf - 0.5 / std::f64::consts::PI).abs() < 1e-6);
+    // Many at once are the same as one by one.
+    std::fs::write(folder.path().join("d.csv"), "60, 10, 20, 100\n\n0,0,30,0\n").expect("a file");
+    let many = eval("--name white --directions d.csv");
+    assert_eq!(many.as_array().map(Vec::len), Some(2));
+    assert_eq!(many[0], white);
+}
+
+#[test]
+fn tables_are_made_and_read() {
+    let folder = folder();
+    let at = folder.path();
+    let ok = |arguments: &[&str]| {
+        let out = run(at, arguments, 0);
+        String::from_utf8(out.stdout).expect("text")
+    };
+    let resolution = ["--resolution", "19x10x19"];
+    ok(&[&["pbrdf", "synth", "m.toml", "-o", "t"], &resolution[..]].concat());
+    // Mirrors and glass cannot be tabulated and are left out.
+    let made: Vec<_> = files(&at.join("t")).into_keys().collect();
+    assert_eq!(
+        made,
+        ["materials.toml", "rough.pbsdf", "white.pbsdf"].map(std::path::PathBuf::from)
+    );
+    let info = ok(&["pbrdf", "info", "t/white.pbsdf"]);
+    assert!(
+        info.contains("phi_d      19 entries, -180.0° to 180.0°"),
+        "{info}"
+    );
+    assert!(info.contains("450, 500, 550, 600, 650"), "{info}");
+    // White is the same everywhere: 0.65/π at 550 nm, nothing polarized.
+    let band = info
+        .lines()
+        .find(|l| l.trim_start().starts_with("550"))
+        .expect("a band");
+    let numbers: Vec<f64> = band.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+    let want = 0.65 / std::f64::consts::PI;
+    assert!(
+        (numbers[2] - want).abs() < 1e-4 && (numbers[3] - want).abs() < 1e-4,
+        "{band}"
+    );
+    assert_eq!(numbers[4], 0.0);
+    // A cut in both formats.
+    let cut = [
+        "pbrdf",
+        "slice",
+        "t/rough.pbsdf",
+        "--phi-d",
+        "100",
+        "--theta-d",
+        "40",
+        "-w",
+        "550",
+        "-o",
+    ];
+    ok(&[&cut[..], &["cut.csv"]].concat());
+    ok(&[&cut[..], &["cut.npy"]].concat());
+    let csv = std::fs::read_to_string(at.join("cut.csv")).expect("a table");
+    let mut lines = csv.lines();
+    assert!(
+        lines
+            .next()
+            .expect("a head")
+            .ends_with("wavelength_nm,m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23,m30,m31,m32,m33")
+    );
+    let row: Vec<f64> = lines
+        .next()
+        .expect("a row")
+        .split(',')
+        .map(|n| n.parse().expect("a number"))
+        .collect();
+    assert_eq!(row[..4], [100.0, 40.0, 0.0, 550.0]);
+    let file = std::fs::File::open(at.join("cut.npy")).expect("an array");
+    let npy = npyz::NpyFile::new(std::io::BufReader::new(file)).expect("an array");
+    assert_eq!(npy.shape(), [19, 4, 4]);
+    let values: Vec<f32> = npy.into_vec().expect("numbers");
+    assert!((f64::from(values[0]) - row[4]).abs() < 1e-6 * row[4]);
+    // At θh = 0 light and viewer are mirrored about the normal: the table's source says the same.
+    let source = json(
+        at,
+        &[
+            "pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180",
+        ],
+    );
+    assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
+    // Pictures, and the tables as materials.
+    ok(&["pbrdf", "plot", "t/rough.pbsdf", "-o", "p/plot.png"]);
+    ok(&[
+        "pbrdf",
+        "sheet",
+        "t/materials.toml",
+        "-o",
+        "p/sheet.png",
+        "--size",
+        "8",
+        "--spp",
+        "1",
+    ]);
+    for picture in ["p/plot.png", "p/sheet.png"] {
+        let image = image::open(at.join(picture)).expect("a picture");
+        assert!(image.width() > 200);
+    }
+}
+
+/// Wrong requests, and a word that the answer must have; nothing is written.
+#[test]
+fn wrong_requests_are_refused() {
+    let folder = folder();
+    let at = folder.path();
+    std::fs::write(at.join("bad.csv"), "1,2,3,4\n5,6\n").expect("a file");
+    std::fs::write(at.join("not.pbsdf"), "nothing").expect("a file");
+    let before = files(at);
+    for (arguments, says) in [
+        ("eval m.toml --in 0,0 --mirror", "--name"),
+        ("eval m.toml --name silver --in 0,0 --mirror", "it has: glass"),
+        ("eval none.toml --in 0,0 --mirror", "none.toml"),
+        ("eval m.toml --name gold --in 0 --mirror", "two numbers"),
+        ("eval m.toml --name gold --in 0,x --mirror", "`x` is not a number"),
+        ("eval m.toml --name gold --in 0,0", "--refract"),
+        ("eval m.toml --name white --in 0,0 --mirror", "does not mirror"),
+        ("eval m.toml --name gold --in 0,0 --refract", "does not transmit"),
+        ("eval m.toml --name white --directions bad.csv", "bad.csv:2"),
+        ("synth m.toml -o t --name gold", "single directions"),
+        ("synth m.toml -o t --name silver", "there are: glass"),
+        ("synth m.toml -o t --resolution 3x3", "361x91x91"),
+        ("synth m.toml -o t --bands 550,450", "rise"),
+        ("info not.pbsdf", "tensor file"),
+        ("plot none.pbsdf", "none.pbsdf"),
+        ("slice not.pbsdf -o x.npy", "tensor file"),
+    ] {
+        let mut all = vec!["pbrdf"];
+        all.extend(arguments.split_whitespace());
+        let message = stderr(&run(at, &all, 2));
+        assert!(message.contains(says), "{arguments}: {message}");
+        assert_eq!(files(at), before, "{arguments} left something");
+    }
+}
