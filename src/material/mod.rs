@@ -13,6 +13,7 @@ pub mod constants;
 pub mod crystal;
 pub mod dielectric;
 pub mod diffuse;
+pub mod double_refraction;
 pub mod normal_map;
 pub mod partial_depolarizer;
 pub mod polarizer;

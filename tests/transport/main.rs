@@ -4,6 +4,7 @@
 
 mod crystals;
 mod direct;
+mod double_images;
 mod energy;
 mod frames;
 mod glass;
