@@ -11,8 +11,8 @@
 //!
 //! A way into the crystal is a Fresnel face of the wave's own index |k|, then an ideal polarizer along its electric
 //! vector. The two rays are incoherent, as if the crystal was much thicker than the coherence length or the beams
-//! narrower than their distance; both together pass all light but what the approximate faces miss, a few parts in
-//! (n_e - n_o)².
+//! narrower than their distance; both together pass all light but what the approximate faces miss, about half of
+//! (n_e - n_o)² (1 to 2 % for calcite). A projector inside such a crystal lights it as if it stood in glass.
 //!
 //! A surface is not told on which of the two waves a path reached it from inside, so it draws one, and the polarizers
 //! do the rest: where the guess is wrong, two crossed ones follow each other and the path carries nothing.

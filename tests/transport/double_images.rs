@@ -92,7 +92,7 @@ fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();
     let (o2, e2) = (N_O * N_O, N_E * N_E);
     let walk = (o2 - e2) / (o2 + e2);
-    assert!((walk.atan().to_degrees() - 6.28).abs() < 0.01);
+    assert!((walk - 0.11).abs() < 1e-3, "calcite's walk-off is 6.3°");
     let n = (2.0 / (1.0 / o2 + 1.0 / e2)).sqrt();
     let o = 0.5 * faces(N_O, 1.0, false);
     check(DVec3::Z, axis, DVec3::ZERO, o, -1.0, N_O * THICK, "ordinary");
@@ -191,29 +191,28 @@ fn faces_of_a_splitting_crystal() {
     assert!(entered > 1000 && back > entered * 9 / 10, "{back} of {entered}");
 }
 
-/// White furnace: a ball of calcite in radiance 1 is all but invisible; what its faces' approximation misses is of the
-/// order of (n_e - n_o)².
+/// White furnace: a ball of quartz in radiance 1 vanishes, one of calcite nearly so; what the faces' approximation
+/// misses is of the order of (n_e - n_o)².
 #[test]
-fn a_ball_of_calcite_nearly_vanishes() {
+fn balls_nearly_vanish() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 8.0);
-    let text = head(20_000, 60, 32)
-        + &camera.keys("camera")
-        + &format!(
-            "[materials]\nm.crystal = {{ n_o = {N_O}, n_e = {N_E}, axis = [0.5, -0.3, 0.8], split = true }}\n\
-             [[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1\n\
-             [[emitters]]\nenvironment = {{ radiance = 1 }}\n[[slices]]\nname = \"m\"\n"
+    for (n_o, n_e, spp, missing) in [(1.546, 1.555, 3000, 1e-4), (N_O, N_E, 5000, 0.02)] {
+        let text = head(spp, 40, 32)
+            + &camera.keys("camera")
+            + &format!(
+                "[materials]\nm.crystal = {{ n_o = {n_o}, n_e = {n_e}, axis = [0.5, -0.3, 0.8], split = true }}\n\
+                 [[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1\n\
+                 [[emitters]]\nenvironment = {{ radiance = 1 }}\n[[slices]]\nname = \"m\"\n"
+            );
+        let r = render_text(&text);
+        let (mean, error) = (r.mean("m"), r.std_error("m"));
+        let off = mean.data.iter().map(|m| f64::from(*m) - 1.0).sum::<f64>() / 16.0;
+        let variance: f64 = error.data.iter().map(|e| f64::from(*e).powi(2)).sum();
+        let sigma = variance.sqrt() / 16.0;
+        assert!(sigma < 0.006, "± {sigma}");
+        assert!(
+            off.abs() < missing + 5.0 * sigma,
+            "{n_o} and {n_e}: off by {off} ± {sigma}"
         );
-    let r = render_text(&text);
-    let (mean, error) = (r.mean("m"), r.std_error("m"));
-    let off = mean.data.iter().map(|m| f64::from(*m) - 1.0).sum::<f64>() / 16.0;
-    let sigma = error
-        .data
-        .iter()
-        .map(|e| f64::from(*e).powi(2))
-        .sum::<f64>()
-        .sqrt()
-        / 16.0;
-    assert!(sigma < 0.005, "± {sigma}");
-    assert!(off.abs() < 0.02 + 5.0 * sigma, "off by {off} ± {sigma}");
-    println!("off by {off} ± {sigma}: {:?}", mean.data);
+    }
 }
