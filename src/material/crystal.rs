@@ -16,7 +16,7 @@
 //!
 //! so a plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) depolarizes what is not along its axes.
 //!
-//! Neglected: that the rays of the two waves part (walk-off, double images), that faces treat them differently (Fresnel
+//! Neglected (see [`super::double_refraction`] for the opposite approximation): that the rays of the two waves part (walk-off, double images), that faces treat them differently (Fresnel
 //! factors are those of the mean index), the wavelength dependence of n_e - n_o within the line, coherence between
 //! successive ways (each is averaged over the line by itself), optical activity (quartz along its axis), and absorption.
 //! Time of flight counts the mean index.
@@ -49,6 +49,8 @@ pub struct Crystal {
     pub waves_per_m: [f64; MAX_WAVELENGTHS],
     /// Full width of the spectral line at half maximum, over its wavelength: Δλ/λ.
     pub bandwidth: [f64; MAX_WAVELENGTHS],
+    /// True if its two rays part ways, incoherently, instead of being joined with a retardance.
+    pub split: bool,
 }
 
 /// Cosine and sine of ψ's retardance δ for `waves` = L/λ, times the coherence factor γ.
@@ -94,7 +96,7 @@ impl Crystal {
     fn medium(&self, id: u32, at: &Surface, wo: Vec3A, medium: Medium) -> Medium {
         let inward = at.ng.dot(wo) > 0.0;
         Medium {
-            crystal: if inward { id } else { NO_CRYSTAL },
+            crystal: if inward && !self.split { id } else { NO_CRYSTAL },
             ..medium
         }
     }
@@ -108,14 +110,21 @@ impl Crystal {
         lanes: &mut Lanes,
         stream: &mut Stream,
     ) -> Option<Sampled> {
+        if self.split {
+            return self.sample_split(at, wo, lanes, stream);
+        }
         let mut s = self.faces.sample(at, wo, lanes, stream)?;
         s.medium = s.medium.map(|m| self.medium(id, at, wo, m));
         Some(s)
     }
 
-    /// See [`super::Materials::specular`]; `id` is this material's number.
+    /// See [`super::Materials::specular`]; `id` is this material's number. A crystal that splits light has two lobes of
+    /// a kind inside, so it gives none but its outer reflection.
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
+        if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {
+            return None;
+        }
         let mut s = self.faces.interface(at, wo)?.specular(at, lobe, lane)?;
         s.medium = s.medium.map(|m| self.medium(id, at, wo, m));
         Some(s)

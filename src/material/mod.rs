@@ -13,6 +13,7 @@ pub mod constants;
 pub mod crystal;
 pub mod dielectric;
 pub mod diffuse;
+pub mod double_refraction;
 pub mod facets;
 pub mod measured;
 pub mod normal_map;

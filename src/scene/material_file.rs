@@ -312,6 +312,14 @@ pub struct CrystalFile {
     /// Full width at half maximum of the light's spectral line in nanometres, which a thick crystal depolarizes.
     #[serde(default = "zero")]
     pub bandwidth_nm: Located<f64>,
+    /// True: the ordinary and the extraordinary ray part ways, incoherently, and make double images. False: they stay
+    /// together, and the crystal retards.
+    #[serde(default = "joined")]
+    pub split: Located<bool>,
+}
+
+fn joined() -> Located<bool> {
+    Located::nowhere(false)
 }
 
 fn zero() -> Located<f64> {

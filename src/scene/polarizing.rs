@@ -146,6 +146,13 @@ impl Builder<'_, '_> {
             waves_per_m[i] = 1e9 / nm;
             bandwidth[i] = width / nm;
         }
+        if *file.split && width > 0.0 {
+            return Err(self.ctx.error(
+                file.bandwidth_nm.span(),
+                "bandwidth_nm means nothing with split = true, whose rays are incoherent",
+                "take one of them away",
+            ));
+        }
         let interior = Spectral::new(interior);
         let count = self.ctx.wavelengths.count();
         Ok(Crystal {
@@ -159,6 +166,7 @@ impl Builder<'_, '_> {
             n_e,
             waves_per_m,
             bandwidth,
+            split: *file.split,
         })
     }
 

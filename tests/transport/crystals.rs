@@ -4,22 +4,22 @@ use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
 };
 use crate::sheets::{retarder, sheet};
-use crate::support::render_text;
+use crate::support::{Rendered, render_text};
 use glam::{DVec3, Vec3A};
 use std::f64::consts::TAU;
 use std::path::Path;
 use sunstone::decompose::cloude::is_realizable;
 use sunstone::geometry::ray::Surface;
+use sunstone::material::constants::lookup;
 use sunstone::material::{Lanes, Lobe, Medium};
 use sunstone::sampling::stream::Stream;
 use sunstone::scene::materials::MaterialSet;
-use sunstone::tensor::axes::AxisKind::Bounces;
+use sunstone::tensor::axes::AxisKind::{Bounces, Wavelength};
 
-/// Quartz at 550 nm (Ghosh 1999).
-const N_O: f64 = 1.54595;
-const N_E: f64 = 1.55511;
+/// n_o and n_e of quartz at 550 nm (Ghosh 1999).
+const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 
-/// Light of index `n` along `d` that crosses into or out of a face: Fresnel transmission of power in the s-frame.
+/// Fresnel transmission of power into index `eta` times the one that light comes from, in the s-frame.
 fn transmission(cos_i: f64, eta: f64) -> M {
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
     let (ts, tp) = (
@@ -35,12 +35,12 @@ fn transmission(cos_i: f64, eta: f64) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }
 
-/// Retarder of a way of `length` along `k` in a crystal: its matrix and its frame, k × c.
-fn way(k: DVec3, c: DVec3, length: f64, n_o: f64, n_e: f64) -> (M, DVec3) {
+/// Retarder of a way of `length` along `k` in a crystal of optic axis `c`: its matrix and its frame, k × c.
+fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
     let cos2 = k.dot(c).powi(2);
     let n = 1.0 / (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt();
     let frame = k.cross(c).normalize_or(k.any_orthonormal_vector());
-    (retarder(TAU * length * (n - n_o) / 550e-9), frame)
+    (retarder(TAU * length * (n - n_o) / (nm * 1e-9)), frame)
 }
 
 /// Where the slab's upper face is met: far enough from the origin for the step off a surface, which grows with the
@@ -57,64 +57,87 @@ fn slab(top: f64) -> String {
 /// Power-of-two thickness, which f32 holds exactly: about 1 mm, 16 turns of quartz.
 const THICK: f64 = 1.0 / 1024.0;
 
-/// Camera above a slab, rough gold below it, lit from the side below the slab; `axis` is the optic axis. The ray to the
-/// camera leaves along `d`. Returns the light that met no inner reflection, and what it should be.
-fn through_slab(d: DVec3, axis: DVec3, n_o: f64, n_e: f64, keys: &str) -> (M, f64, M) {
-    let mean = f64::midpoint(n_o, n_e);
-    let top = AT;
-    let eye = top + d * 1.5;
-    let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
-    let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
-    let length = THICK / inside.z;
-    let bottom = top - inside * length;
-    let target = bottom - d * 0.5;
-    let camera = Device::ray(eye.to_array(), top).rolled(0.4);
-    let lamp = Device::look_at(
-        (target + DVec3::new(0.8, 0.3, 0.2)).to_array(),
-        target,
-        [3, 3],
-        20.0,
-    )
-    .rolled(-0.3);
-    let d_in = (target - lamp.origin).normalize();
-    let normal = (d - d_in).normalize();
-    let u = normal.any_orthonormal_vector();
-    let spp = 4000;
-    let text = head(spp, 5, 21)
-        + &camera.keys("camera")
-        + &lamp.keys("projector")
-        + &format!(
-            "[materials]\ngold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.4 }}\n\
-             crystal.crystal = {{ {keys}, axis = {:?} }}\n",
-            axis.to_array()
-        )
-        + &slab(THICK)
-        + &plate(target + u * 0.01 + normal.cross(u) * 0.03, normal, 0.1, "gold")
-        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-    let x = project(camera.right, d);
-    let s = if d.z > 1.0 - 1e-9 {
-        DVec3::Y
-    } else {
-        DVec3::Z.cross(d).normalize()
-    };
-    let (retardance, frame) = way(inside, axis, length, n_o, n_e);
-    let want = turn(d, s, x)
-        * transmission(inside.z, 1.0 / mean)
-        * turn(inside, frame, s)
-        * retardance
-        * turn(inside, s, frame)
-        * transmission(d.z, mean)
-        * mirror(d_in, project(lamp.right, d_in), d, s, GOLD)
-        * (ggx_factor(normal, d, -d_in, 0.4) * lamp.project(target).1);
-    let r = render_text(&text);
-    let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
-    let sigma = f64::from(r.std_error("m").at(&[(Bounces, 3)]));
-    (got, sigma, want)
+/// Camera above a slab, rough gold below it, lit from the side below the slab.
+struct Slab {
+    camera: Device,
+    lamp: Device,
+    /// Direction in which light leaves to the camera, and its direction inside.
+    d: DVec3,
+    inside: DVec3,
+    target: DVec3,
+}
+
+impl Slab {
+    /// Of mean index `mean`, seen along -`d`.
+    fn new(d: DVec3, mean: f64) -> Self {
+        let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
+        let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
+        let target = AT - inside * (THICK / inside.z) - d * 0.5;
+        let lamp = (target + DVec3::new(0.8, 0.3, 0.2)).to_array();
+        Self {
+            camera: Device::ray((AT + d * 1.5).to_array(), AT).rolled(0.4),
+            lamp: Device::look_at(lamp, target, [3, 3], 20.0).rolled(-0.3),
+            d,
+            inside,
+            target,
+        }
+    }
+
+    fn normal(&self) -> DVec3 {
+        (self.d + (self.lamp.origin - self.target).normalize()).normalize()
+    }
+
+    /// Renders with the optic axis `axis`; `wavelengths` is a list.
+    fn render(&self, axis: DVec3, keys: &str, wavelengths: &str) -> Rendered {
+        let (n, u) = (self.normal(), self.normal().any_orthonormal_vector());
+        // The target is not met on the diagonal of its plate, where rays could slip between two triangles.
+        let centre = self.target + u * 0.01 + n.cross(u) * 0.03;
+        let text = head(4000, 5, 21).replace("[550]", wavelengths)
+            + &self.camera.keys("camera")
+            + &self.lamp.keys("projector")
+            + &format!(
+                "[materials]\ngold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.4 }}\n\
+                 crystal.crystal = {{ {keys}, axis = {:?} }}\n",
+                axis.to_array()
+            )
+            + &slab(THICK)
+            + &plate(centre, n, 0.1, "gold")
+            + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
+        render_text(&text)
+    }
+
+    /// Light that meets no inner reflection.
+    fn expected(&self, axis: DVec3, [n_o, n_e]: [f64; 2], nm: f64) -> M {
+        let (d, inside, mean) = (self.d, self.inside, f64::midpoint(n_o, n_e));
+        let d_in = (self.target - self.lamp.origin).normalize();
+        let x = project(self.camera.right, d);
+        let s = if d.z > 1.0 - 1e-9 {
+            DVec3::Y
+        } else {
+            DVec3::Z.cross(d).normalize()
+        };
+        let (retardance, frame) = way(inside, axis, THICK / inside.z, [n_o, n_e], nm);
+        turn(d, s, x)
+            * transmission(inside.z, 1.0 / mean)
+            * turn(inside, frame, s)
+            * retardance
+            * turn(inside, s, frame)
+            * transmission(d.z, mean)
+            * mirror(d_in, project(self.lamp.right, d_in), d, s, GOLD)
+            * (ggx_factor(self.normal(), d, -d_in, 0.4) * self.lamp.project(self.target).1)
+    }
 }
 
 /// Every sample that meets no inner reflection brings the same matrix, so its shape is exact and its mean statistical.
-fn check(d: DVec3, axis: DVec3, n_o: f64, n_e: f64, keys: &str, tolerance: f64, what: &str) {
-    let (got, sigma, want) = through_slab(d, axis, n_o, n_e, keys);
+fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
+    let slab = Slab::new(d, f64::midpoint(n[0], n[1]));
+    let keys = format!("n_o = {:?}, n_e = {:?}", n[0], n[1]);
+    let r = slab.render(axis, &keys, "[550]");
+    let (got, want) = (
+        mueller(&r.mean("m"), &[(Bounces, 3)]),
+        slab.expected(axis, n, 550.0),
+    );
+    let sigma = f64::from(r.std_error("m").at(&[(Bounces, 3)]));
     let (g, w) = (got[(0, 0)], want[(0, 0)]);
     assert!(
         (g - w).abs() < 5.0 * sigma + 1e-4 * w && sigma < 0.02 * w,
@@ -127,53 +150,64 @@ fn check(d: DVec3, axis: DVec3, n_o: f64, n_e: f64, keys: &str, tolerance: f64, 
 #[test]
 fn a_quartz_slab_is_a_wave_plate() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
-    let keys = format!("n_o = {N_O}, n_e = {N_E}");
-    let turns = THICK * (N_E - N_O) / 550e-9;
+    let turns = THICK * (QUARTZ[1] - QUARTZ[0]) / 550e-9;
     assert!(
         turns > 16.0 && (turns.fract() - 0.25).abs() < 0.2,
         "{turns} turns"
     );
-    check(DVec3::Z, axis, N_O, N_E, &keys, 3e-4, "quartz");
+    check(DVec3::Z, axis, QUARTZ, 3e-4, "quartz");
     // Negative crystals, and the axis at other angles, out of the face.
-    let calcite = "n_o = 1.66127, n_e = 1.4875";
-    check(
-        DVec3::Z,
-        DVec3::new(0.6, -0.2, 0.5).normalize(),
-        1.66127,
-        1.4875,
-        calcite,
-        2e-3,
-        "calcite",
+    let axis = DVec3::new(0.6, -0.2, 0.5).normalize();
+    check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
+}
+
+/// By name, at three wavelengths at once, which part ways in a dispersive crystal: each its own retardance.
+#[test]
+fn every_wavelength_has_its_own_retardance() {
+    let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
+    let slab = Slab::new(DVec3::Z, 1.5);
+    let mean = slab
+        .render(axis, "name = \"Quartz\"", "[450, 550, 660]")
+        .mean("m");
+    let mut phases = vec![];
+    for (lane, nm) in [450.0, 550.0, 660.0].into_iter().enumerate() {
+        let n = ["quartz_o", "quartz_e"].map(|name| lookup(name, nm).expect("quartz").0);
+        let (got, want) = (
+            mueller(&mean, &[(Bounces, 3), (Wavelength, lane)]),
+            slab.expected(axis, n, nm),
+        );
+        assert_close(
+            &(got / got[(0, 0)]),
+            &(want / want[(0, 0)]),
+            1e-3,
+            &format!("{nm} nm"),
+        );
+        phases.push(want[(2, 1)] / want[(0, 0)]);
+    }
+    assert!(
+        phases.windows(2).all(|p| (p[0] - p[1]).abs() > 0.1),
+        "{phases:?} are too alike to tell"
     );
 }
 
 /// A slanting ray, the axis anywhere.
 #[test]
 fn slanting_rays_and_axes() {
-    let keys = format!("n_o = {N_O}, n_e = {N_E}");
     for (d, axis) in [
         (DVec3::new(0.4, -0.3, 0.9), DVec3::new(1.0, 1.0, 0.0)),
         (DVec3::new(-0.6, 0.1, 0.8), DVec3::new(0.3, -0.4, 0.7)),
     ] {
-        check(
-            d.normalize(),
-            axis.normalize(),
-            N_O,
-            N_E,
-            &keys,
-            1e-3,
-            &format!("{d} {axis}"),
-        );
+        let what = format!("{d} {axis}");
+        check(d.normalize(), axis.normalize(), QUARTZ, 1e-3, &what);
     }
 }
 
 /// Along the optic axis a crystal is glass.
 #[test]
 fn no_retardance_along_the_axis() {
-    let keys = format!("n_o = {N_O}, n_e = {N_E}");
-    check(DVec3::Z, DVec3::Z, N_O, N_E, &keys, 1e-5, "along the axis");
-    let (_, _, glass) = through_slab(DVec3::Z, DVec3::Z, N_O, N_E, &keys);
-    let (_, _, plate) = through_slab(DVec3::Z, DVec3::X, N_O, N_E, &keys);
+    check(DVec3::Z, DVec3::Z, QUARTZ, 1e-5, "along the axis");
+    let slab = Slab::new(DVec3::Z, 1.55);
+    let [glass, plate] = [DVec3::Z, DVec3::X].map(|axis| slab.expected(axis, QUARTZ, 550.0));
     assert!(
         (glass - plate).abs().max() > 0.1 * glass[(0, 0)],
         "the test cannot tell"
@@ -208,7 +242,10 @@ fn inner_reflections_cross_again() {
         + &plate(target, normal, 0.002, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
     let (up, down) = (DVec3::Z, -DVec3::Z);
-    let ((rise, f), (fall, _)) = (way(up, axis, THICK, n_o, n_e), way(down, axis, THICK, n_o, n_e));
+    let ((rise, f), (fall, _)) = (
+        way(up, axis, THICK, [n_o, n_e], 550.0),
+        way(down, axis, THICK, [n_o, n_e], 550.0),
+    );
     let face = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0));
     let want = turn(up, f, project(camera.right, up))
         * rise
@@ -243,8 +280,8 @@ fn connections_inside_a_crystal() {
         + &sheet(face, DVec3::X, DVec3::Y, "crystal")
         + &plate(target + u * 0.01 + normal.cross(u) * 0.03, normal, 0.1, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-    let (out, f) = way(DVec3::Z, axis, 0.5, n_o, n_e);
-    let (inn, g) = way(d_in, axis, lamp.origin.length(), n_o, n_e);
+    let (out, f) = way(DVec3::Z, axis, 0.5, [n_o, n_e], 550.0);
+    let (inn, g) = way(d_in, axis, lamp.origin.length(), [n_o, n_e], 550.0);
     let want = turn(DVec3::Z, f, project(camera.right, DVec3::Z))
         * out
         * mirror(d_in, g, DVec3::Z, f, GOLD)

@@ -5,6 +5,7 @@
 mod combined;
 mod crystals;
 mod direct;
+mod double_images;
 mod energy;
 mod frames;
 mod glass;

@@ -412,6 +412,10 @@ fn mistakes_are_named() {
             "calcite, quartz, sapphire",
         ),
         ("a.crystal = { n_o = 1.5, axis = [1, 0, 0] }", "missing"),
+        (
+            "a.crystal = { name = \"quartz\", axis = [1, 0, 0], split = true, bandwidth_nm = 1 }",
+            "bandwidth_nm means nothing",
+        ),
         ("a.crystal = { name = \"quartz\" }", "missing field `axis`"),
         (
             "a.coated_conductor = { metal = \"Al\", films = [{ ior = \"SiO\", k = 1, thickness_nm = 9 }] }",
