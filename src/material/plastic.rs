@@ -91,17 +91,19 @@ impl Plastic {
         })
     }
 
-    /// Both lobes in the frame of the reflection, and the density of both.
-    fn value(&self, seen: &Seen, wi: Vec3A) -> Option<(Scatter, f32)> {
+    /// Both lobes in the frame of the reflection, times a weight that may depend on the density of both.
+    #[inline]
+    fn value(&self, seen: &Seen, wi: Vec3A, weight: impl FnOnce(f32) -> f32) -> Option<Scatter> {
         let Seen { n, wo, out, .. } = *seen;
         let li = seen.facets.local(wi);
         let to = seen.facets.reflection(li)?;
+        let weight = weight(seen.density(to.pdf, li));
         let block = fresnel::dielectric(to.cos_o, self.eta)
             .reflection
-            .scaled(self.specular * Spectral::splat(to.value));
+            .scaled(self.specular * Spectral::splat(to.value * weight));
         let s = s_vector(wi, wo);
         let inn = fresnel::dielectric(li.z, self.eta).transmission;
-        let base = seen.base * Spectral::splat(li.z * FRAC_1_PI);
+        let base = seen.base * Spectral::splat(li.z * FRAC_1_PI * weight);
         let (c, d) = turn(wo, s_vector(n, wo), s);
         let column = [
             base * out.a,
@@ -111,17 +113,16 @@ impl Plastic {
         let (c, d) = turn(-wi, s, s_vector(n, wi));
         let row = [inn.a, inn.b * Spectral::splat(c), inn.b * Spectral::splat(d)];
         let mut mueller = block.to_mueller();
-        for (m, c) in mueller.m.iter_mut().zip(column) {
-            for (m, r) in m.iter_mut().zip(row) {
-                *m += c * r;
+        for i in 0..3 {
+            for j in 0..3 {
+                mueller.m[i][j] += column[i] * row[j];
             }
         }
-        let scatter = Scatter::Full {
+        Some(Scatter::Full {
             mueller,
             frame_out: s,
             frame_in: s,
-        };
-        Some((scatter, seen.density(to.pdf, li)))
+        })
     }
 
     /// See [`super::Materials::eval`].
@@ -129,8 +130,10 @@ impl Plastic {
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let seen = self.seen(textures, at, wo)?;
-        let value = same_side(at, wo, wi).then(|| self.value(&seen, wi)).flatten();
-        value.map(|(scatter, _)| scatter)
+        if !same_side(at, wo, wi) {
+            return None;
+        }
+        self.value(&seen, wi, |_| 1.0)
     }
 
     /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
@@ -164,10 +167,9 @@ impl Plastic {
         if li.z <= 0.0 || !same_side(at, wo, wi) {
             return None;
         }
-        let (scatter, pdf) = self.value(&seen, wi)?;
         Some(Sampled {
             wi,
-            scatter: scatter.scaled(Spectral::splat(1.0 / pdf.max(f32::MIN_POSITIVE))),
+            scatter: self.value(&seen, wi, |pdf| 1.0 / pdf.max(f32::MIN_POSITIVE))?,
             delta: false,
             medium: None,
         })
