@@ -148,9 +148,9 @@ impl Plastic {
         let (c, d) = turn(-wi, s, s_vector(n, wi));
         let row = [inn.a, inn.b * Spectral::splat(c), inn.b * Spectral::splat(d)];
         let mut mueller = block.to_mueller();
-        for i in 0..3 {
-            for j in 0..3 {
-                mueller.m[i][j] += column[i] * row[j];
+        for (m, c) in mueller.m.iter_mut().zip(&column) {
+            for (m, r) in m.iter_mut().zip(&row) {
+                *m += *c * *r;
             }
         }
         Some(Scatter::Full {

@@ -35,7 +35,7 @@ pub enum MaterialFile {
     /// Glass with microfacets.
     RoughDielectric(RoughDielectricFile),
     /// Rough dielectric coat over a depolarizing base.
-    Plastic(PlasticFile),
+    Plastic(Box<PlasticFile>),
     /// One material in front, another (or none) behind.
     TwoSided(TwoSidedFile),
     /// Two materials mixed by area.

@@ -7,6 +7,7 @@ use crate::materials::{
 use crate::optics::{C, Device, M, assert_close, head, mueller, plate, project, turn};
 use crate::support::render_text;
 use glam::{DVec3, Vec3A};
+use std::f32::consts::FRAC_PI_6;
 use std::f64::consts::{PI, TAU};
 use sunstone::decompose::cloude;
 use sunstone::material::dielectric::Dielectric;
@@ -200,7 +201,7 @@ fn matrices_are_realizable() {
             for wo in [toward(co, 0.3), -toward(co, 0.3)] {
                 for ci in cosines {
                     for k in 0..12 {
-                        let up = toward(ci, 0.3 + k as f32 * 0.5236);
+                        let up = toward(ci, 0.3 + k as f32 * FRAC_PI_6);
                         for wi in [up, -up] {
                             let Some(s) = m.eval(0, &surface(), wo, wi) else {
                                 continue;
