@@ -103,7 +103,7 @@ const CASES: &[Case] = &[
     ("an unknown distribution", "alpha = 0.2", "alpha = 0.2, distribution = \"phong\"", "^\"phong\"", "expected `ggx` or `beckmann`"),
     ("an unknown masking", "alpha = 0.2", "alpha = 0.2, masking = \"none\"", "^\"none\"", "expected `correlated` or `separable`"),
     ("a rough glass of index below 1", "dielectric = { ior = 1.5", "rough_dielectric = { alpha = 0.1, ior = 0.5", "^0.5", "ior is 0.5"),
-    ("a specular factor above 1", "dielectric = { ior = 1.5", "plastic = { albedo = 0.5, alpha = 0.1, ior = 1.5, specular = 2", "^2 }", "specular is 2"),
+    ("a specular factor above 1", "dielectric = { ior = 1.5", "plastic = { albedo = 0.5, alpha = 0.1, ior = 1.5, specular = 7", "^7 }", "specular is 7"),
     ("a plastic without albedo", "dielectric = { ior = 1.5", "plastic = { alpha = 0.1, ior = 1.5", "^{ alpha = 0.1", "missing field `albedo`"),
     ("an index below 1", "ior = 1.5", "ior = 0.5", "^0.5", "ior is 0.5"),
     ("a metal without k", "n = 0.4, k = 2.4,", "n = 0.4,", "gold.rough_conductor", "both n and k"),

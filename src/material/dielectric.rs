@@ -44,7 +44,7 @@ impl Interface {
         let side = at.ng.dot(wo);
         if lobe == Lobe::Reflected {
             let wi = reflect(wo, n).normalize();
-            return (at.ng.dot(wi) * side > 0.0).then(|| Specular {
+            return (at.ng.dot(wi) * side > 0.0).then_some(Specular {
                 wi,
                 scatter: Scatter::Fresnel {
                     block: self.fresnel.reflection,

@@ -28,6 +28,7 @@ pub struct Roughness {
 const LEAST_ALPHA: f32 = 1e-3;
 
 /// The facets at a point, seen from `wo`.
+#[derive(Clone, Copy)]
 pub(super) struct Facets {
     model: Microfacet,
     /// Takes local directions to the world.
@@ -76,6 +77,18 @@ impl Facets {
             },
             frame,
             lo: frame.transpose() * wo,
+        }
+    }
+
+    /// The same surface with facets of another width.
+    #[inline]
+    pub fn with_alpha(&self, alpha: f32) -> Self {
+        Self {
+            model: Microfacet {
+                alpha: alpha.max(LEAST_ALPHA),
+                ..self.model
+            },
+            ..*self
         }
     }
 

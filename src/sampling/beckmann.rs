@@ -3,7 +3,8 @@
 //! D(h) = exp(-tan²θ/α²) / (π α² cos⁴θ). Smith's Λ is exact (Walter et al. 2007, eq. 25; Heitz 2014, eq. 66):
 //! Λ(a) = (erf(a) - 1)/2 + exp(-a²)/(2a√π) with a = 1/(α tanθ). Normals visible from a direction are drawn by inverting
 //! the distribution function of their slope (Heitz & d'Eon 2014) by Newton's method in the domain of erf (Jakob 2014,
-//! "An improved visible normal sampling routine for the Beckmann distribution").
+//! "An improved visible normal sampling routine for the Beckmann distribution"). Mitsuba 3 has the rational G1 of Walter
+//! et al. (2007), which lies up to 0.35 % off.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};
@@ -140,11 +141,11 @@ mod tests {
         for (x, want) in [
             (0.0, 0.0),
             (0.1, 0.112_462_916),
-            (0.5, 0.520_499_878),
-            (1.0, 0.842_700_793),
-            (1.5, 0.966_105_146),
-            (2.0, 0.995_322_265),
-            (3.0, 0.999_977_910),
+            (0.5, 0.520_499_9),
+            (1.0, 0.842_700_8),
+            (1.5, 0.966_105_16),
+            (2.0, 0.995_322_3),
+            (3.0, 0.999_977_9),
         ] {
             assert!((erf(x) - want).abs() < 4e-7, "{x}: {}", erf(x));
             assert!((erf(-x) + want).abs() < 4e-7, "-{x}: {}", erf(-x));
@@ -157,7 +158,7 @@ mod tests {
             let x = i as f32 / 3000.0;
             assert!((erf(erf_inv(x)) - x).abs() < 1e-6, "{x}");
         }
-        assert!((erf_inv(0.842_700_793) - 1.0).abs() < 2e-6);
+        assert!((erf_inv(0.842_700_8) - 1.0).abs() < 2e-6);
     }
 
     /// Smith's Λ makes the facets visible from a direction fill its projected area: ∫ max(0, w·h) D dω_h = cosθ / G1.

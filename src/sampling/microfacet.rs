@@ -1,8 +1,8 @@
 //! Distributions of microfacet normals about +z with Smith's masking and shadowing, isotropic.
 //!
 //! GGX: D(h) = α² / (π (sin²θ + α² cos²θ)²), Λ = (√(1 + α² tan²θ) - 1)/2 (Trowbridge & Reitz 1975; Walter et al. 2007).
-//! Beckmann: [`super::beckmann`]. G1 = 1/(1 + Λ). Facets are independent of their height's neighbours (Smith 1967), and
-//! of their heights one of two things is assumed:
+//! Beckmann: [`super::beckmann`]. Smith (1967) takes facets as independent of their neighbours, so that G1 = 1/(1 + Λ).
+//! Whether a facet that is seen is also lit is answered in one of two ways:
 //!
 //! - correlated (Heitz 2014, eq. 99): one facet, one height. Reflection G2 = 1/(1 + Λo + Λi); in transmission what is
 //!   high for one side is low for the other, G2 = B(1 + Λo, 1 + Λi) with Euler's beta (Heitz et al. 2016, "Multiple-

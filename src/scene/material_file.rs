@@ -35,7 +35,7 @@ pub enum MaterialFile {
     /// Glass with microfacets.
     RoughDielectric(RoughDielectricFile),
     /// Rough dielectric coat over a depolarizing base.
-    Plastic(PlasticFile),
+    Plastic(Box<PlasticFile>),
     /// One material in front, another (or none) behind.
     TwoSided(TwoSidedFile),
     /// Two materials mixed by area.
@@ -140,6 +140,8 @@ pub struct PlasticFile {
     /// Factor of the surface reflection, 0..1: a number or one per wavelength.
     #[serde(default = "unit_spectrum")]
     pub specular: Located<SpectrumFile>,
+    /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022).
+    pub single_scatter: Option<SingleScatterFile>,
     /// Light thrown back into the base from inside comes out later (as in Mitsuba's `plastic`) instead of being lost
     /// (as in Baek et al. 2018 and Mitsuba's `pplastic`).
     #[serde(default)]
@@ -152,6 +154,16 @@ pub struct PlasticFile {
     /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
     #[serde(default)]
     pub masking: Masking,
+}
+
+/// See [`PlasticFile::single_scatter`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SingleScatterFile {
+    /// Factor of the lobe, 0..1: a number, one per wavelength, or an image.
+    pub albedo: Located<AlbedoFile>,
+    /// Roughness, 0.001..1: a number or an image.
+    pub alpha: Located<ScalarFile>,
 }
 
 pub(super) fn unit_index() -> Located<IndexFile> {

@@ -184,6 +184,16 @@ impl<'a> Builder<'_, 'a> {
                     roughness: self.roughness(&p.alpha, p.distribution, p.masking)?,
                     specular: self.ctx.located(&p.specular, "specular", 0.0..=1.0)?,
                     internal: p.interreflection.then(|| plastic::internal_reflectance(eta)),
+                    single_scatter: p
+                        .single_scatter
+                        .as_ref()
+                        .map(|s| {
+                            Ok(plastic::SingleScatter {
+                                albedo: self.albedo(&s.albedo)?,
+                                alpha: self.alpha(&s.alpha)?,
+                            })
+                        })
+                        .transpose()?,
                 })
             }
             MaterialFile::TwoSided(t) => Material::TwoSided(two_sided::TwoSided {
@@ -290,17 +300,20 @@ impl<'a> Builder<'_, 'a> {
         distribution: Distribution,
         masking: Masking,
     ) -> Result<Roughness, SceneError> {
-        let alpha = self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
+        Ok(Roughness {
+            distribution,
+            masking,
+            alpha: self.alpha(alpha)?,
+        })
+    }
+
+    fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, SceneError> {
+        self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("alpha") {
                 e.help =
                     Some("it must lie in 0.001..1; `conductor` and `dielectric` are smooth surfaces".into());
             }
             e
-        })?;
-        Ok(Roughness {
-            distribution,
-            masking,
-            alpha,
         })
     }
 

@@ -7,11 +7,12 @@ use crate::materials::{
 use crate::optics::{C, Device, M, assert_close, head, mueller, plate, project, turn};
 use crate::support::render_text;
 use glam::{DVec3, Vec3A};
+use std::f32::consts::FRAC_PI_6;
 use std::f64::consts::{PI, TAU};
 use sunstone::decompose::cloude;
 use sunstone::material::dielectric::Dielectric;
 use sunstone::material::facets::Roughness;
-use sunstone::material::plastic::{Plastic, internal_reflectance};
+use sunstone::material::plastic::{Plastic, SingleScatter, internal_reflectance};
 use sunstone::material::rough_conductor::RoughConductor;
 use sunstone::material::rough_dielectric::RoughDielectric;
 use sunstone::material::texture::{Scalar, Spectrum};
@@ -57,14 +58,19 @@ fn glass(interior: Spectral, roughness: Roughness) -> Materials {
     }))
 }
 
-fn plastic(roughness: Roughness, interreflection: bool) -> Materials {
+/// With all options or none.
+fn plastic(roughness: Roughness, options: bool) -> Materials {
     let eta = Spectral::new([1.5, 1.52, 1.6, 1.4]);
     table(Material::Plastic(Plastic {
         albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.02])),
         eta,
         roughness,
         specular: Spectral::ONE,
-        internal: interreflection.then(|| internal_reflectance(eta)),
+        internal: options.then(|| internal_reflectance(eta)),
+        single_scatter: options.then(|| SingleScatter {
+            albedo: Spectrum::uniform(Spectral::new([0.1, 0.2, 0.3, 0.4])),
+            alpha: Scalar::uniform(0.5),
+        }),
     }))
 }
 
@@ -195,7 +201,7 @@ fn matrices_are_realizable() {
             for wo in [toward(co, 0.3), -toward(co, 0.3)] {
                 for ci in cosines {
                     for k in 0..12 {
-                        let up = toward(ci, 0.3 + k as f32 * 0.5236);
+                        let up = toward(ci, 0.3 + k as f32 * FRAC_PI_6);
                         for wi in [up, -up] {
                             let Some(s) = m.eval(0, &surface(), wo, wi) else {
                                 continue;
@@ -488,6 +494,7 @@ fn interreflection_conserves_energy() {
             roughness: roughness(Ggx, Correlated, 0.1),
             specular: Spectral::ZERO,
             internal,
+            single_scatter: None,
         };
         let inner = internal_reflectance(Spectral::splat(eta));
         let (closed, open) = (
@@ -520,6 +527,40 @@ fn interreflection_conserves_energy() {
     }
 }
 
+/// The lobe of single scattering is a surface reflection of its own width and colour.
+#[test]
+fn single_scattering_is_a_second_reflection() {
+    let layer = |alpha: f32, specular: Spectral, single_scatter| {
+        table(Material::Plastic(Plastic {
+            albedo: Spectrum::uniform(Spectral::ZERO),
+            eta: Spectral::splat(IOR),
+            roughness: roughness(Ggx, Correlated, alpha),
+            specular,
+            internal: None,
+            single_scatter,
+        }))
+    };
+    let colour = Spectral::new([0.1, 0.2, 0.3, 0.4]);
+    let single = SingleScatter {
+        albedo: Spectrum::uniform(colour),
+        alpha: Scalar::uniform(0.6),
+    };
+    let both = layer(0.2, Spectral::ONE, Some(single));
+    let (narrow, wide) = (layer(0.2, Spectral::ONE, None), layer(0.6, colour, None));
+    let mut stream = Stream::new(12, 0, 0);
+    for _ in 0..200 {
+        let [wo, wi] = pair_in_front(&mut stream);
+        let e = |m: &Materials| elements(&m.eval(0, &surface(), wo, wi).expect("in front"), wo, wi);
+        let (sum, a, b) = (e(&both), e(&narrow), e(&wide));
+        for (lane, sum) in sum.iter().enumerate() {
+            for (k, got) in sum.iter().enumerate() {
+                let want = a[lane][k] + b[lane][k];
+                assert!((got - want).abs() <= 1e-5 * sum[0], "{got} is not {want}");
+            }
+        }
+    }
+}
+
 /// Away from the highlight plastic's light is polarized in the plane of n and `wo` (negative s1 in a frame across it),
 /// more at grazing exit: the sign on which shape from polarization rests.
 #[test]
@@ -537,4 +578,36 @@ fn light_from_inside_is_polarized_across() {
         last = degree;
     }
     assert!(last > 0.2);
+}
+
+/// A sphere of rough glass in a furnace of radiance 1, entered and left many times: at small roughness next to nothing
+/// is lost between facets, and nothing is made.
+#[test]
+fn rough_glass_sphere_nearly_vanishes() {
+    let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 4.0);
+    for distribution in ["ggx", "beckmann"] {
+        let text = head(2000, 1000, 31)
+            + &camera.keys("camera")
+            + &format!(
+                "[materials.m.rough_dielectric]\nior = 1.5\nalpha = 0.05\ndistribution = \"{distribution}\"\n\
+                 [[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1\n\
+                 [[emitters]]\nenvironment = {{ radiance = 1 }}\n[[slices]]\nname = \"m\"\n"
+            );
+        let r = render_text(&text);
+        let (mean, error) = (r.mean("m"), r.std_error("m"));
+        let n = mean.data.len() as f64;
+        let total = mean.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+        let sigma = error
+            .data
+            .iter()
+            .map(|e| f64::from(*e).powi(2))
+            .sum::<f64>()
+            .sqrt()
+            / n;
+        assert!(
+            total < 1.0 + 5.0 * sigma && total > 0.97 - 5.0 * sigma,
+            "{distribution}: {total} ± {sigma:.1e}"
+        );
+        assert!(sigma < 0.01, "{sigma}");
+    }
 }
