@@ -270,7 +270,7 @@ fn every_fault_is_named_with_its_mend() {
     check("not a tensor file", b"");
     check("not a tensor file", &edited(0, b'T'));
     check("version 1.7", &edited(13, 7));
-    check("field 6 of 6", &{
+    check("ends inside its header", &{
         let mut fields = fields();
         fields.truncate(5);
         let (mut file, _) = container(&fields);

@@ -15,15 +15,8 @@ pub enum PbsdfError {
     #[error("is a tensor file of version {0}.{1}; only version 1.0 is known, so write it again as that")]
     Version(u8, u8),
     /// The file ends inside its header.
-    #[error(
-        "ends inside its header, in field {field} of {count}; fetch it again, it is cut short or damaged"
-    )]
-    Header {
-        /// Number of the field, from 1.
-        field: u32,
-        /// How many there should be.
-        count: u32,
-    },
+    #[error("ends inside its header; fetch it again, it is cut short or damaged")]
+    Header,
     /// A field that a table needs is not there.
     #[error("has no field `{0}`; a table has phi_d, theta_d, theta_h, wvls and M")]
     Missing(&'static str),

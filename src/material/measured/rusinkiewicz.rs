@@ -99,6 +99,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..Default::default() })]
+
         /// Coordinates → directions → coordinates, under any turn about the normal.
         #[test]
         fn round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {

@@ -270,10 +270,13 @@ impl Table {
                 }
             }
         }
-        let rows = lanes.map(Sum::mean);
-        Mueller {
-            m: [0, 1, 2, 3].map(|r| Spectral::transpose(rows.map(|lane| lane[r]))),
+        let mut out = Mueller::ZERO;
+        let [a, b, c, d] = &lanes;
+        let scale = Spectral::new([a.scale(), b.scale(), c.scale(), d.scale()]);
+        for (e, out) in out.m.as_flattened_mut().iter_mut().enumerate() {
+            *out = scale * Spectral::new([a.elements[e], b.elements[e], c.elements[e], d.elements[e]]);
         }
+        out
     }
 
     /// M00 averaged over the render's lanes and over up to 16 values of φ_d, at every θ_h and up to about 48 values of
@@ -356,10 +359,10 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     lanes
 }
 
-/// A weighted sum of the matrices that are there.
+/// A weighted sum of the matrices that are there. Plain loops over 16 numbers: the compiler makes vectors of them.
 #[derive(Clone, Copy, Default)]
 struct Sum {
-    rows: [Spectral; 4],
+    elements: [f32; 16],
     weight: f32,
 }
 
@@ -368,28 +371,32 @@ impl Sum {
     #[inline]
     fn add(&mut self, bytes: &[u8], at: usize, weight: f32) {
         let (words, _) = bytes[at..at + CELL].as_chunks::<4>();
-        let rows: [Spectral; 4] =
-            [0, 1, 2, 3].map(|r| Spectral::new([0, 1, 2, 3].map(|c| f32::from_le_bytes(words[4 * r + c]))));
+        let mut matrix = [0.0; 16];
+        for (x, word) in matrix.iter_mut().zip(words) {
+            *x = f32::from_le_bytes(*word);
+        }
         // NaN is not below anything.
-        let limit = Spectral::splat(LIMIT);
-        let below = rows.map(|row| row.abs().simd_lt(limit));
-        if ((below[0] & below[1]) & (below[2] & below[3])).all() {
-            let w = Spectral::splat(weight);
-            for (sum, row) in self.rows.iter_mut().zip(rows) {
-                *sum += row * w;
+        let mut there = true;
+        for x in matrix {
+            there &= x.abs() < LIMIT;
+        }
+        if there {
+            for (sum, x) in self.elements.iter_mut().zip(matrix) {
+                *sum += weight * x;
             }
             self.weight += weight;
         }
     }
 
+    /// What the mean is the sum times.
     #[inline]
-    fn mean(self) -> [Spectral; 4] {
+    fn scale(&self) -> f32 {
         // Corners of no weight worth speaking of, or less than no light.
-        if self.weight < 1e-12 || self.rows[0].to_array()[0] <= 0.0 {
-            return [Spectral::ZERO; 4];
+        if self.weight < 1e-12 || self.elements[0] <= 0.0 {
+            0.0
+        } else {
+            self.weight.recip()
         }
-        let scale = Spectral::splat(self.weight.recip());
-        self.rows.map(|row| row * scale)
     }
 }
 

@@ -139,10 +139,7 @@ impl<'a> TensorFile<'a> {
         if !bytes.starts_with(MAGIC) {
             return Err(PbsdfError::Magic);
         }
-        let cut = PbsdfError::Header { field: 0, count: 0 };
-        let Some(rest) = bytes.get(MAGIC.len()..HEAD) else {
-            return Err(cut);
-        };
+        let rest = bytes.get(MAGIC.len()..HEAD).ok_or(PbsdfError::Header)?;
         if rest[..2] != [1, 0] {
             return Err(PbsdfError::Version(rest[0], rest[1]));
         }
@@ -152,13 +149,6 @@ impl<'a> TensorFile<'a> {
         Ok(file)
     }
 
-    fn cut(&self, field: u32) -> PbsdfError {
-        PbsdfError::Header {
-            field: field + 1,
-            count: self.count,
-        }
-    }
-
     /// Where the header ends, bytes from the start of the file.
     ///
     /// # Errors
@@ -166,8 +156,8 @@ impl<'a> TensorFile<'a> {
     pub fn header_end(&self) -> Result<usize, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
         // A field takes 13 bytes or more, so a file that claims billions of them is found out at its end.
-        for field in 0..self.count {
-            entry(&mut at).ok_or_else(|| self.cut(field))?;
+        for _ in 0..self.count {
+            entry(&mut at).ok_or(PbsdfError::Header)?;
         }
         Ok(self.bytes.len() - at.len())
     }
@@ -180,8 +170,8 @@ impl<'a> TensorFile<'a> {
     pub fn field(&self, name: &'static str, dtype: Dtype) -> Result<Field<'a>, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
         let mut found = None;
-        for field in 0..self.count {
-            let e = entry(&mut at).ok_or_else(|| self.cut(field))?;
+        for _ in 0..self.count {
+            let e = entry(&mut at).ok_or(PbsdfError::Header)?;
             if e.name == name.as_bytes() && found.replace(e).is_some() {
                 return Err(PbsdfError::Twice(name));
             }
