@@ -45,6 +45,10 @@ class Case:
     theta_out: tuple = (0, 89)
     # Compare M00 alone (where Mitsuba's model is not polarized).
     intensity_only: bool = False
+    # The microfacet part of `bsdf` by itself, with its roughness: its masking is made exact (see `masking_ratio`).
+    microfacet: dict | None = None
+    # Skips pairs that meet their facet under a cosine below this.
+    least_facet_cos: float = 0.0
 
 
 def spectrum(values):
@@ -93,34 +97,46 @@ def cases(folder):
     for kind in ("ggx", "beckmann"):
         rough = f"alpha = 0.3, distribution = '{kind}', masking = 'separable'"
         rough_mi = {"alpha": 0.3, "distribution": kind}
+        exact = kind == "beckmann"
+        masking = "Mitsuba's fit of Beckmann's masking replaced by the exact one" if exact else ""
+        metal = {"type": "roughconductor", **gold_mi, **rough_mi}
         yield Case(
             f"roughconductor, {kind}",
             f"rough_conductor = {{ {gold}, {rough} }}",
-            {"type": "roughconductor", **gold_mi, **rough_mi},
+            metal,
+            microfacet=metal if exact else None,
+            note=masking,
         )
         albedo = [0.1, 0.5, 0.7]
+        plastic = {"type": "pplastic", "int_ior": 1.5, "ext_ior": 1.0, **rough_mi}
         yield Case(
             f"pplastic, {kind}",
             f"plastic = {{ albedo = {albedo}, ior = 1.5, {rough} }}",
-            {"type": "pplastic", "diffuse_reflectance": spectrum(albedo), "int_ior": 1.5, "ext_ior": 1.0, **rough_mi},
+            {**plastic, "diffuse_reflectance": spectrum(albedo)},
+            # Mitsuba refracts the ray and back again in single precision, which costs digits at the horizon.
+            theta=(0, 85),
+            theta_out=(0, 85),
+            microfacet={**plastic, "diffuse_reflectance": 0.0} if exact else None,
+            note=masking,
         )
         rough_glass = {"type": "roughdielectric", "int_ior": 1.5, "ext_ior": 1.0, **rough_mi}
-        rough_glass_toml = f"rough_dielectric = {{ ior = 1.5, {rough} }}"
-        not_polarized = "M00: Mitsuba's is not polarized"
         for what, theta, theta_out in (
             ("reflection", (0, 89), (0, 89)),
             ("reflection inside", (91, 180), (91, 180)),
-            ("refraction in", (0, 89), (91, 180)),
-            ("refraction out", (91, 180), (0, 89)),
+            ("refraction in", (0, 85), (95, 180)),
+            ("refraction out", (95, 180), (0, 85)),
         ):
             yield Case(
                 f"roughdielectric, {kind}, {what}",
-                rough_glass_toml,
+                f"rough_dielectric = {{ ior = 1.5, {rough} }}",
                 rough_glass,
                 theta=theta,
                 theta_out=theta_out,
-                note=not_polarized,
+                note="M00 alone, Mitsuba's is not polarized" + ("; " + masking if masking else ""),
                 intensity_only=True,
+                microfacet=rough_glass if exact else None,
+                # Near the critical angle of a facet Mitsuba's single precision is off by up to its whole value.
+                least_facet_cos=0.1 if "refraction" in what else 0.0,
             )
     table = folder / "table.pbsdf"
     write_table(table)
@@ -138,7 +154,7 @@ def cases(folder):
         {"type": "retarder", "theta": 30.0, "delta": 100.0},
         "refract",
         theta=(0, 0.001),
-        note="normal incidence",
+        note="normal incidence: Mitsuba's tilted axis is no line in space",
     )
 
 
@@ -192,9 +208,30 @@ def interaction(toward_eye):
     return si
 
 
+def masking_ratio(alpha, directions):
+    """Smith's G1 for Beckmann facets over the rational fit of Walter et al. (2007) that Mitsuba takes for it. [n]"""
+    from math import erf
+
+    cos = np.abs(directions[:, 2])
+    a = cos / (alpha * np.sqrt(np.maximum(1 - cos**2, 1e-12)))
+    exact = 2 / (1 + np.vectorize(erf)(a) + np.exp(-(a**2)) / (a * np.sqrt(np.pi)))
+    fit = np.where(a >= 1.6, 1, (3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2))
+    return exact / fit
+
+
 def mitsuba(case, toward_light, toward_eye):
     """Mueller matrices [pair, wavelength, out, in] in Mitsuba's frames; BRDFs in 1/sr, delta lobes as they are."""
-    bsdf = mi.load_dict(case.bsdf)
+    result = raw(case, case.bsdf, toward_light, toward_eye)
+    if case.microfacet:
+        alpha = case.microfacet["alpha"]
+        ratio = masking_ratio(alpha, toward_light) * masking_ratio(alpha, toward_eye)
+        result += raw(case, case.microfacet, toward_light, toward_eye) * (ratio - 1)[:, None, None, None]
+    return result
+
+
+def raw(case, description, toward_light, toward_eye):
+    """What one of Mitsuba's BSDFs says."""
+    bsdf = mi.load_dict(description)
     context = mi.BSDFContext()
     result = []
     for light, eye in zip(toward_light, toward_eye):
@@ -234,8 +271,10 @@ def sunstone(case, folder, lines):
 
 
 def compare(case, pairs, seed, sabotage):
-    """Largest |dM|/M00 over all pairs, wavelengths and elements."""
+    """Number of pairs compared, and the largest |dM|/M00 over them, all wavelengths and elements."""
     random = np.random.default_rng(seed)
+    if case.least_facet_cos:
+        pairs *= 2
     # Uniform in the cosine.
     near, far = np.cos(np.radians(np.array([case.theta, case.theta_out]).T))
     theta = np.degrees(np.arccos(random.uniform(far, near, (pairs, 2))))
@@ -254,11 +293,22 @@ def compare(case, pairs, seed, sabotage):
         ours = ours.copy()
         ours[..., 2, 3] += 2 * case.bound * ours[..., 0, 0]
         ours[..., 0, 0] *= 1 + 2 * case.bound
+    if case.least_facet_cos:
+        keep = facet_cosine(light, eye) > case.least_facet_cos
+        light, frame_in, eye, frame_out, ours = (x[keep] for x in (light, frame_in, eye, frame_out, ours))
     theirs = to_our_frames(mitsuba(case, light, eye), light, frame_in, eye, frame_out)
     # Mitsuba sets distributions of facets below 1e-20 to zero: next to that, what is nothing to it is nothing.
     nothing = (theirs[..., :1, :1] == 0) & (ours[..., :1, :1] < 1e-15)
     difference = np.abs(ours - theirs) / np.where(nothing, 1, np.maximum(theirs[..., :1, :1], 1e-30))
-    return difference[..., 0, 0].max() if case.intensity_only else difference.max()
+    return len(ours), difference[..., 0, 0].max() if case.intensity_only else difference.max()
+
+
+def facet_cosine(light, eye, ior=1.5):
+    """The smaller cosine under which refracted light meets its facet."""
+    index = np.where(np.stack([light[:, 2], eye[:, 2]]) > 0, 1.0, ior)[..., None]
+    facet = index[0] * light + index[1] * eye
+    facet /= np.linalg.norm(facet, axis=1, keepdims=True)
+    return np.minimum(*(np.abs(np.einsum("ni,ni->n", facet, w)) for w in (light, eye)))
 
 
 def main():
@@ -281,10 +331,10 @@ def check(case, options):
     """Prints the row of a case; false if it is not as it should be."""
     if options.only and options.only not in case.name:
         return True
-    worst = compare(case, options.pairs, options.seed, options.power)
+    pairs, worst = compare(case, options.pairs, options.seed, options.power)
     good = (worst <= case.bound) != options.power
     verdict = "" if good else "  FAILED"
-    print(f"{case.name:44} | {options.pairs:6} | {worst:12.2e} | {case.bound:8.0e} | {case.note}{verdict}", flush=True)
+    print(f"{case.name:44} | {pairs:6} | {worst:12.2e} | {case.bound:8.0e} | {case.note}{verdict}", flush=True)
     return good
 
 
