@@ -3,6 +3,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
 use sunstone::geometry::ray::Surface;
+use sunstone::material::facets::Roughness;
 use sunstone::material::measured::Measured;
 use sunstone::material::measured::axes::Axes;
 use sunstone::material::measured::table::{Options, Table};
@@ -10,6 +11,7 @@ use sunstone::material::measured::write::tabulate;
 use sunstone::material::rough_conductor::RoughConductor;
 use sunstone::material::texture::Scalar;
 use sunstone::material::{Lanes, Material, Materials};
+use sunstone::sampling::microfacet::{Distribution, Masking};
 use sunstone::sampling::{stream::Stream, warp};
 use sunstone::spectrum::{Spectral, Wavelengths};
 
@@ -20,7 +22,11 @@ fn pbsdf(c: &mut Criterion) {
         list: vec![Material::RoughConductor(RoughConductor {
             n: Spectral::new([1.38, 0.42, 0.14, 1.0]),
             k: Spectral::new([1.9, 2.5, 3.7, 0.0]),
-            alpha: Scalar::uniform(0.2),
+            roughness: Roughness {
+                distribution: Distribution::Ggx,
+                masking: Masking::Correlated,
+                alpha: Scalar::uniform(0.2),
+            },
         })],
         ..Materials::default()
     };

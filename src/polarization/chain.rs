@@ -11,6 +11,8 @@ use crate::spectrum::{Spectral, max_lane};
 use glam::Vec3A;
 
 /// What one interaction does to light, from light travelling along `-wi` to light travelling along `wo`.
+// A box would allocate on every bounce; the small variants are written without touching the rest.
+#[expect(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub enum Scatter {
     /// f·e₀e₀ᵀ: all polarization is lost; frames do not matter.

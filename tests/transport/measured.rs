@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use std::path::PathBuf;
 use sunstone::decompose::cloude;
 use sunstone::geometry::ray::Surface;
+use sunstone::material::facets::Roughness;
 use sunstone::material::measured::Measured;
 use sunstone::material::measured::axes::Axes;
 use sunstone::material::measured::rusinkiewicz::{Coordinates, directions};
@@ -17,6 +18,7 @@ use sunstone::material::texture::Scalar;
 use sunstone::material::{Lanes, Material, Materials};
 use sunstone::polarization::chain::Scatter;
 use sunstone::polarization::frame::project;
+use sunstone::sampling::microfacet::{Distribution, Masking};
 use sunstone::sampling::stream::Stream;
 use sunstone::spectrum::{Spectral, Wavelengths};
 
@@ -26,7 +28,11 @@ fn metal(alpha: f32) -> Materials {
         list: vec![Material::RoughConductor(RoughConductor {
             n: Spectral::new([0.4242, 0.06, 1.0, 1.0]),
             k: Spectral::new([2.4721, 3.6, 0.0, 0.0]),
-            alpha: Scalar::uniform(alpha),
+            roughness: Roughness {
+                distribution: Distribution::Ggx,
+                masking: Masking::Correlated,
+                alpha: Scalar::uniform(alpha),
+            },
         })],
         ..Materials::default()
     }
