@@ -228,6 +228,7 @@ impl Table {
     /// Mueller matrix of the BRDF between s frames at given coordinates, 1/sr; unused lanes are 0.
     #[inline]
     #[must_use]
+    #[allow(clippy::needless_range_loop)]
     pub fn eval(&self, at: Coordinates) -> Mueller {
         let bytes: &[u8] = &self.map;
         let corners = |(i, j, t): (usize, usize, f32)| [(i, 1.0 - t), (j, t)];
