@@ -46,11 +46,15 @@ impl Mueller {
     }
 
     /// Every element times a per-lane factor.
+    #[inline]
     #[must_use]
     pub fn scaled(&self, f: Spectral) -> Self {
-        Self {
-            m: self.m.map(|row| row.map(|e| e * f)),
+        let mut out = *self;
+        // A loop: the compiler leaves closures of nested array maps as calls.
+        for e in out.m.as_flattened_mut() {
+            *e *= f;
         }
+        out
     }
 
     /// The matrix applied to a Stokes vector, `out[i] = Σ_j m[i][j] s[j]`.

@@ -246,6 +246,7 @@ impl Table {
     /// Mueller matrix of the BRDF between s frames at given coordinates, 1/sr; unused lanes are 0.
     #[inline]
     #[must_use]
+    #[allow(clippy::needless_range_loop)]
     pub fn eval(&self, at: Coordinates) -> Mueller {
         let bytes: &[u8] = &self.map;
         let corners = |(i, j, t): (usize, usize, f32)| [(i, 1.0 - t), (j, t)];
@@ -261,10 +262,11 @@ impl Table {
                         continue;
                     }
                     let cell = self.cell(p, d, h);
-                    for (lane, band) in lanes.iter_mut().zip(&self.lanes[..self.lane_count]) {
-                        lane.add(bytes, cell + band.low * CELL, w * (1.0 - band.weight));
+                    for lane in 0..self.lane_count {
+                        let (sum, band) = (&mut lanes[lane], self.lanes[lane]);
+                        sum.add(bytes, cell + band.low * CELL, w * (1.0 - band.weight));
                         if band.weight > 0.0 {
-                            lane.add(bytes, cell + band.high * CELL, w * band.weight);
+                            sum.add(bytes, cell + band.high * CELL, w * band.weight);
                         }
                     }
                 }
@@ -273,8 +275,9 @@ impl Table {
         let mut out = Mueller::ZERO;
         let [a, b, c, d] = &lanes;
         let scale = Spectral::new([a.scale(), b.scale(), c.scale(), d.scale()]);
-        for (e, out) in out.m.as_flattened_mut().iter_mut().enumerate() {
-            *out = scale * Spectral::new([a.elements[e], b.elements[e], c.elements[e], d.elements[e]]);
+        for e in 0..16 {
+            let lanes = [a.elements[e], b.elements[e], c.elements[e], d.elements[e]];
+            out.m[e / 4][e % 4] = scale * Spectral::new(lanes);
         }
         out
     }
@@ -359,7 +362,7 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     lanes
 }
 
-/// A weighted sum of the matrices that are there. Plain loops over 16 numbers: the compiler makes vectors of them.
+/// A weighted sum of the matrices that are there. Loops by index become vectors; zipped iterators stay calls.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     elements: [f32; 16],
@@ -369,20 +372,20 @@ struct Sum {
 impl Sum {
     /// Adds the matrix at a byte unless it is a hole.
     #[inline]
+    #[allow(clippy::needless_range_loop)]
     fn add(&mut self, bytes: &[u8], at: usize, weight: f32) {
         let (words, _) = bytes[at..at + CELL].as_chunks::<4>();
+        let words = &words[..16];
         let mut matrix = [0.0; 16];
-        for (x, word) in matrix.iter_mut().zip(words) {
-            *x = f32::from_le_bytes(*word);
-        }
-        // NaN is not below anything.
         let mut there = true;
-        for x in matrix {
-            there &= x.abs() < LIMIT;
+        for i in 0..16 {
+            matrix[i] = f32::from_le_bytes(words[i]);
+            // NaN is not below anything.
+            there &= matrix[i].abs() < LIMIT;
         }
         if there {
-            for (sum, x) in self.elements.iter_mut().zip(matrix) {
-                *sum += weight * x;
+            for i in 0..16 {
+                self.elements[i] += weight * matrix[i];
             }
             self.weight += weight;
         }
