@@ -16,5 +16,6 @@ mod microfacet;
 mod optics;
 mod sheets;
 mod specular;
+mod stand_ins;
 #[path = "../support/mod.rs"]
 mod support;
