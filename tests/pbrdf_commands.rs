@@ -156,6 +156,25 @@ fn tables_are_made_and_read() {
         ],
     );
     assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
+    // 660 nm lies beyond the table: its last band serves, and that is said once.
+    std::fs::write(
+        at.join("red.toml"),
+        "[materials]\nm.measured.file = 't/white.pbsdf'\n",
+    )
+    .expect("a file");
+    let red = run(
+        at,
+        &["pbrdf", "eval", "red.toml", "--in", "30,0", "--out", "10,90"],
+        0,
+    );
+    assert_eq!(
+        stderr(&red).matches("660 nm takes the band at 650 nm").count(),
+        1,
+        "{}",
+        stderr(&red)
+    );
+    let red: Value = serde_json::from_slice(&red.stdout).expect("JSON");
+    assert!((element(&red, 2, 0, 0) - 0.75 / std::f64::consts::PI).abs() < 1e-5);
     // Pictures, and the tables as materials.
     ok(&["pbrdf", "plot", "t/rough.pbsdf", "-o", "p/plot.png"]);
     ok(&[
