@@ -39,7 +39,31 @@ const MATERIALS: &[(&str, &str)] = &[
         "rough_dielectric = { ior = [1.52, 1.51, 1.50, 1.49], alpha = 0.3 }",
     ),
     ("plastic", "plastic = { albedo = 0.5, ior = 1.5, alpha = 0.3 }"),
+    (
+        "coated_conductor",
+        "coated_conductor = { metal = \"Al\", films = [{ ior = \"SiO\", thickness_nm = 120 }] }",
+    ),
+    ("polarizer", "polarizer.angle_deg = 30"),
+    ("retarder", "retarder.retardance_deg = 90"),
+    ("crystal", "crystal = { name = \"calcite\", axis = [1, 0, 1] }"),
+    (
+        "crystal split",
+        "crystal = { name = \"calcite\", axis = [1, 0, 1], split = true }",
+    ),
+    ("blend", "blend = { a = \"metal\", b = \"white\", weight = 0.4 }"),
+    ("two_sided", "two_sided = { front = \"metal\", back = \"white\" }"),
+    (
+        "partial_depolarizer",
+        "partial_depolarizer = { material = \"metal\", fraction = 0.4 }",
+    ),
+    (
+        "normal_map",
+        "normal_map = { material = \"metal\", image = \"IMAGE\" }",
+    ),
 ];
+
+/// What those that are made of others name.
+const PARTS: &str = "metal.rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }\nwhite.diffuse.albedo = 0.5\n";
 
 fn materials(c: &mut Criterion) {
     let mut stream = Stream::new(0, 0, 0);
@@ -56,17 +80,23 @@ fn materials(c: &mut Criterion) {
         .map(|_| warp::cosine_hemisphere(stream.uniform2()))
         .collect();
     let below: Vec<_> = above.iter().map(|w| -*w).collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let normals = folder.path().join("normals.png");
+    let picture = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([100 + x as u8, 100 + y as u8, 240]));
+    picture.save(&normals).expect("a picture");
+    let normals = normals.display().to_string();
     let mut group = c.benchmark_group("materials");
     for (name, definition) in MATERIALS {
-        let text = format!("wavelengths_nm = [450, 520, 590, 660]\n[materials]\nm.{definition}\n");
+        let definition = definition.replace("IMAGE", &normals);
+        let text = format!("wavelengths_nm = [450, 520, 590, 660]\n[materials]\n{PARTS}m.{definition}\n");
         let set = MaterialSet::from_text(Path::new("bench.toml"), &text).expect("the material is sound");
-        let m = &set.materials;
+        let (m, id) = (&set.materials, set.names["m"]);
         let mut eval = |what: &str, directions: &[Vec3A]| {
             let mut next = directions.iter().cycle();
             group.bench_function(format!("{name}, {what}"), |b| {
                 b.iter(|| {
                     let wi = next.next().copied().unwrap_or(wo);
-                    m.eval(0, black_box(&at), black_box(wo), black_box(wi))
+                    m.eval(id, black_box(&at), black_box(wo), black_box(wi))
                 });
             });
         };
@@ -77,7 +107,7 @@ fn materials(c: &mut Criterion) {
         group.bench_function(format!("{name}, sample"), |b| {
             b.iter(|| {
                 m.sample(
-                    0,
+                    id,
                     black_box(&at),
                     black_box(wo),
                     &mut Lanes::first(4),
