@@ -1,48 +1,140 @@
-//! All surfaces of a scene in flat tables under one compressed wide BVH (crate obvhs; Ylitie et al. 2017).
+//! All surfaces of a scene in flat tables under one tree.
 //!
-//! Triangles and quadrics share the BVH. Primitives are stored in leaf order, so a leaf's primitives are neighbours in
-//! memory; a leaf record is plain data.
+//! Triangles stand in packs of four that a ray meets at once; two triangles that make a parallelogram are one primitive.
 
 use super::mesh::Mesh;
 use super::quadric::Quadric;
 use super::ray::{Hit, Ray, Surface};
+use super::tree::Tree;
+use crate::spectrum::Spectral as Lanes;
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec3, Vec3A};
-use obvhs::{BvhBuildParams, aabb::Aabb, cwbvh::CwBvh, cwbvh::builder::build_cwbvh};
+use glam::{Vec2, Vec3, Vec3A};
+use obvhs::aabb::Aabb;
 
-/// Set in [`Leaf::id`] for quadrics.
+/// Set in [`Hit::leaf`] and in [`Primitive::id`] for quadrics.
 const QUADRIC: u32 = 1 << 31;
 
 /// Triangles reach this far beyond their edges, in units of the scene's extent, so that neighbours overlap by more than
 /// the rounding of a hit: without it one ray in ten that meets a shared edge slips between them.
 const SKIN: f32 = 1.0 / 1_048_576.0;
 
-/// What a BVH leaf points to: a triangle by value, or a quadric by index.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Leaf {
-    v0: [f32; 3],
-    e1: [f32; 3],
-    e2: [f32; 3],
-    /// How far barycentric coordinates of a triangle may overshoot: see [`SKIN`].
-    skin: f32,
-    /// Index into `triangles`, or `QUADRIC | index` into `quadrics`.
+/// A triangle, a parallelogram or a quadric, before the tree is built.
+#[derive(Clone, Copy, Debug)]
+struct Primitive {
+    v0: Vec3A,
+    e1: Vec3A,
+    e2: Vec3A,
+    /// Covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, not just half of it.
+    parallelogram: bool,
+    /// Index into the builder's `triangles`, or `QUADRIC | index` into `quadrics`.
     id: u32,
 }
 
-impl Leaf {
-    /// Widens a triangle by `width` metres: barycentric coordinates run over its heights.
-    fn with_skin(self, width: f32) -> Self {
-        let (e1, e2) = (Vec3A::from_array(self.e1), Vec3A::from_array(self.e2));
+impl Primitive {
+    /// How far barycentric coordinates may overshoot so that the triangle widens by `width` metres: they run over its
+    /// heights.
+    fn skin(&self, width: f32) -> f32 {
+        let (e1, e2) = (self.e1, self.e2);
         let longest = e1.length().max(e2.length()).max((e2 - e1).length());
         let height = e1.cross(e2).length() / longest;
         // A sliver thinner than its skin gets no more than its own width.
-        let skin = if height > 0.0 {
+        if height > 0.0 {
             (width / height).min(0.5)
         } else {
             0.0
+        }
+    }
+}
+
+/// Four triangles or parallelograms, lane by lane; unused lanes are zero and are never hit.
+#[derive(Clone, Copy, Debug)]
+struct Pack {
+    v0: [Lanes; 3],
+    e1: [Lanes; 3],
+    e2: [Lanes; 3],
+    skin: Lanes,
+    /// All bits set in the lanes of parallelograms.
+    parallelogram: Lanes,
+}
+
+/// A ray in all lanes.
+struct Wide {
+    o: [Lanes; 3],
+    d: [Lanes; 3],
+}
+
+impl Wide {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        Self {
+            o: ray.origin.to_array().map(Lanes::splat),
+            d: ray.dir.to_array().map(Lanes::splat),
+        }
+    }
+}
+
+#[inline(always)]
+fn cross(a: &[Lanes; 3], b: &[Lanes; 3]) -> [Lanes; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+#[inline(always)]
+fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Pack {
+    fn new(primitives: &[Primitive], width: f32) -> Self {
+        let lanes = |f: &dyn Fn(&Primitive) -> f32| {
+            let mut out = [0.0; 4];
+            for (lane, p) in out.iter_mut().zip(primitives) {
+                *lane = f(p);
+            }
+            Lanes::new(out)
         };
-        Self { skin, ..self }
+        let vector = |f: fn(&Primitive) -> Vec3A| [0, 1, 2].map(|k| lanes(&|p: &Primitive| f(p)[k]));
+        Self {
+            v0: vector(|p| p.v0),
+            e1: vector(|p| p.e1),
+            e2: vector(|p| p.e2),
+            skin: lanes(&|p: &Primitive| p.skin(width)),
+            parallelogram: lanes(&|p: &Primitive| f32::from_bits(if p.parallelogram { u32::MAX } else { 0 })),
+        }
+    }
+
+    /// Möller & Trumbore (1997): bits of the lanes that are hit before `end`; distances and barycentric coordinates of
+    /// the second and third vertex.
+    #[inline(always)]
+    fn intersect(&self, ray: &Wide, end: f32) -> (u32, Lanes, Lanes, Lanes) {
+        let p = cross(&ray.d, &self.e2);
+        let inverse = Lanes::ONE / dot(&self.e1, &p);
+        let s = [
+            ray.o[0] - self.v0[0],
+            ray.o[1] - self.v0[1],
+            ray.o[2] - self.v0[2],
+        ];
+        let u = dot(&s, &p) * inverse;
+        let q = cross(&s, &self.e1);
+        let v = dot(&ray.d, &q) * inverse;
+        let t = dot(&self.e2, &q) * inverse;
+        let most = self.parallelogram.bitselect(u.fast_max(v), u + v);
+        // A zero determinant makes these infinite or NaN, and every comparison with NaN is false.
+        let inside = u.simd_ge(-self.skin) & v.simd_ge(-self.skin) & most.simd_le(Lanes::ONE + self.skin);
+        let hit = inside & t.simd_gt(Lanes::ZERO) & t.simd_lt(Lanes::splat(end));
+        (hit.to_bitmask(), t, u, v)
+    }
+
+    /// Corner and edges of one lane.
+    #[inline]
+    fn lane(&self, lane: usize) -> [Vec3A; 3] {
+        [&self.v0, &self.e1, &self.e2].map(|v| {
+            let at = |k: usize| v[k].as_array()[lane & 3];
+            Vec3A::new(at(0), at(1), at(2))
+        })
     }
 }
 
@@ -60,12 +152,14 @@ struct Triangle {
 /// Collects surfaces, then builds the tree.
 #[derive(Default)]
 pub struct GeometryBuilder {
-    leaves: Vec<Leaf>,
+    primitives: Vec<Primitive>,
     bounds: Vec<Aabb>,
     triangles: Vec<Triangle>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
+    /// Triangles of the meshes.
+    triangle_count: usize,
 }
 
 impl GeometryBuilder {
@@ -75,23 +169,37 @@ impl GeometryBuilder {
         let first_uv = self.uvs.len() as u32;
         self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
         self.uvs.extend(mesh.uvs.iter().map(|uv| uv.to_array()));
-        for tri in &mesh.indices {
-            let [a, b, c] = tri.map(|i| Vec3A::from(mesh.positions[i as usize]));
+        self.triangle_count += mesh.indices.len();
+        let mut rest = &mesh.indices[..];
+        while let [first, others @ ..] = rest {
+            rest = others;
+            let mut corners = *first;
+            let [a, b, c] = corners.map(|i| Vec3A::from(mesh.positions[i as usize]));
+            let mut far = a;
+            let parallelogram = others.first().and_then(|next| fourth_corner(mesh, first, next));
+            if let Some(d) = parallelogram {
+                // From the corner opposite to the diagonal both sides are edges, turned as before.
+                corners = [first[1], first[2], first[0]];
+                far = d.into();
+                rest = &others[1..];
+            }
+            let [v0, v1, v2] = corners.map(|i| Vec3A::from(mesh.positions[i as usize]));
             let shifted = |first: u32, absent: bool| {
                 if absent {
                     [u32::MAX; 3]
                 } else {
-                    tri.map(|i| first + i)
+                    corners.map(|i| first + i)
                 }
             };
-            self.leaves.push(Leaf {
-                v0: a.to_array(),
-                e1: (b - a).to_array(),
-                e2: (c - a).to_array(),
-                skin: 0.0,
+            self.primitives.push(Primitive {
+                v0,
+                e1: v1 - v0,
+                e2: v2 - v0,
+                parallelogram: parallelogram.is_some(),
                 id: self.triangles.len() as u32,
             });
-            self.bounds.push(Aabb::new(a.min(b).min(c), a.max(b).max(c)));
+            self.bounds
+                .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
             self.triangles.push(Triangle {
                 normals: shifted(first_normal, mesh.normals.is_empty()),
                 uvs: shifted(first_uv, mesh.uvs.is_empty()),
@@ -103,9 +211,12 @@ impl GeometryBuilder {
     /// Adds a quadric.
     pub fn quadric(&mut self, quadric: Quadric) {
         let (lo, hi) = quadric.bounds();
-        self.leaves.push(Leaf {
+        self.primitives.push(Primitive {
+            v0: Vec3A::ZERO,
+            e1: Vec3A::ZERO,
+            e2: Vec3A::ZERO,
+            parallelogram: false,
             id: QUADRIC | self.quadrics.len() as u32,
-            ..Leaf::zeroed()
         });
         self.bounds.push(Aabb::new(lo, hi));
         self.quadrics.push(quadric);
@@ -114,8 +225,6 @@ impl GeometryBuilder {
     /// Builds the tree.
     #[must_use]
     pub fn build(self) -> Geometry {
-        let mut time = std::time::Duration::ZERO;
-        let bvh = build_cwbvh(&self.bounds, BvhBuildParams::medium_build(), &mut time);
         let mut bounds = Aabb::empty();
         for b in &self.bounds {
             bounds.extend(b.min);
@@ -126,108 +235,136 @@ impl GeometryBuilder {
         } else {
             (bounds.max - bounds.min).max_element()
         };
-        let leaves = bvh
-            .primitive_indices
-            .iter()
-            .map(|&i| self.leaves[i as usize].with_skin(extent * SKIN))
-            .collect();
+        let (mut packs, mut triangles) = (vec![], vec![]);
+        let tree = Tree::build(
+            &self.bounds,
+            |run| run.iter().all(|i| self.primitives[*i as usize].id & QUADRIC == 0),
+            |run| {
+                let members: Vec<Primitive> = run.iter().map(|i| self.primitives[*i as usize]).collect();
+                if members[0].id & QUADRIC != 0 {
+                    return (members[0].id ^ QUADRIC) << 1 | 1;
+                }
+                packs.push(Pack::new(&members, extent * SKIN));
+                triangles.extend(members.iter().map(|p| self.triangles[p.id as usize]));
+                triangles.resize(4 * packs.len(), Triangle::zeroed());
+                (packs.len() as u32 - 1) << 1
+            },
+        );
         Geometry {
-            bvh,
-            leaves,
-            triangles: self.triangles,
+            tree,
+            packs,
+            triangles,
             normals: self.normals,
             uvs: self.uvs,
             quadrics: self.quadrics,
+            triangle_count: self.triangle_count,
             extent,
         }
     }
 }
 
+/// Where two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
+/// coordinates are those of one plane: its corner d.
+fn fourth_corner(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> Option<Vec3> {
+    let [ia, ib, ic] = first.map(|i| i as usize);
+    let id = next[2] as usize;
+    // Without texture coordinates the tangent comes from the triangle's own edges.
+    if next[0] != first[0] || next[1] != first[2] || mesh.uvs.is_empty() {
+        return None;
+    }
+    let p = &mesh.positions;
+    let size = p[ia].distance(p[ic]);
+    let flat = p[ia] + p[ic] - p[ib] - p[id];
+    let same = mesh.normals.is_empty() || [ib, ic, id].iter().all(|i| mesh.normals[*i] == mesh.normals[ia]);
+    let uv: Vec2 = mesh.uvs[ia] + mesh.uvs[ic] - mesh.uvs[ib] - mesh.uvs[id];
+    (flat.length() <= 1e-6 * size && same && uv.length() <= 1e-6).then_some(p[id])
+}
+
 /// All surfaces of a scene.
 pub struct Geometry {
-    bvh: CwBvh,
-    leaves: Vec<Leaf>,
+    tree: Tree,
+    packs: Vec<Pack>,
+    /// Four a pack, in its order.
     triangles: Vec<Triangle>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
+    triangle_count: usize,
     /// Longest edge of the world bounds.
     extent: f32,
 }
 
-/// Möller & Trumbore (1997): distance and barycentric coordinates of the second and third vertex.
-#[inline(always)]
-fn triangle(leaf: &Leaf, o: Vec3A, d: Vec3A, tmin: f32, tmax: f32) -> Option<(f32, f32, f32)> {
-    let (v0, e1, e2) = (
-        Vec3A::from_array(leaf.v0),
-        Vec3A::from_array(leaf.e1),
-        Vec3A::from_array(leaf.e2),
-    );
-    let p = d.cross(e2);
-    let det = e1.dot(p);
-    let inv = 1.0 / det;
-    let s = o - v0;
-    let u = s.dot(p) * inv;
-    let q = s.cross(e1);
-    let v = d.dot(q) * inv;
-    let t = e2.dot(q) * inv;
-    // A zero determinant makes these infinite or NaN, and every comparison with NaN is false.
-    let skin = leaf.skin;
-    (u >= -skin && v >= -skin && u + v <= 1.0 + skin && t > tmin && t < tmax).then_some((t, u, v))
-}
-
 impl Geometry {
-    /// Distance (infinity for none) at which a ray meets the primitive of leaf `i`, and its barycentric coordinates.
-    #[inline(always)]
-    fn leaf_hit(&self, i: usize, o: Vec3A, d: Vec3A, tmax: f32) -> (f32, f32, f32) {
-        let leaf = &self.leaves[i];
-        if leaf.id & QUADRIC == 0 {
-            triangle(leaf, o, d, 0.0, tmax).unwrap_or((f32::INFINITY, 0.0, 0.0))
-        } else {
-            let quadric = &self.quadrics[(leaf.id ^ QUADRIC) as usize];
-            (quadric.intersect(o, d, 0.0, tmax), 0.0, 0.0)
-        }
-    }
-
     /// Nearest hit closer than `tmax`.
     #[inline]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        let mut uv = (0.0, 0.0);
-        let mut record = obvhs::ray::RayHit::none();
-        let query = obvhs::ray::Ray::new(ray.origin, ray.dir, 0.0, tmax);
-        let found = self.bvh.ray_traverse(query, &mut record, |r, i| {
-            let (t, u, v) = self.leaf_hit(i, r.origin, r.direction, r.tmax);
-            if t < r.tmax {
-                uv = (u, v);
+        let wide = Wide::new(ray);
+        let mut hit = Hit {
+            t: tmax,
+            leaf: u32::MAX,
+            u: 0.0,
+            v: 0.0,
+        };
+        self.tree.traverse(ray, tmax, |leaf, end| {
+            let index = (leaf >> 1) as usize;
+            if leaf & 1 == 1 {
+                let t = self.quadrics[index].intersect(ray.origin, ray.dir, 0.0, end);
+                if t < end {
+                    hit = Hit {
+                        t,
+                        leaf: QUADRIC | index as u32,
+                        u: 0.0,
+                        v: 0.0,
+                    };
+                }
+                return t.min(end);
             }
-            t
+            let (mut bits, t, u, v) = self.packs[index].intersect(&wide, end);
+            let mut end = end;
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize & 3;
+                bits &= bits - 1;
+                let near = t.as_array()[lane];
+                if near < end {
+                    end = near;
+                    hit = Hit {
+                        t: near,
+                        leaf: (4 * index + lane) as u32,
+                        u: u.as_array()[lane],
+                        v: v.as_array()[lane],
+                    };
+                }
+            }
+            end
         });
-        found.then_some(Hit {
-            t: record.t,
-            leaf: record.primitive_id,
-            u: uv.0,
-            v: uv.1,
-        })
+        (hit.leaf != u32::MAX).then_some(hit)
     }
 
     /// True if anything lies strictly between the origin and `tmax`.
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
-        let query = obvhs::ray::Ray::new(ray.origin, ray.dir, 0.0, tmax);
-        !self
-            .bvh
-            .ray_traverse_miss(query, |r, i| self.leaf_hit(i, r.origin, r.direction, r.tmax).0)
+        let wide = Wide::new(ray);
+        let mut found = false;
+        self.tree.traverse(ray, tmax, |leaf, end| {
+            let index = (leaf >> 1) as usize;
+            found = if leaf & 1 == 1 {
+                self.quadrics[index].intersect(ray.origin, ray.dir, 0.0, end) < end
+            } else {
+                self.packs[index].intersect(&wide, end).0 != 0
+            };
+            if found { 0.0 } else { end }
+        });
+        found
     }
 
     /// Position, normals, texture coordinates and material at a hit.
     #[inline]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        let leaf = &self.leaves[hit.leaf as usize];
-        if leaf.id & QUADRIC != 0 {
-            let quadric = &self.quadrics[(leaf.id ^ QUADRIC) as usize];
+        if hit.leaf & QUADRIC != 0 {
+            let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let (p, n, tangent, uv) = quadric.surface(ray.origin + ray.dir * hit.t);
             return Surface {
                 p,
@@ -238,8 +375,8 @@ impl Geometry {
                 material: quadric.material,
             };
         }
-        let tri = &self.triangles[leaf.id as usize];
-        let (e1, e2) = (Vec3A::from_array(leaf.e1), Vec3A::from_array(leaf.e2));
+        let tri = &self.triangles[hit.leaf as usize];
+        let [v0, e1, e2] = self.packs[hit.leaf as usize / 4].lane(hit.leaf as usize);
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
         let ng = e1.cross(e2).normalize();
         let ns = if tri.normals[0] == u32::MAX {
@@ -262,7 +399,7 @@ impl Geometry {
             )
         };
         Surface {
-            p: Vec3A::from_array(leaf.v0) + e1 * u + e2 * v,
+            p: v0 + e1 * u + e2 * v,
             ng,
             ns,
             tangent,
@@ -283,7 +420,7 @@ impl Geometry {
     /// Number of triangles and of quadrics.
     #[must_use]
     pub fn counts(&self) -> (usize, usize) {
-        (self.triangles.len(), self.quadrics.len())
+        (self.triangle_count, self.quadrics.len())
     }
 
     /// Longest edge of the world bounds in metres.
@@ -299,6 +436,57 @@ mod tests {
     use crate::geometry::quadric::QuadricKind;
     use crate::sampling::{stream::Stream, warp};
     use glam::Affine3A;
+
+    /// Distance and the least barycentric coordinate of a ray in a triangle's plane.
+    fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
+        let [a, b, c] = corners.map(|p| p.as_dvec3());
+        let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
+        let (e1, e2) = (b - a, c - a);
+        let n = e1.cross(e2);
+        let t = (a - o).dot(n) / d.dot(n);
+        let p = o + d * t - a;
+        let (u, v) = (p.cross(e2).dot(n) / n.dot(n), e1.cross(p).dot(n) / n.dot(n));
+        (t, u.min(v).min(1.0 - u - v))
+    }
+
+    /// A rectangle of two triangles is one primitive with the surface of the two.
+    #[test]
+    fn rectangles_are_one_primitive() {
+        let place = Affine3A::from_scale_rotation_translation(
+            Vec3::new(0.7, 1.3, 1.0),
+            glam::Quat::from_rotation_x(0.4),
+            Vec3::new(0.1, 0.2, 0.3),
+        );
+        let mut mesh = Mesh::rectangle();
+        mesh.transform(&place);
+        let mut apart = mesh.clone();
+        // In another order the two triangles are not recognized.
+        apart.indices.swap(0, 1);
+        let [one, two] = [&mesh, &apart].map(|m| {
+            let mut builder = GeometryBuilder::default();
+            builder.mesh(m, 3);
+            builder.build()
+        });
+        assert_eq!(one.packs[0].parallelogram.to_bitmask(), 1);
+        assert_eq!(two.packs[0].parallelogram.to_bitmask(), 0);
+        assert_eq!((one.counts(), two.counts()), ((2, 0), (2, 0)));
+        let mut stream = Stream::new(8, 0, 0);
+        let mut hits = 0;
+        for _ in 0..5000 {
+            let origin = warp::sphere(stream.uniform2()) * 4.0;
+            let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
+            let ray = Ray { origin, dir };
+            let [a, b] = [&one, &two].map(|g| g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h)));
+            let (Some(a), Some(b)) = (a, b) else {
+                continue;
+            };
+            hits += 1;
+            assert!((a.p - b.p).length() < 1e-5 && a.ng.dot(b.ng) > 0.999_99 && a.ns.dot(b.ns) > 0.999_99);
+            assert!(a.tangent.normalize().dot(b.tangent.normalize()) > 0.9999);
+            assert!(a.uv.iter().zip(b.uv).all(|(x, y)| (x - y).abs() < 1e-5) && a.material == 3);
+        }
+        assert!(hits > 1000);
+    }
 
     /// A soup of triangles and spheres: the BVH finds exactly what a loop over all primitives finds.
     #[test]
@@ -329,21 +517,29 @@ mod tests {
         for _ in 0..20_000 {
             let origin = warp::sphere(stream.uniform2()) * 3.0;
             let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
-            let brute = g
-                .leaves
-                .iter()
-                .map(|l| {
-                    if l.id & QUADRIC == 0 {
-                        triangle(l, origin, dir, 0.0, f32::INFINITY).map_or(f32::INFINITY, |h| h.0)
-                    } else {
-                        g.quadrics[(l.id ^ QUADRIC) as usize].intersect(origin, dir, 0.0, f32::INFINITY)
-                    }
-                })
-                .fold(f32::INFINITY, f32::min);
             let ray = Ray { origin, dir };
+            let quadrics = g.quadrics.iter();
+            let round = quadrics
+                .map(|q| q.intersect(origin, dir, 0.0, f32::INFINITY))
+                .fold(f32::INFINITY, f32::min);
+            // Triangles in double precision: those hit for certain, and those that may be.
+            let [mut certain, mut possible] = [f64::from(round); 2];
+            for tri in &mesh.indices {
+                let (t, margin) = reference(tri.map(|i| mesh.positions[i as usize]), &ray);
+                if t > 0.0 && margin > 1e-4 {
+                    certain = certain.min(t);
+                }
+                if t > 0.0 && margin > -1e-4 {
+                    possible = possible.min(t);
+                }
+            }
             let got = g.intersect(&ray, f32::INFINITY);
-            assert_eq!(got.map_or(f32::INFINITY, |h| h.t), brute);
-            assert_eq!(g.occluded(&ray, f32::INFINITY), brute.is_finite());
+            let t = got.map_or(f64::INFINITY, |h| f64::from(h.t));
+            assert!(
+                t >= possible - 1e-4 && (t <= certain + 1e-4),
+                "{possible} {t} {certain}"
+            );
+            assert_eq!(g.occluded(&ray, f32::INFINITY), got.is_some());
             if let Some(h) = got {
                 hits += 1;
                 let s = g.surface(&ray, &h);

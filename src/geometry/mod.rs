@@ -8,3 +8,4 @@ pub mod import;
 pub mod mesh;
 pub mod quadric;
 pub mod ray;
+mod tree;
