@@ -258,6 +258,7 @@ impl GeometryBuilder {
             uvs: self.uvs,
             quadrics: self.quadrics,
             triangle_count: self.triangle_count,
+            textured: true,
             extent,
         }
     }
@@ -290,6 +291,8 @@ pub struct Geometry {
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
     triangle_count: usize,
+    /// Someone reads the texture coordinates of quadrics; they are 0 otherwise.
+    pub textured: bool,
     /// Longest edge of the world bounds.
     extent: f32,
 }
@@ -365,7 +368,9 @@ impl Geometry {
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
-            let (p, n, tangent, uv) = quadric.surface(ray.origin + ray.dir * hit.t);
+            let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
+            // Arc tangents for no one.
+            let uv = if self.textured { quadric.uv(p) } else { [0.0; 2] };
             return Surface {
                 p,
                 ng: n,

@@ -96,47 +96,42 @@ impl Quadric {
         }
     }
 
-    /// Position (put back on the surface), unit outward normal, ∂p/∂u (unnormalized) and texture coordinates at a hit.
+    /// Position (put back on the surface), unit outward normal and ∂p/∂u (unnormalized) at a hit.
     ///
     /// u runs about the axis of a sphere (v from its +z pole down) and of a cylinder. A disk's u is the radius, but its
     /// tangent is the object's x axis everywhere, so that a disk of polarizer has one direction.
     #[must_use]
-    pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A, [f32; 2]) {
+    pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
-        let (o, n, u, uv) = match self.kind {
+        let (o, n, u) = match self.kind {
             QuadricKind::Sphere => {
                 let n = o.normalize();
-                let phi = n.y.atan2(n.x).rem_euclid(TAU);
-                (
-                    n,
-                    n,
-                    Vec3A::new(-n.y, n.x, 0.0),
-                    [phi / TAU, n.z.clamp(-1.0, 1.0).acos() / PI],
-                )
+                (n, n, Vec3A::new(-n.y, n.x, 0.0))
             }
-            QuadricKind::Disk => {
-                let p = Vec3A::new(o.x, o.y, 0.0);
-                let phi = o.y.atan2(o.x).rem_euclid(TAU);
-                (p, Vec3A::Z, Vec3A::X, [o.x.hypot(o.y), phi / TAU])
-            }
+            QuadricKind::Disk => (Vec3A::new(o.x, o.y, 0.0), Vec3A::Z, Vec3A::X),
             QuadricKind::Cylinder => {
                 let r = o.x.hypot(o.y).max(f32::MIN_POSITIVE);
                 let n = Vec3A::new(o.x / r, o.y / r, 0.0);
-                let phi = o.y.atan2(o.x).rem_euclid(TAU);
-                (
-                    Vec3A::new(n.x, n.y, o.z),
-                    n,
-                    Vec3A::new(-n.y, n.x, 0.0),
-                    [phi / TAU, o.z],
-                )
+                (Vec3A::new(n.x, n.y, o.z), n, Vec3A::new(-n.y, n.x, 0.0))
             }
         };
         (
             self.to_world.transform_point3a(o),
             (self.normals * n).normalize(),
             self.to_world.transform_vector3a(u),
-            uv,
         )
+    }
+
+    /// Texture coordinates at a point of the surface.
+    #[must_use]
+    pub fn uv(&self, p: Vec3A) -> [f32; 2] {
+        let o = self.to_object.transform_point3a(p);
+        let turn = o.y.atan2(o.x).rem_euclid(TAU) / TAU;
+        match self.kind {
+            QuadricKind::Sphere => [turn, (o.z / o.length()).clamp(-1.0, 1.0).acos() / PI],
+            QuadricKind::Disk => [o.x.hypot(o.y), turn],
+            QuadricKind::Cylinder => [turn, o.z],
+        }
     }
 
     /// World bounds (min, max).
@@ -205,7 +200,7 @@ mod tests {
                 if t.is_finite() {
                     hits += 1;
                     let p = o + d * t;
-                    let (on, n, _, _) = q.surface(p);
+                    let (on, n, _) = q.surface(p);
                     assert!((on - p).length() < 2e-5);
                     assert!((n.length() - 1.0).abs() < 1e-5);
                     assert!(p.cmpge(lo).all() && p.cmple(hi).all(), "{:?}", q.kind);

@@ -16,7 +16,7 @@ const LEAF: u32 = 1 << 31;
 /// A place without a child. Its box is inside out, so that no ray meets it.
 const NONE: u32 = u32::MAX;
 /// Boxes that can be waiting during a traversal.
-const STACK: usize = 192;
+const STACK: usize = 96;
 /// Widens the far side of boxes by more than the rounding of their distances (Ize 2013).
 const ROBUST: f32 = 1.0 + 4.0 * f32::EPSILON;
 

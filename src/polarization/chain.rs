@@ -114,15 +114,12 @@ impl Scatter {
     }
 }
 
-/// A finished product, with the extent of what can be non-zero.
-#[derive(Clone, Copy, Debug)]
-pub struct Product {
-    /// Projector-frame Stokes in, camera-frame Stokes out.
-    pub mueller: Mueller,
-    /// Rows that can be non-zero: 1 or 4.
-    pub rows: usize,
-    /// Columns that can be non-zero: 1 or 4.
-    pub cols: usize,
+/// The part of a finished product that can be non-zero: its first `rows` rows and `cols` columns, 1 or 4 of each. The
+/// product maps projector-frame Stokes in to camera-frame Stokes out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    pub rows: u32,
+    pub cols: u32,
 }
 
 /// The product of all interactions so far: Stokes in the frame of the current ray's light in, camera frame out.
@@ -327,30 +324,59 @@ impl Chain {
         }
     }
 
-    /// Ends the path at an emitter: the product with its extent.
+    /// Ends the path at an emitter: appends the elements that can be non-zero, row by row.
     #[inline]
-    #[must_use]
-    pub fn finish(&self) -> Product {
-        if let Self::RankOne {
-            column,
-            row,
-            column_flat,
-            row_flat,
-        } = self
-        {
-            let (rows, cols) = (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 });
-            let mut mueller = Mueller::ZERO;
-            for (out, c) in mueller.m[..rows].iter_mut().zip(column) {
-                for (m, r) in out[..cols].iter_mut().zip(row) {
-                    *m = *c * *r;
+    pub fn finish(&self, elements: &mut Vec<Spectral>) -> Extent {
+        let (rows, cols) = match self {
+            Self::RankOne {
+                column_flat,
+                row_flat,
+                ..
+            } => (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 }),
+            _ => (4, 4),
+        };
+        match self {
+            Self::RankOne { column, row, .. } => {
+                for c in &column[..rows] {
+                    elements.extend(row[..cols].iter().map(|r| *c * *r));
                 }
             }
-            return Product { mueller, rows, cols };
+            Self::Full(m) => elements.extend_from_slice(m.m.as_flattened()),
+            Self::Rotation { .. } => elements.extend_from_slice(self.to_mueller().m.as_flattened()),
         }
-        Product {
-            mueller: self.to_mueller(),
-            rows: 4,
-            cols: 4,
+        Extent {
+            rows: rows as u32,
+            cols: cols as u32,
+        }
+    }
+
+    /// [`Self::finish`] after one more interaction, a depolarizing one of factor `f`, without copying the chain.
+    #[inline]
+    pub fn finish_depolarized(&self, f: Spectral, elements: &mut Vec<Spectral>) -> Extent {
+        let rows = match self {
+            Self::RankOne {
+                column,
+                row,
+                column_flat,
+                ..
+            } => {
+                let g = row[0] * f;
+                let rows = if *column_flat { 1 } else { 4 };
+                elements.extend(column[..rows].iter().map(|c| *c * g));
+                rows
+            }
+            Self::Rotation { f: g, .. } => {
+                elements.push(*g * f);
+                1
+            }
+            Self::Full(m) => {
+                elements.extend(m.m.iter().map(|row| row[0] * f));
+                4
+            }
+        };
+        Extent {
+            rows: rows as u32,
+            cols: 1,
         }
     }
 }
@@ -420,16 +446,24 @@ mod tests {
                     }
                     frame = chain.push(step, d, frame).unwrap_or(frame);
                 }
-                let got = chain.finish();
-                for i in 0..4 {
-                    for j in 0..4 {
-                        let diff = got.mueller.m[i][j] - plain.m[i][j];
-                        assert!(max_lane(diff.abs()) < 1e-6, "{first}..{last} [{i}][{j}]");
-                        if i >= got.rows || j >= got.cols {
+                let check = |elements: &[Spectral], got: Extent, plain: &Mueller| {
+                    let (rows, cols) = (got.rows as usize, got.cols as usize);
+                    assert_eq!(elements.len(), rows * cols);
+                    for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))) {
+                        if i < rows && j < cols {
+                            let diff = elements[i * cols + j] - plain.m[i][j];
+                            assert!(max_lane(diff.abs()) < 1e-6, "{first}..{last} [{i}][{j}]");
+                        } else {
                             assert_eq!(plain.m[i][j], Spectral::ZERO);
                         }
                     }
-                }
+                };
+                let mut elements = vec![];
+                let got = chain.finish(&mut elements);
+                check(&elements, got, &plain);
+                elements.clear();
+                let got = chain.finish_depolarized(gray, &mut elements);
+                check(&elements, got, &(plain * depolarizer().scaled(gray)));
             }
         }
     }

@@ -7,13 +7,13 @@
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lanes, Medium, NO_CRYSTAL};
-use crate::polarization::chain::Chain;
-use crate::polarization::frame::{perpendicular, turn};
+use crate::polarization::chain::{Chain, Scatter};
+use crate::polarization::frame::{perpendicular, project, turn};
 use crate::sampling::stream::Stream;
 use crate::scene::Scene;
 use crate::scene::projector::Projector;
 use crate::spectrum::Spectral;
-use crate::tensor::accumulate::{Contribution, NO_PIXEL};
+use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::units::picoseconds;
 use glam::{DVec2, Vec3A};
 
@@ -67,8 +67,8 @@ struct Connection {
     distance: f32,
     /// Irradiance at normal incidence.
     irradiance: Spectral,
-    /// Frame of the light it sends here.
-    frame: Vec3A,
+    /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
+    axis: Vec3A,
     pixel: u32,
 }
 
@@ -76,7 +76,7 @@ struct Connection {
 ///
 /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` of the contributions is left at 0. Returns
 /// the number of rays traced.
-pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<Contribution>) -> u32 {
+pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Contributions) -> u32 {
     let [jx, jy] = stream.uniform2();
     let pixel = DVec2::new(f64::from(x) + f64::from(jx), f64::from(y) + f64::from(jy));
     let dir = scene.camera.direction(pixel);
@@ -139,7 +139,7 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Vec<C
 }
 
 /// Light of the environment seen along the current ray.
-fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Vec<Contribution>) {
+fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributions) {
     let Some(environment) = &scene.environment else {
         return;
     };
@@ -148,8 +148,11 @@ fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Vec<Contrib
     let mut chain = state.chain;
     chain.rotate_in(c2, s2);
     chain.scale(environment.radiance);
-    out.push(Contribution {
-        product: chain.finish(),
+    let first = out.elements.len() as u32;
+    let extent = chain.finish(&mut out.elements);
+    out.list.push(Contribution {
+        first,
+        extent,
         time_ps: f64::INFINITY,
         pixel: NO_PIXEL,
         epipolar_px: 0.0,
@@ -165,7 +168,7 @@ fn connect_all(
     surface: &Surface,
     wo: Vec3A,
     bounces: u32,
-    out: &mut Vec<Contribution>,
+    out: &mut Contributions,
 ) -> u32 {
     let mut rays = 0;
     let arrival = |projector: &Projector| {
@@ -183,7 +186,7 @@ fn connect_all(
             position: projector.pinhole.origin,
             distance: a.distance,
             irradiance: projector.irradiance * Spectral::splat(a.factor),
-            frame: projector.pinhole.frame(a.wi),
+            axis: projector.pinhole.axes.x_axis,
             pixel: a.pixel,
         };
         rays += connect(scene, state, surface, wo, bounces, &connection, out);
@@ -198,7 +201,7 @@ fn connect_all(
                 position: point.position,
                 distance,
                 irradiance: point.intensity * Spectral::splat(1.0 / (distance * distance)),
-                frame: point.frame(wi),
+                axis: point.axis,
                 pixel: NO_PIXEL,
             };
             rays += connect(scene, state, surface, wo, bounces, &connection, out);
@@ -216,7 +219,7 @@ fn connect(
     wo: Vec3A,
     bounces: u32,
     to: &Connection,
-    out: &mut Vec<Contribution>,
+    out: &mut Contributions,
 ) -> u32 {
     let id = surface.material;
     let Some(scatter) = scene.materials.eval(id, surface, wo, to.wi) else {
@@ -232,21 +235,30 @@ fn connect(
     if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
         return 1;
     }
-    let mut chain = state.chain;
-    let frame = chain.push(&scatter, wo, state.frame);
-    chain.scale(to.irradiance);
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let medium = beyond.flatten().unwrap_or(state.medium);
-    if let Some(mut frame) = frame {
-        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
-            frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
+    let first = out.elements.len() as u32;
+    let extent = if let Scatter::Depolarize(f) = &scatter {
+        state
+            .chain
+            .finish_depolarized(*f * to.irradiance, &mut out.elements)
+    } else {
+        let mut chain = state.chain;
+        let frame = chain.push(&scatter, wo, state.frame);
+        chain.scale(to.irradiance);
+        if let Some(mut frame) = frame {
+            if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
+                frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
+            }
+            let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
+            chain.rotate_in(c2, s2);
         }
-        let (c2, s2) = turn(-to.wi, to.frame, frame);
-        chain.rotate_in(c2, s2);
-    }
-    out.push(Contribution {
-        product: chain.finish(),
+        chain.finish(&mut out.elements)
+    };
+    out.list.push(Contribution {
+        first,
+        extent,
         time_ps: picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance)),
         pixel: to.pixel,
         epipolar_px: 0.0,

@@ -7,7 +7,7 @@ use super::progress::{Journal, TileRecord};
 use crate::sampling::stream::Stream;
 use crate::scene::Scene;
 use crate::scene::epipolar::Epipolar;
-use crate::tensor::accumulate::{Contribution, NO_PIXEL, SlicePlan, TileAccumulator};
+use crate::tensor::accumulate::{Contributions, NO_PIXEL, SlicePlan, TileAccumulator};
 use crate::tensor::slice::Slice;
 use crate::tensor::store::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
@@ -173,7 +173,7 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
     todo.par_iter()
         .with_max_len(1)
         .map_init(
-            || (TileAccumulator::new(&plans), Vec::new()),
+            || (TileAccumulator::new(&plans), Contributions::default()),
             |(accumulator, contributions), &tile| {
                 if watch.interrupted() {
                     return Ok(());
@@ -354,7 +354,7 @@ fn render_tile(
     epipolar: Option<&Epipolar>,
     tile: u32,
     accumulator: &mut TileAccumulator,
-    contributions: &mut Vec<Contribution>,
+    contributions: &mut Contributions,
     store: &TensorStore,
     stored: &[StoredSlice],
 ) -> Result<TileRecord, RenderError> {
@@ -381,12 +381,12 @@ fn render_tile(
             let mut stream = Stream::new(scene.settings.seed, y * width + x, sample);
             contributions.clear();
             record.rays += u64::from(trace(scene, x, y, &mut stream, contributions));
-            if !contributions.iter().all(finite) {
+            if !finite(&contributions.elements) {
                 record.discarded += 1;
                 continue;
             }
             if let Some((e, line)) = line {
-                for c in contributions.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
+                for c in contributions.list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
                     c.epipolar_px = e.distance_px(line, c.pixel);
                 }
             }
@@ -404,16 +404,13 @@ fn render_tile(
     Ok(record)
 }
 
-/// True if every element that counts is a finite number.
+/// True if every number is finite.
 #[inline]
-fn finite(c: &Contribution) -> bool {
-    let p = &c.product;
+fn finite(elements: &[crate::spectrum::Spectral]) -> bool {
     let mut sum = crate::spectrum::Spectral::ZERO;
-    for row in &p.mueller.m[..p.rows] {
-        for e in &row[..p.cols] {
-            // Zero times a finite number is zero, times anything else NaN.
-            sum += *e * crate::spectrum::Spectral::ZERO;
-        }
+    for e in elements {
+        // Zero times a finite number is zero, times anything else NaN.
+        sum += *e * crate::spectrum::Spectral::ZERO;
     }
     sum.to_array().iter().all(|s| *s == 0.0)
 }

@@ -227,6 +227,8 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
     for object in &file.objects {
         shapes::add(ctx, object, &names, &mut geometry)?;
     }
+    let mut geometry = geometry.build();
+    geometry.textured = !materials.textures.images.is_empty();
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
     let uses_epipolar = |s: &crate::tensor::slice::Slice| {
         matches!(
@@ -274,7 +276,7 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
     Ok(Scene {
         name,
         wavelengths: ctx.wavelengths.clone(),
-        geometry: geometry.build(),
+        geometry,
         materials,
         camera,
         projector,

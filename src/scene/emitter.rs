@@ -24,15 +24,6 @@ pub struct Environment {
     pub axis: Vec3A,
 }
 
-impl PointEmitter {
-    /// Frame of light that travels along `d`.
-    #[inline]
-    #[must_use]
-    pub fn frame(&self, d: Vec3A) -> Vec3A {
-        project(self.axis, d)
-    }
-}
-
 impl Environment {
     /// Frame of light that travels along `d`.
     #[inline]

@@ -6,9 +6,9 @@
 
 use super::axes::SliceLayout;
 use super::plan::DROPPED;
-pub use super::plan::{Contribution, NO_PIXEL, SlicePlan};
+pub use super::plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
 use super::store::{AccessError, Field, StoredSlice};
-use crate::polarization::chain::Product;
+use crate::polarization::chain::Extent;
 use crate::spectrum::Spectral;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -98,7 +98,15 @@ impl PixelSums {
     }
 
     #[inline]
-    fn add(&mut self, key: u64, sample: u32, product: &Product, weight: f32, elements: usize) {
+    fn add(
+        &mut self,
+        key: u64,
+        sample: u32,
+        extent: Extent,
+        values: &[Spectral],
+        weight: f32,
+        elements: usize,
+    ) {
         let entry = match &mut self.index {
             CellIndex::Direct(table) => &mut table[key as usize],
             CellIndex::Hashed(map) => map.entry(key).or_insert(u32::MAX),
@@ -123,16 +131,18 @@ impl PixelSums {
         }
         let cell = &mut self.cells[slot];
         let w = Spectral::splat(weight);
+        let stride = extent.cols as usize;
         let (rows, cols) = if elements == 1 {
             (1, 1)
         } else {
-            (product.rows, product.cols)
+            (extent.rows as usize, stride)
         };
         cell.rows = cell.rows.max(rows);
         cell.cols = cell.cols.max(cols);
-        for i in 0..rows {
-            for j in 0..cols {
-                self.pending[slot * elements + 4 * i + j] += product.mueller.m[i][j] * w;
+        for (i, row) in values.chunks_exact(stride).take(rows).enumerate() {
+            let at = slot * elements + 4 * i;
+            for (sum, value) in self.pending[at..at + cols].iter_mut().zip(row) {
+                *sum += *value * w;
             }
         }
     }
@@ -215,15 +225,15 @@ impl<'a> TileAccumulator<'a> {
 
     /// Adds all contributions of one camera sample of pixel (x, y).
     #[inline]
-    pub fn add_sample(&mut self, x: u32, y: u32, sample: u32, contributions: &[Contribution]) {
+    pub fn add_sample(&mut self, x: u32, y: u32, sample: u32, contributions: &Contributions) {
         for (plan, sums) in self.plans.iter().zip(&mut self.sums) {
             if plan.camera_index(x, y).is_none() {
                 continue;
             }
             let pixel = y * plan.camera_width + x;
-            for c in contributions {
+            for c in &contributions.list {
                 if let Some((cell, weight)) = plan.cell(c, pixel) {
-                    sums.add(cell, sample, &c.product, weight, plan.elements);
+                    sums.add(cell, sample, c.extent, contributions.of(c), weight, plan.elements);
                 }
             }
         }

@@ -2,13 +2,15 @@
 
 use super::axes::{AxisKind, Extents, SliceLayout};
 use super::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
-use crate::polarization::chain::Product;
+use crate::polarization::chain::Extent;
+use crate::spectrum::Spectral;
 
 /// Light of one path: what arrives at the camera per unit projector drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
-    /// Mueller matrix, projector frame in, camera frame out, W/(m² sr nm).
-    pub product: Product,
+    /// Where its Mueller elements begin in [`Contributions::elements`], and how many there are.
+    pub first: u32,
+    pub extent: Extent,
     /// Travel time, picoseconds; infinite for light without one.
     pub time_ps: f64,
     /// Row-major projector pixel s', [`NO_PIXEL`] for light of other emitters.
@@ -17,6 +19,32 @@ pub struct Contribution {
     pub epipolar_px: f32,
     /// Surface interactions.
     pub bounces: u32,
+}
+
+/// What one camera sample brings.
+#[derive(Clone, Debug, Default)]
+pub struct Contributions {
+    pub list: Vec<Contribution>,
+    /// Mueller elements of all of them, projector frame in, camera frame out, W/(m² sr nm): only those that can be
+    /// non-zero, so that light from one rough wall takes one number a wavelength.
+    pub elements: Vec<Spectral>,
+}
+
+impl Contributions {
+    /// Forgets everything, keeps the memory.
+    #[inline]
+    pub fn clear(&mut self) {
+        self.list.clear();
+        self.elements.clear();
+    }
+
+    /// The elements of one contribution, row by row.
+    #[inline]
+    #[must_use]
+    pub fn of(&self, c: &Contribution) -> &[Spectral] {
+        let count = (c.extent.rows * c.extent.cols) as usize;
+        &self.elements[c.first as usize..c.first as usize + count]
+    }
 }
 
 /// [`Contribution::pixel`] of light that comes from no projector pixel.

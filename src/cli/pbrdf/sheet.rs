@@ -89,6 +89,7 @@ fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid,
     );
     let mut scene = Scene::from_text(&a.material, &text)?;
     scene.materials = set.materials.clone();
+    scene.geometry.textured = true;
     let folder = tempfile::tempdir().map_err(Failure::failed)?;
     let target = Target {
         path: folder.path().join("sphere"),
