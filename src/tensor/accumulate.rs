@@ -181,6 +181,8 @@ pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,
     tiles: Vec<TileValues>,
+    /// A chunk of means and one of errors, all zero between uses: fresh memory of that size costs more than filling it.
+    scratch: [Vec<f32>; 2],
 }
 
 impl<'a> TileAccumulator<'a> {
@@ -191,6 +193,7 @@ impl<'a> TileAccumulator<'a> {
             plans,
             sums: plans.iter().map(PixelSums::new).collect(),
             tiles: Vec::new(),
+            scratch: Default::default(),
         }
     }
 
@@ -257,7 +260,7 @@ impl<'a> TileAccumulator<'a> {
     /// If the store refuses.
     pub fn write(&mut self, stored: &[StoredSlice]) -> Result<(), AccessError> {
         for ((plan, tile), slice) in self.plans.iter().zip(&self.tiles).zip(stored) {
-            tile.write(plan, slice)?;
+            tile.write(plan, slice, &mut self.scratch)?;
         }
         Ok(())
     }
@@ -304,7 +307,12 @@ impl PixelSums {
 }
 
 impl TileValues {
-    fn write(&self, plan: &SlicePlan, slice: &StoredSlice) -> Result<(), AccessError> {
+    fn write(
+        &self,
+        plan: &SlicePlan,
+        slice: &StoredSlice,
+        scratch: &mut [Vec<f32>; 2],
+    ) -> Result<(), AccessError> {
         let cells = plan.inner + plan.overflow;
         let (mut window, mut outside) = (Vec::new(), Vec::new());
         for (entry, key) in self.keys.iter().enumerate() {
@@ -315,11 +323,18 @@ impl TileValues {
                 outside.push((local, cell - plan.inner, entry));
             }
         }
-        self.write_part(plan, slice, &plan.layout, window, [Field::Mean, Field::StdError])?;
+        self.write_part(
+            plan,
+            slice,
+            &plan.layout,
+            window,
+            [Field::Mean, Field::StdError],
+            scratch,
+        )?;
         if plan.overflow > 0 {
             let layout = plan.layout.without_time();
             let fields = [Field::Overflow, Field::OverflowStdError];
-            self.write_part(plan, slice, &layout, outside, fields)?;
+            self.write_part(plan, slice, &layout, outside, fields, scratch)?;
         }
         Ok(())
     }
@@ -332,6 +347,7 @@ impl TileValues {
         layout: &SliceLayout,
         mut entries: Vec<(u64, u64, usize)>,
         fields: [Field; 2],
+        scratch: &mut [Vec<f32>; 2],
     ) -> Result<(), AccessError> {
         let (e, l) = (plan.elements, plan.wavelengths);
         let axes = &layout.axes[2..];
@@ -363,14 +379,24 @@ impl TileValues {
             }
             let inner: u64 = shape[2..].iter().product();
             let width = e * l;
-            let mut data = [0, 1].map(|_| vec![0.0_f32; (shape[0] * shape[1] * inner) as usize * width]);
-            for &(local, cell, entry) in group {
+            let length = (shape[0] * shape[1] * inner) as usize * width;
+            let [means, errors] = scratch;
+            for part in [&mut *means, &mut *errors] {
+                if part.len() < length {
+                    part.resize(length, 0.0);
+                }
+            }
+            let (first, extent) = (start.clone(), shape.clone());
+            let offset_of = |local: u64, cell: u64| {
                 let index = place(cell);
-                let offset = (0..axes.len()).fold(0, |n, k| n * shape[2 + k] + index[k] - start[2 + k]);
-                let at = (local * inner + offset) as usize * width;
+                let offset = (0..axes.len()).fold(0, |n, k| n * extent[2 + k] + index[k] - first[2 + k]);
+                (local * inner + offset) as usize * width
+            };
+            for &(local, cell, entry) in group {
+                let at = offset_of(local, cell);
                 let values = &self.values[entry * 2 * width..(entry + 1) * 2 * width];
-                data[0][at..at + width].copy_from_slice(&values[..width]);
-                for (out, variance) in data[1][at..at + width].iter_mut().zip(&values[width..]) {
+                means[at..at + width].copy_from_slice(&values[..width]);
+                for (out, variance) in errors[at..at + width].iter_mut().zip(&values[width..]) {
                     *out = variance.sqrt();
                 }
             }
@@ -381,9 +407,15 @@ impl TileValues {
             };
             start.extend(tail.iter().map(|_| 0));
             shape.extend(tail);
-            for (field, data) in fields.into_iter().zip(&data) {
-                slice.write(field, &start, &shape, data)?;
+            let written = [(fields[0], &*means), (fields[1], &*errors)]
+                .into_iter()
+                .try_for_each(|(field, data)| slice.write(field, &start, &shape, &data[..length]));
+            for &(local, cell, _) in group {
+                let at = offset_of(local, cell);
+                means[at..at + width].fill(0.0);
+                errors[at..at + width].fill(0.0);
             }
+            written?;
         }
         Ok(())
     }

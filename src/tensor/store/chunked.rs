@@ -4,6 +4,7 @@
 //! whose declared size is that of the chunk. A damaged file is therefore an error and never an allocation of a
 //! nonsensical size; damage inside the frame is found by the decoder and by the frame's checksum.
 
+use std::cell::RefCell;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,21 +14,21 @@ use zarrs::array::codec::{BytesCodec, ZstdCodec};
 use zarrs::array::{
     Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, CodecOptions, ElementOwned, data_type,
 };
-use zarrs::storage::ReadableStorageTraits;
+use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
 use crate::tensor::region::{self, Place};
 
-/// Zstandard level: a fair middle between speed and size.
-const LEVEL: i32 = 3;
+/// Zstandard level: noise of floating point numbers does not get smaller at higher ones, only slower.
+const LEVEL: i32 = 1;
 /// Locks per array; a chunk always takes the same one.
 const STRIPES: usize = 64;
 /// A chunk may not hold more elements than this (a damaged description is refused before it allocates).
 const MAX_CHUNK: usize = 1 << 28;
 
 /// A number type that arrays are made of.
-pub(super) trait Number: ElementOwned + Copy + Default + PartialEq + Send + Sync {
+pub(super) trait Number: ElementOwned + bytemuck::Pod + Default + PartialEq + Send + Sync {
     /// Name of the Zarr data type.
     const NAME: &'static str;
     /// The data type.
@@ -45,6 +46,26 @@ macro_rules! numbers {
     )*};
 }
 numbers!(f32 => float32, f64 => float64, i64 => int64, u32 => uint32);
+
+thread_local! {
+    /// A compression context takes longer to make than to use on a small chunk.
+    static COMPRESSOR: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
+}
+
+/// One Zstandard frame with size and checksum.
+fn compress(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    COMPRESSOR.with_borrow_mut(|slot| {
+        let compressor = match slot {
+            Some(c) => c,
+            None => {
+                let mut c = zstd::bulk::Compressor::new(LEVEL)?;
+                c.include_checksum(true)?;
+                slot.insert(c)
+            }
+        };
+        compressor.compress(bytes)
+    })
+}
 
 /// An open array of numbers.
 pub(super) struct ChunkedArray<T> {
@@ -252,6 +273,10 @@ impl<T: Number> ChunkedArray<T> {
         let zero = T::default();
         self.for_chunks(start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
+            if shape == self.chunk {
+                // The region is this chunk and nothing else: no copy.
+                return self.store(index, values);
+            }
             let old = if whole { None } else { self.read_chunk(index)? };
             let elements = self.chunk.iter().product::<u64>() as usize;
             let mut chunk = old.unwrap_or_else(|| vec![zero; elements]);
@@ -262,17 +287,29 @@ impl<T: Number> ChunkedArray<T> {
                 at: &inner,
             };
             region::copy(values, Place { shape, at: &outer }, &mut chunk, target, size);
-            let failed = |cause: String| AccessError::Write {
-                path: self.path.clone(),
-                cause,
-            };
-            if chunk.iter().all(|v| *v == zero) {
-                self.array.erase_chunk(index).map_err(|e| failed(e.to_string()))
-            } else {
-                let stored = self.array.store_chunk_opt(index, chunk, &self.options);
-                stored.map_err(|e| failed(e.to_string()))
-            }
+            self.store(index, &chunk)
         })
+    }
+
+    /// Stores the values of one whole chunk; erases it where they are all zero.
+    fn store(&self, index: &[u64], chunk: &[T]) -> Result<(), AccessError> {
+        let failed = |cause: String| AccessError::Write {
+            path: self.path.clone(),
+            cause,
+        };
+        let zero = T::default();
+        if chunk.iter().all(|v| *v == zero) {
+            return self.array.erase_chunk(index).map_err(|e| failed(e.to_string()));
+        }
+        if !self.compressed || cfg!(target_endian = "big") {
+            let stored = self.array.store_chunk_opt(index, chunk.to_vec(), &self.options);
+            return stored.map_err(|e| failed(e.to_string()));
+        }
+        // What zarrs' codecs would make, without a copy of the values and a new context for every chunk.
+        let frame = compress(bytemuck::cast_slice(chunk)).map_err(|e| failed(e.to_string()))?;
+        let key = self.array.chunk_key(index);
+        let stored = self.array.storage().set(&key, frame.into());
+        stored.map_err(|e| failed(e.to_string()))
     }
 
     /// The values of one whole chunk (padded at the edge of the array), `None` if it is not stored (all zero).
