@@ -1,12 +1,13 @@
 //! All surfaces of a scene in flat tables under one tree.
 //!
-//! Triangles stand in packs of four that a ray meets at once; two triangles that make a parallelogram are one primitive.
+//! Triangles stand in packs of eight that a ray meets at once; two triangles that make a parallelogram are one
+//! primitive. Both loops, over boxes and over packs, are compiled twice on x86-64: for any processor and for AVX2.
 
+use super::eight::{Eight, Mask};
 use super::mesh::Mesh;
 use super::quadric::Quadric;
 use super::ray::{Hit, Ray, Surface};
 use super::tree::Tree;
-use crate::spectrum::Spectral as Lanes;
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -46,35 +47,35 @@ impl Primitive {
     }
 }
 
-/// Four triangles or parallelograms, lane by lane; unused lanes are zero and are never hit.
+/// Eight triangles or parallelograms, lane by lane; unused lanes are zero and are never hit.
 #[derive(Clone, Copy, Debug)]
 struct Pack {
-    v0: [Lanes; 3],
-    e1: [Lanes; 3],
-    e2: [Lanes; 3],
-    skin: Lanes,
-    /// All bits set in the lanes of parallelograms.
-    parallelogram: Lanes,
+    v0: [Eight; 3],
+    e1: [Eight; 3],
+    e2: [Eight; 3],
+    skin: Eight,
+    /// Set in the lanes of parallelograms.
+    parallelogram: Mask,
 }
 
 /// A ray in all lanes.
 struct Wide {
-    o: [Lanes; 3],
-    d: [Lanes; 3],
+    o: [Eight; 3],
+    d: [Eight; 3],
 }
 
 impl Wide {
     #[inline(always)]
     fn new(ray: &Ray) -> Self {
         Self {
-            o: ray.origin.to_array().map(Lanes::splat),
-            d: ray.dir.to_array().map(Lanes::splat),
+            o: ray.origin.to_array().map(Eight::splat),
+            d: ray.dir.to_array().map(Eight::splat),
         }
     }
 }
 
 #[inline(always)]
-fn cross(a: &[Lanes; 3], b: &[Lanes; 3]) -> [Lanes; 3] {
+fn cross(a: &[Eight; 3], b: &[Eight; 3]) -> [Eight; 3] {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -83,35 +84,39 @@ fn cross(a: &[Lanes; 3], b: &[Lanes; 3]) -> [Lanes; 3] {
 }
 
 #[inline(always)]
-fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
+fn dot(a: &[Eight; 3], b: &[Eight; 3]) -> Eight {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Pack {
     fn new(primitives: &[Primitive], width: f32) -> Self {
         let lanes = |f: &dyn Fn(&Primitive) -> f32| {
-            let mut out = [0.0; 4];
-            for (lane, p) in out.iter_mut().zip(primitives) {
+            let mut out = Eight::splat(0.0);
+            for (lane, p) in out.0.iter_mut().zip(primitives) {
                 *lane = f(p);
             }
-            Lanes::new(out)
+            out
         };
+        let mut parallelogram = Mask([0; 8]);
+        for (lane, p) in parallelogram.0.iter_mut().zip(primitives) {
+            *lane = if p.parallelogram { u32::MAX } else { 0 };
+        }
         let vector = |f: fn(&Primitive) -> Vec3A| [0, 1, 2].map(|k| lanes(&|p: &Primitive| f(p)[k]));
         Self {
             v0: vector(|p| p.v0),
             e1: vector(|p| p.e1),
             e2: vector(|p| p.e2),
             skin: lanes(&|p: &Primitive| p.skin(width)),
-            parallelogram: lanes(&|p: &Primitive| f32::from_bits(if p.parallelogram { u32::MAX } else { 0 })),
+            parallelogram,
         }
     }
 
     /// Möller & Trumbore (1997): bits of the lanes that are hit before `end`; distances and barycentric coordinates of
     /// the second and third vertex.
     #[inline(always)]
-    fn intersect(&self, ray: &Wide, end: f32) -> (u32, Lanes, Lanes, Lanes) {
+    fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
         let p = cross(&ray.d, &self.e2);
-        let inverse = Lanes::ONE / dot(&self.e1, &p);
+        let inverse = dot(&self.e1, &p).recip();
         let s = [
             ray.o[0] - self.v0[0],
             ray.o[1] - self.v0[1],
@@ -121,18 +126,19 @@ impl Pack {
         let q = cross(&s, &self.e1);
         let v = dot(&ray.d, &q) * inverse;
         let t = dot(&self.e2, &q) * inverse;
-        let most = self.parallelogram.bitselect(u.fast_max(v), u + v);
+        let most = self.parallelogram.select(u.max(v), u + v);
         // A zero determinant makes these infinite or NaN, and every comparison with NaN is false.
-        let inside = u.simd_ge(-self.skin) & v.simd_ge(-self.skin) & most.simd_le(Lanes::ONE + self.skin);
-        let hit = inside & t.simd_gt(Lanes::ZERO) & t.simd_lt(Lanes::splat(end));
-        (hit.to_bitmask(), t, u, v)
+        let least = self.skin.neg();
+        let inside = least.le(u) & least.le(v) & most.le(Eight::splat(1.0) + self.skin);
+        let hit = inside & Eight::splat(0.0).lt(t) & t.lt(Eight::splat(end));
+        (hit.bits(), t, u, v)
     }
 
     /// Corner and edges of one lane.
     #[inline]
     fn lane(&self, lane: usize) -> [Vec3A; 3] {
         [&self.v0, &self.e1, &self.e2].map(|v| {
-            let at = |k: usize| v[k].as_array()[lane & 3];
+            let at = |k: usize| v[k].0[lane & 7];
             Vec3A::new(at(0), at(1), at(2))
         })
     }
@@ -246,7 +252,7 @@ impl GeometryBuilder {
                 }
                 packs.push(Pack::new(&members, extent * SKIN));
                 triangles.extend(members.iter().map(|p| self.triangles[p.id as usize]));
-                triangles.resize(4 * packs.len(), Triangle::zeroed());
+                triangles.resize(8 * packs.len(), Triangle::zeroed());
                 (packs.len() as u32 - 1) << 1
             },
         );
@@ -259,6 +265,7 @@ impl GeometryBuilder {
             quadrics: self.quadrics,
             triangle_count: self.triangle_count,
             textured: true,
+            avx2: avx2(),
             extent,
         }
     }
@@ -281,11 +288,19 @@ fn fourth_corner(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> Option<Vec3>
     (flat.length() <= 1e-6 * size && same && uv.length() <= 1e-6).then_some(p[id])
 }
 
+/// True if the processor has AVX2.
+fn avx2() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::is_x86_feature_detected!("avx2");
+    #[cfg(not(target_arch = "x86_64"))]
+    return false;
+}
+
 /// All surfaces of a scene.
 pub struct Geometry {
     tree: Tree,
     packs: Vec<Pack>,
-    /// Four a pack, in its order.
+    /// Eight a pack, in its order.
     triangles: Vec<Triangle>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
@@ -293,6 +308,8 @@ pub struct Geometry {
     triangle_count: usize,
     /// Someone reads the texture coordinates of quadrics; they are 0 otherwise.
     pub textured: bool,
+    /// The processor has 256-bit vectors.
+    avx2: bool,
     /// Longest edge of the world bounds.
     extent: f32,
 }
@@ -302,6 +319,40 @@ impl Geometry {
     #[inline]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        #[cfg(target_arch = "x86_64")]
+        if self.avx2 {
+            // SAFETY: the processor was asked when the geometry was built.
+            return unsafe { self.intersect_avx2(ray, tmax) };
+        }
+        self.intersect_any(ray, tmax)
+    }
+
+    /// True if anything lies strictly between the origin and `tmax`.
+    #[inline]
+    #[must_use]
+    pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if self.avx2 {
+            // SAFETY: as above.
+            return unsafe { self.occluded_avx2(ray, tmax) };
+        }
+        self.occluded_any(ray, tmax)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        self.intersect_any(ray, tmax)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
+        self.occluded_any(ray, tmax)
+    }
+
+    #[inline(always)]
+    fn intersect_any(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         let wide = Wide::new(ray);
         let mut hit = Hit {
             t: tmax,
@@ -326,16 +377,16 @@ impl Geometry {
             let (mut bits, t, u, v) = self.packs[index].intersect(&wide, end);
             let mut end = end;
             while bits != 0 {
-                let lane = bits.trailing_zeros() as usize & 3;
+                let lane = bits.trailing_zeros() as usize & 7;
                 bits &= bits - 1;
-                let near = t.as_array()[lane];
+                let near = t.0[lane];
                 if near < end {
                     end = near;
                     hit = Hit {
                         t: near,
-                        leaf: (4 * index + lane) as u32,
-                        u: u.as_array()[lane],
-                        v: v.as_array()[lane],
+                        leaf: (8 * index + lane) as u32,
+                        u: u.0[lane],
+                        v: v.0[lane],
                     };
                 }
             }
@@ -344,10 +395,8 @@ impl Geometry {
         (hit.leaf != u32::MAX).then_some(hit)
     }
 
-    /// True if anything lies strictly between the origin and `tmax`.
-    #[inline]
-    #[must_use]
-    pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
+    #[inline(always)]
+    fn occluded_any(&self, ray: &Ray, tmax: f32) -> bool {
         let wide = Wide::new(ray);
         let mut found = false;
         self.tree.traverse(ray, tmax, |leaf, end| {
@@ -381,7 +430,7 @@ impl Geometry {
             };
         }
         let tri = &self.triangles[hit.leaf as usize];
-        let [v0, e1, e2] = self.packs[hit.leaf as usize / 4].lane(hit.leaf as usize);
+        let [v0, e1, e2] = self.packs[hit.leaf as usize / 8].lane(hit.leaf as usize);
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
         let ng = e1.cross(e2).normalize();
         let ns = if tri.normals[0] == u32::MAX {
@@ -472,8 +521,8 @@ mod tests {
             builder.mesh(m, 3);
             builder.build()
         });
-        assert_eq!(one.packs[0].parallelogram.to_bitmask(), 1);
-        assert_eq!(two.packs[0].parallelogram.to_bitmask(), 0);
+        assert_eq!(one.packs[0].parallelogram.bits(), 1);
+        assert_eq!(two.packs[0].parallelogram.bits(), 0);
         assert_eq!((one.counts(), two.counts()), ((2, 0), (2, 0)));
         let mut stream = Stream::new(8, 0, 0);
         let mut hits = 0;

@@ -4,6 +4,7 @@
 //! Knows nothing of materials beyond their names and numbers.
 
 pub mod bvh;
+mod eight;
 pub mod import;
 pub mod mesh;
 pub mod quadric;

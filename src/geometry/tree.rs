@@ -1,11 +1,12 @@
-//! A bounding volume hierarchy whose nodes hold four boxes, tested against a ray at once.
+//! A bounding volume hierarchy whose nodes hold eight boxes, tested against a ray at once.
 //!
-//! A binary tree (PLOC, Meister & Bittner 2018, with reinsertion; crate obvhs) is collapsed to width four by opening the
+//! A binary tree (PLOC, Meister & Bittner 2018, with reinsertion; crate obvhs) is collapsed to width eight by opening the
 //! child with the largest surface (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes stay in full
 //! precision: scenes of a rig are small enough that decoding compressed boxes costs more than reading them.
 
+use super::eight::Eight;
 use super::ray::Ray;
-use crate::spectrum::Spectral as Lanes;
+use arrayvec::ArrayVec;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -16,38 +17,36 @@ const LEAF: u32 = 1 << 31;
 /// A place without a child. Its box is inside out, so that no ray meets it.
 const NONE: u32 = u32::MAX;
 /// Boxes that can be waiting during a traversal.
-const STACK: usize = 96;
+const STACK: usize = 192;
 /// Widens the far side of boxes by more than the rounding of their distances (Ize 2013).
 const ROBUST: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// Four boxes and what is in them.
+/// Eight boxes and what is in them.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct Node {
-    /// Least x, y, z, then greatest x, y, z of the four.
-    bounds: [Lanes; 6],
-    child: [u32; 4],
+    /// Least x, y, z, then greatest x, y, z.
+    bounds: [Eight; 6],
+    child: [u32; 8],
 }
 
 impl Node {
     const EMPTY: Self = Self {
         bounds: [
-            Lanes::splat(f32::INFINITY),
-            Lanes::splat(f32::INFINITY),
-            Lanes::splat(f32::INFINITY),
-            Lanes::splat(f32::NEG_INFINITY),
-            Lanes::splat(f32::NEG_INFINITY),
-            Lanes::splat(f32::NEG_INFINITY),
+            Eight::splat(f32::INFINITY),
+            Eight::splat(f32::INFINITY),
+            Eight::splat(f32::INFINITY),
+            Eight::splat(f32::NEG_INFINITY),
+            Eight::splat(f32::NEG_INFINITY),
+            Eight::splat(f32::NEG_INFINITY),
         ],
-        child: [NONE; 4],
+        child: [NONE; 8],
     };
 
     fn set(&mut self, lane: usize, aabb: &Aabb, child: u32) {
         let ends = [aabb.min, aabb.max].map(|v| v.to_array());
         for (bound, value) in self.bounds.iter_mut().zip(ends.as_flattened()) {
-            let mut lanes = bound.to_array();
-            lanes[lane] = *value;
-            *bound = Lanes::new(lanes);
+            bound.0[lane] = *value;
         }
         self.child[lane] = child;
     }
@@ -66,7 +65,7 @@ enum Part<'a> {
 }
 
 impl Tree {
-    /// Builds the tree over boxes. Neighbouring primitives (by index into `bounds`) come together, up to four, where
+    /// Builds the tree over boxes. Neighbouring primitives (by index into `bounds`) come together, up to eight, where
     /// `fits` says that they may share a leaf; `leaf` takes them over and returns the leaf's number (below 2³¹ - 1).
     pub fn build(
         bounds: &[Aabb],
@@ -83,9 +82,9 @@ impl Tree {
         let mut time = std::time::Duration::ZERO;
         let binary = Binary::new(&build_bvh2(bounds, params, &mut time), bounds);
         let tree = binary.collapse(&fits, &mut leaf);
-        // A traversal leaves up to three boxes waiting a level. Trees that deep come of thousands of equal boxes only;
+        // A traversal leaves up to seven boxes waiting a level. Trees that deep come of thousands of equal boxes only;
         // halving them in order is as good there.
-        tree.filter(|t| 3 * t.depth() + 4 <= STACK)
+        tree.filter(|t| 7 * t.depth() + 8 <= STACK)
             .or_else(|| binary.halved(bounds).collapse(&fits, &mut leaf))
             .unwrap_or_default()
     }
@@ -116,13 +115,12 @@ impl Tree {
                 1.0 / d
             }
         });
-        let origin = ray.origin.to_array().map(Lanes::splat);
-        let scale = inverse.map(Lanes::splat);
+        let origin = ray.origin.to_array().map(Eight::splat);
+        let scale = inverse.map(Eight::splat);
         let near = [0, 1, 2].map(|k| if inverse[k] < 0.0 { k + 3 } else { k });
         let far = [0, 1, 2].map(|k| if inverse[k] < 0.0 { k } else { k + 3 });
         let mut end = tmax;
-        let mut stack = [(0_u32, 0.0_f32); STACK];
-        let mut waiting = 0;
+        let mut stack = ArrayVec::<(u32, f32), STACK>::new();
         let mut current = 0_u32;
         loop {
             if current & LEAF == 0 {
@@ -130,37 +128,32 @@ impl Tree {
                 // Not b/d - o/d, which cancels for distant origins.
                 let at = |side: usize, k: usize| (node.bounds[side] - origin[k]) * scale[k];
                 let enter = at(near[0], 0)
-                    .fast_max(at(near[1], 1))
-                    .fast_max(at(near[2], 2))
-                    .fast_max(Lanes::ZERO);
-                let leave =
-                    at(far[0], 0).fast_min(at(far[1], 1)).fast_min(at(far[2], 2)) * Lanes::splat(ROBUST);
-                let hits = enter.simd_le(leave.fast_min(Lanes::splat(end))).to_bitmask();
-                if hits != 0 {
-                    let enter = enter.to_array();
-                    let mut bits = hits;
-                    let mut lane = bits.trailing_zeros() as usize;
+                    .max(at(near[1], 1))
+                    .max(at(near[2], 2))
+                    .max(Eight::splat(0.0));
+                let leave = at(far[0], 0).min(at(far[1], 1)).min(at(far[2], 2)) * Eight::splat(ROBUST);
+                let mut bits = enter.le(leave.min(Eight::splat(end))).bits();
+                if bits != 0 {
+                    let lane = bits.trailing_zeros() as usize & 7;
                     bits &= bits - 1;
-                    let (mut nearest, mut t) = (node.child[lane & 3], enter[lane & 3]);
+                    let mut nearest = (node.child[lane], enter.0[lane]);
                     // The nearest goes on, the others wait, sorted so that the next nearest is on top.
-                    let first = waiting;
+                    let first = stack.len();
                     while bits != 0 {
-                        lane = bits.trailing_zeros() as usize;
+                        let lane = bits.trailing_zeros() as usize & 7;
                         bits &= bits - 1;
-                        let mut other = (node.child[lane & 3], enter[lane & 3]);
-                        if other.1 < t {
-                            std::mem::swap(&mut nearest, &mut other.0);
-                            std::mem::swap(&mut t, &mut other.1);
+                        let mut other = (node.child[lane], enter.0[lane]);
+                        if other.1 < nearest.1 {
+                            std::mem::swap(&mut nearest, &mut other);
                         }
-                        let mut slot = waiting;
-                        while slot > first && stack[slot - 1].1 < other.1 {
-                            stack[slot] = stack[slot - 1];
+                        stack.push(other);
+                        let mut slot = stack.len() - 1;
+                        while slot > first && stack[slot - 1].1 < stack[slot].1 {
+                            stack.swap(slot - 1, slot);
                             slot -= 1;
                         }
-                        stack[slot] = other;
-                        waiting += 1;
                     }
-                    current = nearest;
+                    current = nearest.0;
                     continue;
                 }
             } else {
@@ -170,11 +163,9 @@ impl Tree {
                 }
             }
             loop {
-                if waiting == 0 {
+                let Some((next, t)) = stack.pop() else {
                     return;
-                }
-                waiting -= 1;
-                let (next, t) = stack[waiting];
+                };
                 if t < end {
                     current = next;
                     break;
@@ -275,14 +266,14 @@ impl Binary {
     fn part(&self, node: u32, fits: &impl Fn(&[u32]) -> bool) -> Part<'_> {
         let n = &self.nodes[node as usize];
         let run = &self.order[n.first as usize..n.last as usize];
-        if n.children[0] == NONE || (run.len() <= 4 && fits(run)) {
+        if n.children[0] == NONE || (run.len() <= 8 && fits(run)) {
             Part::Leaf(run)
         } else {
             Part::Branch
         }
     }
 
-    /// The tree of width four; `None` if there is nothing.
+    /// The tree of width eight; `None` if there is nothing.
     fn collapse(&self, fits: &impl Fn(&[u32]) -> bool, leaf: &mut impl FnMut(&[u32]) -> u32) -> Option<Tree> {
         self.nodes.first()?;
         let mut tree = Tree {
@@ -292,7 +283,7 @@ impl Binary {
         let mut todo = vec![(0_u32, 0_usize)];
         while let Some((from, into)) = todo.pop() {
             let mut members = vec![from];
-            while members.len() < 4 {
+            while members.len() < 8 {
                 let area = |n: &u32| self.nodes[*n as usize].aabb.half_area();
                 let branches = members.iter().enumerate();
                 let open = branches.filter(|(_, n)| matches!(self.part(**n, fits), Part::Branch));
@@ -347,7 +338,7 @@ mod tests {
                 leaves.len() as u32 - 1
             },
         );
-        assert!(3 * tree.depth() + 4 <= STACK);
+        assert!(7 * tree.depth() + 8 <= STACK);
         // A tree that was given up has made leaves as well.
         let mut used = vec![false; leaves.len()];
         let mut seen = vec![0; bounds.len()];
@@ -360,7 +351,7 @@ mod tests {
             let leaf = (child ^ LEAF) as usize;
             used[leaf] = true;
             let run = &leaves[leaf];
-            assert!(run.len() == 1 || (run.len() <= 4 && run.iter().all(|i| i % 5 != 0)));
+            assert!(run.len() == 1 || (run.len() <= 8 && run.iter().all(|i| i % 5 != 0)));
             run.iter().for_each(|i| seen[*i as usize] += 1);
         }
         assert!(seen.iter().all(|n| *n == 1));

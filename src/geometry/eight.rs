@@ -1,0 +1,134 @@
+//! Eight numbers side by side: boxes and triangles that a ray meets at once.
+//!
+//! Plain loops over arrays, which the compiler turns into vector instructions: two of four lanes anywhere, one of eight
+//! where a caller was compiled for AVX2 (see [`super::bvh::Geometry`]). Every operation rounds as IEEE 754 says and none
+//! are fused, so the answers are the same bits either way.
+
+use std::ops::{Add, BitAnd, Mul, Sub};
+
+/// Eight numbers.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub struct Eight(pub [f32; 8]);
+
+/// Eight truths: all bits of a lane set, or none.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub struct Mask(pub [u32; 8]);
+
+#[inline(always)]
+fn each(a: Eight, b: Eight, f: impl Fn(f32, f32) -> f32) -> Eight {
+    let mut out = [0.0; 8];
+    for i in 0..8 {
+        out[i] = f(a.0[i], b.0[i]);
+    }
+    Eight(out)
+}
+
+#[inline(always)]
+fn test(a: Eight, b: Eight, f: impl Fn(f32, f32) -> bool) -> Mask {
+    let mut out = [0; 8];
+    for i in 0..8 {
+        out[i] = if f(a.0[i], b.0[i]) { u32::MAX } else { 0 };
+    }
+    Mask(out)
+}
+
+impl Eight {
+    /// The same number in every lane.
+    #[inline(always)]
+    pub const fn splat(v: f32) -> Self {
+        Self([v; 8])
+    }
+
+    /// The smaller one; `other` where this is not a number.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        each(self, other, |a, b| if a < b { a } else { b })
+    }
+
+    /// The larger one; `other` where this is not a number.
+    #[inline(always)]
+    pub fn max(self, other: Self) -> Self {
+        each(self, other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    pub fn le(self, other: Self) -> Mask {
+        test(self, other, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    pub fn lt(self, other: Self) -> Mask {
+        test(self, other, |a, b| a < b)
+    }
+
+    /// 1/x.
+    #[inline(always)]
+    pub fn recip(self) -> Self {
+        each(self, self, |a, _| 1.0 / a)
+    }
+
+    #[inline(always)]
+    pub fn neg(self) -> Self {
+        each(self, self, |a, _| -a)
+    }
+}
+
+impl Mask {
+    /// `yes` where true, `no` elsewhere.
+    #[inline(always)]
+    pub fn select(self, yes: Eight, no: Eight) -> Eight {
+        let mut out = [0.0; 8];
+        for i in 0..8 {
+            out[i] = f32::from_bits((yes.0[i].to_bits() & self.0[i]) | (no.0[i].to_bits() & !self.0[i]));
+        }
+        Eight(out)
+    }
+
+    /// Bit i: lane i is true.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        let mut out = 0;
+        for i in 0..8 {
+            out |= self.0[i] & (1 << i);
+        }
+        out
+    }
+}
+
+impl Add for Eight {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, rhs: Self) -> Self {
+        each(self, rhs, |a, b| a + b)
+    }
+}
+
+impl Sub for Eight {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, rhs: Self) -> Self {
+        each(self, rhs, |a, b| a - b)
+    }
+}
+
+impl Mul for Eight {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, rhs: Self) -> Self {
+        each(self, rhs, |a, b| a * b)
+    }
+}
+
+impl BitAnd for Mask {
+    type Output = Self;
+    #[inline(always)]
+    fn bitand(self, rhs: Self) -> Self {
+        let mut out = [0; 8];
+        for i in 0..8 {
+            out[i] = self.0[i] & rhs.0[i];
+        }
+        Self(out)
+    }
+}
