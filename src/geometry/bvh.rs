@@ -7,7 +7,7 @@ use super::eight::{Eight, Mask};
 use super::mesh::Mesh;
 use super::quadric::Quadric;
 use super::ray::{Hit, Ray, Surface};
-use super::tree::Tree;
+use super::tree::{Tree, Visit};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -314,6 +314,70 @@ pub struct Geometry {
     extent: f32,
 }
 
+/// Looks for the nearest hit.
+struct Nearest<'a> {
+    geometry: &'a Geometry,
+    ray: &'a Ray,
+    wide: Wide,
+    hit: Option<Hit>,
+}
+
+impl Visit for Nearest<'_> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
+        let index = (leaf >> 1) as usize;
+        if leaf & 1 == 1 {
+            let t = self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, 0.0, end);
+            if t < end {
+                self.hit = Some(Hit {
+                    t,
+                    leaf: QUADRIC | index as u32,
+                    u: 0.0,
+                    v: 0.0,
+                });
+            }
+            return t.min(end);
+        }
+        let (mut bits, t, u, v) = self.geometry.packs[index].intersect(&self.wide, end);
+        let mut end = end;
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize & 7;
+            bits &= bits - 1;
+            if t.0[lane] < end {
+                end = t.0[lane];
+                self.hit = Some(Hit {
+                    t: end,
+                    leaf: (8 * index + lane) as u32,
+                    u: u.0[lane],
+                    v: v.0[lane],
+                });
+            }
+        }
+        end
+    }
+}
+
+/// Looks for any hit.
+struct Any<'a> {
+    geometry: &'a Geometry,
+    ray: &'a Ray,
+    wide: Wide,
+    found: bool,
+}
+
+impl Visit for Any<'_> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
+        let index = (leaf >> 1) as usize;
+        self.found = if leaf & 1 == 1 {
+            self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, 0.0, end) < end
+        } else {
+            self.geometry.packs[index].intersect(&self.wide, end).0 != 0
+        };
+        if self.found { 0.0 } else { end }
+    }
+}
+
 impl Geometry {
     /// Nearest hit closer than `tmax`.
     #[inline]
@@ -353,62 +417,26 @@ impl Geometry {
 
     #[inline(always)]
     fn intersect_any(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        let wide = Wide::new(ray);
-        let mut hit = Hit {
-            t: tmax,
-            leaf: u32::MAX,
-            u: 0.0,
-            v: 0.0,
+        let mut nearest = Nearest {
+            geometry: self,
+            ray,
+            wide: Wide::new(ray),
+            hit: None,
         };
-        self.tree.traverse(ray, tmax, |leaf, end| {
-            let index = (leaf >> 1) as usize;
-            if leaf & 1 == 1 {
-                let t = self.quadrics[index].intersect(ray.origin, ray.dir, 0.0, end);
-                if t < end {
-                    hit = Hit {
-                        t,
-                        leaf: QUADRIC | index as u32,
-                        u: 0.0,
-                        v: 0.0,
-                    };
-                }
-                return t.min(end);
-            }
-            let (mut bits, t, u, v) = self.packs[index].intersect(&wide, end);
-            let mut end = end;
-            while bits != 0 {
-                let lane = bits.trailing_zeros() as usize & 7;
-                bits &= bits - 1;
-                let near = t.0[lane];
-                if near < end {
-                    end = near;
-                    hit = Hit {
-                        t: near,
-                        leaf: (8 * index + lane) as u32,
-                        u: u.0[lane],
-                        v: v.0[lane],
-                    };
-                }
-            }
-            end
-        });
-        (hit.leaf != u32::MAX).then_some(hit)
+        self.tree.traverse(ray, tmax, &mut nearest);
+        nearest.hit
     }
 
     #[inline(always)]
     fn occluded_any(&self, ray: &Ray, tmax: f32) -> bool {
-        let wide = Wide::new(ray);
-        let mut found = false;
-        self.tree.traverse(ray, tmax, |leaf, end| {
-            let index = (leaf >> 1) as usize;
-            found = if leaf & 1 == 1 {
-                self.quadrics[index].intersect(ray.origin, ray.dir, 0.0, end) < end
-            } else {
-                self.packs[index].intersect(&wide, end).0 != 0
-            };
-            if found { 0.0 } else { end }
-        });
-        found
+        let mut any = Any {
+            geometry: self,
+            ray,
+            wide: Wide::new(ray),
+            found: false,
+        };
+        self.tree.traverse(ray, tmax, &mut any);
+        any.found
     }
 
     /// Position, normals, texture coordinates and material at a hit.

@@ -52,6 +52,13 @@ impl Node {
     }
 }
 
+/// What a traversal does at a leaf. A trait, because a closure cannot be forced into the loop that was compiled for the
+/// processor at hand.
+pub trait Visit {
+    /// Meets leaf number `leaf`, hits beyond `end` being of no interest; returns the new end, 0 or less to stop.
+    fn leaf(&mut self, leaf: u32, end: f32) -> f32;
+}
+
 /// The tree over leaves that the caller numbers.
 #[derive(Default)]
 pub struct Tree {
@@ -100,10 +107,9 @@ impl Tree {
         depth.into_iter().max().unwrap_or(0)
     }
 
-    /// Visits leaves along a ray, near ones first, as far as the distance that `visit` returns (it is given the number
-    /// of the leaf and the present end). An end of 0 or less stops.
+    /// Visits leaves along a ray, near ones first, as far as the visitor wants.
     #[inline(always)]
-    pub fn traverse(&self, ray: &Ray, tmax: f32, mut visit: impl FnMut(u32, f32) -> f32) {
+    pub fn traverse(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
         if self.nodes.is_empty() {
             return;
         }
@@ -157,7 +163,7 @@ impl Tree {
                     continue;
                 }
             } else {
-                end = visit(current ^ LEAF, end);
+                end = visitor.leaf(current ^ LEAF, end);
                 if end <= 0.0 {
                     return;
                 }
@@ -316,6 +322,19 @@ mod tests {
     use crate::sampling::{stream::Stream, warp};
     use glam::Vec3A;
 
+    /// Notes the leaves that it meets, and stops at the first if told to.
+    struct Seen {
+        met: Vec<bool>,
+        stop: bool,
+    }
+
+    impl Visit for Seen {
+        fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
+            self.met[leaf as usize] = true;
+            if self.stop { 0.0 } else { end }
+        }
+    }
+
     fn boxes(n: usize, seed: u64) -> Vec<Aabb> {
         let mut stream = Stream::new(seed, 0, 0);
         (0..n)
@@ -359,11 +378,12 @@ mod tests {
         for _ in 0..200 {
             let origin = warp::sphere(stream.uniform2()) * 5.0;
             let dir = (warp::sphere(stream.uniform2()) * 2.0 - origin).normalize();
-            let mut met = vec![false; leaves.len()];
-            tree.traverse(&Ray { origin, dir }, 100.0, |leaf, end| {
-                met[leaf as usize] = true;
-                end
-            });
+            let mut seen = Seen {
+                met: vec![false; leaves.len()],
+                stop: false,
+            };
+            tree.traverse(&Ray { origin, dir }, 100.0, &mut seen);
+            let met = seen.met;
             for (leaf, run) in leaves.iter().enumerate().filter(|(l, _)| used[*l]) {
                 for i in run {
                     let b = &bounds[*i as usize];
@@ -397,12 +417,12 @@ mod tests {
     fn an_end_of_zero_stops() {
         let tree = Tree::build(&boxes(100, 3), |_| false, |run| run[0]);
         let (origin, dir) = (Vec3A::splat(-5.0), Vec3A::splat(1.0).normalize());
-        let mut visits = 0;
-        tree.traverse(&Ray { origin, dir }, 100.0, |_, _| {
-            visits += 1;
-            0.0
-        });
-        assert!(visits <= 1);
+        let mut seen = Seen {
+            met: vec![false; 100],
+            stop: true,
+        };
+        tree.traverse(&Ray { origin, dir }, 100.0, &mut seen);
+        assert!(seen.met.iter().filter(|m| **m).count() <= 1);
         assert!(Tree::build(&[], |_| true, |_| 0).nodes.is_empty());
     }
 }
