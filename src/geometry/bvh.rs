@@ -423,7 +423,7 @@ impl Geometry {
             wide: Wide::new(ray),
             hit: None,
         };
-        self.tree.traverse(ray, tmax, &mut nearest);
+        self.tree.traverse::<true>(ray, tmax, &mut nearest);
         nearest.hit
     }
 
@@ -435,7 +435,7 @@ impl Geometry {
             wide: Wide::new(ray),
             found: false,
         };
-        self.tree.traverse(ray, tmax, &mut any);
+        self.tree.traverse::<false>(ray, tmax, &mut any);
         any.found
     }
 

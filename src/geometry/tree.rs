@@ -107,9 +107,9 @@ impl Tree {
         depth.into_iter().max().unwrap_or(0)
     }
 
-    /// Visits leaves along a ray, near ones first, as far as the visitor wants.
+    /// Visits leaves along a ray, near ones first if `ORDERED`, as far as the visitor wants.
     #[inline(always)]
-    pub fn traverse(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
+    pub fn traverse<const ORDERED: bool>(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
         if self.nodes.is_empty() {
             return;
         }
@@ -149,12 +149,12 @@ impl Tree {
                         let lane = bits.trailing_zeros() as usize & 7;
                         bits &= bits - 1;
                         let mut other = (node.child[lane], enter.0[lane]);
-                        if other.1 < nearest.1 {
+                        if ORDERED && other.1 < nearest.1 {
                             std::mem::swap(&mut nearest, &mut other);
                         }
                         stack.push(other);
                         let mut slot = stack.len() - 1;
-                        while slot > first && stack[slot - 1].1 < stack[slot].1 {
+                        while ORDERED && slot > first && stack[slot - 1].1 < stack[slot].1 {
                             stack.swap(slot - 1, slot);
                             slot -= 1;
                         }
@@ -382,7 +382,7 @@ mod tests {
                 met: vec![false; leaves.len()],
                 stop: false,
             };
-            tree.traverse(&Ray { origin, dir }, 100.0, &mut seen);
+            tree.traverse::<true>(&Ray { origin, dir }, 100.0, &mut seen);
             let met = seen.met;
             for (leaf, run) in leaves.iter().enumerate().filter(|(l, _)| used[*l]) {
                 for i in run {
@@ -421,7 +421,7 @@ mod tests {
             met: vec![false; 100],
             stop: true,
         };
-        tree.traverse(&Ray { origin, dir }, 100.0, &mut seen);
+        tree.traverse::<false>(&Ray { origin, dir }, 100.0, &mut seen);
         assert!(seen.met.iter().filter(|m| **m).count() <= 1);
         assert!(Tree::build(&[], |_| true, |_| 0).nodes.is_empty());
     }
