@@ -49,7 +49,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     match (&a.mitsuba, &a.slice, &a.output) {
         (Some(folder), ..) => scene(a, folder),
         (None, Some(slice), Some(output)) => image(a, slice, output),
-        _ => Err(Failure::input("give STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR")),
+        _ => Err(Failure::input(
+            "give STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR",
+        )),
     }
 }
 

@@ -148,7 +148,9 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, SceneError> {
     let (ids, needs) = (writer.ids(), writer.needs());
 
     let mut scene = Element::new("scene").with("version", "3.0.0");
-    scene.comment("Written by sunstone export. Metres; light is unpolarized, so images are column 0 of the tensor.");
+    scene.comment(
+        "Written by sunstone export. Metres; light is unpolarized, so images are column 0 of the tensor.",
+    );
     let list: Vec<String> = ctx.wavelengths.nm().iter().map(|w| number(*w)).collect();
     scene.push(default(WAVELENGTHS, &list.join(", ")));
     if let Some((p, _)) = &projector {
@@ -171,9 +173,17 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, SceneError> {
     }
     for point in &points {
         let [x, y, z] = point.position.to_array().map(single);
-        let position = Element::new("point").with("name", "position").with("x", x).with("y", y).with("z", z);
+        let position = Element::new("point")
+            .with("name", "position")
+            .with("x", x)
+            .with("y", y)
+            .with("z", z);
         let intensity = spectrum(&ctx.wavelengths, "intensity", point.intensity);
-        scene.push(Element::plugin("emitter", "point").child(position).child(intensity));
+        scene.push(
+            Element::plugin("emitter", "point")
+                .child(position)
+                .child(intensity),
+        );
     }
     if let Some(environment) = &environment {
         let radiance = spectrum(&ctx.wavelengths, "radiance", environment.radiance);
@@ -277,9 +287,11 @@ fn projector_element(
     }
     if w == h {
         // A spectrum counts as an image of one square pixel.
-        return Ok(element
-            .float("scale", PI.recip())
-            .child(spectrum(&ctx.wavelengths, "irradiance", p.irradiance)));
+        return Ok(element.float("scale", PI.recip()).child(spectrum(
+            &ctx.wavelengths,
+            "irradiance",
+            p.irradiance,
+        )));
     }
     if !is_even(&ctx.wavelengths, p.irradiance) {
         return Err(ctx.error(
@@ -289,7 +301,8 @@ fn projector_element(
         ));
     }
     let white = image::GrayImage::from_pixel(w, h, image::Luma([255]));
-    out.files.push(("white.png".into(), png(ctx, span, &white.into())?));
+    out.files
+        .push(("white.png".into(), png(ctx, span, &white.into())?));
     Ok(element
         .float("scale", f64::from(p.irradiance.to_array()[0]) / PI)
         .child(bitmap("irradiance", "white.png", true)))
@@ -316,9 +329,13 @@ pub(super) fn png(
     image: &image::DynamicImage,
 ) -> Result<Contents, SceneError> {
     let mut bytes = std::io::Cursor::new(vec![]);
-    image
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .map_err(|e| ctx.error(span, format!("cannot encode an image: {e}"), "use a smaller image"))?;
+    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| {
+        ctx.error(
+            span,
+            format!("cannot encode an image: {e}"),
+            "use a smaller image",
+        )
+    })?;
     Ok(Contents::Bytes(bytes.into_inner()))
 }
 
@@ -409,9 +426,19 @@ fn is_similar(map: &DAffine3, all: bool) -> bool {
 pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
     let plain: String = name
         .chars()
-        .map(|c| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' })
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || "_-".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
         .collect();
-    let base = if plain.is_empty() { "material".to_owned() } else { plain };
+    let base = if plain.is_empty() {
+        "material".to_owned()
+    } else {
+        plain
+    };
     let mut id = base.clone();
     let mut n = 2;
     while taken.values().any(|t| *t == id) {

@@ -428,7 +428,10 @@ impl<'a> MaterialWriter<'a> {
     fn texels(&self, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
         let (w, h, first) = self.table.textures.images[texture as usize];
         let first = first as usize;
-        ((w, h), &self.table.textures.texels[first..first + (w * h) as usize])
+        (
+            (w, h),
+            &self.table.textures.texels[first..first + (w * h) as usize],
+        )
     }
 
     fn linear_rgb(&self, texture: u32) -> DynamicImage {

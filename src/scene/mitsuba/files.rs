@@ -18,6 +18,9 @@ pub enum WriteError {
     /// There is something in the folder already.
     #[error("{0} exists and is not an empty folder; give another one, or --force to write into it")]
     Occupied(PathBuf),
+    /// The file is there already.
+    #[error("{0} exists; give another name, or --force to replace it")]
+    Exists(PathBuf),
     /// The file system refused.
     #[error("cannot write {0}: {1}")]
     Io(PathBuf, io::Error),
@@ -81,4 +84,18 @@ fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io:
         let _ = remove();
     }
     done
+}
+
+/// Writes one file, at once or not at all.
+///
+/// # Errors
+/// [`WriteError`] if it is there already and `force` is not given, or the file system refuses.
+pub(super) fn write_one(path: &Path, contents: &Contents, force: bool) -> Result<(), WriteError> {
+    if path.exists() && !force {
+        return Err(WriteError::Exists(path.to_owned()));
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
+    let done = fill(&beside, contents).and_then(|()| fs::rename(&beside, path));
+    cleaned(done, || fs::remove_file(&beside)).map_err(|e| WriteError::Io(path.to_owned(), e))
 }

@@ -19,11 +19,11 @@
 pub mod export;
 mod export_materials;
 mod files;
-//pub mod import;
-//mod import_materials;
-//mod import_shapes;
+pub mod import;
+mod import_materials;
+mod import_shapes;
 mod ply;
-//mod reader;
+mod reader;
 mod xml;
 
 pub use files::{Contents, WriteError};
