@@ -198,7 +198,15 @@ impl<'a> MaterialWriter<'a> {
                     .child(Element::new("ref").with("id", a))
                     .child(Element::new("ref").with("id", b_id))
             }
-            Material::NormalMap(_) => self.one_sided(id, Some(name))?,
+            Material::NormalMap(n) => {
+                if !matches!(self.table.list[n.material as usize], Material::Diffuse(_)) {
+                    self.out.note(format!(
+                        "material `{}`: Mitsuba does not turn Stokes frames with mapped normals: s0 alone is the same",
+                        self.names[&id]
+                    ));
+                }
+                self.one_sided(id, Some(name))?
+            }
             Material::PartialDepolarizer(_) => {
                 return self.cannot(
                     id,

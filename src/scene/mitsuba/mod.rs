@@ -24,6 +24,8 @@ mod import_materials;
 mod import_shapes;
 mod ply;
 mod reader;
+#[cfg(test)]
+mod tests;
 mod xml;
 
 pub use files::{Contents, WriteError};
