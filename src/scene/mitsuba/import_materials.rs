@@ -4,8 +4,9 @@
 //! alone.
 
 use super::super::locate::SceneError;
-use super::import::{Importer, quoted};
-use super::reader::{Node, Value};
+use super::import::Importer;
+use super::toml_text::quoted;
+use super::tree::{Node, Value};
 use super::xml::number as digits;
 use crate::material::constants;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,9 +1,10 @@
 //! Mitsuba's shapes → objects of a scene file.
 
 use super::super::locate::SceneError;
-use super::import::{Importer, list, matrix, quoted};
+use super::import::Importer;
 use super::import_materials::{MaterialReader, Upright};
-use super::reader::Node;
+use super::toml_text::{list, matrix, quoted};
+use super::tree::Node;
 use super::xml::number as digits;
 use glam::{DAffine3, DVec3};
 

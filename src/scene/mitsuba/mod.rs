@@ -20,12 +20,15 @@ pub mod export;
 mod export_materials;
 mod files;
 pub mod import;
+mod import_devices;
 mod import_materials;
 mod import_shapes;
 mod ply;
 mod reader;
 #[cfg(test)]
 mod tests;
+mod toml_text;
+mod tree;
 mod xml;
 
 pub use files::{Contents, WriteError};
