@@ -47,16 +47,19 @@ pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) ->
     let absolute = std::path::absolute(folder).map_err(at(folder))?;
     let parent = absolute.parent().unwrap_or(&absolute);
     fs::create_dir_all(parent).map_err(at(parent))?;
-    let temporary = |name: &str| parent.join(format!(".{name}.{}.tmp", std::process::id()));
+    let temporary = |at: &Path, name: &str| at.join(format!(".{name}.{}.tmp", std::process::id()));
     if occupied {
         for (name, contents) in files {
-            let (path, beside) = (absolute.join(name), temporary(name));
+            let (path, beside) = (absolute.join(name), temporary(&absolute, name));
             let done = fill(&beside, contents).and_then(|()| fs::rename(&beside, &path));
             cleaned(done, || fs::remove_file(&beside)).map_err(at(&path))?;
         }
         return Ok(());
     }
-    let fresh = temporary(&absolute.file_name().unwrap_or_default().to_string_lossy());
+    let fresh = temporary(
+        parent,
+        &absolute.file_name().unwrap_or_default().to_string_lossy(),
+    );
     let fill_all = || {
         fs::create_dir(&fresh)?;
         for (name, contents) in files {
