@@ -727,3 +727,29 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn flipped_rectangles_face_the_other_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let flipped = "<boolean name=\"flip_normals\" value=\"true\"/><ref id=\"wall\"/>";
+    for (text, expected) in [
+        (HAND.to_owned(), Vec3A::Z),
+        (HAND.replace("<ref id=\"wall\"/>", flipped), Vec3A::NEG_Z),
+    ] {
+        let import = imported(folder.path(), &text).unwrap();
+        let scene = Scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
+        let ray = Ray {
+            origin: Vec3A::Z,
+            dir: Vec3A::NEG_Z,
+        };
+        let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
+        let at = scene.geometry.surface(&ray, &hit);
+        assert!((at.ng - expected).length() < 1e-6 && (at.ns - expected).length() < 1e-6);
+    }
+    let ball = HAND.replace(
+        "<ref id=\"gold\"/>",
+        "<boolean name=\"flip_normals\" value=\"true\"/>",
+    );
+    let e = imported(folder.path(), &ball).unwrap_err();
+    assert!(e.message.contains("inside out"), "{e}");
+}
