@@ -1,33 +1,69 @@
 //! `sunstone export`.
 
 use super::failure::Failure;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use sunstone::scene::mitsuba::export::Export;
 use sunstone::tensor::exr::{ExrOptions, export};
-use sunstone::tensor::probe::parse_axes;
+use sunstone::tensor::probe::{Selection, parse_axes};
 
-/// Export an image slice as OpenEXR with Mitsuba's channel names (S0.R … S3.B, and R, G, B).
+/// Export an image slice as OpenEXR, or a scene for Mitsuba 3.
 ///
-/// Column 0 of the Mueller matrix is the Stokes image under unpolarized light. Axes other than y and x are summed
-/// unless selected or expanded into channels.
+/// STORE SLICE -o X.exr writes an image with Mitsuba's channel names (S0.R … S3.B, and R, G, B). Column 0 of the Mueller
+/// matrix is the Stokes image under unpolarized light. Axes other than y and x are summed unless selected or expanded
+/// into channels.
+///
+/// SCENE.toml --mitsuba DIR writes DIR/scene.xml with the meshes, images and tables that it names, for
+/// mitsuba.load_file. Several wavelengths need a spectral polarized variant; for a mono one take one with --wavelength.
 #[derive(clap::Args)]
 pub struct Arguments {
-    #[command(flatten)]
-    source: super::Source,
+    /// Store written by `render` or `merge`; or, with --mitsuba, a scene file.
+    #[arg(value_name = "STORE|SCENE.toml")]
+    source: PathBuf,
+    /// Slice to read.
+    #[arg(required_unless_present = "mitsuba", conflicts_with = "mitsuba")]
+    slice: Option<String>,
+    /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
+    #[arg(short = 'k', long = "select", conflicts_with = "mitsuba")]
+    select: Vec<Selection>,
     /// Axes to write as channels of their own (comma-separated names).
-    #[arg(long, default_value = "")]
+    #[arg(long, default_value = "", conflicts_with = "mitsuba")]
     expand: String,
     /// Write all 16 Mueller elements (M00.R … M33.B).
-    #[arg(long)]
+    #[arg(long, conflicts_with = "mitsuba")]
     mueller: bool,
     /// EXR file to write.
-    #[arg(short, long)]
-    output: PathBuf,
+    #[arg(short, long, required_unless_present = "mitsuba", conflicts_with = "mitsuba")]
+    output: Option<PathBuf>,
+    /// Write the scene for Mitsuba 3 into this folder.
+    #[arg(long, value_name = "DIR")]
+    mitsuba: Option<PathBuf>,
+    /// Export the scene at this wavelength alone, nanometres.
+    #[arg(long, value_name = "NM", requires = "mitsuba")]
+    wavelength: Option<f64>,
+    /// Write into a folder that has files already, replacing those of the same names.
+    #[arg(long, requires = "mitsuba")]
+    force: bool,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let (_, slice) = a.source.open()?;
+    match (&a.mitsuba, &a.slice, &a.output) {
+        (Some(folder), ..) => scene(a, folder),
+        (None, Some(slice), Some(output)) => image(a, slice, output),
+        _ => Err(Failure::input(
+            "give STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR",
+        )),
+    }
+}
+
+fn image(a: &Arguments, slice: &str, output: &Path) -> Result<(), Failure> {
+    let source = super::Source {
+        store: a.source.clone(),
+        slice: slice.to_owned(),
+        select: a.select.clone(),
+    };
+    let (_, slice) = source.open()?;
     let options = ExrOptions {
-        select: a.source.select.clone(),
+        select: source.select,
         expand: if a.expand.is_empty() {
             vec![]
         } else {
@@ -35,6 +71,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         },
         mueller: a.mueller,
     };
-    export(&slice, &options, &a.output).map_err(Failure::input)?;
-    super::print(&a.output.display().to_string())
+    export(&slice, &options, output).map_err(Failure::input)?;
+    super::print(&output.display().to_string())
+}
+
+fn scene(a: &Arguments, folder: &Path) -> Result<(), Failure> {
+    let export = Export::load(&a.source, a.wavelength)?;
+    export.write(folder, a.force).map_err(|e| match e {
+        sunstone::scene::mitsuba::WriteError::Occupied(_) => Failure::input(e),
+        _ => Failure::failed(e),
+    })?;
+    for note in &export.notes {
+        eprintln!("note: {note}");
+    }
+    super::print(&folder.join("scene.xml").display().to_string())
 }

@@ -3,6 +3,7 @@
 mod export;
 mod failure;
 mod figure;
+mod import;
 mod info;
 mod merge;
 mod pbrdf;
@@ -55,6 +56,7 @@ enum Command {
     Figure(figure::Arguments),
     Merge(merge::Arguments),
     Export(export::Arguments),
+    Import(import::Arguments),
     Pbrdf(pbrdf::Arguments),
     /// Print the JSON Schema of scene files.
     ///
@@ -94,6 +96,7 @@ pub fn run() -> ExitCode {
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
         Command::Export(a) => export::run(&a),
+        Command::Import(a) => import::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),
         Command::Schema => schema(),
     };

@@ -305,7 +305,7 @@ fn default_name(path: &Path) -> String {
     }
 }
 
-fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, SceneError> {
+pub(super) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, SceneError> {
     let r = &file.render;
     let check = |v: &Located<u32>, what: &str, range: std::ops::RangeInclusive<u32>| {
         if range.contains(v) {

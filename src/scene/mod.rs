@@ -10,6 +10,7 @@ pub mod file;
 pub mod locate;
 pub mod material_file;
 pub mod materials;
+pub mod mitsuba;
 pub mod pinhole;
 mod polarizing;
 pub mod projector;

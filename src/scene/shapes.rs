@@ -12,6 +12,24 @@ use crate::geometry::quadric::{Quadric, QuadricKind};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
 
+/// A shape in the world, before it is cut into what the tracer knows.
+pub(super) struct Placed {
+    pub form: Form,
+    /// Number of its material.
+    pub material: u32,
+}
+
+/// The form of a [`Placed`] shape; maps take its own space to the world.
+pub(super) enum Form {
+    Quadric(QuadricKind, DAffine3),
+    /// [`Mesh::rectangle`].
+    Rectangle(DAffine3),
+    /// [`Mesh::cube`].
+    Cube(DAffine3),
+    /// In world space.
+    Mesh(Mesh),
+}
+
 /// Adds one object.
 pub(super) fn add(
     ctx: &mut Context,
@@ -19,6 +37,23 @@ pub(super) fn add(
     materials: &BTreeMap<&str, u32>,
     geometry: &mut GeometryBuilder,
 ) -> Result<(), SceneError> {
+    for Placed { form, material } in place(ctx, object, materials)? {
+        match form {
+            Form::Quadric(kind, map) => geometry.quadric(Quadric::new(kind, affine(map), material)),
+            Form::Rectangle(map) => geometry.mesh(&moved(ctx, Mesh::rectangle(), map, object)?, material),
+            Form::Cube(map) => geometry.mesh(&moved(ctx, Mesh::cube(), map, object)?, material),
+            Form::Mesh(mesh) => geometry.mesh(&mesh, material),
+        }
+    }
+    Ok(())
+}
+
+/// The shapes that an object is made of.
+pub(super) fn place(
+    ctx: &mut Context,
+    object: &Located<ObjectFile>,
+    materials: &BTreeMap<&str, u32>,
+) -> Result<Vec<Placed>, SceneError> {
     let find = |ctx: &Context, name: &Located<String>| {
         materials.get(name.as_str()).copied().ok_or_else(|| {
             let known = materials.keys().copied().collect::<Vec<_>>().join(", ");
@@ -35,7 +70,7 @@ pub(super) fn add(
         None => DAffine3::IDENTITY,
     };
     let span = object.shape.span();
-    let mut quadric = |ctx: &Context, kind, shape: DAffine3| {
+    let quadric = |ctx: &Context, kind, shape: DAffine3| {
         let world = place * shape;
         if !is_solid(&world) {
             return Err(ctx.error(
@@ -57,19 +92,21 @@ pub(super) fn add(
                 "keep coordinates below 1e12 m",
             ));
         }
-        geometry.quadric(Quadric::new(kind, affine(world), material));
-        Ok(())
+        Ok(Placed {
+            form: Form::Quadric(kind, world),
+            material,
+        })
     };
-    match &*object.shape {
+    let form = match &*object.shape {
         ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) => {
             let parts = load(ctx, m, &object.shape)?;
-            let mut used = vec![];
+            let (mut used, mut placed) = (vec![], vec![]);
             for mut part in parts {
                 let own = part
                     .material
                     .as_deref()
                     .and_then(|n| object.part_materials.get_key_value(n));
-                let id = match own {
+                let material = match own {
                     Some((key, name)) => {
                         used.push(key.clone());
                         find(ctx, name)?
@@ -79,7 +116,8 @@ pub(super) fn add(
                 if m.flat {
                     part.mesh.normals.clear();
                 }
-                mesh(ctx, &mut part.mesh, place, object, id, geometry)?;
+                let form = Form::Mesh(moved(ctx, part.mesh, place, object)?);
+                placed.push(Placed { form, material });
             }
             if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
                 return Err(ctx.error(
@@ -88,7 +126,7 @@ pub(super) fn add(
                     "correct the part's name, or remove the line",
                 ));
             }
-            Ok(())
+            return Ok(placed);
         }
         ShapeFile::Sphere(s) => {
             let c = vector(ctx, s.center, span.clone(), "center")?;
@@ -97,27 +135,27 @@ pub(super) fn add(
                 DQuat::IDENTITY,
                 c.as_dvec3(),
             );
-            quadric(ctx, QuadricKind::Sphere, shape)
+            return Ok(vec![quadric(ctx, QuadricKind::Sphere, shape)?]);
         }
         ShapeFile::Disk(d) => {
             let c = vector(ctx, d.center, span.clone(), "center")?;
             let n = vector(ctx, d.normal, span.clone(), "normal")?;
-            quadric(ctx, QuadricKind::Disk, toward(c, n, d.radius, d.radius))
+            let disk = toward(c, n, d.radius, d.radius);
+            return Ok(vec![quadric(ctx, QuadricKind::Disk, disk)?]);
         }
         ShapeFile::Cylinder(c) => {
             let p0 = vector(ctx, c.p0, span.clone(), "p0")?;
             let p1 = vector(ctx, c.p1, span.clone(), "p1")?;
             let axis = p1 - p0;
-            quadric(
-                ctx,
-                QuadricKind::Cylinder,
-                toward(p0, axis, c.radius, f64::from(axis.length())),
-            )?;
+            let tube = toward(p0, axis, c.radius, f64::from(axis.length()));
+            let mut placed = vec![quadric(ctx, QuadricKind::Cylinder, tube)?];
             if c.caps {
-                quadric(ctx, QuadricKind::Disk, toward(p0, -axis, c.radius, c.radius))?;
-                quadric(ctx, QuadricKind::Disk, toward(p1, axis, c.radius, c.radius))?;
+                for (end, out) in [(p0, -axis), (p1, axis)] {
+                    let cap = toward(end, out, c.radius, c.radius);
+                    placed.push(quadric(ctx, QuadricKind::Disk, cap)?);
+                }
             }
-            Ok(())
+            return Ok(placed);
         }
         ShapeFile::Rectangle(r) => {
             let corner = DVec3::from_array(r.corner);
@@ -126,14 +164,7 @@ pub(super) fn add(
                 DMat3::from_cols(u / 2.0, v / 2.0, u.cross(v).normalize_or(DVec3::Z)),
                 corner + (u + v) / 2.0,
             );
-            mesh(
-                ctx,
-                &mut Mesh::rectangle(),
-                place * shape,
-                object,
-                material,
-                geometry,
-            )
+            Form::Rectangle(place * shape)
         }
         ShapeFile::Cube(c) => {
             let (lo, hi) = (DVec3::from_array(c.min), DVec3::from_array(c.max));
@@ -142,9 +173,10 @@ pub(super) fn add(
             }
             let shape =
                 DAffine3::from_scale_rotation_translation((hi - lo) / 2.0, DQuat::IDENTITY, (hi + lo) / 2.0);
-            mesh(ctx, &mut Mesh::cube(), place * shape, object, material, geometry)
+            Form::Cube(place * shape)
         }
-    }
+    };
+    Ok(vec![Placed { form, material }])
 }
 
 /// Reads a mesh file in the format that the shape names.
@@ -165,15 +197,13 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import
     })
 }
 
-/// Moves a mesh to the world and adds it.
-fn mesh(
+/// A mesh moved to the world.
+pub(super) fn moved(
     ctx: &Context,
-    mesh: &mut Mesh,
+    mut mesh: Mesh,
     place: DAffine3,
     object: &Located<ObjectFile>,
-    material: u32,
-    geometry: &mut GeometryBuilder,
-) -> Result<(), SceneError> {
+) -> Result<Mesh, SceneError> {
     if !is_solid(&place) {
         return Err(ctx.error(
             object.shape.span(),
@@ -190,8 +220,7 @@ fn mesh(
             "keep coordinates below 1e12 m",
         ));
     }
-    geometry.mesh(mesh, material);
-    Ok(())
+    Ok(mesh)
 }
 
 /// True if the map keeps volume apart from zero, so that it can be inverted.

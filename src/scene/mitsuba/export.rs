@@ -1,0 +1,449 @@
+//! A scene file → Mitsuba 3's XML with meshes, images and tables beside it.
+//!
+//! Everything that Mitsuba would take from a default is written out: indices outside, wavelengths, frames, filters. What
+//! it cannot say is an error that names the place; what it says with another model (masking of facets, unpolarized rough
+//! glass) is a note.
+//!
+//! Mitsuba's spectral variants interpolate between the scene's wavelengths and find our values there. Its mono variants
+//! reduce pairs wavelength:value to their luminance, so a scene for them is exported at one wavelength, as plain numbers.
+
+use super::super::build::{Context, parse, read, settings};
+use super::super::devices::{emitters, pinhole, projector};
+use super::super::file::{ObjectFile, SceneFile};
+use super::super::locate::{Located, SceneError};
+use super::super::pinhole::Pinhole;
+use super::super::projector::Projector;
+use super::super::shapes::{Form, Placed, moved, place};
+use super::super::{Settings, materials, slices};
+use super::export_materials::MaterialWriter;
+use super::files::{Contents, WriteError, write};
+use super::xml::{Element, number, single};
+use super::{PROJECTOR_RESOLUTION, WAVELENGTHS, ply};
+use crate::geometry::mesh::Mesh;
+use crate::geometry::quadric::QuadricKind;
+use crate::spectrum::{Spectral, Wavelengths};
+use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::ops::Range;
+use std::path::Path;
+
+/// A scene in Mitsuba's language.
+#[derive(Clone, Debug)]
+pub struct Export {
+    /// The text of `scene.xml`.
+    pub xml: String,
+    /// Names and contents of the files that it refers to.
+    pub files: Vec<(String, Contents)>,
+    /// Where Mitsuba's models differ from ours.
+    pub notes: Vec<String>,
+}
+
+impl Export {
+    /// Reads and translates a scene file, as [`Self::from_text`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, SceneError> {
+        Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
+    }
+
+    /// Translates a scene file. With `wavelength_nm` the scene is exported at that wavelength alone (between the file's
+    /// own, its lists are interpolated).
+    ///
+    /// # Errors
+    /// [`SceneError`] as for a render, or naming what Mitsuba cannot express.
+    pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, SceneError> {
+        let file: SceneFile = parse(path, text)?;
+        let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
+        if let Some(nm) = wavelength_nm {
+            ctx.wavelengths = Wavelengths::new(vec![nm])
+                .map_err(|e| ctx.error(0..0, e.to_string(), "give a vacuum wavelength in nanometres"))?;
+        }
+        export(&mut ctx, &file)
+    }
+
+    /// Writes `scene.xml` and all else into a folder, which must not be there or be empty, unless `force` is given.
+    ///
+    /// # Errors
+    /// [`WriteError`]; nothing is then half-written.
+    pub fn write(&self, folder: &Path, force: bool) -> Result<(), WriteError> {
+        let mut files = self.files.clone();
+        files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));
+        write(folder, &files, force)
+    }
+}
+
+/// What is written beside the XML, and said to the user.
+#[derive(Default)]
+pub(super) struct Output {
+    pub files: Vec<(String, Contents)>,
+    pub notes: Vec<String>,
+}
+
+impl Output {
+    /// Says something once.
+    pub fn note(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.notes.contains(&text) {
+            self.notes.push(text);
+        }
+    }
+}
+
+/// Wavelengths with the ends of Mitsuba's range beside them: beyond the last pair a spectrum is zero there, but constant
+/// with us. A metal of index zero would not even have a reflectance.
+const RANGE_NM: [f64; 2] = [360.0, 830.0];
+
+/// A spectrum as a property. A single value is written as such, so that mono variants take it as it is.
+pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -> Element {
+    let nm = wavelengths.nm();
+    let lanes = &value.to_array()[..nm.len()];
+    let out = Element::new("spectrum").with("name", name);
+    if lanes.iter().all(|v| *v == lanes[0]) {
+        return out.with("value", single(lanes[0]));
+    }
+    let mut pairs: Vec<(f64, f32)> = nm.iter().copied().zip(lanes.iter().copied()).collect();
+    if RANGE_NM[0] < nm[0] {
+        pairs.insert(0, (RANGE_NM[0], lanes[0]));
+    }
+    let last = nm.len() - 1;
+    if RANGE_NM[1] > nm[last] {
+        pairs.push((RANGE_NM[1], lanes[last]));
+    }
+    let pairs: Vec<String> = pairs
+        .iter()
+        .map(|(nm, v)| format!("{}:{}", number(*nm), single(*v)))
+        .collect();
+    out.with("value", pairs.join(", "))
+}
+
+/// True if all used lanes agree.
+pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
+    !crate::material::varies(value, wavelengths.count())
+}
+
+fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, SceneError> {
+    let settings = settings(ctx, file)?;
+    let camera = pinhole(ctx, &file.camera, file.camera.span())?;
+    let projector = file
+        .projector
+        .as_ref()
+        .map(|p| Ok((projector(ctx, p, p.span(), &camera)?, p.span())))
+        .transpose()?;
+    slices::build(ctx, file, &camera, projector.as_ref().map(|(p, _)| p))?;
+    let (points, environment) = emitters(ctx, file)?;
+    let (materials, names) = materials::build(ctx, &file.materials)?;
+    let mut out = Output::default();
+    let mut shapes = vec![];
+    let mut used = vec![];
+    for object in &file.objects {
+        for placed in place(ctx, object, &names)? {
+            used.push(placed.material);
+            shapes.push((object, placed));
+        }
+    }
+    let mut writer = MaterialWriter::new(ctx, &file.materials, &materials, &names, &mut out);
+    let bsdfs = writer.all(&used)?;
+    let (ids, needs) = (writer.ids(), writer.needs());
+
+    let mut scene = Element::new("scene").with("version", "3.0.0");
+    scene.comment(
+        "Written by sunstone export. Metres; light is unpolarized, so images are column 0 of the tensor.",
+    );
+    let list: Vec<String> = ctx.wavelengths.nm().iter().map(|w| number(*w)).collect();
+    scene.push(default(WAVELENGTHS, &list.join(", ")));
+    if let Some((p, _)) = &projector {
+        let [w, h] = p.pinhole.resolution;
+        scene.push(default(PROJECTOR_RESOLUTION, &format!("{w}, {h}")));
+    }
+    scene.push(integrator(&settings));
+    scene.push(sensor(ctx, &camera, file.camera.span(), settings.spp)?);
+    bsdfs.into_iter().for_each(|b| scene.push(b));
+    for (i, (object, placed)) in shapes.iter().enumerate() {
+        let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
+        let shape = shape(ctx, i, object, placed, needs[&placed.material], &mut out)?;
+        if let Some(name) = &object.name {
+            scene.comment(name.as_str());
+        }
+        scene.push(shape.child(bsdf));
+    }
+    if let Some((p, span)) = &projector {
+        scene.push(projector_element(ctx, p, span.clone(), &mut out)?);
+    }
+    for point in &points {
+        let [x, y, z] = point.position.to_array().map(single);
+        let position = Element::new("point")
+            .with("name", "position")
+            .with("x", x)
+            .with("y", y)
+            .with("z", z);
+        let intensity = spectrum(&ctx.wavelengths, "intensity", point.intensity);
+        scene.push(
+            Element::plugin("emitter", "point")
+                .child(position)
+                .child(intensity),
+        );
+    }
+    if let Some(environment) = &environment {
+        let radiance = spectrum(&ctx.wavelengths, "radiance", environment.radiance);
+        scene.push(Element::plugin("emitter", "constant").child(radiance));
+    }
+    Ok(Export {
+        xml: scene.document(),
+        files: out.files,
+        notes: out.notes,
+    })
+}
+
+fn default(name: &str, value: &str) -> Element {
+    Element::new("default").with("name", name).with("value", value)
+}
+
+/// Mitsuba counts the camera's segment in `rr_depth`, as in `max_depth`.
+fn integrator(settings: &Settings) -> Element {
+    let path = Element::plugin("integrator", "path")
+        .integer("max_depth", settings.max_depth)
+        .integer("rr_depth", u64::from(settings.rr_depth) + 1);
+    Element::plugin("integrator", "stokes").child(path)
+}
+
+/// Device axes to the world, in Mitsuba's order: left, up, forward.
+fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
+    let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| a.as_dvec3());
+    DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
+}
+
+/// Horizontal field of view in degrees of a pinhole that Mitsuba has, which has square pixels and no distortion.
+fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, SceneError> {
+    if !p.distortion.is_none() {
+        return Err(ctx.error(
+            span,
+            format!("Mitsuba cannot express the lens distortion of the {what}"),
+            "take distortion away and export the undistorted pinhole",
+        ));
+    }
+    if (p.focal.x - p.focal.y).abs() > 1e-9 * p.focal.x {
+        return Err(ctx.error(
+            span,
+            format!("Mitsuba cannot express the non-square pixels of the {what}"),
+            "give fx alone, or the field of view",
+        ));
+    }
+    Ok(2.0 * (f64::from(p.resolution[0]) / 2.0 / p.focal.x).atan().to_degrees())
+}
+
+/// Where the principal point lies off the image's centre, in units of width and height.
+fn off_centre(p: &Pinhole) -> [f64; 2] {
+    let [w, h] = p.resolution.map(f64::from);
+    [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
+}
+
+fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, SceneError> {
+    let mut sensor = Element::plugin("sensor", "perspective")
+        .float("fov", field_of_view(ctx, camera, span, "camera")?)
+        .string("fov_axis", "x")
+        .float("near_clip", 1e-3);
+    let [x, y] = off_centre(camera);
+    if [x, y] != [0.0; 2] {
+        sensor = sensor
+            .float("principal_point_offset_x", x)
+            .float("principal_point_offset_y", y);
+    }
+    let film = Element::plugin("film", "hdrfilm")
+        .integer("width", camera.resolution[0])
+        .integer("height", camera.resolution[1])
+        .string("component_format", "float32")
+        .child(Element::plugin("rfilter", "box"));
+    let sampler = Element::plugin("sampler", "independent").integer("sample_count", spp);
+    Ok(sensor
+        .transform("to_world", &device(camera.origin, camera.axes))
+        .child(film)
+        .child(sampler))
+}
+
+/// Mitsuba's `projector` gives π times the irradiance that its documentation states for the same number.
+fn projector_element(
+    ctx: &Context,
+    p: &Projector,
+    span: Range<usize>,
+    out: &mut Output,
+) -> Result<Element, SceneError> {
+    let pinhole = &p.pinhole;
+    if off_centre(pinhole) != [0.0; 2] {
+        return Err(ctx.error(
+            span,
+            "Mitsuba cannot express a projector with its principal point off the centre",
+            "take cx and cy away, or turn the projector",
+        ));
+    }
+    let [w, h] = pinhole.resolution;
+    let element = Element::plugin("emitter", "projector")
+        .float("fov", field_of_view(ctx, pinhole, span.clone(), "projector")?)
+        .string("fov_axis", "x")
+        .transform("to_world", &device(pinhole.origin, pinhole.axes));
+    if p.coaxial {
+        out.note("the coaxial projector becomes one of its own, in the camera's place");
+    }
+    if w == h {
+        // A spectrum counts as an image of one square pixel.
+        return Ok(element.float("scale", PI.recip()).child(spectrum(
+            &ctx.wavelengths,
+            "irradiance",
+            p.irradiance,
+        )));
+    }
+    if !is_even(&ctx.wavelengths, p.irradiance) {
+        return Err(ctx.error(
+            span,
+            "Mitsuba cannot express an irradiance that differs between wavelengths on an oblong projector",
+            "export one wavelength (--wavelength), or make the projector's image square",
+        ));
+    }
+    let white = image::GrayImage::from_pixel(w, h, image::Luma([255]));
+    out.files
+        .push(("white.png".into(), png(ctx, span, &white.into())?));
+    Ok(element
+        .float("scale", f64::from(p.irradiance.to_array()[0]) / PI)
+        .child(bitmap("irradiance", "white.png", true)))
+}
+
+/// An image as a texture. Mitsuba counts v from the top.
+pub(super) fn bitmap(name: &str, file: &str, raw: bool) -> Element {
+    let upward = Element::new("transform")
+        .with("name", "to_uv")
+        .child(Element::new("scale").with("x", "1").with("y", "-1"));
+    Element::plugin("texture", "bitmap")
+        .with("name", name)
+        .string("filename", file)
+        .boolean("raw", raw)
+        // As exact as the variant, not half precision.
+        .string("format", "variant")
+        .child(upward)
+}
+
+/// A PNG file.
+pub(super) fn png(
+    ctx: &Context,
+    span: Range<usize>,
+    image: &image::DynamicImage,
+) -> Result<Contents, SceneError> {
+    let mut bytes = std::io::Cursor::new(vec![]);
+    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| {
+        ctx.error(
+            span,
+            format!("cannot encode an image: {e}"),
+            "use a smaller image",
+        )
+    })?;
+    Ok(Contents::Bytes(bytes.into_inner()))
+}
+
+/// What a material needs of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Needs {
+    /// Texture coordinates.
+    pub uv: bool,
+    /// Their direction on the surface.
+    pub tangent: bool,
+}
+
+fn shape(
+    ctx: &Context,
+    index: usize,
+    object: &Located<ObjectFile>,
+    placed: &Placed,
+    needs: Needs,
+    out: &mut Output,
+) -> Result<Element, SceneError> {
+    let cannot = |what: &str, mend: &str| {
+        let name = object.name.as_deref().unwrap_or(&object.material);
+        let message = format!("Mitsuba cannot express {what} (object `{name}`)");
+        Err(ctx.error(object.shape.span(), message, mend))
+    };
+    Ok(match &placed.form {
+        Form::Quadric(QuadricKind::Sphere, map) => {
+            if !is_similar(map, true) {
+                return cannot("an ellipsoid", "scale all axes alike, or use a mesh");
+            }
+            Element::plugin("shape", "sphere").transform("to_world", map)
+        }
+        Form::Quadric(QuadricKind::Cylinder, map) => {
+            if !is_similar(map, false) {
+                return cannot(
+                    "a tube that is not round, or cut aslant",
+                    "scale x and y alike, or use a mesh",
+                );
+            }
+            Element::plugin("shape", "cylinder").transform("to_world", map)
+        }
+        Form::Quadric(QuadricKind::Disk, map) => {
+            if needs.tangent {
+                return cannot(
+                    "a disk of a material with a direction (its u direction is radial there)",
+                    "use a rectangle",
+                );
+            }
+            Element::plugin("shape", "disk").transform("to_world", map)
+        }
+        Form::Rectangle(map) => Element::plugin("shape", "rectangle").transform("to_world", map),
+        // The faces of Mitsuba's cube have other texture coordinates.
+        Form::Cube(map) if needs == Needs::default() => {
+            Element::plugin("shape", "cube").transform("to_world", map)
+        }
+        Form::Cube(map) => mesh(index, &moved(ctx, Mesh::cube(), *map, object)?, out),
+        Form::Mesh(m) if m.uvs.is_empty() && needs.tangent => {
+            return cannot(
+                "the direction of a material on a mesh without texture coordinates",
+                "give the mesh texture coordinates, or use a rectangle",
+            );
+        }
+        Form::Mesh(m) => mesh(index, m, out),
+    })
+}
+
+fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
+    let name = format!("mesh_{index:03}.ply");
+    out.files.push((name.clone(), Contents::Bytes(ply::write(mesh))));
+    let shape = Element::plugin("shape", "ply").string("filename", &name);
+    if mesh.normals.is_empty() {
+        // Mitsuba would make up normals.
+        return shape.boolean("face_normals", true);
+    }
+    shape
+}
+
+/// True if a map keeps circles about z round and right angles to z right; with `all`, every angle.
+fn is_similar(map: &DAffine3, all: bool) -> bool {
+    let [x, y, z]: [DVec3; 3] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
+    let (rx, ry, rz) = (x.length(), y.length(), z.length());
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-5 * a.max(b);
+    let square = |a: DVec3, b: DVec3| a.dot(b).abs() <= 1e-5 * a.length() * b.length();
+    near(rx, ry) && square(x, y) && square(y, z) && square(z, x) && (!all || near(rx, rz))
+}
+
+/// Ids that XML and Mitsuba's parameter syntax leave alone, one for each name.
+pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
+    let plain: String = name
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || "_-".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
+        .collect();
+    let base = if plain.is_empty() {
+        "material".to_owned()
+    } else {
+        plain
+    };
+    let mut id = base.clone();
+    let mut n = 2;
+    while taken.values().any(|t| *t == id) {
+        id = format!("{base}_{n}");
+        n += 1;
+    }
+    id
+}

@@ -1,0 +1,490 @@
+//! Materials → Mitsuba's BSDFs.
+//!
+//! An opaque material is two-sided here and one-sided there, so `twosided` goes round it, at the leaves: blends and normal
+//! maps then work from both sides too.
+
+use super::super::build::Context;
+use super::super::locate::{Located, SceneError};
+use super::super::material_file::MaterialFile;
+use super::export::{Needs, Output, bitmap, is_even, plain_id, png, spectrum};
+use super::files::Contents;
+use super::xml::{Element, single};
+use crate::material::facets::Roughness;
+use crate::material::retarder::Tilt;
+use crate::material::sheet::SheetAxis;
+use crate::material::texture::{Scalar, Spectrum};
+use crate::material::{Material, Materials, dielectric::Dielectric, plastic::Plastic};
+use crate::sampling::microfacet::{Distribution, Masking};
+use crate::spectrum::Spectral;
+use image::{DynamicImage, ImageBuffer, Luma, Rgb};
+use std::collections::BTreeMap;
+
+/// Writes the materials that shapes use.
+pub(super) struct MaterialWriter<'a> {
+    ctx: &'a Context,
+    files: &'a BTreeMap<String, Located<MaterialFile>>,
+    table: &'a Materials,
+    /// Name of each material by its number.
+    names: BTreeMap<u32, &'a str>,
+    out: &'a mut Output,
+    ids: BTreeMap<u32, String>,
+    needs: BTreeMap<u32, Needs>,
+}
+
+impl<'a> MaterialWriter<'a> {
+    pub fn new(
+        ctx: &'a Context,
+        files: &'a BTreeMap<String, Located<MaterialFile>>,
+        table: &'a Materials,
+        numbers: &BTreeMap<&'a str, u32>,
+        out: &'a mut Output,
+    ) -> Self {
+        Self {
+            ctx,
+            files,
+            table,
+            names: numbers.iter().map(|(name, id)| (*id, *name)).collect(),
+            out,
+            ids: BTreeMap::new(),
+            needs: BTreeMap::new(),
+        }
+    }
+
+    /// The BSDFs of `used` and of what they are made of, each after those that it names.
+    pub fn all(&mut self, used: &[u32]) -> Result<Vec<Element>, SceneError> {
+        let mut done = vec![];
+        for &id in used {
+            self.named(id, &mut done)?;
+        }
+        Ok(done)
+    }
+
+    /// Id of each BSDF that was written.
+    pub fn ids(&self) -> BTreeMap<u32, String> {
+        self.ids.clone()
+    }
+
+    /// What each of them needs of surfaces.
+    pub fn needs(&self) -> BTreeMap<u32, Needs> {
+        self.needs.clone()
+    }
+
+    fn named(&mut self, id: u32, done: &mut Vec<Element>) -> Result<(), SceneError> {
+        if self.ids.contains_key(&id) {
+            return Ok(());
+        }
+        for inner in self.made_of(id) {
+            self.named(inner, done)?;
+        }
+        let name = plain_id(self.names[&id], &self.ids);
+        let needs = self.needs_of(id);
+        let bsdf = self.bsdf(id, &name)?;
+        self.ids.insert(id, name);
+        self.needs.insert(id, needs);
+        done.push(bsdf);
+        Ok(())
+    }
+
+    /// Materials that another one refers to in the XML; those of `two_sided` are written inside of it.
+    fn made_of(&self, id: u32) -> Vec<u32> {
+        match self.table.list[id as usize] {
+            Material::Blend(b) => vec![b.a, b.b],
+            Material::NormalMap(n) => vec![n.material],
+            _ => vec![],
+        }
+    }
+
+    fn needs_of(&self, id: u32) -> Needs {
+        let uv = |used: bool| Needs {
+            uv: used,
+            tangent: false,
+        };
+        let rough = |r: &Roughness| r.alpha.texture.is_some();
+        let both = |a: Needs, b: Needs| Needs {
+            uv: a.uv || b.uv,
+            tangent: a.tangent || b.tangent,
+        };
+        let directed = Needs {
+            uv: true,
+            tangent: true,
+        };
+        match &self.table.list[id as usize] {
+            Material::Diffuse(d) => uv(d.albedo.texture.is_some()),
+            Material::RoughConductor(c) => uv(rough(&c.roughness)),
+            Material::RoughDielectric(d) => uv(rough(&d.roughness)),
+            Material::Plastic(p) => uv(rough(&p.roughness) || p.albedo.texture.is_some()),
+            Material::Polarizer(_) | Material::Retarder(_) | Material::NormalMap(_) => directed,
+            Material::Blend(b) => both(
+                uv(b.weight.texture.is_some()),
+                both(self.needs_of(b.a), self.needs_of(b.b)),
+            ),
+            Material::TwoSided(t) => t.sides().map(|m| self.needs_of(m)).fold(uv(false), both),
+            _ => uv(false),
+        }
+    }
+
+    /// That Mitsuba cannot express something of a material.
+    fn cannot<T>(&self, id: u32, what: &str, mend: &str) -> Result<T, SceneError> {
+        let name = self.names[&id];
+        let message = format!("Mitsuba cannot express {what} (material `{name}`)");
+        Err(self.ctx.error(self.files[name].span(), message, mend))
+    }
+
+    /// One element with an id, as seen from both sides.
+    fn bsdf(&mut self, id: u32, name: &str) -> Result<Element, SceneError> {
+        let open = |kind: &str| Element::plugin("bsdf", kind).with("id", name);
+        Ok(match self.table.list[id as usize] {
+            Material::Dielectric(d) => self.interface(id, open("dielectric"), &d)?,
+            Material::RoughDielectric(d) => {
+                self.out.note(format!(
+                    "material `{}`: Mitsuba's roughdielectric is not polarized: of its Mueller matrix M00 alone is the same",
+                    self.names[&id]
+                ));
+                let element = self.interface(id, open("roughdielectric"), &d.interface)?;
+                self.roughness(id, element, &d.roughness)?
+            }
+            Material::Polarizer(p) => {
+                if p.extinction.to_array() != [0.0; 4] {
+                    return self.cannot(
+                        id,
+                        "a polarizer that lets some of the blocked light pass",
+                        "take extinction away",
+                    );
+                }
+                let SheetAxis::Angle(angle) = p.axis else {
+                    return self.cannot(id, "an axis in world space", "give angle_deg instead");
+                };
+                open("polarizer")
+                    .float("theta", degrees(-angle))
+                    .child(self.spectrum("transmittance", p.transmittance))
+            }
+            Material::Retarder(r) => {
+                if r.tilt != Tilt::Cosine {
+                    return self.cannot(
+                        id,
+                        "how the retardance of a plate, or a constant one, depends on incidence",
+                        "give tilt = \"cosine\" and no ior, if light meets the retarder head-on",
+                    );
+                }
+                let SheetAxis::Angle(angle) = r.axis else {
+                    return self.cannot(id, "an axis in world space", "give angle_deg instead");
+                };
+                self.out.note(format!(
+                    "material `{}`: off the normal, the axis of Mitsuba's retarder is no line in space; ours is",
+                    self.names[&id]
+                ));
+                let delta = r.retardance.to_array().map(|d| degrees(d) as f32);
+                open("retarder")
+                    .float("theta", degrees(angle))
+                    .child(self.spectrum("delta", Spectral::new(delta)))
+                    .child(self.spectrum("transmittance", r.transmittance))
+            }
+            Material::TwoSided(t) => {
+                let front = self.one_sided(t.front, None)?;
+                let back = match t.back {
+                    Some(back) => self.one_sided(back, None)?,
+                    None => Element::plugin("bsdf", "diffuse").child(
+                        Element::new("spectrum")
+                            .with("name", "reflectance")
+                            .with("value", "0"),
+                    ),
+                };
+                open("twosided").child(front).child(back)
+            }
+            Material::Blend(b) => {
+                let (a, b_id) = (self.ids[&b.a].clone(), self.ids[&b.b].clone());
+                open("blendbsdf")
+                    .child(self.scalar(id, "weight", b.weight)?)
+                    .child(Element::new("ref").with("id", a))
+                    .child(Element::new("ref").with("id", b_id))
+            }
+            Material::NormalMap(n) => {
+                if !matches!(self.table.list[n.material as usize], Material::Diffuse(_)) {
+                    self.out.note(format!(
+                        "material `{}`: Mitsuba does not turn Stokes frames with mapped normals: s0 alone is the same",
+                        self.names[&id]
+                    ));
+                }
+                self.one_sided(id, Some(name))?
+            }
+            Material::PartialDepolarizer(_) => {
+                return self.cannot(
+                    id,
+                    "a partial depolarizer",
+                    "use the material inside of it, or a measured one",
+                );
+            }
+            Material::CoatedConductor(_) => {
+                return self.cannot(
+                    id,
+                    "thin films on a conductor",
+                    "use a conductor, or a measured material",
+                );
+            }
+            Material::Crystal(_) => {
+                return self.cannot(id, "a crystal", "use a dielectric of its mean index");
+            }
+            Material::Diffuse(_)
+            | Material::Conductor(_)
+            | Material::RoughConductor(_)
+            | Material::Plastic(_)
+            | Material::Measured(_) => {
+                if !matches!(self.table.list[id as usize], Material::Diffuse(_)) {
+                    self.out.note(
+                        "Mitsuba's twosided flips the signs that couple s0, s1 with s2, s3 on surfaces seen from behind: \
+                         turn the fronts of polarizing surfaces to the light",
+                    );
+                }
+                open("twosided").child(self.one_sided(id, None)?)
+            }
+        })
+    }
+
+    /// A material as seen from its front, black or undefined from behind.
+    fn one_sided(&mut self, id: u32, name: Option<&str>) -> Result<Element, SceneError> {
+        let open = |kind: &str| {
+            let element = Element::plugin("bsdf", kind);
+            match name {
+                Some(name) => element.with("id", name),
+                None => element,
+            }
+        };
+        Ok(match self.table.list[id as usize] {
+            Material::Diffuse(d) => open("diffuse").child(self.albedo(id, "reflectance", d.albedo)?),
+            Material::Conductor(c) => open("conductor")
+                .child(self.spectrum("eta", c.n))
+                .child(self.spectrum("k", c.k)),
+            Material::RoughConductor(c) => {
+                let element = open("roughconductor")
+                    .child(self.spectrum("eta", c.n))
+                    .child(self.spectrum("k", c.k));
+                self.roughness(id, element, &c.roughness)?
+            }
+            Material::Plastic(p) => self.plastic(id, open("pplastic"), &p)?,
+            Material::Measured(_) => self.measured(id, open("measured_polarized"))?,
+            Material::NormalMap(n) => {
+                if n.strength != 1.0 {
+                    return self.cannot(
+                        id,
+                        "a strength of normals",
+                        "put it into the image, and take strength away",
+                    );
+                }
+                let (image, span) = (self.linear_rgb(n.texture), self.files[self.names[&id]].span());
+                let file = format!("{}_normals.png", plain_id(self.names[&id], &BTreeMap::new()));
+                let contents = png(self.ctx, span, &image)?;
+                let file = self.file(&file, contents);
+                let inner = match self.ids.get(&n.material) {
+                    Some(inner) => Element::new("ref").with("id", inner.as_str()),
+                    None => self.one_sided(n.material, None)?,
+                };
+                open("normalmap")
+                    .child(bitmap("normalmap", &file, true))
+                    .boolean("flip_invalid_normals", false)
+                    .boolean("use_shadowing_function", false)
+                    .child(inner)
+            }
+            Material::Blend(b) => {
+                let (first, second) = (self.one_sided(b.a, None)?, self.one_sided(b.b, None)?);
+                open("blendbsdf")
+                    .child(self.scalar(id, "weight", b.weight)?)
+                    .child(first)
+                    .child(second)
+            }
+            _ => {
+                return self.cannot(
+                    id,
+                    "one side of this material",
+                    "use opaque materials in two_sided: diffuse, metals, plastic, measured, or blends of them",
+                );
+            }
+        })
+    }
+
+    fn spectrum(&self, name: &str, value: Spectral) -> Element {
+        spectrum(&self.ctx.wavelengths, name, value)
+    }
+
+    fn interface(&self, id: u32, element: Element, d: &Dielectric) -> Result<Element, SceneError> {
+        if d.dispersive {
+            return self.cannot(
+                id,
+                "a refractive index that differs between wavelengths",
+                "export one wavelength (--wavelength), or give one index",
+            );
+        }
+        let first = |s: Spectral| shortest(s.to_array()[0]);
+        Ok(element
+            .float("int_ior", first(d.interior))
+            .float("ext_ior", first(d.exterior)))
+    }
+
+    fn plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, SceneError> {
+        if p.internal.is_some() {
+            return self.cannot(
+                id,
+                "interreflection inside a polarized plastic",
+                "take interreflection away",
+            );
+        }
+        if p.single_scatter.is_some() {
+            return self.cannot(
+                id,
+                "single scattering inside a polarized plastic",
+                "take single_scatter away",
+            );
+        }
+        let element = element.child(self.albedo(id, "diffuse_reflectance", p.albedo)?);
+        let element = if is_even(&self.ctx.wavelengths, p.eta) {
+            element
+                .float("int_ior", shortest(p.eta.to_array()[0]))
+                .float("ext_ior", 1.0)
+        } else {
+            element.child(self.spectrum("eta", p.eta))
+        };
+        let element = element.child(self.spectrum("specular_reflectance", p.specular));
+        self.roughness(id, element, &p.roughness)
+    }
+
+    fn measured(&mut self, id: u32, element: Element) -> Result<Element, SceneError> {
+        let MaterialFile::Measured(m) = &*self.files[self.names[&id]] else {
+            return self.cannot(id, "this table", "name its file");
+        };
+        if m.even_axes {
+            return self.cannot(
+                id,
+                "a table with empty axes",
+                "write the table anew with its axes: sunstone pbrdf synth",
+            );
+        }
+        let file = format!("{}.pbsdf", plain_id(self.names[&id], &BTreeMap::new()));
+        let file = self.file(&file, Contents::CopyOf(self.ctx.path(&m.file)));
+        let element = element.string("filename", &file);
+        Ok(match *self.ctx.wavelengths.nm() {
+            [nm] => element.float("wavelength", nm),
+            _ => element,
+        })
+    }
+
+    fn roughness(&mut self, id: u32, element: Element, r: &Roughness) -> Result<Element, SceneError> {
+        if r.masking == Masking::Correlated {
+            self.out.note(format!(
+                "material `{}`: Mitsuba masks facets by the separable G1(wi) G1(wo), ours is height-correlated and brighter \
+                 at grazing angles; masking = \"separable\" makes them the same",
+                self.names[&id]
+            ));
+        }
+        let kind = match r.distribution {
+            Distribution::Ggx => "ggx",
+            Distribution::Beckmann => "beckmann",
+        };
+        Ok(element
+            .string("distribution", kind)
+            .child(self.scalar(id, "alpha", r.alpha)?))
+    }
+
+    /// A number, or a grey image of linear values.
+    fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, SceneError> {
+        let Some(texture) = s.texture else {
+            return Ok(Element::new("float")
+                .with("name", name)
+                .with("value", single(s.value)));
+        };
+        self.grey(id, name, texture, true, |texel| texel[0] * s.value)
+    }
+
+    /// A spectrum, or a grey image with the encoding of colours, which both programs undo.
+    fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, SceneError> {
+        let Some(texture) = s.texture else {
+            return Ok(self.spectrum(name, s.value));
+        };
+        let count = self.ctx.wavelengths.count();
+        let uneven = |t: &[f32; 4]| t[1..count].iter().any(|v| *v != t[0]);
+        if self.texels(texture).1.iter().any(uneven) {
+            return self.cannot(
+                id,
+                "an image of colours at several wavelengths (it makes smooth spectra of them)",
+                "export one wavelength (--wavelength), or use a grey image",
+            );
+        }
+        let scale = s.value.to_array()[0];
+        self.grey(id, name, texture, false, |texel| encode(texel[0] * scale))
+    }
+
+    fn grey(
+        &mut self,
+        id: u32,
+        name: &str,
+        texture: u32,
+        raw: bool,
+        value: impl Fn(&[f32; 4]) -> f32,
+    ) -> Result<Element, SceneError> {
+        let (size, texels) = self.texels(texture);
+        let pixels = texels.iter().map(|t| sixteen_bits(value(t))).collect();
+        let image: Option<ImageBuffer<Luma<u16>, Vec<u16>>> = ImageBuffer::from_raw(size.0, size.1, pixels);
+        let file = format!("{}_{name}.png", plain_id(self.names[&id], &BTreeMap::new()));
+        let contents = png(
+            self.ctx,
+            self.files[self.names[&id]].span(),
+            &DynamicImage::ImageLuma16(image.unwrap_or_default()),
+        )?;
+        let file = self.file(&file, contents);
+        Ok(bitmap(name, &file, raw))
+    }
+
+    /// Size and texels of an image.
+    fn texels(&self, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
+        let (w, h, first) = self.table.textures.images[texture as usize];
+        let first = first as usize;
+        (
+            (w, h),
+            &self.table.textures.texels[first..first + (w * h) as usize],
+        )
+    }
+
+    fn linear_rgb(&self, texture: u32) -> DynamicImage {
+        let ((w, h), texels) = self.texels(texture);
+        let pixels = texels
+            .iter()
+            .flat_map(|t| [t[0], t[1], t[2]].map(sixteen_bits))
+            .collect();
+        let image: Option<ImageBuffer<Rgb<u16>, Vec<u16>>> = ImageBuffer::from_raw(w, h, pixels);
+        DynamicImage::ImageRgb16(image.unwrap_or_default())
+    }
+
+    /// Adds a file under its name, or under one that is free.
+    fn file(&mut self, name: &str, contents: Contents) -> String {
+        let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
+        let mut free = name.to_owned();
+        let mut n = 2;
+        while self.out.files.iter().any(|(taken, _)| *taken == free) {
+            free = format!("{stem}_{n}.{ending}");
+            n += 1;
+        }
+        self.out.files.push((free.clone(), contents));
+        free
+    }
+}
+
+/// Degrees as short as they were given.
+fn degrees(radians: f32) -> f64 {
+    shortest((f64::from(radians).to_degrees()) as f32)
+}
+
+/// An f32 as the number of its shortest digits.
+fn shortest(v: f32) -> f64 {
+    single(v).parse().unwrap_or(f64::from(v))
+}
+
+/// Linear → sRGB.
+fn encode(c: f32) -> f32 {
+    if c <= 0.003_130_8 {
+        c * 12.92
+    } else {
+        1.055 * c.powf(1.0 / 2.4) - 0.055
+    }
+}
+
+fn sixteen_bits(v: f32) -> u16 {
+    (v * 65535.0).round() as u16
+}

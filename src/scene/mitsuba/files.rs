@@ -1,0 +1,104 @@
+//! Writing a scene of several files so that it is there whole or not at all.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What a file of an exported scene holds.
+#[derive(Clone, Debug)]
+pub enum Contents {
+    Bytes(Vec<u8>),
+    /// The same as another file, which may be too large to pass through memory.
+    CopyOf(PathBuf),
+}
+
+/// Why a folder could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// There is something in the folder already.
+    #[error("{0} exists and is not an empty folder; give another one, or --force to write into it")]
+    Occupied(PathBuf),
+    /// The file is there already.
+    #[error("{0} exists; give another name, or --force to replace it")]
+    Exists(PathBuf),
+    /// The file system refused.
+    #[error("cannot write {0}: {1}")]
+    Io(PathBuf, io::Error),
+}
+
+/// Writes files into a folder, which appears with all of them. With `force` a folder that is there is kept, and each file
+/// replaces its namesake at once, the last of `files` (the one that names the others) last.
+///
+/// # Errors
+/// [`WriteError`]; a fresh folder is then not there.
+pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) -> Result<(), WriteError> {
+    let at = |path: &Path| {
+        let path = path.to_owned();
+        move |e| WriteError::Io(path, e)
+    };
+    let occupied = match fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_some(),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => false,
+        Err(_) => return Err(WriteError::Occupied(folder.to_owned())),
+    };
+    if occupied && !force {
+        return Err(WriteError::Occupied(folder.to_owned()));
+    }
+    let absolute = std::path::absolute(folder).map_err(at(folder))?;
+    let parent = absolute.parent().unwrap_or(&absolute);
+    fs::create_dir_all(parent).map_err(at(parent))?;
+    let temporary = |at: &Path, name: &str| at.join(format!(".{name}.{}.tmp", std::process::id()));
+    if occupied {
+        for (name, contents) in files {
+            let (path, beside) = (absolute.join(name), temporary(&absolute, name));
+            let done = fill(&beside, contents).and_then(|()| fs::rename(&beside, &path));
+            cleaned(done, || fs::remove_file(&beside)).map_err(at(&path))?;
+        }
+        return Ok(());
+    }
+    let fresh = temporary(
+        parent,
+        &absolute.file_name().unwrap_or_default().to_string_lossy(),
+    );
+    let fill_all = || {
+        fs::create_dir(&fresh)?;
+        for (name, contents) in files {
+            fill(&fresh.join(name), contents)?;
+        }
+        // An empty folder of that name gives way; one that has been filled meanwhile does not.
+        match fs::remove_dir(&absolute) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+            _ => fs::rename(&fresh, &absolute),
+        }
+    };
+    cleaned(fill_all(), || fs::remove_dir_all(&fresh)).map_err(at(folder))
+}
+
+fn fill(path: &Path, contents: &Contents) -> io::Result<()> {
+    match contents {
+        Contents::Bytes(bytes) => fs::write(path, bytes),
+        Contents::CopyOf(source) => fs::copy(source, path).map(drop),
+    }
+}
+
+/// A result, after an attempt to remove what a failure left; the failure is what the user needs to hear of.
+fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+    if done.is_err() {
+        let _ = remove();
+    }
+    done
+}
+
+/// Writes one file, at once or not at all.
+///
+/// # Errors
+/// [`WriteError`] if it is there already and `force` is not given, or the file system refuses.
+pub(super) fn write_one(path: &Path, contents: &Contents, force: bool) -> Result<(), WriteError> {
+    if path.exists() && !force {
+        return Err(WriteError::Exists(path.to_owned()));
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
+    let done = fill(&beside, contents).and_then(|()| fs::rename(&beside, path));
+    cleaned(done, || fs::remove_file(&beside)).map_err(|e| WriteError::Io(path.to_owned(), e))
+}

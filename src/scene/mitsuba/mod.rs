@@ -1,0 +1,40 @@
+//! Scenes to Mitsuba 3's XML (Jakob et al. 2022, <https://mitsuba.readthedocs.io>) and back.
+//!
+//! What differs between the two programs and is translated here:
+//!
+//! | | Sunstone | Mitsuba 3 |
+//! |---|---|---|
+//! | device axes | +x right, +y down, +z forward | +x left, +y up, +z forward |
+//! | projector of irradiance E | E on the plane at 1 m | π times its `scale` × `irradiance` there |
+//! | spectra | one value per wavelength | pairs wavelength:value, zero beyond the last |
+//! | opaque materials | two-sided | one-sided; black from behind unless in `twosided` |
+//! | exterior index | 1 | 1.000277 (air) unless given |
+//! | polarizer angle | counter-clockwise | clockwise |
+//! | texture coordinate v | from the lower edge of the image | from the upper edge |
+//! | caps of a tube | part of it | disks of their own |
+//! | light | any Stokes vector in | unpolarized: column 0 of T |
+//!
+//! [`export`] writes, [`import`] reads the same subset; `xml` and `reader` hold the two directions' syntax.
+
+pub mod export;
+mod export_materials;
+mod files;
+pub mod import;
+mod import_devices;
+mod import_materials;
+mod import_shapes;
+mod ply;
+mod reader;
+#[cfg(test)]
+mod tests;
+mod toml_text;
+mod tree;
+mod xml;
+
+pub use files::{Contents, WriteError};
+
+/// Name of the `<default>` that holds the wavelengths of a scene, which Mitsuba itself has no use for.
+const WAVELENGTHS: &str = "wavelengths_nm";
+
+/// Name of the `<default>` that holds the projector's resolution, likewise.
+const PROJECTOR_RESOLUTION: &str = "projector_resolution";
