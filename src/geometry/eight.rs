@@ -4,6 +4,11 @@
 //! where a caller was compiled for AVX2 (see [`super::bvh::Geometry`]). Every operation rounds as IEEE 754 says and none
 //! are fused, so the answers are the same bits either way.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "loops over indices become vectors, chains of iterators less surely"
+)]
+
 use std::ops::{Add, BitAnd, Mul, Sub};
 
 /// Eight numbers.
