@@ -43,11 +43,24 @@ def sunstone(scene, spp, seed):
     program = [environment.sunstone(), "render", scene, "-o", OUT / "out.zarr", "--force", "--no-figures"]
     begun = time.perf_counter()
     command = [*map(str, program), "--spp", str(spp), "--seed", str(seed)]
-    done = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    _, status, usage = os.wait4(done.pid, 0)
-    if status:
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # The system's own count of a child's memory starts with that of the parent it was forked from.
+    peak = 0
+    while running.poll() is None:
+        peak = max(peak, high_water(running.pid))
+        time.sleep(0.005)
+    if running.returncode:
         sys.exit("sunstone failed")
-    return time.perf_counter() - begun, usage.ru_maxrss / 1024
+    return time.perf_counter() - begun, peak
+
+
+def high_water(pid):
+    """Largest resident memory of a process so far, megabytes; 0 if it is gone."""
+    try:
+        with open(f"/proc/{pid}/status") as status:
+            return max((int(line.split()[1]) / 1024 for line in status if line.startswith("VmHWM")), default=0)
+    except OSError:
+        return 0
 
 
 def export(folder, *arguments):
