@@ -128,8 +128,13 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
         inside / N as f64
     );
     expected.push((N as f64 - inside).max(0.0));
+    pearson(name, &observed, &expected);
+}
+
+/// Pearson's chi² of counts against expected ones, faint cells taken together; at most 5 standard deviations.
+pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
     let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
-    for (o, e) in observed.iter().zip(&expected) {
+    for (o, e) in observed.iter().zip(expected) {
         if *e < 10.0 {
             faint[0] += o;
             faint[1] += e;

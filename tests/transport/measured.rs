@@ -1,5 +1,6 @@
 //! Measured materials against the material that a table was made from, and against what interpolation promises.
 
+use crate::materials::pearson;
 use crate::optics::M;
 use glam::{Mat3A, Vec3A};
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -405,28 +406,7 @@ fn samples_follow_their_density() {
                 inside / N as f64
             );
             expected.push((N as f64 - inside).max(0.0));
-            let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
-            for (o, e) in observed.iter().zip(&expected) {
-                if *e < 10.0 {
-                    faint[0] += o;
-                    faint[1] += e;
-                } else {
-                    chi += (o - e).powi(2) / e;
-                    dof += 1.0;
-                }
-            }
-            let [o, e] = faint;
-            assert!(
-                (o - e).abs() < 5.0 * e.sqrt() + 10.0,
-                "{name}, cos {cos}: {o} samples where {e} belong"
-            );
-            // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
-            let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
-            println!("{name}, cos {cos}: inside {:.4}, z = {z:.2}", inside / N as f64);
-            assert!(
-                z < 5.0,
-                "{name}, cos {cos}: chi² = {chi} on {dof} degrees of freedom, z = {z}"
-            );
+            pearson(&format!("{name}, cos {cos}"), &observed, &expected);
         }
     }
 }
