@@ -424,21 +424,7 @@ fn is_similar(map: &DAffine3, all: bool) -> bool {
 
 /// Ids that XML and Mitsuba's parameter syntax leave alone, one for each name.
 pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
-    let plain: String = name
-        .chars()
-        .map(|c| {
-            if c.is_ascii_alphanumeric() || "_-".contains(c) {
-                c
-            } else {
-                '_'
-            }
-        })
-        .collect();
-    let base = if plain.is_empty() {
-        "material".to_owned()
-    } else {
-        plain
-    };
+    let base = super::plain(name);
     let mut id = base.clone();
     let mut n = 2;
     while taken.values().any(|t| *t == id) {

@@ -97,21 +97,7 @@ impl MaterialReader {
 
     /// A name that is free, like the wanted one.
     fn free(&mut self, wanted: &str) -> String {
-        let plain: String = wanted
-            .chars()
-            .map(|c| {
-                if c.is_ascii_alphanumeric() || "_-".contains(c) {
-                    c
-                } else {
-                    '_'
-                }
-            })
-            .collect();
-        let base = if plain.is_empty() {
-            "material".into()
-        } else {
-            plain
-        };
+        let base = super::plain(wanted);
         let mut name = base.clone();
         let mut n = 2;
         while !self.taken.insert(name.clone()) {

@@ -38,3 +38,12 @@ const WAVELENGTHS: &str = "wavelengths_nm";
 
 /// Name of the `<default>` that holds the projector's resolution, likewise.
 const PROJECTOR_RESOLUTION: &str = "projector_resolution";
+
+/// A name of letters, digits, `_` and `-`, which XML and TOML leave alone.
+fn plain(name: &str) -> String {
+    if name.is_empty() {
+        return "material".into();
+    }
+    let keep = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+    name.chars().map(|c| if keep(c) { c } else { '_' }).collect()
+}
