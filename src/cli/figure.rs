@@ -179,8 +179,13 @@ fn one(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), Failure>
     };
     let title = figure.name.replace('_', " ");
     let image = draw(&figure.view, &title, &panel).map_err(Failure::input)?;
+    save(&image, path)
+}
+
+/// Writes a picture, in a new folder where there is none.
+pub fn save(image: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     if let Some(parent) = path.parent() {
         std::fs::create_dir_all(parent).map_err(Failure::failed)?;
     }
-    save_png(&image, path).map_err(Failure::failed)
+    save_png(image, path).map_err(Failure::failed)
 }

@@ -2,7 +2,6 @@
 
 use crate::cli::failure::Failure;
 use std::path::{Path, PathBuf};
-use sunstone::figure::save_png;
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::render::tile::{Target, Unwatched, render};
 use sunstone::scene::Scene;
@@ -48,10 +47,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         "M00 is shown as intensity on a scale of its own; grey: no light.",
     ];
     let image = draw(&title, &grids?, a.columns, &notes).map_err(Failure::input)?;
-    if let Some(folder) = a.output.parent() {
-        std::fs::create_dir_all(folder).map_err(Failure::failed)?;
-    }
-    save_png(&image, &a.output).map_err(Failure::failed)?;
+    crate::cli::figure::save(&image, &a.output)?;
     crate::cli::print(&a.output.display().to_string())
 }
 

@@ -4,7 +4,6 @@ use crate::cli::failure::Failure;
 use npyz::WriterBuilder;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use sunstone::figure::save_png;
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::material::measured::table::{Options, Table};
 use sunstone::tensor::store::write_file_with;
@@ -132,10 +131,7 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
         "M00 (BRDF, 1/sr) is shown as intensity, white its 99th percentile; grey: not known.",
     ];
     let image = draw(&title, &grids, 3, &notes).map_err(Failure::input)?;
-    if let Some(folder) = a.output.parent() {
-        std::fs::create_dir_all(folder).map_err(Failure::failed)?;
-    }
-    save_png(&image, &a.output).map_err(Failure::failed)?;
+    crate::cli::figure::save(&image, &a.output)?;
     crate::cli::print(&a.output.display().to_string())
 }
 
