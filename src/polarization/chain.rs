@@ -122,6 +122,25 @@ pub struct Extent {
     pub cols: u32,
 }
 
+impl Extent {
+    /// Number of elements.
+    #[inline]
+    #[must_use]
+    pub fn count(self) -> usize {
+        (self.rows * self.cols) as usize
+    }
+
+    /// The least extent that holds this one and another.
+    #[inline]
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            rows: self.rows.max(other.rows),
+            cols: self.cols.max(other.cols),
+        }
+    }
+}
+
 /// The product of all interactions so far: Stokes in the frame of the current ray's light in, camera frame out.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {

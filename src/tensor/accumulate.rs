@@ -4,38 +4,16 @@
 //! the variance is that of independent samples. A pixel is finished before the next begins, so what is live is small:
 //! the cells of one pixel (sparse, in f64), then the finished values of one tile (sparse, in f32).
 
-use super::axes::SliceLayout;
 use super::plan::DROPPED;
 pub use super::plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
-use super::store::{AccessError, Field, StoredSlice};
+use super::store::{AccessError, StoredSlice};
+use super::tile_values::{KeyMap, Scratch, TileValues};
 use crate::polarization::chain::Extent;
 use crate::spectrum::Spectral;
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
 use wide::f64x4;
 
 /// Cells of a pixel are looked up in a plain table up to this many possible cells.
 const DIRECT_CELLS: u64 = 1 << 16;
-
-/// Multiplicative hashing of cell keys (Knuth): keys are small integers, attackers there are none.
-#[derive(Default)]
-pub struct KeyHasher(u64);
-
-impl Hasher for KeyHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-    fn write(&mut self, bytes: &[u8]) {
-        for b in bytes {
-            self.write_u64(u64::from(*b));
-        }
-    }
-    fn write_u64(&mut self, v: u64) {
-        self.0 = (self.0 ^ v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
-    }
-}
-
-type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 
 /// Where the cells of one pixel are found.
 enum CellIndex {
@@ -48,27 +26,59 @@ struct Cell {
     key: u64,
     /// Sample whose contributions are pending.
     sample: u32,
-    /// Extent that can be non-zero.
-    rows: usize,
-    cols: usize,
+    /// Where its elements begin among the sums, and how many rows and columns of the matrix they are.
+    first: u32,
+    extent: Extent,
+}
+
+/// The sums of one matrix element of a cell.
+#[derive(Clone, Copy)]
+struct Sums {
+    pending: Spectral,
+    sum: f64x4,
+    square: f64x4,
+}
+
+impl Sums {
+    const ZERO: Self = Self {
+        pending: Spectral::ZERO,
+        sum: f64x4::ZERO,
+        square: f64x4::ZERO,
+    };
+
+    /// Moves the pending sample into the sums.
+    #[inline]
+    fn fold(&mut self) {
+        let p = widen(self.pending);
+        self.pending = Spectral::ZERO;
+        self.sum += p;
+        self.square += p * p;
+    }
 }
 
 /// The sums of one slice over the samples of the current camera pixel.
 struct PixelSums {
     index: CellIndex,
     cells: Vec<Cell>,
-    pending: Vec<Spectral>,
-    sum: Vec<f64x4>,
-    square: Vec<f64x4>,
+    /// Elements of all cells, those that can be non-zero alone.
+    sums: Vec<Sums>,
 }
 
+#[inline]
 fn widen(s: Spectral) -> f64x4 {
-    f64x4::new(s.to_array().map(f64::from))
+    let [a, b, c, d] = s.to_array();
+    f64x4::new([f64::from(a), f64::from(b), f64::from(c), f64::from(d)])
+}
+
+#[inline]
+fn narrow(d: f64x4) -> Spectral {
+    let [a, b, c, d] = d.to_array();
+    Spectral::new([a as f32, b as f32, c as f32, d as f32])
 }
 
 impl PixelSums {
     fn new(plan: &SlicePlan) -> Self {
-        let cells = plan.inner + plan.overflow;
+        let cells = plan.cells();
         Self {
             index: if cells <= DIRECT_CELLS {
                 CellIndex::Direct(vec![u32::MAX; cells as usize])
@@ -76,37 +86,29 @@ impl PixelSums {
                 CellIndex::Hashed(KeyMap::default())
             },
             cells: Vec::new(),
-            pending: Vec::new(),
-            sum: Vec::new(),
-            square: Vec::new(),
+            sums: Vec::new(),
         }
     }
 
-    /// Moves a cell's pending sample into its sums.
-    #[inline]
-    fn fold(&mut self, slot: usize, elements: usize) {
-        let cell = &self.cells[slot];
-        for i in 0..cell.rows {
-            for j in 0..cell.cols {
-                let at = slot * elements + 4 * i + j;
-                let p = widen(self.pending[at]);
-                self.pending[at] = Spectral::ZERO;
-                self.sum[at] += p;
-                self.square[at] += p * p;
+    /// Makes room in a cell for elements of more rows or columns than it had.
+    #[cold]
+    fn grow(&mut self, slot: usize, extent: Extent) {
+        let old = (self.cells[slot].first, self.cells[slot].extent);
+        let wanted = old.1.with(extent);
+        let first = self.sums.len() as u32;
+        self.sums.resize(self.sums.len() + wanted.count(), Sums::ZERO);
+        for i in 0..old.1.rows {
+            for j in 0..old.1.cols {
+                let from = old.0 + i * old.1.cols + j;
+                self.sums[(first + i * wanted.cols + j) as usize] = self.sums[from as usize];
             }
         }
+        self.cells[slot].first = first;
+        self.cells[slot].extent = wanted;
     }
 
     #[inline]
-    fn add(
-        &mut self,
-        key: u64,
-        sample: u32,
-        extent: Extent,
-        values: &[Spectral],
-        weight: f32,
-        elements: usize,
-    ) {
+    fn add(&mut self, key: u64, sample: u32, extent: Extent, values: &[Spectral], weight: f32) {
         let entry = match &mut self.index {
             CellIndex::Direct(table) => &mut table[key as usize],
             CellIndex::Hashed(map) => map.entry(key).or_insert(u32::MAX),
@@ -116,35 +118,61 @@ impl PixelSums {
             self.cells.push(Cell {
                 key,
                 sample,
-                rows: 0,
-                cols: 0,
+                first: self.sums.len() as u32,
+                extent,
             });
-            let n = self.cells.len() * elements;
-            self.pending.resize(n, Spectral::ZERO);
-            self.sum.resize(n, f64x4::ZERO);
-            self.square.resize(n, f64x4::ZERO);
+            let w = Spectral::splat(weight);
+            for value in values {
+                self.sums.push(Sums {
+                    pending: *value * w,
+                    ..Sums::ZERO
+                });
+            }
+            return;
         }
         let slot = *entry as usize;
-        if self.cells[slot].sample != sample {
-            self.fold(slot, elements);
-            self.cells[slot].sample = sample;
+        if self.cells[slot].extent.with(extent) != self.cells[slot].extent {
+            self.grow(slot, extent);
         }
         let cell = &mut self.cells[slot];
-        let w = Spectral::splat(weight);
-        let stride = extent.cols as usize;
-        let (rows, cols) = if elements == 1 {
-            (1, 1)
-        } else {
-            (extent.rows as usize, stride)
-        };
-        cell.rows = cell.rows.max(rows);
-        cell.cols = cell.cols.max(cols);
-        for (i, row) in values.chunks_exact(stride).take(rows).enumerate() {
-            let at = slot * elements + 4 * i;
-            for (sum, value) in self.pending[at..at + cols].iter_mut().zip(row) {
-                *sum += *value * w;
+        let first = cell.first as usize;
+        if cell.sample != sample {
+            cell.sample = sample;
+            for sums in &mut self.sums[first..first + cell.extent.count()] {
+                sums.fold();
             }
         }
+        let w = Spectral::splat(weight);
+        for (i, row) in values.chunks_exact(extent.cols as usize).enumerate() {
+            let at = first + i * cell.extent.cols as usize;
+            for (sums, value) in self.sums[at..at + row.len()].iter_mut().zip(row) {
+                sums.pending += *value * w;
+            }
+        }
+    }
+
+    /// Turns the sums of a pixel into the mean and the variance of the mean, and adds them to the tile with weight
+    /// 1/pixels and 1/pixels² (pixels are independent).
+    fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: u32, pixels: f64) {
+        let n = f64::from(n);
+        let per_sample = f64x4::splat(1.0 / n);
+        // NaN for a single sample: its error is unknown, not zero.
+        let per_degree = f64x4::splat(1.0 / ((n - 1.0) * n));
+        let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
+        for cell in &self.cells {
+            let first = cell.first as usize;
+            let key = local * plan.cells() + cell.key;
+            let finished = self.sums[first..first + cell.extent.count()]
+                .iter_mut()
+                .map(|sums| {
+                    sums.fold();
+                    let mean = sums.sum * per_sample;
+                    let spread = (sums.square - sums.sum * mean).max(f64x4::ZERO);
+                    [narrow(mean * share), narrow(spread * per_degree * share2)]
+                });
+            tile.add(key, cell.extent, finished);
+        }
+        self.clear();
     }
 
     fn clear(&mut self) {
@@ -157,23 +185,8 @@ impl PixelSums {
             CellIndex::Hashed(map) => map.clear(),
         }
         self.cells.clear();
-        self.pending.clear();
-        self.sum.clear();
-        self.square.clear();
+        self.sums.clear();
     }
-}
-
-/// The finished values of one slice over one tile, sparse.
-struct TileValues {
-    /// First index along `y`, `x`, and how many of each.
-    start: [u64; 2],
-    shape: [u64; 2],
-    /// (local camera index · cells + cell) of every entry.
-    keys: Vec<u64>,
-    /// Means then variances of the mean of every entry: 2 · elements · wavelengths numbers.
-    values: Vec<f32>,
-    /// Entries by key, where several pixels share one (binned cameras).
-    shared: Option<KeyMap>,
 }
 
 /// All slices over one tile: fed sample by sample, pixel by pixel, then written.
@@ -181,8 +194,7 @@ pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,
     tiles: Vec<TileValues>,
-    /// A chunk of means and one of errors, all zero between uses: fresh memory of that size costs more than filling it.
-    scratch: [Vec<f32>; 2],
+    scratch: Scratch,
 }
 
 impl<'a> TileAccumulator<'a> {
@@ -193,7 +205,7 @@ impl<'a> TileAccumulator<'a> {
             plans,
             sums: plans.iter().map(PixelSums::new).collect(),
             tiles: Vec::new(),
-            scratch: Default::default(),
+            scratch: Scratch::default(),
         }
     }
 
@@ -210,13 +222,7 @@ impl<'a> TileAccumulator<'a> {
             };
             let (y, ny) = range(&plan.camera[0], y0, y1);
             let (x, nx) = range(&plan.camera[1], x0, x1);
-            self.tiles.push(TileValues {
-                start: [y, x],
-                shape: [ny, nx],
-                keys: Vec::new(),
-                values: Vec::new(),
-                shared: (plan.pixels_per_element() > 1).then(KeyMap::default),
-            });
+            self.tiles.push(TileValues::new(plan, [y, x], [ny, nx]));
         }
     }
 
@@ -236,7 +242,13 @@ impl<'a> TileAccumulator<'a> {
             let pixel = y * plan.camera_width + x;
             for c in &contributions.list {
                 if let Some((cell, weight)) = plan.cell(c, pixel) {
-                    sums.add(cell, sample, c.extent, contributions.of(c), weight, plan.elements);
+                    let (extent, values) = if plan.elements == 1 {
+                        // The matrix is asked for its intensity alone.
+                        (Extent { rows: 1, cols: 1 }, &contributions.of(c)[..1])
+                    } else {
+                        (c.extent, contributions.of(c))
+                    };
+                    sums.add(cell, sample, extent, values, weight);
                 }
             }
         }
@@ -248,7 +260,7 @@ impl<'a> TileAccumulator<'a> {
             let Some([iy, ix]) = plan.camera_index(x, y) else {
                 continue;
             };
-            let local = (u64::from(iy) - tile.start[0]) * tile.shape[1] + u64::from(ix) - tile.start[1];
+            let local = tile.local(iy, ix);
             let pixels = plan.per_index[0][iy as usize] * plan.per_index[1][ix as usize];
             sums.finish_pixel(plan, tile, local, n, f64::from(pixels));
         }
@@ -261,161 +273,6 @@ impl<'a> TileAccumulator<'a> {
     pub fn write(&mut self, stored: &[StoredSlice]) -> Result<(), AccessError> {
         for ((plan, tile), slice) in self.plans.iter().zip(&self.tiles).zip(stored) {
             tile.write(plan, slice, &mut self.scratch)?;
-        }
-        Ok(())
-    }
-}
-
-impl PixelSums {
-    /// Turns the sums of a pixel into the mean and the variance of the mean, and adds them to the tile with weight
-    /// 1/pixels and 1/pixels² (pixels are independent).
-    fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: u32, pixels: f64) {
-        let (e, l) = (plan.elements, plan.wavelengths);
-        let stride = 2 * e * l;
-        let n = f64::from(n);
-        for slot in 0..self.cells.len() {
-            self.fold(slot, e);
-            let cell = &self.cells[slot];
-            let key = local * (plan.inner + plan.overflow) + cell.key;
-            let entry = match &mut tile.shared {
-                None => tile.keys.len(),
-                Some(map) => *map.entry(key).or_insert(tile.keys.len() as u32) as usize,
-            };
-            if entry == tile.keys.len() {
-                tile.keys.push(key);
-                tile.values.resize(tile.values.len() + stride, 0.0);
-            }
-            let out = &mut tile.values[entry * stride..(entry + 1) * stride];
-            for i in 0..cell.rows {
-                for j in 0..cell.cols {
-                    let at = 4 * i + j;
-                    let sum = self.sum[slot * e + at].to_array();
-                    let square = self.square[slot * e + at].to_array();
-                    for k in 0..l {
-                        let mean = sum[k] / n;
-                        // NaN for a single sample: its error is unknown, not zero.
-                        let spread = (square[k] - sum[k] * mean).max(0.0);
-                        let variance = spread / ((n - 1.0) * n);
-                        out[at * l + k] += (mean / pixels) as f32;
-                        out[(e + at) * l + k] += (variance / (pixels * pixels)) as f32;
-                    }
-                }
-            }
-        }
-        self.clear();
-    }
-}
-
-impl TileValues {
-    fn write(
-        &self,
-        plan: &SlicePlan,
-        slice: &StoredSlice,
-        scratch: &mut [Vec<f32>; 2],
-    ) -> Result<(), AccessError> {
-        let cells = plan.inner + plan.overflow;
-        let (mut window, mut outside) = (Vec::new(), Vec::new());
-        for (entry, key) in self.keys.iter().enumerate() {
-            let (local, cell) = (key / cells, key % cells);
-            if cell < plan.inner {
-                window.push((local, cell, entry));
-            } else {
-                outside.push((local, cell - plan.inner, entry));
-            }
-        }
-        self.write_part(
-            plan,
-            slice,
-            &plan.layout,
-            window,
-            [Field::Mean, Field::StdError],
-            scratch,
-        )?;
-        if plan.overflow > 0 {
-            let layout = plan.layout.without_time();
-            let fields = [Field::Overflow, Field::OverflowStdError];
-            self.write_part(plan, slice, &layout, outside, fields, scratch)?;
-        }
-        Ok(())
-    }
-
-    /// Writes entries (local camera index, cell, entry) chunk by chunk.
-    fn write_part(
-        &self,
-        plan: &SlicePlan,
-        slice: &StoredSlice,
-        layout: &SliceLayout,
-        mut entries: Vec<(u64, u64, usize)>,
-        fields: [Field; 2],
-        scratch: &mut [Vec<f32>; 2],
-    ) -> Result<(), AccessError> {
-        let (e, l) = (plan.elements, plan.wavelengths);
-        let axes = &layout.axes[2..];
-        let axes = &axes[..axes.len() - if e == 16 { 3 } else { 1 }];
-        // Multi-index of a cell, and the number of the chunk that it lies in.
-        let place = |mut cell: u64| {
-            let mut index = [0_u64; 8];
-            for (k, axis) in axes.iter().enumerate().rev() {
-                index[k] = cell % axis.len();
-                cell /= axis.len();
-            }
-            index
-        };
-        let chunk_of = |cell: u64| {
-            let index = place(cell);
-            axes.iter().enumerate().fold(0_u64, |n, (k, axis)| {
-                n * axis.len().div_ceil(axis.chunk) + index[k] / axis.chunk
-            })
-        };
-        entries.sort_unstable_by_key(|(local, cell, _)| (chunk_of(*cell), *local, *cell));
-        for group in entries.chunk_by(|a, b| chunk_of(a.1) == chunk_of(b.1)) {
-            let index = place(group[0].1);
-            let mut start = self.start.to_vec();
-            let mut shape = self.shape.to_vec();
-            for (k, axis) in axes.iter().enumerate() {
-                let first = index[k] / axis.chunk * axis.chunk;
-                start.push(first);
-                shape.push(axis.chunk.min(axis.len() - first));
-            }
-            let inner: u64 = shape[2..].iter().product();
-            let width = e * l;
-            let length = (shape[0] * shape[1] * inner) as usize * width;
-            let [means, errors] = scratch;
-            for part in [&mut *means, &mut *errors] {
-                if part.len() < length {
-                    part.resize(length, 0.0);
-                }
-            }
-            let (first, extent) = (start.clone(), shape.clone());
-            let offset_of = |local: u64, cell: u64| {
-                let index = place(cell);
-                let offset = (0..axes.len()).fold(0, |n, k| n * extent[2 + k] + index[k] - first[2 + k]);
-                (local * inner + offset) as usize * width
-            };
-            for &(local, cell, entry) in group {
-                let at = offset_of(local, cell);
-                let values = &self.values[entry * 2 * width..(entry + 1) * 2 * width];
-                means[at..at + width].copy_from_slice(&values[..width]);
-                for (out, variance) in errors[at..at + width].iter_mut().zip(&values[width..]) {
-                    *out = variance.sqrt();
-                }
-            }
-            let tail = if e == 16 {
-                vec![4, 4, l as u64]
-            } else {
-                vec![l as u64]
-            };
-            start.extend(tail.iter().map(|_| 0));
-            shape.extend(tail);
-            let written = [(fields[0], &*means), (fields[1], &*errors)]
-                .into_iter()
-                .try_for_each(|(field, data)| slice.write(field, &start, &shape, &data[..length]));
-            for &(local, cell, _) in group {
-                let at = offset_of(local, cell);
-                means[at..at + width].fill(0.0);
-                errors[at..at + width].fill(0.0);
-            }
-            written?;
         }
         Ok(())
     }

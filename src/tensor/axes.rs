@@ -8,6 +8,10 @@ use super::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, Ti
 /// A chunk never holds more elements than this (8 MiB of f32), so that memory stays bounded by the tile.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
+/// Above this many elements (4 MiB of f32) every element of the matrix gets chunks of its own: many elements are zero
+/// all over a tile, and those chunks are neither made nor stored; nor must 16 be read to look at one.
+const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
+
 /// Which dimension of T an axis resolves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisKind {
@@ -287,24 +291,40 @@ impl SliceLayout {
     /// The same layout without its time axis: that of the overflow arrays. Keeps the name.
     #[must_use]
     pub fn without_time(&self) -> Self {
+        let mut axes = self.axes.clone();
+        axes.retain(|a| a.kind != AxisKind::T);
+        divide_matrix(&mut axes);
         Self {
             name: self.name.clone(),
-            axes: self
-                .axes
-                .iter()
-                .filter(|a| a.kind != AxisKind::T)
-                .cloned()
-                .collect(),
+            axes,
             time: None,
         }
     }
 }
 
-/// Halves the chunk of the axes between camera and Stokes, outermost first, until a chunk is small enough.
+fn chunk_size(axes: &[Axis]) -> u64 {
+    axes.iter().map(|a| a.chunk).product()
+}
+
+/// Chunks of whole matrices where they are small, else of single elements.
+fn divide_matrix(axes: &mut [Axis]) {
+    let is_stokes = |a: &&mut Axis| matches!(a.kind, AxisKind::StokesOut | AxisKind::StokesIn);
+    for axis in axes.iter_mut().filter(is_stokes) {
+        axis.chunk = axis.len();
+    }
+    if chunk_size(axes) > WHOLE_MATRIX_ELEMENTS {
+        for axis in axes.iter_mut().filter(is_stokes) {
+            axis.chunk = 1;
+        }
+    }
+}
+
+/// Makes chunks small enough: by dividing the matrix, then by halving the chunk of the axes between camera and Stokes,
+/// outermost first.
 fn bound_chunks(axes: &mut [Axis]) {
-    let size = |axes: &[Axis]| axes.iter().map(|a| a.chunk).product::<u64>();
+    divide_matrix(axes);
     for kind in [AxisKind::V, AxisKind::U, AxisKind::T] {
-        while size(axes) > MAX_CHUNK_ELEMENTS {
+        while chunk_size(axes) > MAX_CHUNK_ELEMENTS {
             match axes.iter_mut().find(|a| a.kind == kind && a.chunk > 1) {
                 Some(axis) => axis.chunk = axis.chunk.div_ceil(2),
                 None => break,

@@ -12,4 +12,5 @@ pub mod probe;
 pub mod region;
 pub mod slice;
 pub mod store;
+mod tile_values;
 pub mod view;

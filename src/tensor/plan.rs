@@ -42,8 +42,7 @@ impl Contributions {
     #[inline]
     #[must_use]
     pub fn of(&self, c: &Contribution) -> &[Spectral] {
-        let count = (c.extent.rows * c.extent.cols) as usize;
-        &self.elements[c.first as usize..c.first as usize + count]
+        &self.elements[c.first as usize..c.first as usize + c.extent.count()]
     }
 }
 
@@ -158,6 +157,11 @@ impl SlicePlan {
             wavelengths: extents.wavelengths_nm.len(),
             layout,
         }
+    }
+
+    /// Cells of one camera element, those outside the time window included.
+    pub(super) fn cells(&self) -> u64 {
+        self.inner + self.overflow
     }
 
     /// Name of the slice.

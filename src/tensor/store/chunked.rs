@@ -18,10 +18,11 @@ use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
+use super::sparse_frame::{self, Content};
 use crate::tensor::region::{self, Place};
 
-/// Zstandard level: noise of floating point numbers does not get smaller at higher ones, only slower.
-const LEVEL: i32 = 1;
+/// Zstandard level: noise of floating point numbers gets 8 % smaller at 1 and not at all at higher ones, only slower.
+const LEVEL: i32 = -2;
 /// Locks per array; a chunk always takes the same one.
 const STRIPES: usize = 64;
 /// A chunk may not hold more elements than this (a damaged description is refused before it allocates).
@@ -297,8 +298,9 @@ impl<T: Number> ChunkedArray<T> {
             path: self.path.clone(),
             cause,
         };
-        let zero = T::default();
-        if chunk.iter().all(|v| *v == zero) {
+        let bytes: &[u8] = bytemuck::cast_slice(chunk);
+        let content = sparse_frame::encode(bytes);
+        if content == Content::Zero {
             return self.array.erase_chunk(index).map_err(|e| failed(e.to_string()));
         }
         if !self.compressed || cfg!(target_endian = "big") {
@@ -306,7 +308,10 @@ impl<T: Number> ChunkedArray<T> {
             return stored.map_err(|e| failed(e.to_string()));
         }
         // What zarrs' codecs would make, without a copy of the values and a new context for every chunk.
-        let frame = compress(bytemuck::cast_slice(chunk)).map_err(|e| failed(e.to_string()))?;
+        let frame = match content {
+            Content::Sparse(frame) => frame,
+            _ => compress(bytes).map_err(|e| failed(e.to_string()))?,
+        };
         let key = self.array.chunk_key(index);
         let stored = self.array.storage().set(&key, frame.into());
         stored.map_err(|e| failed(e.to_string()))

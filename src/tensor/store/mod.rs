@@ -9,6 +9,7 @@ mod chunked;
 mod describe;
 mod error;
 mod slice;
+mod sparse_frame;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,103 @@
+//! Zstandard frames of mostly zero bytes, written directly (RFC 8878, section 3.1.1).
+//!
+//! Where a tile holds a few elements of a large chunk, looking for matches among its zeros takes longer than anything
+//! else that is done to them. Such a frame is made of two kinds of blocks alone, which any decoder reads: runs of zeros
+//! as one repeated byte, and what lies between them as it is.
+
+use xxhash_rust::xxh64::xxh64;
+
+/// What bytes look like.
+#[derive(Debug, PartialEq)]
+pub(super) enum Content {
+    /// All zero.
+    Zero,
+    /// Mostly zero; the complete frame.
+    Sparse(Vec<u8>),
+    /// Anything else: for the general encoder.
+    Dense,
+}
+
+/// Zeros are looked for in pieces of this many bytes; a shorter run is no gain.
+const PIECE: usize = 64;
+/// Bytes that are not zeros may be one in this many: a general encoder makes less of more.
+const RARITY: usize = 32;
+/// Largest block (Block_Maximum_Size).
+const MAX_BLOCK: usize = 1 << 17;
+
+const RAW: u32 = 0;
+const REPEATED: u32 = 1;
+
+/// Looks at bytes, and makes their frame if they are mostly zero.
+pub(super) fn encode(bytes: &[u8]) -> Content {
+    let Ok(length) = u32::try_from(bytes.len()) else {
+        return Content::Dense;
+    };
+    // Alternating runs: zeros up to the first, others up to the second, and so on.
+    let mut ends = Vec::new();
+    let (mut in_zeros, mut others) = (true, 0);
+    for (n, piece) in bytes.chunks(PIECE).enumerate() {
+        let zero = piece.iter().fold(0, |all, b| all | b) == 0;
+        others += if zero { 0 } else { piece.len() };
+        if others * RARITY > bytes.len() {
+            return Content::Dense;
+        }
+        if zero != in_zeros {
+            ends.push(n * PIECE);
+            in_zeros = zero;
+        }
+    }
+    if others == 0 {
+        return Content::Zero;
+    }
+    ends.push(bytes.len());
+    // Magic number; then: four bytes of size, one segment, with a checksum.
+    let mut frame = vec![0x28, 0xB5, 0x2F, 0xFD, 0xA4];
+    frame.extend(length.to_le_bytes());
+    let mut at = 0;
+    for (run, &end) in ends.iter().enumerate() {
+        let kind = if run % 2 == 0 { REPEATED } else { RAW };
+        while at < end {
+            let next = end.min(at + MAX_BLOCK);
+            let last = u32::from(next == bytes.len());
+            let header = last | kind << 1 | ((next - at) as u32) << 3;
+            frame.extend(&header.to_le_bytes()[..3]);
+            frame.extend(&bytes[at..if kind == RAW { next } else { at + 1 }]);
+            at = next;
+        }
+    }
+    frame.extend(&(xxh64(bytes, 0) as u32).to_le_bytes());
+    Content::Sparse(frame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn zeros_and_noise_are_told_apart() {
+        assert_eq!(encode(&[]), Content::Zero);
+        assert_eq!(encode(&[0; 1000]), Content::Zero);
+        assert_eq!(encode(&[1; 1000]), Content::Dense);
+    }
+
+    proptest! {
+        /// The library's decoder gives back what went in, wherever the few bytes are.
+        #[test]
+        fn the_decoder_gives_back_the_bytes(
+            length in 4096_usize..600_000,
+            at in prop::collection::vec((any::<prop::sample::Index>(), 1..=u8::MAX), 1..12),
+        ) {
+            let mut bytes = vec![0; length];
+            for (index, value) in &at {
+                bytes[index.index(length)] = *value;
+            }
+            if let Content::Sparse(frame) = encode(&bytes) {
+                prop_assert!(frame.len() < length / 8);
+                prop_assert_eq!(zstd::bulk::decompress(&frame, length).expect("a valid frame"), bytes);
+            } else {
+                prop_assert!(at.len() * PIECE * RARITY > length);
+            }
+        }
+    }
+}

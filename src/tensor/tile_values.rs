@@ -1,0 +1,360 @@
+//! The finished values of one slice over one tile of camera pixels, sparse in memory, and how they become chunks.
+//!
+//! Most of a tensor is nothing: bins that no light reaches, and elements that no path polarizes. Only what is there
+//! is kept, and chunks without any of it are not even looked at.
+
+use super::axes::{AxisKind, SliceLayout};
+use super::plan::SlicePlan;
+use super::store::{AccessError, Field, StoredSlice};
+use crate::polarization::chain::Extent;
+use crate::spectrum::Spectral;
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Multiplicative hashing of cell keys (Knuth): keys are small integers, attackers there are none.
+#[derive(Default)]
+pub(super) struct KeyHasher(u64);
+
+impl Hasher for KeyHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for b in bytes {
+            self.write_u64(u64::from(*b));
+        }
+    }
+    fn write_u64(&mut self, v: u64) {
+        self.0 = (self.0 ^ v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    }
+}
+
+/// Numbers by cell key.
+pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
+
+/// A chunk of means and one of errors, all zero between uses: fresh memory of that size costs more than filling it.
+#[derive(Default)]
+pub(super) struct Scratch {
+    means: Vec<f32>,
+    errors: Vec<f32>,
+}
+
+/// Mean and variance of the mean of one matrix element.
+type Finished = [Spectral; 2];
+
+/// One cell of one camera element.
+struct Entry {
+    /// local camera index · cells + cell.
+    key: u64,
+    /// Where its elements begin among the values, row by row.
+    first: u32,
+    extent: Extent,
+}
+
+/// An entry's place in the arrays.
+struct Placed {
+    /// Number of the chunk within the tile, by the axes between camera and Stokes.
+    chunk: u64,
+    /// Position in that chunk, in units of what follows these axes.
+    at: usize,
+    entry: u32,
+}
+
+/// The finished values of one slice over one tile, sparse.
+pub(super) struct TileValues {
+    /// First index along `y`, `x`, and how many of each.
+    start: [u64; 2],
+    shape: [u64; 2],
+    entries: Vec<Entry>,
+    values: Vec<Finished>,
+    /// Entries by key, where several pixels share one (binned cameras).
+    shared: Option<KeyMap>,
+}
+
+impl TileValues {
+    /// Of the camera elements `start` to `start + shape` along `y`, `x`; empty.
+    pub(super) fn new(plan: &SlicePlan, start: [u64; 2], shape: [u64; 2]) -> Self {
+        Self {
+            start,
+            shape,
+            entries: Vec::new(),
+            values: Vec::new(),
+            shared: (plan.pixels_per_element() > 1).then(KeyMap::default),
+        }
+    }
+
+    /// Number of a camera element (indices along `y`, `x`) within the tile.
+    pub(super) fn local(&self, iy: u32, ix: u32) -> u64 {
+        (u64::from(iy) - self.start[0]) * self.shape[1] + u64::from(ix) - self.start[1]
+    }
+
+    /// Adds a cell's means and variances, row by row; cells of one key are summed.
+    pub(super) fn add(&mut self, key: u64, extent: Extent, finished: impl Iterator<Item = Finished>) {
+        let first = self.values.len() as u32;
+        let fresh = self.entries.len() as u32;
+        if let Some(map) = &mut self.shared {
+            let entry = *map.entry(key).or_insert(fresh);
+            if entry != fresh {
+                self.merge(entry as usize, extent, finished);
+                return;
+            }
+        }
+        self.entries.push(Entry { key, first, extent });
+        self.values.extend(finished);
+    }
+
+    fn merge(&mut self, entry: usize, extent: Extent, finished: impl Iterator<Item = Finished>) {
+        let Entry {
+            first: from,
+            extent: old,
+            ..
+        } = self.entries[entry];
+        let wanted = old.with(extent);
+        if wanted != old {
+            let first = self.values.len();
+            self.values.resize(first + wanted.count(), [Spectral::ZERO; 2]);
+            for i in 0..old.rows {
+                for j in 0..old.cols {
+                    let value = self.values[(from + i * old.cols + j) as usize];
+                    self.values[first + (i * wanted.cols + j) as usize] = value;
+                }
+            }
+            self.entries[entry].first = first as u32;
+            self.entries[entry].extent = wanted;
+        }
+        let first = self.entries[entry].first;
+        for (n, [mean, variance]) in finished.enumerate() {
+            let (i, j) = (n as u32 / extent.cols, n as u32 % extent.cols);
+            let [sum, sum_variance] = &mut self.values[(first + i * wanted.cols + j) as usize];
+            *sum += mean;
+            *sum_variance += variance;
+        }
+    }
+
+    /// Writes the tile to its stored slice.
+    ///
+    /// # Errors
+    /// If the store refuses.
+    pub(super) fn write(
+        &self,
+        plan: &SlicePlan,
+        slice: &StoredSlice,
+        scratch: &mut Scratch,
+    ) -> Result<(), AccessError> {
+        let inside = [Field::Mean, Field::StdError];
+        self.write_part(plan, slice, &plan.layout, 0..plan.inner, inside, scratch)?;
+        if plan.overflow > 0 {
+            let layout = plan.layout.without_time();
+            let outside = [Field::Overflow, Field::OverflowStdError];
+            let cells = plan.inner..plan.inner + plan.overflow;
+            self.write_part(plan, slice, &layout, cells, outside, scratch)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a range of cells, which is what two fields of one layout hold, chunk by chunk.
+    fn write_part(
+        &self,
+        plan: &SlicePlan,
+        slice: &StoredSlice,
+        layout: &SliceLayout,
+        cells: std::ops::Range<u64>,
+        fields: [Field; 2],
+        scratch: &mut Scratch,
+    ) -> Result<(), AccessError> {
+        let trailing = if plan.elements == 16 { 3 } else { 1 };
+        let inner = Grid::new(layout, 2..layout.axes.len() - trailing);
+        let mut placed = Vec::new();
+        for (number, entry) in self.entries.iter().enumerate() {
+            let local = entry.key / plan.cells();
+            let cell = entry.key - local * plan.cells();
+            if cells.contains(&cell) {
+                let (chunk, at, volume) = inner.place(cell - cells.start);
+                placed.push(Placed {
+                    chunk,
+                    at: local as usize * volume + at,
+                    entry: number as u32,
+                });
+            }
+        }
+        if inner.chunks > 1 {
+            placed.sort_unstable_by_key(|p| p.chunk);
+        }
+        // A chunk holds all elements of the matrix or, where that would be too much, a part of its rows and columns.
+        let part = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].chunk as u32);
+        let block = [part(AxisKind::StokesOut), part(AxisKind::StokesIn)];
+        for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {
+            let extent = group.iter().fold(Extent { rows: 0, cols: 0 }, |e, p| {
+                e.with(self.entries[p.entry as usize].extent)
+            });
+            for row in (0..extent.rows).step_by(block[0] as usize) {
+                for column in (0..extent.cols).step_by(block[1] as usize) {
+                    let matrix = Block {
+                        first: [row, column],
+                        shape: block,
+                    };
+                    self.write_chunk(plan, slice, &inner, group, &matrix, fields, scratch)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes one chunk of both fields.
+    #[allow(clippy::too_many_arguments)]
+    fn write_chunk(
+        &self,
+        plan: &SlicePlan,
+        slice: &StoredSlice,
+        inner: &Grid,
+        group: &[Placed],
+        matrix: &Block,
+        fields: [Field; 2],
+        scratch: &mut Scratch,
+    ) -> Result<(), AccessError> {
+        let (mut start, mut shape) = (self.start.to_vec(), self.shape.to_vec());
+        inner.extend(group[0].chunk, &mut start, &mut shape);
+        if plan.elements == 16 {
+            start.extend(matrix.first.map(u64::from));
+            shape.extend(matrix.shape.map(u64::from));
+        }
+        start.push(0);
+        shape.push(plan.wavelengths as u64);
+        let length = shape.iter().product::<u64>() as usize;
+        for part in [&mut scratch.means, &mut scratch.errors] {
+            if part.len() < length {
+                part.resize(length, 0.0);
+            }
+        }
+        let width = matrix.count() * plan.wavelengths;
+        for p in group {
+            let entry = &self.entries[p.entry as usize];
+            for i in matrix.rows(entry.extent) {
+                for j in matrix.columns(entry.extent) {
+                    let [mean, variance] = self.values[(entry.first + i * entry.extent.cols + j) as usize];
+                    let at = p.at * width + matrix.position(i, j) * plan.wavelengths;
+                    let (mean, error) = (mean.to_array(), variance.sqrt().to_array());
+                    for k in 0..plan.wavelengths {
+                        scratch.means[at + k] = mean[k];
+                        scratch.errors[at + k] = error[k];
+                    }
+                }
+            }
+        }
+        let written = [(fields[0], &scratch.means), (fields[1], &scratch.errors)]
+            .into_iter()
+            .try_for_each(|(field, data)| slice.write(field, &start, &shape, &data[..length]));
+        for p in group {
+            scratch.means[p.at * width..(p.at + 1) * width].fill(0.0);
+            scratch.errors[p.at * width..(p.at + 1) * width].fill(0.0);
+        }
+        written
+    }
+}
+
+/// Some rows and columns of a Mueller matrix.
+struct Block {
+    first: [u32; 2],
+    shape: [u32; 2],
+}
+
+impl Block {
+    fn count(&self) -> usize {
+        (self.shape[0] * self.shape[1]) as usize
+    }
+
+    /// The block's rows among those that `extent` has.
+    fn rows(&self, extent: Extent) -> std::ops::Range<u32> {
+        self.first[0]..(self.first[0] + self.shape[0]).min(extent.rows)
+    }
+
+    fn columns(&self, extent: Extent) -> std::ops::Range<u32> {
+        self.first[1]..(self.first[1] + self.shape[1]).min(extent.cols)
+    }
+
+    /// Where element (i, j) stands in the block, row by row.
+    fn position(&self, i: u32, j: u32) -> usize {
+        ((i - self.first[0]) * self.shape[1] + j - self.first[1]) as usize
+    }
+}
+
+/// Some neighbouring axes of a layout and their division into chunks.
+struct Grid {
+    /// Length, and length of a chunk.
+    axes: Vec<[u64; 2]>,
+    /// Chunks in all.
+    chunks: u64,
+}
+
+impl Grid {
+    fn new(layout: &SliceLayout, axes: std::ops::Range<usize>) -> Self {
+        let axes: Vec<_> = layout.axes[axes].iter().map(|a| [a.len(), a.chunk]).collect();
+        Self {
+            chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(),
+            axes,
+        }
+    }
+
+    /// Chunk of a cell (row-major over the axes), its position there, and how many positions that chunk has.
+    fn place(&self, mut cell: u64) -> (u64, usize, usize) {
+        if self.chunks == 1 {
+            let volume: u64 = self.axes.iter().map(|[len, _]| len).product();
+            return (0, cell as usize, volume as usize);
+        }
+        let (mut chunk, mut at) = (0, 0);
+        let (mut chunks, mut volume) = (1, 1);
+        for [len, size] in self.axes.iter().rev() {
+            let index = cell % len;
+            cell /= len;
+            chunk += index / size * chunks;
+            chunks *= len.div_ceil(*size);
+            let first = index / size * size;
+            at += (index - first) * volume;
+            volume *= (*size).min(len - first);
+        }
+        (chunk, at as usize, volume as usize)
+    }
+
+    /// Appends the first indices and the lengths of a chunk.
+    fn extend(&self, mut chunk: u64, start: &mut Vec<u64>, shape: &mut Vec<u64>) {
+        let at = start.len();
+        for [len, size] in self.axes.iter().rev() {
+            let chunks = len.div_ceil(*size);
+            let first = chunk % chunks * size;
+            chunk /= chunks;
+            start.insert(at, first);
+            shape.insert(at, (*size).min(len - first));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every cell of uneven axes has a place of its own, and the place is what its chunk's box says.
+    #[test]
+    fn places_are_those_of_the_chunks_boxes() {
+        let grid = Grid {
+            axes: vec![[5, 2], [3, 3], [7, 4]],
+            chunks: 6,
+        };
+        let mut seen = std::collections::HashSet::new();
+        for cell in 0..5 * 3 * 7 {
+            let (chunk, at, volume) = grid.place(cell);
+            assert!(seen.insert((chunk, at)));
+            let (mut start, mut shape) = (vec![9], vec![8]);
+            grid.extend(chunk, &mut start, &mut shape);
+            assert_eq!((start[0], shape[0]), (9, 8));
+            assert_eq!(shape[1..].iter().product::<u64>(), volume as u64);
+            let index = [cell / 21, cell / 7 % 3, cell % 7];
+            let mut expected = 0;
+            for k in 0..3 {
+                let inside = index[k] - start[k + 1];
+                assert!(index[k] >= start[k + 1] && inside < shape[k + 1]);
+                expected = expected * shape[k + 1] + inside;
+            }
+            assert_eq!(at as u64, expected);
+        }
+    }
+}
