@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
 /// Set in [`Hit::leaf`] and in [`Primitive::id`] for quadrics.
-const QUADRIC: u32 = 1 << 31;
+pub(super) const QUADRIC: u32 = 1 << 31;
 
 /// Triangles reach this far beyond their edges, in units of the scene's extent, so that neighbours overlap by more than
 /// the rounding of a hit: without it one ray in ten that meets a shared edge slips between them.
@@ -144,15 +144,43 @@ impl Pack {
     }
 }
 
-/// What only shading needs of a triangle.
+/// What shading needs of a triangle, in one place.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Triangle {
+    v0: [f32; 3],
+    e1: [f32; 3],
+    e2: [f32; 3],
+    /// Unit normal, and ∂p/∂u up to a factor.
+    normal: [f32; 3],
+    tangent: [f32; 3],
     /// Indices into `normals`; `u32::MAX` in the first for a flat triangle.
     normals: [u32; 3],
     /// Indices into `uvs`; `u32::MAX` in the first where there are none.
     uvs: [u32; 3],
     material: u32,
+}
+
+impl Triangle {
+    /// `uvs` are the texture coordinates of the corners, if there are any.
+    fn new(corners: [Vec3A; 3], uvs: Option<[[f32; 2]; 3]>) -> Self {
+        let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
+        let tangent = uvs.map_or(e1, |[a, b, c]| {
+            let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges; only the direction is wanted, so the size of det is not.
+            (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
+        });
+        Self {
+            v0: v0.to_array(),
+            e1: e1.to_array(),
+            e2: e2.to_array(),
+            normal: e1.cross(e2).normalize().to_array(),
+            tangent: tangent.to_array(),
+            normals: [u32::MAX; 3],
+            uvs: [u32::MAX; 3],
+            material: 0,
+        }
+    }
 }
 
 /// Collects surfaces, then builds the tree.
@@ -206,10 +234,12 @@ impl GeometryBuilder {
             });
             self.bounds
                 .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
+            let uvs = (!mesh.uvs.is_empty()).then(|| corners.map(|i| mesh.uvs[i as usize].to_array()));
             self.triangles.push(Triangle {
                 normals: shifted(first_normal, mesh.normals.is_empty()),
                 uvs: shifted(first_uv, mesh.uvs.is_empty()),
                 material,
+                ..Triangle::new([v0, v1, v2], uvs)
             });
         }
     }
@@ -296,6 +326,17 @@ fn avx2() -> bool {
     return false;
 }
 
+/// Where a primitive is, for those who ask what hides what.
+#[derive(Clone, Copy, Debug)]
+pub enum Outline {
+    /// A convex flat polygon; a triangle's last corner stands twice.
+    Flat { corners: [Vec3A; 4] },
+    /// A sphere.
+    Ball { centre: Vec3A, radius: f32 },
+    /// Something inside this sphere.
+    Inside { centre: Vec3A, radius: f32 },
+}
+
 /// All surfaces of a scene.
 pub struct Geometry {
     tree: Tree,
@@ -306,7 +347,7 @@ pub struct Geometry {
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
     triangle_count: usize,
-    /// Someone reads the texture coordinates of quadrics; they are 0 otherwise.
+    /// Someone reads texture coordinates; they are 0 otherwise.
     pub textured: bool,
     /// The processor has 256-bit vectors.
     avx2: bool,
@@ -327,7 +368,7 @@ impl Visit for Nearest<'_> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         if leaf & 1 == 1 {
-            let t = self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, 0.0, end);
+            let t = self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end);
             if t < end {
                 self.hit = Some(Hit {
                     t,
@@ -370,7 +411,7 @@ impl Visit for Any<'_> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         self.found = if leaf & 1 == 1 {
-            self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, 0.0, end) < end
+            self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end) < end
         } else {
             self.geometry.packs[index].intersect(&self.wide, end).0 != 0
         };
@@ -380,7 +421,7 @@ impl Visit for Any<'_> {
 
 impl Geometry {
     /// Nearest hit closer than `tmax`.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         #[cfg(target_arch = "x86_64")]
@@ -440,7 +481,7 @@ impl Geometry {
     }
 
     /// Position, normals, texture coordinates and material at a hit.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
@@ -458,9 +499,9 @@ impl Geometry {
             };
         }
         let tri = &self.triangles[hit.leaf as usize];
-        let [v0, e1, e2] = self.packs[hit.leaf as usize / 8].lane(hit.leaf as usize);
+        let [v0, e1, e2, ng, tangent] =
+            [tri.v0, tri.e1, tri.e2, tri.normal, tri.tangent].map(Vec3A::from_array);
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
-        let ng = e1.cross(e2).normalize();
         let ns = if tri.normals[0] == u32::MAX {
             ng
         } else {
@@ -468,17 +509,13 @@ impl Geometry {
             let n = (a * w + b * u + c * v).normalize_or(ng);
             if n.dot(ng) < 0.0 { -n } else { n }
         };
-        let (uv, tangent) = if tri.uvs[0] == u32::MAX {
-            ([u, v], e1)
+        let uv = if !self.textured {
+            [0.0; 2]
+        } else if tri.uvs[0] == u32::MAX {
+            [u, v]
         } else {
             let [a, b, c] = tri.uvs.map(|i| self.uvs[i as usize]);
-            let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges; only the direction is wanted, so the size of det is not.
-            let along = (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum();
-            (
-                [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v],
-                along,
-            )
+            [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
         };
         Surface {
             p: v0 + e1 * u + e2 * v,
@@ -490,19 +527,89 @@ impl Geometry {
         }
     }
 
+    /// The hit of a ray with one primitive, of which a view knows that nothing else comes first.
+    #[inline(always)]
+    #[must_use]
+    pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
+        if leaf & QUADRIC != 0 {
+            let t = self.quadrics[(leaf ^ QUADRIC) as usize].intersect(ray.origin, ray.dir, f32::INFINITY);
+            return (t < f32::INFINITY).then_some(Hit {
+                t,
+                leaf,
+                u: 0.0,
+                v: 0.0,
+            });
+        }
+        let (bits, t, u, v) = self.packs[leaf as usize / 8].intersect(&Wide::new(ray), f32::INFINITY);
+        let lane = leaf as usize & 7;
+        (bits >> lane & 1 == 1).then_some(Hit {
+            t: t.0[lane],
+            leaf,
+            u: u.0[lane],
+            v: v.0[lane],
+        })
+    }
+
+    /// Every primitive with the number that [`Hit::leaf`] gives it.
+    pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
+        let flat = (0..self.triangles.len() as u32).filter_map(|leaf| {
+            let pack = &self.packs[leaf as usize / 8];
+            let [v0, e1, e2] = pack.lane(leaf as usize);
+            // Unused places are all zero.
+            let used = e1 != Vec3A::ZERO || e2 != Vec3A::ZERO;
+            let opposite = pack.parallelogram.bits() >> (leaf & 7) & 1 == 1;
+            used.then_some((
+                leaf,
+                Outline::Flat {
+                    corners: [
+                        v0,
+                        v0 + e1,
+                        if opposite { v0 + e1 + e2 } else { v0 + e2 },
+                        v0 + e2,
+                    ],
+                },
+            ))
+        });
+        let round = self.quadrics.iter().enumerate().map(|(i, q)| {
+            let (lo, hi) = q.bounds();
+            let outline = q.ball().map_or(
+                Outline::Inside {
+                    centre: (lo + hi) * 0.5,
+                    radius: (hi - lo).length() * 0.5,
+                },
+                |(centre, radius)| Outline::Ball { centre, radius },
+            );
+            (QUADRIC | i as u32, outline)
+        });
+        flat.chain(round)
+    }
+
     /// A point just off the surface on the side that `dir` leaves to, so that a ray from there misses the surface
     /// itself. The distance is a few hundred units in the last place of the coordinates.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
         let scale = surface.p.abs().max_element().max(0.01 * self.extent);
         surface.p + surface.ng * (scale * 7.629_394_5e-6_f32).copysign(surface.ng.dot(dir))
     }
 
+    /// The processor has AVX2.
+    #[inline]
+    #[must_use]
+    pub fn avx2(&self) -> bool {
+        self.avx2
+    }
+
     /// Number of triangles and of quadrics.
     #[must_use]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())
+    }
+
+    /// How far triangles reach beyond their edges, metres.
+    #[must_use]
+    pub fn skin(&self) -> f32 {
+        self.extent * SKIN
     }
 
     /// Longest edge of the world bounds in metres.
@@ -562,6 +669,10 @@ mod tests {
             let (Some(a), Some(b)) = (a, b) else {
                 continue;
             };
+            // Rounding along a grazing ray is not small.
+            if a.ng.dot(dir).abs() < 0.1 {
+                continue;
+            }
             hits += 1;
             assert!((a.p - b.p).length() < 1e-5 && a.ng.dot(b.ng) > 0.999_99 && a.ns.dot(b.ns) > 0.999_99);
             assert!(a.tangent.normalize().dot(b.tangent.normalize()) > 0.9999);
@@ -602,7 +713,7 @@ mod tests {
             let ray = Ray { origin, dir };
             let quadrics = g.quadrics.iter();
             let round = quadrics
-                .map(|q| q.intersect(origin, dir, 0.0, f32::INFINITY))
+                .map(|q| q.intersect(origin, dir, f32::INFINITY))
                 .fold(f32::INFINITY, f32::min);
             // Triangles in double precision: those hit for certain, and those that may be.
             let [mut certain, mut possible] = [f64::from(round); 2];

@@ -10,3 +10,4 @@ pub mod mesh;
 pub mod quadric;
 pub mod ray;
 mod tree;
+pub mod view;

@@ -25,6 +25,11 @@ pub struct Quadric {
     to_object: Affine3A,
     /// Inverse transpose of `to_world`: maps normals.
     normals: Mat3A,
+    /// Centre and radius of a sphere that stays one in the world; no radius (0) for all else.
+    centre: Vec3A,
+    radius: f32,
+    /// Axis that its texture coordinate u runs about.
+    turn: Vec3A,
 }
 
 /// Roots of a·t² - 2·b·t + c with the sign convention of the half-b form, without cancellation (Haines et al. 2019,
@@ -49,15 +54,61 @@ impl Quadric {
             to_world,
             to_object,
             normals: to_object.matrix3.transpose(),
+            centre: to_world.translation,
+            radius: if kind == QuadricKind::Sphere {
+                similarity(to_world.matrix3)
+            } else {
+                0.0
+            },
+            turn: to_world.matrix3.z_axis * to_world.matrix3.determinant().signum(),
         }
     }
 
-    /// Nearest distance in (tmin, tmax), infinity for none.
+    /// Centre and radius, if this is a sphere in the world.
     #[must_use]
-    pub fn intersect(&self, origin: Vec3A, dir: Vec3A, tmin: f32, tmax: f32) -> f32 {
+    pub fn ball(&self) -> Option<(Vec3A, f32)> {
+        (self.radius > 0.0).then_some((self.centre, self.radius))
+    }
+
+    /// Nearest distance in (0, tmax) of a ball, infinity for none; see [`roots`] and [`Self::intersect`].
+    #[inline(always)]
+    fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
+        let o = origin - self.centre;
+        let b = -o.dot(dir);
+        let closest = o + dir * b;
+        let r = self.radius;
+        let disc = r * r - closest.length_squared();
+        if disc < 0.0 {
+            return f32::INFINITY;
+        }
+        let distance = o.length();
+        let q = b + disc.sqrt().copysign(b);
+        let other = (distance - r) * (distance + r) / q;
+        let (near, far) = if q < other { (q, other) } else { (other, q) };
+        if near > 0.0 && near < tmax {
+            near
+        } else if far > 0.0 && far < tmax {
+            far
+        } else {
+            f32::INFINITY
+        }
+    }
+
+    /// Nearest distance in (0, tmax), infinity for none; `dir` is a unit vector.
+    #[inline(always)]
+    #[must_use]
+    pub fn intersect(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
+        if self.radius > 0.0 {
+            return self.meet_ball(origin, dir, tmax);
+        }
+        self.meet(origin, dir, tmax)
+    }
+
+    /// [`Self::intersect`] for all but balls.
+    fn meet(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = self.to_object.transform_point3a(origin);
         let d = self.to_object.transform_vector3a(dir);
-        let inside = |t: f32| t > tmin && t < tmax;
+        let inside = |t: f32| t > 0.0 && t < tmax;
         match self.kind {
             QuadricKind::Sphere => {
                 let a = d.length_squared();
@@ -100,8 +151,20 @@ impl Quadric {
     ///
     /// u runs about the axis of a sphere (v from its +z pole down) and of a cylinder. A disk's u is the radius, but its
     /// tangent is the object's x axis everywhere, so that a disk of polarizer has one direction.
+    #[inline(always)]
     #[must_use]
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
+        if self.radius > 0.0 {
+            let n = (hit - self.centre).normalize();
+            // About the sphere's own axis, whether or not the map to the world mirrors.
+            let u = self.turn.cross(n);
+            return (self.centre + n * self.radius, n, u);
+        }
+        self.own_surface(hit)
+    }
+
+    /// [`Self::surface`] of all but balls.
+    fn own_surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
         let (o, n, u) = match self.kind {
             QuadricKind::Sphere => {
@@ -151,6 +214,23 @@ impl Quadric {
     }
 }
 
+/// The factor of a map that scales all directions alike, 0 if it does not.
+fn similarity(m: Mat3A) -> f32 {
+    let r = m.x_axis.length();
+    let uneven = [
+        m.y_axis.length() - r,
+        m.z_axis.length() - r,
+        m.x_axis.dot(m.y_axis) / r,
+        m.y_axis.dot(m.z_axis) / r,
+        m.z_axis.dot(m.x_axis) / r,
+    ];
+    if uneven.iter().all(|u| u.abs() <= 1e-6 * r) {
+        r
+    } else {
+        0.0
+    }
+}
+
 /// Length of every matrix row over all three, or the first two, columns.
 fn rows_length(m: Mat3A, three: bool) -> Vec3A {
     let sq = |v: Vec3A| v * v;
@@ -163,6 +243,45 @@ mod tests {
     use super::*;
     use crate::sampling::{stream::Stream, warp};
     use glam::{Quat, Vec3};
+
+    /// A ball is met where its own space says, and has the same normals and tangents, mirrored or not.
+    #[test]
+    fn balls_are_spheres() {
+        let mut stream = Stream::new(4, 0, 0);
+        for scale in [Vec3::splat(0.7), Vec3::new(-0.7, 0.7, 0.7)] {
+            let place = Affine3A::from_scale_rotation_translation(
+                scale,
+                Quat::from_rotation_x(0.7),
+                Vec3::new(3.0, -2.0, 1.0),
+            );
+            let ball = Quadric::new(QuadricKind::Sphere, place, 0);
+            assert!(ball.ball().is_some_and(|(_, r)| (r - 0.7).abs() < 1e-6));
+            let plain = Quadric { radius: 0.0, ..ball };
+            let mut hits = 0;
+            for _ in 0..5000 {
+                let centre = Vec3A::new(3.0, -2.0, 1.0);
+                let o = centre + warp::sphere(stream.uniform2()) * 3.0 * stream.uniform();
+                let d = (centre + warp::sphere(stream.uniform2()) * 0.8 - o).normalize();
+                let [a, b] = [&ball, &plain].map(|q| q.intersect(o, d, f32::INFINITY));
+                let p = (o + d * a - centre).length();
+                if a.is_infinite() != b.is_infinite() {
+                    // Grazing.
+                    assert!((p - 0.7).abs() < 1e-3 || !p.is_finite());
+                    continue;
+                }
+                if a.is_finite() {
+                    hits += 1;
+                    assert!((a - b).abs() < 1e-4 * (1.0 + a), "{a} {b}");
+                    let (x, y) = (ball.surface(o + d * a), plain.surface(o + d * a));
+                    assert!((x.0 - y.0).length() < 2e-6 && (x.1 - y.1).length() < 1e-5);
+                    assert!((x.2 - y.2).length() < 1e-5);
+                }
+            }
+            assert!(hits > 3000);
+        }
+        let uneven = Affine3A::from_scale(Vec3::new(1.0, 1.0, 1.001));
+        assert!(Quadric::new(QuadricKind::Sphere, uneven, 0).ball().is_none());
+    }
 
     fn all() -> [Quadric; 3] {
         let t = Affine3A::from_scale_rotation_translation(
@@ -177,12 +296,12 @@ mod tests {
     fn known_distances() {
         let s = Quadric::new(QuadricKind::Sphere, Affine3A::IDENTITY, 0);
         let d = Vec3A::new(0.0, 0.0, -1.0);
-        let at = |o: Vec3A| s.intersect(o, d, 0.0, f32::INFINITY);
+        let at = |o: Vec3A| s.intersect(o, d, f32::INFINITY);
         assert!((at(Vec3A::new(0.0, 0.0, 5.0)) - 4.0).abs() < 1e-6);
         assert!((at(Vec3A::ZERO) - 1.0).abs() < 1e-6, "from inside");
         assert_eq!(at(Vec3A::new(1.01, 0.0, 5.0)), f32::INFINITY);
         assert_eq!(at(Vec3A::new(0.0, 0.0, -5.0)), f32::INFINITY, "behind");
-        let far = s.intersect(Vec3A::new(0.0, 0.0, 1e4), d, 0.0, f32::INFINITY);
+        let far = s.intersect(Vec3A::new(0.0, 0.0, 1e4), d, f32::INFINITY);
         assert!((far - 9999.0).abs() < 1e-2);
     }
 
@@ -196,7 +315,7 @@ mod tests {
                 let o = Vec3A::new(3.0, -2.0, 1.0) + warp::sphere(stream.uniform2()) * 3.0;
                 let target = Vec3A::new(3.0, -2.0, 1.0) + warp::sphere(stream.uniform2()) * 0.6;
                 let d = (target - o).normalize();
-                let t = q.intersect(o, d, 0.0, f32::INFINITY);
+                let t = q.intersect(o, d, f32::INFINITY);
                 if t.is_finite() {
                     hits += 1;
                     let p = o + d * t;

@@ -258,7 +258,7 @@ impl Materials {
     }
 
     /// Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
@@ -272,11 +272,19 @@ impl Materials {
             | Material::Polarizer(_)
             | Material::Retarder(_)
             | Material::Crystal(_) => None,
+            other => self.eval_rest(other, at, wo, wi),
+        }
+    }
+
+    /// [`Self::eval`] of what is made of other materials, apart so that the plain ones can be inlined.
+    fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match material {
             Material::TwoSided(m) => m.eval(self, at, wo, wi),
             Material::Blend(m) => m.eval(self, at, wo, wi),
             Material::NormalMap(m) => m.eval(self, at, wo, wi),
             Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
             Material::Measured(m) => m.eval(self, at, wo, wi),
+            _ => None,
         }
     }
 
@@ -303,7 +311,7 @@ impl Materials {
     }
 
     /// Samples where the light at `wo` comes from; `None` if it is absorbed.
-    #[inline]
+    #[inline(always)]
     pub fn sample(
         &self,
         id: u32,
@@ -319,6 +327,20 @@ impl Materials {
             Material::Dielectric(m) => m.sample(at, wo, lanes, stream),
             Material::RoughDielectric(m) => m.sample(&self.textures, at, wo, lanes, stream),
             Material::Plastic(m) => m.sample(&self.textures, at, wo, stream),
+            _ => self.sample_rest(id, at, wo, lanes, stream),
+        }
+    }
+
+    /// [`Self::sample`] of the rarer materials and those made of others, apart so that the others can be inlined.
+    fn sample_rest(
+        &self,
+        id: u32,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        match &self.list[id as usize] {
             Material::TwoSided(m) => self.sample(m.side(at, wo)?, at, wo, lanes, stream),
             Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
             Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
@@ -328,6 +350,12 @@ impl Materials {
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
             Material::Measured(m) => m.sample(self, at, wo, stream),
+            Material::Diffuse(_)
+            | Material::Conductor(_)
+            | Material::RoughConductor(_)
+            | Material::Dielectric(_)
+            | Material::RoughDielectric(_)
+            | Material::Plastic(_) => None,
         }
     }
 

@@ -86,6 +86,17 @@ impl Scatter {
         m
     }
 
+    /// Frame of the light that enters; any where the interaction depolarizes.
+    #[inline]
+    #[must_use]
+    pub fn frame_in(&self) -> Vec3A {
+        match self {
+            Self::Depolarize(_) => Vec3A::X,
+            Self::Fresnel { s, .. } => *s,
+            Self::Full { frame_in, .. } => *frame_in,
+        }
+    }
+
     /// This interaction and another between the same two directions, side by side.
     #[must_use]
     pub fn plus(&self, other: &Self, wo: Vec3A, wi: Vec3A) -> Self {
@@ -369,6 +380,72 @@ impl Chain {
         }
     }
 
+    /// [`Self::finish`] after one more interaction that does not depolarize, a factor and a turn of the frame of the
+    /// light that enters, (cos 2θ, sin 2θ): row by row, without copying the chain. For `d_out` and `frame` see
+    /// [`Self::push`].
+    #[inline]
+    pub fn finish_scattered(
+        &self,
+        scatter: &Scatter,
+        d_out: Vec3A,
+        frame: Vec3A,
+        factor: Spectral,
+        (c2, s2): (f32, f32),
+        elements: &mut Vec<Spectral>,
+    ) -> Extent {
+        let frame_out = match scatter {
+            Scatter::Fresnel { s, .. } => *s,
+            Scatter::Full { frame_out, .. } => *frame_out,
+            Scatter::Depolarize(f) => return self.finish_depolarized(*f * factor, elements),
+        };
+        let (c_out, s_out) = turn(d_out, frame_out, frame);
+        let pass = |row: &[Spectral; 4]| {
+            let mut row = *row;
+            rotate_row(&mut row, Spectral::splat(c_out), Spectral::splat(s_out));
+            let mut row = match scatter {
+                Scatter::Fresnel { block, .. } => row_times_block(&row, block),
+                Scatter::Full { mueller, .. } => mueller.row_times(&row),
+                Scatter::Depolarize(_) => row,
+            };
+            for element in &mut row {
+                *element *= factor;
+            }
+            rotate_row(&mut row, Spectral::splat(c2), Spectral::splat(s2));
+            row
+        };
+        let rows = match self {
+            Self::RankOne {
+                column,
+                row,
+                column_flat,
+                ..
+            } => {
+                let row = pass(row);
+                let rows = if *column_flat { 1 } else { 4 };
+                for c in &column[..rows] {
+                    elements.extend_from_slice(&[*c * row[0], *c * row[1], *c * row[2], *c * row[3]]);
+                }
+                rows
+            }
+            Self::Full(m) => {
+                for row in &m.m {
+                    elements.extend_from_slice(&pass(row));
+                }
+                4
+            }
+            Self::Rotation { .. } => {
+                for row in &self.to_mueller().m {
+                    elements.extend_from_slice(&pass(row));
+                }
+                4
+            }
+        };
+        Extent {
+            rows: rows as u32,
+            cols: 4,
+        }
+    }
+
     /// [`Self::finish`] after one more interaction, a depolarizing one of factor `f`, without copying the chain.
     #[inline]
     pub fn finish_depolarized(&self, f: Spectral, elements: &mut Vec<Spectral>) -> Extent {
@@ -480,6 +557,23 @@ mod tests {
                 let mut elements = vec![];
                 let got = chain.finish(&mut elements);
                 check(&elements, got, &plain);
+                for step in &steps[1..] {
+                    let (mut ended, mut whole) = (chain, vec![]);
+                    let after = ended.push(step, d, frame).unwrap_or(frame);
+                    ended.scale(gray);
+                    let (c2, s2) = turn(d, at(77.0), after);
+                    ended.rotate_in(c2, s2);
+                    let got = ended.finish(&mut whole);
+                    let mut ended = Mueller {
+                        m: [[Spectral::ZERO; 4]; 4],
+                    };
+                    for (i, row) in whole.chunks_exact(got.cols as usize).enumerate() {
+                        ended.m[i][..row.len()].copy_from_slice(row);
+                    }
+                    let mut elements = vec![];
+                    let got = chain.finish_scattered(step, d, frame, gray, (c2, s2), &mut elements);
+                    check(&elements, got, &ended);
+                }
                 elements.clear();
                 let got = chain.finish_depolarized(gray, &mut elements);
                 check(&elements, got, &(plain * depolarizer().scaled(gray)));

@@ -5,17 +5,21 @@
 //! Projector and points have no extent, so light reaches them only by connection; smooth interfaces between a surface
 //! and the projector block the connection (light through them needs paths from the projector).
 
-use crate::geometry::ray::{Ray, Surface};
+use super::views::Views;
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::view::View;
 use crate::material::{Lanes, Medium, NO_CRYSTAL};
-use crate::polarization::chain::{Chain, Scatter};
+use crate::polarization::chain::{Chain, Extent, Scatter};
 use crate::polarization::frame::{perpendicular, project, turn};
 use crate::sampling::stream::Stream;
 use crate::scene::Scene;
-use crate::scene::projector::Projector;
+use crate::scene::projector::{Arrival, Projector};
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::units::picoseconds;
+use arrayvec::ArrayVec;
 use glam::{DVec2, Vec3A};
+use std::ops::Range;
 
 /// Gap left before a connection's end, relative to its length, so that rounding does not make the end block itself.
 const END_GAP: f32 = 1e-5;
@@ -59,8 +63,18 @@ impl State {
     }
 }
 
+/// A surface point on the path.
+struct Vertex {
+    hit: Hit,
+    surface: Surface,
+    /// Direction in which light leaves.
+    wo: Vec3A,
+    /// Surface interactions, this one included.
+    bounces: u32,
+}
+
 /// A connection to a point emitter or the projector.
-struct Connection {
+struct Connection<'a> {
     /// Direction to it, its position and distance.
     wi: Vec3A,
     position: Vec3A,
@@ -70,37 +84,141 @@ struct Connection {
     /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
     axis: Vec3A,
     pixel: u32,
+    /// What is seen from there, if known.
+    view: Option<&'a View>,
 }
 
-/// Traces one path through a uniformly random point of camera pixel (x, y) and appends what it brings.
-///
-/// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` of the contributions is left at 0. Returns
-/// the number of rays traced.
-pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Contributions) -> u32 {
-    let [jx, jy] = stream.uniform2();
-    let pixel = DVec2::new(f64::from(x) + f64::from(jx), f64::from(y) + f64::from(jy));
-    let dir = scene.camera.direction(pixel);
-    let origin = scene.camera.origin;
-    let mut state = State {
-        ray: Ray { origin, dir },
-        from: origin,
-        chain: Chain::start(scene.wavelengths.ones()),
-        frame: scene.camera.frame(dir),
-        optical_m: 0.0,
-        medium: Medium::VACUUM,
-        pixel: y * scene.camera.resolution[0] + x,
-        lanes: Lanes::first(scene.wavelengths.count()),
-    };
-    let last = scene.settings.max_depth - 1;
-    let mut rays = 0;
-    for bounces in 0..=last {
-        rays += 1;
-        let Some(hit) = scene.geometry.intersect(&state.ray, f32::INFINITY) else {
-            environment(scene, &state, bounces, out);
-            break;
+/// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
+/// another, so the processor works on several at a time. A multiple keeps all of them near it.
+pub const BATCH: usize = 16;
+
+/// One path and what it needs to go on.
+struct Path {
+    state: State,
+    stream: Stream,
+    hit: Option<Hit>,
+}
+
+/// Some paths of one camera pixel, traced in step.
+#[derive(Default)]
+pub struct Paths {
+    paths: Vec<Path>,
+    /// What each brings, in order.
+    pub contributions: Vec<Contributions>,
+}
+
+impl Paths {
+    /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
+    /// random point of the pixel, and leaves what they bring in `contributions`.
+    ///
+    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the number of rays
+    /// traced.
+    #[inline]
+    pub fn trace(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        if scene.geometry.avx2() {
+            // SAFETY: the processor was asked when the geometry was built.
+            return unsafe { self.trace_avx2(scene, views, [x, y], samples) };
+        }
+        self.trace_any(scene, views, [x, y], samples)
+    }
+
+    /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn trace_avx2(&mut self, scene: &Scene, views: &Views, pixel: [u32; 2], samples: Range<u32>) -> u32 {
+        self.trace_any(scene, views, pixel, samples)
+    }
+
+    #[inline(always)]
+    fn trace_any(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        let count = samples.len();
+        self.contributions.resize_with(count, Contributions::default);
+        self.paths.clear();
+        for sample in samples {
+            self.paths.push(Path::start(scene, [x, y], sample));
+        }
+        let mut alive: ArrayVec<u8, BATCH> = (0..count.min(BATCH) as u8).collect();
+        for out in &mut self.contributions {
+            out.clear();
+        }
+        let last = scene.settings.max_depth - 1;
+        let mut rays = 0;
+        for bounces in 0..=last {
+            for i in &alive {
+                let path = &mut self.paths[*i as usize];
+                let known = match &views.camera {
+                    Some(view) if bounces == 0 => view.first_hit(&scene.geometry, &path.state.ray),
+                    _ => None,
+                };
+                path.hit = match known {
+                    Some(hit) => Some(hit),
+                    None => scene.geometry.intersect(&path.state.ray, f32::INFINITY),
+                };
+            }
+            rays += alive.len() as u32;
+            // Not `retain`: its closure would not be compiled for the processor at hand.
+            let mut kept = 0;
+            for n in 0..alive.len() {
+                let i = alive[n];
+                let (path, out) = (&mut self.paths[i as usize], &mut self.contributions[i as usize]);
+                if path.interact(scene, views, bounces, last, &mut rays, out) {
+                    alive[kept] = i;
+                    kept += 1;
+                }
+            }
+            alive.truncate(kept);
+            if alive.is_empty() {
+                break;
+            }
+        }
+        rays
+    }
+}
+
+impl Path {
+    #[inline(always)]
+    fn start(scene: &Scene, [x, y]: [u32; 2], sample: u32) -> Self {
+        let pixel = y * scene.camera.resolution[0] + x;
+        let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+        let [jx, jy] = stream.uniform2();
+        let at = DVec2::new(f64::from(x) + f64::from(jx), f64::from(y) + f64::from(jy));
+        let dir = scene.camera.direction(at);
+        let origin = scene.camera.origin;
+        Self {
+            state: State {
+                ray: Ray { origin, dir },
+                from: origin,
+                chain: Chain::start(scene.wavelengths.ones()),
+                frame: scene.camera.frame(dir),
+                optical_m: 0.0,
+                medium: Medium::VACUUM,
+                pixel,
+                lanes: Lanes::first(scene.wavelengths.count()),
+            },
+            stream,
+            hit: None,
+        }
+    }
+
+    /// What happens where the current ray ends, after `bounces` surface interactions; true if the path goes on.
+    #[inline(always)]
+    fn interact(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        bounces: u32,
+        last: u32,
+        rays: &mut u32,
+        out: &mut Contributions,
+    ) -> bool {
+        let (state, stream) = (&mut self.state, &mut self.stream);
+        let Some(hit) = self.hit else {
+            environment(scene, state, bounces, out);
+            return false;
         };
         if bounces == last {
-            break;
+            return false;
         }
         let surface = scene.geometry.surface(&state.ray, &hit);
         state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
@@ -108,14 +226,22 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Contr
         let (materials, id) = (&scene.materials, surface.material);
         state.cross(scene, &surface);
         if materials.is_smooth(id) {
-            rays += connect_all(scene, &state, &surface, wo, bounces + 1, out);
+            let at = Vertex {
+                hit,
+                surface,
+                wo,
+                bounces: bounces + 1,
+            };
+            *rays += connect_all(scene, views, state, &at, out);
         }
         // The last interaction goes on only to see an environment.
         if bounces + 1 == last && scene.environment.is_none() {
-            break;
+            return false;
         }
-        let Some(sampled) = materials.sample(id, &surface, wo, &mut state.lanes, stream) else {
-            break;
+        // Borrowed, not moved: it is large.
+        let sampled = materials.sample(id, &surface, wo, &mut state.lanes, stream);
+        let Some(sampled) = &sampled else {
+            return false;
         };
         let frame = state.chain.push(&sampled.scatter, wo, state.frame);
         state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
@@ -123,19 +249,19 @@ pub fn trace(scene: &Scene, x: u32, y: u32, stream: &mut Stream, out: &mut Contr
         if bounces + 1 >= scene.settings.rr_depth {
             let keep = state.chain.max_m00().clamp(0.0, 0.95);
             if stream.uniform() >= keep {
-                break;
+                return false;
             }
             state.chain.scale(Spectral::splat(1.0 / keep));
         } else if state.chain.max_m00() == 0.0 {
-            break;
+            return false;
         }
         state.from = surface.p;
         state.ray = Ray {
             origin: scene.geometry.leave(&surface, sampled.wi),
             dir: sampled.wi,
         };
+        true
     }
-    rays
 }
 
 /// Light of the environment seen along the current ray.
@@ -161,25 +287,12 @@ fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributio
 }
 
 /// Connects a surface point to the projector and to every point emitter; returns the rays traced.
-#[inline]
-fn connect_all(
-    scene: &Scene,
-    state: &State,
-    surface: &Surface,
-    wo: Vec3A,
-    bounces: u32,
-    out: &mut Contributions,
-) -> u32 {
+#[inline(always)]
+fn connect_all(scene: &Scene, views: &Views, state: &State, at: &Vertex, out: &mut Contributions) -> u32 {
     let mut rays = 0;
-    let arrival = |projector: &Projector| {
-        if projector.coaxial && bounces == 1 {
-            Some(projector.arrival_in_line(surface.p, state.pixel))
-        } else {
-            projector.arrival(surface.p)
-        }
-    };
+    let p = at.surface.p;
     if let Some(projector) = &scene.projector
-        && let Some(a) = arrival(projector)
+        && let Some(a) = arrival(projector, state, at)
     {
         let connection = Connection {
             wi: a.wi,
@@ -188,11 +301,12 @@ fn connect_all(
             irradiance: projector.irradiance * Spectral::splat(a.factor),
             axis: projector.pinhole.axes.x_axis,
             pixel: a.pixel,
+            view: views.projector.as_ref(),
         };
-        rays += connect(scene, state, surface, wo, bounces, &connection, out);
+        rays += connect(scene, state, at, &connection, out);
     }
     for point in &scene.points {
-        let to = point.position - surface.p;
+        let to = point.position - p;
         let distance = to.length();
         if distance > 0.0 {
             let wi = to * distance.recip();
@@ -203,58 +317,76 @@ fn connect_all(
                 irradiance: point.intensity * Spectral::splat(1.0 / (distance * distance)),
                 axis: point.axis,
                 pixel: NO_PIXEL,
+                view: None,
             };
-            rays += connect(scene, state, surface, wo, bounces, &connection, out);
+            rays += connect(scene, state, at, &connection, out);
         }
     }
     rays
 }
 
-/// One connection: BRDF first, visibility only if it matters.
-#[inline]
-fn connect(
-    scene: &Scene,
-    state: &State,
-    surface: &Surface,
-    wo: Vec3A,
-    bounces: u32,
-    to: &Connection,
-    out: &mut Contributions,
-) -> u32 {
+/// What a surface point gets from the projector, if nothing is in between.
+#[inline(always)]
+fn arrival(projector: &Projector, state: &State, at: &Vertex) -> Option<Arrival> {
+    if projector.coaxial && at.bounces == 1 {
+        Some(projector.arrival_in_line(at.surface.p, state.pixel))
+    } else {
+        projector.arrival(at.surface.p)
+    }
+}
+
+/// One connection: what is known for nothing first, then the BRDF, a ray only if both leave it open.
+#[inline(always)]
+fn connect(scene: &Scene, state: &State, at: &Vertex, to: &Connection, out: &mut Contributions) -> u32 {
+    let known = match to.view {
+        Some(view) => view.sees(&at.hit, &at.surface),
+        None => None,
+    };
+    if known == Some(false) {
+        return 0;
+    }
+    let (surface, wo) = (&at.surface, at.wo);
     let id = surface.material;
-    let Some(scatter) = scene.materials.eval(id, surface, wo, to.wi) else {
+    // Borrowed, not moved: it is large.
+    let scatter = scene.materials.eval(id, surface, wo, to.wi);
+    let Some(scatter) = &scatter else {
         return 0;
     };
-    let origin = scene.geometry.leave(surface, to.wi);
-    let v = to.position - origin;
-    let length = v.length();
-    let ray = Ray {
-        origin,
-        dir: v * length.recip(),
-    };
-    if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
-        return 1;
+    let mut rays = 0;
+    if known.is_none() {
+        let origin = scene.geometry.leave(surface, to.wi);
+        let v = to.position - origin;
+        let length = v.length();
+        let ray = Ray {
+            origin,
+            dir: v * length.recip(),
+        };
+        rays = 1;
+        if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
+            return rays;
+        }
     }
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let medium = beyond.flatten().unwrap_or(state.medium);
     let first = out.elements.len() as u32;
-    let extent = if let Scatter::Depolarize(f) = &scatter {
+    let extent = if let Scatter::Depolarize(f) = scatter {
         state
             .chain
             .finish_depolarized(*f * to.irradiance, &mut out.elements)
+    } else if medium.crystal != NO_CRYSTAL {
+        through_crystal(scene, state, scatter, medium, wo, to, out)
     } else {
-        let mut chain = state.chain;
-        let frame = chain.push(&scatter, wo, state.frame);
-        chain.scale(to.irradiance);
-        if let Some(mut frame) = frame {
-            if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
-                frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
-            }
-            let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
-            chain.rotate_in(c2, s2);
-        }
-        chain.finish(&mut out.elements)
+        let frame_in = scatter.frame_in();
+        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
+        state.chain.finish_scattered(
+            scatter,
+            wo,
+            state.frame,
+            to.irradiance,
+            (c2, s2),
+            &mut out.elements,
+        )
     };
     out.list.push(Contribution {
         first,
@@ -262,7 +394,31 @@ fn connect(
         time_ps: picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance)),
         pixel: to.pixel,
         epipolar_px: 0.0,
-        bounces,
+        bounces: at.bounces,
     });
-    1
+    rays
+}
+
+/// Ends a path whose last ray runs through a crystal, which turns polarization on the way.
+#[cold]
+fn through_crystal(
+    scene: &Scene,
+    state: &State,
+    scatter: &Scatter,
+    medium: Medium,
+    wo: Vec3A,
+    to: &Connection,
+    out: &mut Contributions,
+) -> Extent {
+    let mut chain = state.chain;
+    let frame = chain.push(scatter, wo, state.frame);
+    chain.scale(to.irradiance);
+    if let Some(mut frame) = frame {
+        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
+            frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
+        }
+        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
+        chain.rotate_in(c2, s2);
+    }
+    chain.finish(&mut out.elements)
 }

@@ -2,18 +2,19 @@
 //!
 //! A tile's values depend on scene, seed and sample count alone, so neither threads nor interruptions change a byte.
 
-use super::path::trace;
+use super::path::{BATCH, Paths};
 use super::progress::{Journal, TileRecord};
-use crate::sampling::stream::Stream;
+use super::views::Views;
 use crate::scene::Scene;
 use crate::scene::epipolar::Epipolar;
-use crate::tensor::accumulate::{Contributions, NO_PIXEL, SlicePlan, TileAccumulator};
+use crate::tensor::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator};
 use crate::tensor::slice::Slice;
 use crate::tensor::store::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Where to and how to write.
@@ -145,6 +146,7 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         Some(p) if plans.iter().any(SlicePlan::needs_epipolar) => Epipolar::new(&scene.camera, &p.pinhole),
         _ => None,
     };
+    let views = Views::new(scene);
     let tiles = tile_count(scene);
     let mut done = vec![false; tiles as usize];
     // What earlier runs finished, and what this one does.
@@ -170,30 +172,35 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         todo.len(),
         plans.len()
     );
+    // One a thread, made once: they are large.
+    let idle = Mutex::new(Vec::<(TileAccumulator, Paths)>::new());
+    let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
     todo.par_iter()
         .with_max_len(1)
-        .map_init(
-            || (TileAccumulator::new(&plans), Contributions::default()),
-            |(accumulator, contributions), &tile| {
-                if watch.interrupted() {
-                    return Ok(());
-                }
-                let record = render_tile(
-                    scene,
-                    epipolar.as_ref(),
-                    tile,
-                    accumulator,
-                    contributions,
-                    &store,
-                    &stored,
-                )?;
-                journal.push(&record).map_err(journal_error)?;
-                tracing::debug!("tile {tile}: {} rays in {:.2} s", record.rays, record.seconds);
-                totals.add(&record);
-                watch.tile_done(&summary());
-                Ok(())
-            },
-        )
+        .map(|&tile| {
+            if watch.interrupted() {
+                return Ok(());
+            }
+            let spare = idle().pop();
+            let (mut accumulator, mut paths) =
+                spare.unwrap_or_else(|| (TileAccumulator::new(&plans), Paths::default()));
+            let record = render_tile(
+                scene,
+                &views,
+                epipolar.as_ref(),
+                tile,
+                &mut accumulator,
+                &mut paths,
+                &store,
+                &stored,
+            )?;
+            idle().push((accumulator, paths));
+            journal.push(&record).map_err(journal_error)?;
+            tracing::debug!("tile {tile}: {} rays in {:.2} s", record.rays, record.seconds);
+            totals.add(&record);
+            watch.tile_done(&summary());
+            Ok(())
+        })
         .collect::<Result<(), RenderError>>()?;
     let result = summary();
     let complete = result.complete;
@@ -349,18 +356,19 @@ fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<Strin
 }
 
 /// Renders one tile and writes it.
+#[allow(clippy::too_many_arguments)]
 fn render_tile(
     scene: &Scene,
+    views: &Views,
     epipolar: Option<&Epipolar>,
     tile: u32,
     accumulator: &mut TileAccumulator,
-    contributions: &mut Contributions,
+    paths: &mut Paths,
     store: &TensorStore,
     stored: &[StoredSlice],
 ) -> Result<TileRecord, RenderError> {
     let begun = Instant::now();
     let ([x0, y0], [x1, y1]) = tile_pixels(scene, tile);
-    let width = scene.camera.resolution[0];
     let mut record = TileRecord {
         tile,
         samples: 0,
@@ -377,21 +385,22 @@ fn render_tile(
         }
         let line = epipolar.map(|e| (e, e.line(&scene.camera, x, y)));
         let mut counted = 0;
-        for sample in 0..scene.settings.spp {
-            let mut stream = Stream::new(scene.settings.seed, y * width + x, sample);
-            contributions.clear();
-            record.rays += u64::from(trace(scene, x, y, &mut stream, contributions));
-            if !finite(&contributions.elements) {
-                record.discarded += 1;
-                continue;
-            }
-            if let Some((e, line)) = line {
-                for c in contributions.list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
-                    c.epipolar_px = e.distance_px(line, c.pixel);
+        for first in (0..scene.settings.spp).step_by(BATCH) {
+            let samples = first..(first + BATCH as u32).min(scene.settings.spp);
+            record.rays += u64::from(paths.trace(scene, views, [x, y], samples.clone()));
+            for (sample, contributions) in samples.zip(&mut paths.contributions) {
+                if !finite(&contributions.elements) {
+                    record.discarded += 1;
+                    continue;
                 }
+                if let Some((e, line)) = line {
+                    for c in contributions.list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
+                        c.epipolar_px = e.distance_px(line, c.pixel);
+                    }
+                }
+                accumulator.add_sample(x, y, sample, contributions);
+                counted += 1;
             }
-            accumulator.add_sample(x, y, sample, contributions);
-            counted += 1;
         }
         record.samples += u64::from(scene.settings.spp);
         accumulator.end_pixel(x, y, counted);

@@ -156,6 +156,25 @@ impl Pinhole {
         self.distortion.undistort((pixel - self.principal) / self.focal)
     }
 
+    /// Least and greatest normalized coordinates over the image's border, from 65 points a side.
+    #[must_use]
+    pub fn field(&self) -> [DVec2; 2] {
+        let [w, h] = self.resolution.map(f64::from);
+        let sides = (0..=64).flat_map(|i| {
+            let t = f64::from(i) / 64.0;
+            [
+                DVec2::new(t * w, 0.0),
+                DVec2::new(t * w, h),
+                DVec2::new(0.0, t * h),
+                DVec2::new(w, t * h),
+            ]
+        });
+        let points = sides.filter_map(|p| self.normalized(p));
+        points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| {
+            [lo.min(n), hi.max(n)]
+        })
+    }
+
     /// Unit world direction through a continuous pixel position.
     #[inline]
     #[must_use]
@@ -169,7 +188,7 @@ impl Pinhole {
 
     /// Continuous pixel position and depth along the axis of a world point; `None` if it is behind the device or
     /// outside the image.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, f32)> {
         let local = self.axes.transpose() * (p - self.origin);

@@ -34,7 +34,7 @@ pub struct Arrival {
 
 impl Projector {
     /// What arrives at `p`; `None` if no projector pixel sees it.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn arrival(&self, p: Vec3A) -> Option<Arrival> {
         let (pixel, z) = self.pinhole.project(p)?;
@@ -46,13 +46,13 @@ impl Projector {
 
     /// What arrives at `p`, which the coaxial camera sees in its pixel `pixel`: s' = s, whereas projecting `p` would
     /// let rounding put a point near a pixel's border into the next pixel, or outside the image.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn arrival_in_line(&self, p: Vec3A, pixel: u32) -> Arrival {
         self.lit_from(p, pixel, (p - self.pinhole.origin).dot(self.pinhole.forward()))
     }
 
-    #[inline]
+    #[inline(always)]
     fn lit_from(&self, p: Vec3A, pixel: u32, z: f32) -> Arrival {
         let to = self.pinhole.origin - p;
         let distance = to.length();

@@ -204,15 +204,14 @@ impl<'a> TileAccumulator<'a> {
         Self {
             plans,
             sums: plans.iter().map(PixelSums::new).collect(),
-            tiles: Vec::new(),
+            tiles: plans.iter().map(TileValues::new).collect(),
             scratch: Scratch::default(),
         }
     }
 
     /// Starts the tile of camera pixels x0..x1, y0..y1.
     pub fn begin_tile(&mut self, [x0, y0]: [u32; 2], [x1, y1]: [u32; 2]) {
-        self.tiles.clear();
-        for plan in self.plans {
+        for (plan, tile) in self.plans.iter().zip(&mut self.tiles) {
             let range = |table: &[u32], a: u32, b: u32| {
                 let kept = || table[a as usize..b as usize].iter().filter(|i| **i != DROPPED);
                 match (kept().min(), kept().max()) {
@@ -222,7 +221,7 @@ impl<'a> TileAccumulator<'a> {
             };
             let (y, ny) = range(&plan.camera[0], y0, y1);
             let (x, nx) = range(&plan.camera[1], x0, x1);
-            self.tiles.push(TileValues::new(plan, [y, x], [ny, nx]));
+            tile.begin([y, x], [ny, nx]);
         }
     }
 

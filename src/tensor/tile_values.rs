@@ -72,14 +72,25 @@ pub(super) struct TileValues {
 }
 
 impl TileValues {
-    /// Of the camera elements `start` to `start + shape` along `y`, `x`; empty.
-    pub(super) fn new(plan: &SlicePlan, start: [u64; 2], shape: [u64; 2]) -> Self {
+    /// Empty, for a slice.
+    pub(super) fn new(plan: &SlicePlan) -> Self {
         Self {
-            start,
-            shape,
+            start: [0; 2],
+            shape: [0; 2],
             entries: Vec::new(),
             values: Vec::new(),
             shared: (plan.pixels_per_element() > 1).then(KeyMap::default),
+        }
+    }
+
+    /// Forgets everything, keeps the memory, and begins with the camera elements `start` to `start + shape` along
+    /// `y`, `x`.
+    pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
+        (self.start, self.shape) = (start, shape);
+        self.entries.clear();
+        self.values.clear();
+        if let Some(map) = &mut self.shared {
+            map.clear();
         }
     }
 
@@ -226,29 +237,42 @@ impl TileValues {
                 part.resize(length, 0.0);
             }
         }
-        let width = matrix.count() * plan.wavelengths;
+        // The number of wavelengths as a constant, because copies of unknown length become calls.
+        let scatter = match plan.wavelengths {
+            1 => Self::scatter::<1>,
+            2 => Self::scatter::<2>,
+            3 => Self::scatter::<3>,
+            _ => Self::scatter::<4>,
+        };
+        scatter(self, group, matrix, scratch, true);
+        let written = [(fields[0], &scratch.means), (fields[1], &scratch.errors)]
+            .into_iter()
+            .try_for_each(|(field, data)| slice.write(field, &start, &shape, &data[..length]));
+        scatter(self, group, matrix, scratch, false);
+        written
+    }
+
+    /// Puts the values of some entries in their places, or zeros there.
+    fn scatter<const L: usize>(&self, group: &[Placed], matrix: &Block, scratch: &mut Scratch, fill: bool) {
         for p in group {
             let entry = &self.entries[p.entry as usize];
             for i in matrix.rows(entry.extent) {
                 for j in matrix.columns(entry.extent) {
-                    let [mean, variance] = self.values[(entry.first + i * entry.extent.cols + j) as usize];
-                    let at = p.at * width + matrix.position(i, j) * plan.wavelengths;
-                    let (mean, error) = (mean.to_array(), variance.sqrt().to_array());
-                    for k in 0..plan.wavelengths {
-                        scratch.means[at + k] = mean[k];
-                        scratch.errors[at + k] = error[k];
+                    let at = (p.at * matrix.count() + matrix.position(i, j)) * L;
+                    let means = &mut scratch.means[at..at + L];
+                    let errors = &mut scratch.errors[at..at + L];
+                    if fill {
+                        let first = entry.first + i * entry.extent.cols + j;
+                        let [mean, variance] = self.values[first as usize];
+                        means.copy_from_slice(&mean.to_array()[..L]);
+                        errors.copy_from_slice(&variance.sqrt().to_array()[..L]);
+                    } else {
+                        means.copy_from_slice(&[0.0; L]);
+                        errors.copy_from_slice(&[0.0; L]);
                     }
                 }
             }
         }
-        let written = [(fields[0], &scratch.means), (fields[1], &scratch.errors)]
-            .into_iter()
-            .try_for_each(|(field, data)| slice.write(field, &start, &shape, &data[..length]));
-        for p in group {
-            scratch.means[p.at * width..(p.at + 1) * width].fill(0.0);
-            scratch.errors[p.at * width..(p.at + 1) * width].fill(0.0);
-        }
-        written
     }
 }
 

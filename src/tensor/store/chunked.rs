@@ -10,9 +10,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Map, Value};
+
 use zarrs::array::codec::{BytesCodec, ZstdCodec};
 use zarrs::array::{
-    Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, CodecOptions, ElementOwned, data_type,
+    Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, ChunkKeySeparator, CodecOptions,
+    ElementOwned, data_type,
 };
 use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 
@@ -103,6 +105,8 @@ impl<T: Number> ChunkedArray<T> {
         let array = ArrayBuilder::new(description.shape, description.chunk.clone(), T::data_type(), fill)
             .array_to_bytes_codec(Arc::new(BytesCodec::little()))
             .bytes_to_bytes_codecs(vec![Arc::new(ZstdCodec::new(LEVEL, true))])
+            // All chunks in one directory: one each per chunk would take longer to make than the chunks.
+            .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
             .dimension_names(Some(description.names))
             .attributes(description.attributes)
             .build(storage.clone(), node)

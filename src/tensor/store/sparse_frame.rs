@@ -17,10 +17,12 @@ pub(super) enum Content {
     Dense,
 }
 
-/// Zeros are looked for in pieces of this many bytes; a shorter run is no gain.
-const PIECE: usize = 64;
+/// Zeros are looked for in pieces of this many bytes; a shorter run is hardly a gain.
+const PIECE: usize = 16;
+/// So many pieces are looked at together first.
+const STRETCH: usize = 16 * PIECE;
 /// Bytes that are not zeros may be one in this many: a general encoder makes less of more.
-const RARITY: usize = 32;
+const RARITY: usize = 16;
 /// Largest block (Block_Maximum_Size).
 const MAX_BLOCK: usize = 1 << 17;
 
@@ -35,15 +37,20 @@ pub(super) fn encode(bytes: &[u8]) -> Content {
     // Alternating runs: zeros up to the first, others up to the second, and so on.
     let mut ends = Vec::new();
     let (mut in_zeros, mut others) = (true, 0);
-    for (n, piece) in bytes.chunks(PIECE).enumerate() {
-        let zero = piece.iter().fold(0, |all, b| all | b) == 0;
-        others += if zero { 0 } else { piece.len() };
+    for (n, stretch) in bytes.chunks(STRETCH).enumerate() {
+        if in_zeros && is_zero(stretch) {
+            continue;
+        }
+        for (m, piece) in stretch.chunks(PIECE).enumerate() {
+            let zero = is_zero(piece);
+            others += if zero { 0 } else { piece.len() };
+            if zero != in_zeros {
+                ends.push(n * STRETCH + m * PIECE);
+                in_zeros = zero;
+            }
+        }
         if others * RARITY > bytes.len() {
             return Content::Dense;
-        }
-        if zero != in_zeros {
-            ends.push(n * PIECE);
-            in_zeros = zero;
         }
     }
     if others == 0 {
@@ -67,6 +74,10 @@ pub(super) fn encode(bytes: &[u8]) -> Content {
     }
     frame.extend(&(xxh64(bytes, 0) as u32).to_le_bytes());
     Content::Sparse(frame)
+}
+
+fn is_zero(bytes: &[u8]) -> bool {
+    bytes.iter().fold(0, |all, b| all | b) == 0
 }
 
 #[cfg(test)]

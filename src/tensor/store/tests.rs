@@ -156,7 +156,7 @@ fn zero_chunks_are_not_stored() {
     let slice = store.slice("steady").unwrap();
     let size = [4, 4, 2, 4, 4, 3];
     let n = region::volume(&size).unwrap();
-    let chunk = path.join("steady/mean/c/0/0/0/0/0/0");
+    let chunk = path.join("steady/mean/c.0.0.0.0.0.0");
     slice.write(Field::Mean, &[0; 6], &size, &vec![0.0; n]).unwrap();
     assert!(!chunk.exists());
     slice.write(Field::Mean, &[0; 6], &size, &vec![1.0; n]).unwrap();
@@ -213,7 +213,7 @@ fn leftovers_are_ignored_and_removed() {
     let store = create(&path);
     write_pixels(&store, 2, 1);
     let before = files(&path);
-    let leftover = path.join("timed/mean/c/0/0/0/0/0/0/0/0/.0.123-4.tmp");
+    let leftover = path.join("timed/mean/.c.0.0.0.0.0.0.0.0.123-4.tmp");
     std::fs::write(&leftover, b"half a chu").unwrap();
     let read = TensorStore::open(&path)
         .unwrap()
@@ -404,7 +404,7 @@ proptest! {
         let store = TensorStore::create(&path, &[], &Map::new(), Some(samples), false).unwrap();
         let counts: Vec<u32> = (0..77).map(|i| i * i).collect();
         store.write_samples([0, 0], [7, 11], &counts).unwrap();
-        let chunk = path.join("samples/c/0/0");
+        let chunk = path.join("samples/c.0.0");
         let good = std::fs::read(&chunk).unwrap();
         let mut bytes = good[..cut.min(good.len())].to_vec();
         if let Some(b) = bytes.get_mut(at) {

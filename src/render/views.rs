@@ -1,0 +1,33 @@
+//! What the camera's and the projector's pinholes see of a scene, worked out once a render.
+
+use crate::geometry::view::View;
+use crate::scene::Scene;
+use crate::scene::pinhole::Pinhole;
+
+/// Views of the devices; `None` where there is no device, or none to be had.
+#[derive(Default)]
+pub struct Views {
+    pub camera: Option<View>,
+    pub projector: Option<View>,
+}
+
+impl Views {
+    /// The views of a scene.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let view = |device: &Pinhole| {
+            let field = device.field().map(|v| v.as_vec2());
+            View::new(
+                &scene.geometry,
+                device.origin,
+                device.axes,
+                field,
+                device.resolution,
+            )
+        };
+        Self {
+            camera: view(&scene.camera),
+            projector: scene.projector.as_ref().and_then(|p| view(&p.pinhole)),
+        }
+    }
+}
