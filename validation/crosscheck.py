@@ -15,6 +15,7 @@ Significance, and what the columns mean: see comparison.py. Pictures go to targe
 """
 
 import argparse
+import itertools
 import json
 import os
 import platform
@@ -46,11 +47,12 @@ def run_all(seed, llvm, full):
     import handwritten
     import polarized
 
-    names = []
-    for pair in (*handwritten.run(seed, llvm, CACHE), *exported.run(seed, llvm, CACHE, full),
-                 *polarized.run(seed, llvm, CACHE, full)):
+    names, begun = [], time.monotonic()
+    sources = handwritten.run(seed, llvm, CACHE), exported.run(seed, llvm, CACHE, full), polarized.run(seed, llvm, CACHE, full)
+    for pair in itertools.chain(*sources):
         pair.save(CACHE)
         names.append(pair.name)
+        print(f"rendered {pair.name}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
     (CACHE / "pairs.txt").write_text("\n".join(names))
 
 

@@ -30,7 +30,7 @@ def translate(xml, time):
     film = (f'<film type="transient_hdr_film"><integer name="temporal_bins" value="{bins}"/>'
             f'<float name="start_opl" value="{start * LIGHT_M_PER_PS!r}"/>'
             f'<float name="bin_width_opl" value="{width * LIGHT_M_PER_PS!r}"/>')
-    xml = xml.replace('<film type="hdrfilm">', film)
+    xml = xml.replace('<film type="hdrfilm">', film).replace('<string name="component_format" value="float32"/>', "")
     return xml.replace('name="near_clip" value="0.001"', 'name="near_clip" value="0.00001"')
 
 
