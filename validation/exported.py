@@ -21,25 +21,27 @@ HERE = environment.HERE / "scenes_crosscheck"
 RESOLUTION = 32
 BATCHES = 32
 BLOCK = 2
-# Picoseconds: start, width, number of bins of the Cornell box's light.
-TIME = (20000, 500, 32)
 
 
 @dataclass
 class Exported:
-    """A scene: its name, its file, whether our integrator renders all 16 elements too, bins of time if any."""
+    """A scene: its name, its file, whether our integrator renders all 16 elements too, bins of time if any (start and width
+    in picoseconds, number), Mitsuba's samples as a fraction of the usual.
+    """
 
     name: str
     file: Path
     all_elements: bool = False
     time: tuple | None = None
+    share: float = 1
 
 
 SCENES = [
-    Exported("mirror room", environment.ROOT / "scenes/mirror_room/scene.toml", all_elements=True),
-    Exported("Cornell box", environment.HERE / "speed/cornell.toml", all_elements=True, time=TIME),
+    Exported("mirror room", environment.ROOT / "scenes/mirror_room/scene.toml", True, (12000, 500, 32)),
+    Exported("Cornell box", environment.HERE / "speed/cornell.toml", True, (20000, 500, 32)),
     Exported("glass ball", HERE / "glass.toml"),
-    Exported("measured balls", HERE / "measured.toml"),
+    # Mitsuba interpolates tables slowly.
+    Exported("measured balls", HERE / "measured.toml", share=0.25),
     Exported("glTF knot", HERE / "knot.toml", all_elements=True),
 ]
 
@@ -83,42 +85,41 @@ def wavelengths(toml):
 def run(seed, llvm, folder, full):
     """Yields the pairs. `full`: all wavelengths in scalar variants too, and four times the samples."""
     more = 4 if full else 1
-    spp, our_spp = (128, 2048) if llvm else (8, 1024)
     for scene in SCENES:
+        spp = round((128 if llvm else 8) * more * scene.share)
         toml = prepare(scene, folder)
         slices = ["mueller"] + ["transient"] * bool(scene.time)
-        results = programs.render(toml, our_spp * more, seed, slices)
+        steady, *timed = programs.render(toml, (2048 if llvm else 1024) * more, seed, slices)
         nm = wavelengths(toml)
         for i in range(len(nm)) if llvm or full else [1]:
             loaded = export(toml, nm[i])
-            theirs = programs.stokes(loaded, spp * more, seed, BATCHES)
-            mean, error = results[0]
-            yield Pair(scene.name, f"{nm[i]:g} nm", [f"s{j}" for j in range(4)], mean[i, ..., 0], error[i, ..., 0], theirs,
-                       frames.angles(loaded.sensors()[0]), BLOCK, wrong={"wavelength": mean[i - 1, ..., 0]})
+            theirs = programs.stokes(loaded, spp, seed, BATCHES)
+            mean, error = (image[i, ..., 0] for image in steady)
+            yield Pair(scene.name, f"{nm[i]:g} nm", [f"s{j}" for j in range(4)], mean, error, theirs,
+                       frames.angles(loaded.sensors()[0]), BLOCK, wrong={"wavelength": steady[0][i - 1, ..., 0]})
         if llvm:
             middle = len(nm) // 2
-            yield from columns(scene, toml, nm[middle], [r[middle] for r in results[0]], spp * more, seed)
+            if scene.all_elements:
+                yield columns(scene, toml, nm[middle], [image[middle] for image in steady], spp, seed)
             if scene.time:
                 import transient
 
-                yield transient.run(scene, toml, nm[middle], [r[middle] for r in results[1]], spp * more, seed)
+                yield transient.run(scene, toml, nm[middle], [image[middle] for image in timed[0]], spp, seed)
 
 
 def columns(scene, toml, wavelength, ours, spp, seed):
-    """All 16 elements by mueller_integrator.py, if the scene is for that."""
+    """All 16 elements, by mueller_integrator.py."""
     import mueller_integrator
 
-    if not scene.all_elements:
-        return
     loaded = export(toml, wavelength)
-    light = source(tomllib.loads(toml.read_text()), wavelength)
-    depth = tomllib.loads(toml.read_text())["render"]["max_depth"]
+    description = tomllib.loads(toml.read_text())
+    light, depth = source(description, wavelength), description["render"]["max_depth"]
     images = [
         mueller_integrator.render(loaded, light, depth, spp, seed * BATCHES + i)[:, :, 0] for i in range(BATCHES)
     ]
     flat = lambda a: np.asarray(a).reshape(*np.shape(a)[:-2], 16)
     elements = [f"T{i}{j}" for i in range(4) for j in range(4)]
-    yield Pair(scene.name, f"{wavelength:g} nm, all", elements, *map(flat, ours), flat(images), block=2 * BLOCK)
+    return Pair(scene.name, f"{wavelength:g} nm, all", elements, *map(flat, ours), flat(images), block=2 * BLOCK)
 
 
 def source(scene, wavelength):

@@ -1,7 +1,8 @@
 """Pictures of a comparison: ours, theirs, the difference in units of its error, the p-value of each pixel.
 
 One sheet for each pair; every Stokes or Mueller element is a row. s0 and T00 are grey, all else runs from blue (negative)
-over white to red. Light over time is shown as an x-t slice through the middle row, time upward.
+over white to red. Light over time is shown as an x-t slice through the middle row, time upward. Differences and p-values are
+those of the squares of pixels that are compared.
 """
 
 import math
@@ -48,14 +49,15 @@ def sheet(pair):
     z = comparison.z_scores(ours, ours_error, theirs, theirs_error, len(pair.theirs), scale, pair.our_batches)[0]
     p = np.vectorize(comparison.two_sided)(z)
     cut = (lambda a: a[a.shape[0] // 2].swapaxes(0, 1)[::-1]) if pair.timed else (lambda a: a)
+    full = cut(pair.ours), cut(pair.turned().mean(0))
     rows = []
     for i, element in enumerate(pair.elements):
-        a, b = cut(ours)[..., i], cut(theirs)[..., i]
-        # By the noise-free part of their image: single bright pixels would darken all others.
-        top = max(np.quantile(np.abs(b), 0.99), 1e-6 * scale)
+        a, b = (image[..., i] for image in full)
+        # Single bright pixels would darken all others.
+        top = max(np.quantile(np.abs(b), 0.98), 1e-6 * scale)
         show = grey if i == 0 else diverging
         rows.append((element, [show(a / top), show(b / top), diverging(cut(z)[..., i] / MAX_Z), p_colour(cut(p)[..., i])]))
-    return compose(f"{pair.scene} {pair.what}", rows)
+    return compose(pair.title, rows)
 
 
 def compose(title, rows):

@@ -33,8 +33,12 @@ class Pair:
     wrong: dict = field(default_factory=dict)
 
     @property
+    def title(self):
+        return f"{self.scene} {self.what}".strip()
+
+    @property
     def name(self):
-        return f"{self.scene} {self.what}".replace(",", "").replace(" ", "_")
+        return self.title.replace(",", "").replace(" ", "_")
 
     @property
     def timed(self):
@@ -59,19 +63,21 @@ class Pair:
 
     # The images to compare -------------------------------------------------------------------------------------------
 
+    def turned(self):
+        """Their images in our frames."""
+        if self.angle is None:
+            return self.theirs
+        return rotate(self.theirs, self.angle[..., None] if self.timed else self.angle)
+
     def images(self, mistake=None):
         """Ours, our error, theirs, their error; our side falsified by a mistake of `MISTAKES`. None: it has no room here."""
         ours = self.ours if mistake is None else MISTAKES[mistake](self)
         if ours is None:
             return None
-        turned = self.angle is not None and mistake != "frame"
-        theirs = rotate(self.theirs, self._angle()) if turned else self.theirs
+        theirs = self.theirs if mistake == "frame" else self.turned()
         theirs, theirs_error = comparison.mean_and_error(self._blocks(theirs))
         error = np.sqrt(self._blocks(self.ours_error**2)) / self.block
         return self._blocks(ours), error, theirs, theirs_error
-
-    def _angle(self):
-        return self.angle[..., None] if self.timed else self.angle
 
     def _blocks(self, images):
         """Means over squares of pixels of [..., y, x, (t,) element]."""

@@ -28,9 +28,9 @@ SLANT = (SIDE + np.cross(SIDE, WAY)) / np.sqrt(2)
 # Name, sheet, the absorbed axis, what the lamp sends in the frame of that axis.
 STATES = [
     ("linear", '<bsdf type="polarizer"/>', SIDE, [0.5, -0.5, 0, 0]),
-    ("slanted", '<bsdf type="polarizer"/>', SLANT, [0.5, -0.5, 0, 0]),
     ("right circular", '<bsdf type="circular"/>', SIDE, [0.5, 0, 0, 0.5]),
     ("left circular", '<bsdf type="circular"><boolean name="left_handed" value="true"/></bsdf>', SIDE, [0.5, 0, 0, -0.5]),
+    ("slanted", '<bsdf type="polarizer"/>', SLANT, [0.5, -0.5, 0, 0]),
 ]
 
 
@@ -44,24 +44,25 @@ def sheet(bsdf, axis):
     return f'<shape type="rectangle"><transform name="to_world"><matrix value="{numbers}"/></transform>{bsdf}</shape>'
 
 
-def ours(folder, axis, seed, spp):
-    """T of many seeds, [seed, y, x, out, in], with the lamp's horizontal along the axis."""
-    toml = folder / "polarized.toml"
+def ours(toml, axis, seed, spp):
+    """T of many seeds, [seed, y, x, out, in], with the lamp's horizontal along the axis; the scene is left in `toml`."""
     text = FILE.read_text()
     assert "horizontal = [1, 0, 0]" in text
     toml.write_text(text.replace("horizontal = [1, 0, 0]", f"horizontal = {[float(f'{x:.9g}') for x in axis]}"))
     images = [programs.render(toml, spp, seed * BATCHES + i)[0][0][0] for i in range(BATCHES)]
-    return toml, np.stack(images)
+    return np.stack(images)
 
 
 def run(seed, llvm, folder, full):
     """Yields a pair for each state of the light."""
-    spp, our_spp = (128, 128) if llvm else (8, 64)
-    for name, bsdf, axis, state in STATES:
-        toml, matrices = ours(folder, axis, seed, our_spp * (4 if full else 1))
+    spp, our_spp = (n * (4 if full else 1) for n in ((128, 128) if llvm else (8, 64)))
+    toml, axis, matrices = folder / "polarized.toml", None, None
+    for name, bsdf, absorbed, state in STATES:
+        if absorbed is not axis:
+            axis, matrices = absorbed, ours(toml, absorbed, seed, our_spp)
         through = lambda xml: xml.replace('type="path"', 'type="volpath"').replace("</scene>", sheet(bsdf, axis) + "</scene>")
         loaded = exported.export(toml, 550, through)
-        theirs = programs.stokes(loaded, spp * (4 if full else 1), seed, BATCHES)
+        theirs = programs.stokes(loaded, spp, seed, BATCHES)
         mean, error = comparison.mean_and_error(matrices @ state)
         # The mistake: the orthogonal state, as if the column had the wrong sign.
         wrong = matrices.mean(0) @ (np.array(state) * [1, -1, -1, -1])
