@@ -4,12 +4,13 @@
 Makes its own virtual environment (.venv at the project root) on the first run, and builds Sunstone if need be. Exit
 code 0: they agree. 1: they do not. 3: trouble on the way (the last line says which).
 
-Compared are Stokes images of scenes written by hand for both (scenes.py), of scene files that `sunstone export` writes for
-Mitsuba, at each of their wavelengths (exported.py), under polarized light (polarized.py) and over time (transient.py); and
-all 16 elements of the matrix by an integrator of our own on top of Mitsuba (mueller_integrator.py).
+Compared are Stokes images of scenes written by hand for both (scenes.py), of scene files that `sunstone export` writes
+for Mitsuba, at each of their wavelengths (exported.py), under polarized light (polarized.py) and over time
+(transient.py); and all 16 elements of the matrix by an integrator of our own on top of Mitsuba
+(mueller_integrator.py).
 
-Mitsuba's llvm variants are needed for 16 elements and for time; on Debian 12 they are had with `apt-get install libllvm19`.
-Without it the scalar variant is used and those comparisons are skipped.
+Mitsuba's llvm variants are needed for 16 elements and for time; on Debian 12 they are had with `apt-get install
+libllvm19`. Without it the scalar variant is used and those comparisons are skipped.
 
 Significance, and what the columns mean: see comparison.py. Pictures go to target/crosscheck (images.py).
 """
@@ -48,8 +49,9 @@ def run_all(seed, llvm, full):
     import polarized
 
     names, begun = [], time.monotonic()
-    sources = handwritten.run(seed, llvm, CACHE), exported.run(seed, llvm, CACHE, full), polarized.run(seed, llvm, CACHE, full)
-    for pair in itertools.chain(*sources):
+    by_hand = handwritten.run(seed, llvm, CACHE)
+    by_file = (module.run(seed, llvm, CACHE, full) for module in (exported, polarized))
+    for pair in itertools.chain(by_hand, *by_file):
         pair.save(CACHE)
         names.append(pair.name)
         print(f"rendered {pair.name}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
@@ -68,7 +70,8 @@ def verdicts(rows, total=None):
 
 
 def print_table(rows):
-    print(f"{'scene':17} {'quantity':19} {'pixels':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>19} {'p-value':>8}  verdict")
+    print(f"{'scene':17} {'quantity':19} {'pixels':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>19} {'p-value':>8}  "
+          "verdict")
     for (scene, quantity, c), passed in zip(rows, verdicts(rows), strict=True):
         gain = f"{c.gain:+.4f} ± {c.gain_error:.4f}" if abs(c.gain) < 10 else "(no signal)"
         print(f"{scene:17} {quantity:19} {c.pixels:6} {c.max_z:7.2f} {c.chi2_per_dof:8.3f} {gain:>19} {c.p:8.2g}  "
@@ -110,16 +113,18 @@ def record(rows, seconds):
     from speed import machine
 
     packages = ["mitsuba", "mitransient", "drjit", "numpy"]
+    finite = lambda x: x if abs(x) < 1e9 else None
     table = [
         {"scene": scene, "quantity": quantity, "pixels": c.pixels, "max_z": c.max_z, "chi2_per_dof": c.chi2_per_dof,
-         "gain": c.gain, "gain_error": c.gain_error, "p": c.p, "verdict": "agree" if passed else "differ"}
+         "gain": c.gain, "gain_error": finite(c.gain_error), "p": c.p, "verdict": "agree" if passed else "differ"}
         for (scene, quantity, c), passed in zip(rows, verdicts(rows), strict=True)
     ]
     versions = {name: metadata.version(name) for name in packages}
     versions["sunstone"] = programs.sunstone("--version").stdout.split()[-1]
     head = {"machine": machine(), "python": platform.python_version(), "versions": versions, "variant": mi.variant(),
             "significance": comparison.SIGNIFICANCE, "seconds": round(seconds)}
-    lines = ",\n  ".join(json.dumps(row) for row in json.loads(json.dumps(table), parse_float=lambda x: float(f"{float(x):.5g}")))
+    rounded = json.loads(json.dumps(table), parse_float=lambda number: float(f"{float(number):.5g}"))
+    lines = ",\n  ".join(json.dumps(row) for row in rounded)
     text = json.dumps(head, indent=1)[:-2] + f',\n "rows": [\n  {lines}\n ]\n}}\n'
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / "crosscheck.json").write_text(text)
@@ -184,7 +189,8 @@ def power():
         blind -= set(found)
         if tried:
             good &= bool(found)
-            print(f"{mistake:10} {f'found in {len(found)} of {tried} pairs' if found else 'NOT FOUND'}: {', '.join(found)}")
+            outcome = f"found in {len(found)} of {tried} pairs" if found else "NOT FOUND"
+            print(f"{mistake:10} {outcome}: {', '.join(found)}")
     good &= not blind
     if blind:
         print(f"notice nothing: {', '.join(sorted(blind))}")

@@ -1,7 +1,7 @@
 """Scene files that `sunstone export` writes for Mitsuba, rendered by both: both read one description.
 
-Mitsuba renders one wavelength at a time (a spectral image of its own would be a mixture of all). Smooth interfaces, sharp
-lobes and meshes make some paths rare and strong, and pixels are compared in small squares (`BLOCK`).
+Mitsuba renders one wavelength at a time (a spectral image of its own would be a mixture of all). Smooth interfaces,
+sharp lobes and meshes make some paths rare and strong, and pixels are compared in small squares (`BLOCK`).
 """
 
 import contextlib
@@ -26,8 +26,8 @@ BLOCK = 2
 
 @dataclass
 class Exported:
-    """A scene: its name, its file, whether our integrator renders all 16 elements too, bins of time if any (start and width
-    in picoseconds, number), Mitsuba's samples as a fraction of the usual.
+    """A scene: its name, its file, whether our integrator renders all 16 elements too, bins of time if any (start and
+    width in picoseconds, number), Mitsuba's samples as a fraction of the usual.
     """
 
     name: str
@@ -50,13 +50,15 @@ SCENES = [
 def prepare(scene, folder):
     """Writes a copy at the size for comparisons, and returns its path.
 
-    Of the original it keeps all but the image's size, the slices and figures; and facets mask each other as Mitsuba's do.
+    Of the original it keeps all but the image's size, the slices and figures; and facets mask each other as Mitsuba's
+    do.
     """
     text = scene.file.read_text()
     text = text[: text.index("[[slices]]")]
     text = re.sub(r"resolution = \[\d+, \d+\]", f"resolution = [{RESOLUTION}, {RESOLUTION}]", text, count=1)
     text = re.sub(r'file = "(?!tables)', f'file = "{scene.file.parent}/', text)
-    text = re.sub(r"((?:rough_conductor|plastic) = \{(?!.*masking)[^\n]*?) \}\n", r'\1, masking = "separable" }\n', text)
+    rough = r"((?:rough_conductor|plastic) = \{(?!.*masking)[^\n]*?) \}\n"
+    text = re.sub(rough, r'\1, masking = "separable" }\n', text)
     text = re.sub(r"\ntile = \d+", "", text).replace("[render]\n", "[render]\ntile = 8\n")
     text += '[[slices]]\nname = "mueller"\npolarization = "mueller"\n'
     if scene.time:
@@ -73,9 +75,10 @@ def prepare(scene, folder):
 def tables(folder):
     """Makes the tables of measured.toml, without their holes.
 
-    An entry with light or viewer below the horizon is NaN. Beside one, Mitsuba's value is zero; Sunstone bridges the hole by
-    the entries that are there. In 8 of 256 squares of two pixels, all at the rim or the terminator of the balls, that is
-    seen: 0.002875 against Mitsuba's 0.002656, where the material that was tabulated gives 0.002866. Zeros both read alike.
+    An entry with light or viewer below the horizon is NaN. Beside one, Mitsuba's value is zero; Sunstone bridges the
+    hole by the entries that are there. In 8 of 256 squares of two pixels, all at the rim or the terminator of the
+    balls, that is seen: 0.002875 against Mitsuba's 0.002656, where the material that was tabulated gives 0.002866.
+    Zeros both read alike.
     """
     from mitsuba.python import tensor_io
 
@@ -103,7 +106,7 @@ def run(seed, llvm, folder, full):
     """Yields the pairs. `full`: all wavelengths in scalar variants too, and four times the samples."""
     more = 4 if full else 1
     for scene in SCENES:
-        spp = round((128 if llvm else 8) * more * scene.share)
+        spp = round((128 if llvm else 32) * more * scene.share)
         toml = prepare(scene, folder)
         slices = ["mueller"] + ["transient"] * bool(scene.time)
         steady, *timed = programs.render(toml, (2048 if llvm else 1024) * more, seed, slices)

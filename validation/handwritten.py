@@ -39,7 +39,8 @@ def run(seed, llvm, folder):
 
 
 def corner(seed, folder):
-    """All 16 elements over time. Few samples fall into one time bin of one pixel, too few for Gaussian errors: blocks."""
+    """All 16 elements over time. Few samples fall into one time bin of one pixel, too few for Gaussian errors:
+    blocks."""
     import mueller_integrator
 
     scene = scenes.corner(True)

@@ -1,8 +1,8 @@
 """Pictures of a comparison: ours, theirs, the difference in units of its error, the p-value of each pixel.
 
-One sheet for each pair; every Stokes or Mueller element is a row. s0 and T00 are grey, all else runs from blue (negative)
-over white to red. Light over time is shown as an x-t slice through the middle row, time upward. Differences and p-values are
-those of the squares of pixels that are compared.
+One sheet for each pair; every Stokes or Mueller element is a row. s0 and T00 are grey, all else runs from blue
+(negative) over white to red. Light over time is shown as an x-t slice through the middle row, time upward. Differences
+and p-values are those of the squares of pixels that are compared.
 """
 
 import math
@@ -56,7 +56,8 @@ def sheet(pair):
         # Single bright pixels would darken all others.
         top = max(np.quantile(np.abs(b), 0.98), 1e-6 * scale)
         show = grey if i == 0 else diverging
-        rows.append((element, [show(a / top), show(b / top), diverging(cut(z)[..., i] / MAX_Z), p_colour(cut(p)[..., i])]))
+        difference, chance = diverging(cut(z)[..., i] / MAX_Z), p_colour(cut(p)[..., i])
+        rows.append((element, [show(a / top), show(b / top), difference, chance]))
     return compose(pair.title, rows)
 
 

@@ -1,8 +1,10 @@
-"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without time).
+"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without
+time).
 
-A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit: it needs an llvm
-variant. Sunstone's frames are used throughout: camera right, and the light's horizontal axis, projected perpendicular to
-rays. A light is its position, its radiant intensity (a number, or a function of the direction to it), its horizontal axis.
+A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit: it needs an
+llvm variant. Sunstone's frames are used throughout: camera right, and the light's horizontal axis, projected
+perpendicular to rays. A light is its position, its radiant intensity (a number, or a function of the direction to it),
+its horizontal axis.
 """
 
 import drjit as dr
@@ -52,7 +54,8 @@ def trace(scene, sampler, ray, length, beta, pixel, film, time, max_depth, light
         v = position - si.p
         distance = dr.norm(v)
         d = v / distance
-        lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & ~scene.ray_test(si.spawn_ray_to(position), active)
+        lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        lit &= ~scene.ray_test(si.spawn_ray_to(position), active)
         wo = si.to_local(d)
         value = si.to_world_mueller(bsdf.eval(context, si, wo, lit), -wo, si.wi)
         turn = mi.Spectrum(mi.mueller.rotate_stokes_basis(-d, project(horizontal, -d), mi.mueller.stokes_basis(-d)))
@@ -72,7 +75,8 @@ def trace(scene, sampler, ray, length, beta, pixel, film, time, max_depth, light
 
 
 def render(scene, light, max_depth, spp, seed, time=None):
-    """Mean T of one seed, [y, x, t, out, in]; `time` is start, width and number of bins in picoseconds, or None for all."""
+    """Mean T of one seed, [y, x, t, out, in]; `time` is start, width and number of bins in picoseconds, or None for
+    all."""
     start, width, bins = time or (0, 1e12, 1)
     position, intensity, horizontal = light
     sensor = scene.sensors()[0]

@@ -15,10 +15,10 @@ class Pair:
     """Images [y, x, (t,) element] of one scene.
 
     `ours` and `ours_error` are Sunstone's mean and standard error. `theirs` has Mitsuba's renders of independent seeds
-    first. `angle` [y, x] turns their Stokes frames into ours (None: the frames are the same). `block`: squares of so many
-    pixels are averaged before comparing, because errors are not Gaussian where few strong paths reach a pixel. `wrong`
-    holds mistaken versions of `ours` for the power check, by the name of the mistake. `our_batches`: seeds that our error
-    was estimated from, if not from all single samples.
+    first. `angle` [y, x] turns their Stokes frames into ours (None: the frames are the same). `block`: squares of so
+    many pixels are averaged before comparing, because errors are not Gaussian where few strong paths reach a pixel.
+    `wrong` holds mistaken versions of `ours` for the power check, by the name of the mistake. `our_batches`: seeds
+    that our error was estimated from, if not from all single samples.
     """
 
     scene: str
@@ -70,7 +70,8 @@ class Pair:
         return rotate(self.theirs, self.angle[..., None] if self.timed else self.angle)
 
     def images(self, mistake=None):
-        """Ours, our error, theirs, their error; our side falsified by a mistake of `MISTAKES`. None: it has no room here."""
+        """Ours, our error, theirs, their error; our side falsified by a mistake of `MISTAKES`. None: it has no room
+        here."""
         ours = self.ours if mistake is None else MISTAKES[mistake](self)
         if ours is None:
             return None
@@ -100,7 +101,7 @@ class Pair:
         return rows
 
 
-# Mistakes to be found by the power check, as changes of our image ------------------------------------------------------
+# Mistakes to be found by the power check, as changes of our image ----------------------------------------------------
 
 
 def flip(pair, i):

@@ -51,8 +51,8 @@ def luminance(images):
 def white(seed):
     """What Mitsuba shows for a radiance of 1.
 
-    Exactly 1 in the mono variant, but 1.00094 ± 0.00005 in the scalar one (from its conversion of spectra to colours, by
-    all appearance), and that is no matter of light transport.
+    Exactly 1 in the mono variant, but 1.00094 ± 0.00005 in the scalar one (from its conversion of spectra to colours,
+    by all appearance), and that is no matter of light transport.
     """
     film = {"type": "hdrfilm", "width": 24, "height": 24, "rfilter": {"type": "box"}}
     empty = mi.load_dict({

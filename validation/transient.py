@@ -1,9 +1,12 @@
 """Light over time: mitransient's per-bin Stokes vectors against our slices.
 
 What is translated: mitransient bins the optical path length in metres, we bin picoseconds; it counts the way from the
-near clipping plane, we from the pinhole (the plane is moved to the pinhole, as far as that goes); both count the way inside
-a medium times its index, and both put a path that takes t into bin floor((t - start) / width). Its Stokes frames are those
-of Mitsuba's `stokes`. It keeps Stokes vectors over time in mono polarized variants alone, of unpolarized light alone.
+near clipping plane, we from the pinhole (the plane is moved to the pinhole, as far as that goes); both count the way
+inside a medium times its index, and both put a path that takes t into bin floor((t - start) / width). Its Stokes
+frames are those of Mitsuba's `stokes`.
+
+It keeps Stokes vectors over time in mono polarized variants alone. Light is unpolarized: the integrator of mitransient
+that could look through a polarizer, `transient_prbvolpath`, does not turn Stokes frames at surfaces.
 """
 
 import re
