@@ -39,22 +39,34 @@ def mean_and_error(batches):
     return batches.mean(0), batches.std(0, ddof=1) / math.sqrt(len(batches))
 
 
-def compare(ours, ours_error, theirs, theirs_error, batches, scale):
-    """Compares two images; `scale` is the brightest value that either shows in intensity."""
-    ours, theirs = np.ravel(ours), np.ravel(theirs)
-    var_a, var_b = np.ravel(ours_error) ** 2, np.ravel(theirs_error) ** 2
+def z_scores(ours, ours_error, theirs, theirs_error, batches, scale, our_batches=None):
+    """Differences in units of their error, as unit Gaussians; their variance; where there is more noise than rounding.
+
+    `scale` is the brightest value that either shows in intensity; `our_batches` counts the renders that our error was
+    estimated from (None: thousands of samples).
+    """
+    var_a, var_b = ours_error**2, theirs_error**2
     floor = (ROUNDING * scale) ** 2
     variance = np.maximum(var_a + var_b + floor, 1e-300)
-    # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, ours from thousands
-    # of samples. Pixels without noise (rounding alone) are Gaussian enough.
-    dof = (batches - 1) * (variance / np.maximum(var_b, 1e-3 * variance)) ** 2
-    z = gaussian_from_t((ours - theirs) / np.sqrt(variance), dof)
-    noisy = var_a + var_b > floor
+    # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, ours mostly from
+    # thousands of samples. Pixels without noise (rounding alone) are Gaussian enough.
+    spread = (var_b / variance) ** 2 / (batches - 1)
+    if our_batches:
+        spread += (var_a / variance) ** 2 / (our_batches - 1)
+    dof = 1 / np.maximum(spread, 1e-6 / (batches - 1))
+    return gaussian_from_t((ours - theirs) / np.sqrt(variance), dof), variance, var_a + var_b > floor
+
+
+def compare(ours, ours_error, theirs, theirs_error, batches, scale, our_batches=None):
+    """Compares two images; see `z_scores`."""
+    ours, ours_error, theirs, theirs_error = (np.ravel(a) for a in (ours, ours_error, theirs, theirs_error))
+    z, variance, noisy = z_scores(ours, ours_error, theirs, theirs_error, batches, scale, our_batches)
+    var_a, var_b = ours_error**2, theirs_error**2
     n = int(noisy.sum())
     chi2 = float((z[noisy] ** 2).sum())
     p_chi2 = chi2_p_value(chi2, n) if n else 1.0
     max_z = float(np.abs(z).max())
-    p_max = -math.expm1(z.size * math.log1p(-two_sided(max_z)))
+    p_max = -math.expm1(z.size * math.log1p(-two_sided(max_z))) if max_z else 1.0
     gain, gain_error = fit_gain(ours, theirs, var_a, var_b, variance)
     p_gain = two_sided(gain / gain_error) if gain_error < math.inf else 1.0
     p = min(1.0, 3 * min(p_chi2, p_max, p_gain))

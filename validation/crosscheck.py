@@ -1,20 +1,28 @@
 #!/usr/bin/env python3
-"""Cross-check of Sunstone against Mitsuba 3: the same scenes in both programs, compared pixel by pixel.
+"""Cross-check of Sunstone against Mitsuba 3 and mitransient: the same scenes in both, compared pixel by pixel.
 
 Makes its own virtual environment (.venv at the project root) on the first run, and builds Sunstone if need be. Exit
-code 0: they agree. 1: they do not, or trouble on the way (the last line says which).
+code 0: they agree. 1: they do not. 3: trouble on the way (the last line says which).
 
-Mitsuba's llvm variants are faster and are needed for the 16-element comparison; on Debian 12 they are had with
-`apt-get install libllvm19`. Without it the scalar variant is used and that comparison is skipped.
+Compared are Stokes images of scenes written by hand for both (scenes.py), of scene files that `sunstone export` writes
+for Mitsuba, at each of their wavelengths (exported.py), under polarized light (polarized.py) and over time
+(transient.py); and all 16 elements of the matrix by an integrator of our own on top of Mitsuba
+(mueller_integrator.py).
 
-Significance, and what the columns mean: see comparison.py. Which scenes: see scenes.py.
+Mitsuba's llvm variants are needed for 16 elements and for time; on Debian 12 they are had with `apt-get install
+libllvm19`. Without it the scalar variant is used and those comparisons are skipped.
+
+Significance, and what the columns mean: see comparison.py. Pictures go to target/crosscheck (images.py).
 """
 
 import argparse
+import itertools
+import json
 import os
-import subprocess
+import platform
 import sys
 import time
+from importlib import metadata
 
 import environment
 
@@ -22,177 +30,51 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
     import mitsuba as mi
     import numpy as np
-    import xarray
 
     import comparison
-    import scenes
+    import images
+    import pairs
+    import programs
 
 CACHE = environment.ROOT / "target/crosscheck"
-BATCHES = 64
-OURS_SPP = 4096
-BLOCK = 4
+RESULTS = environment.HERE / "results"
+# Pictures kept by --record.
+KEPT = ["mirror_room_550_nm", "Cornell_box_over_time", "polarized_lamp_right_circular"]
 
 
-# Running both programs -----------------------------------------------------------------------------------------------
-
-
-def render_ours(scene, seed):
-    """Means and standard errors of T, [y, x, (t,) out, in]."""
-    stem = CACHE / scene.name.replace(", ", "_").replace(" ", "_")
-    stem.with_suffix(".toml").write_text(scene.toml())
-    store = stem.with_suffix(".zarr")
-    command = [environment.sunstone(), "render", stem.with_suffix(".toml"), "-o", store, "--force", "--seed", str(seed)]
-    command += ["--spp", str(OURS_SPP), "--no-figures"]
-    run = subprocess.run(command, capture_output=True, text=True)
-    if run.returncode:
-        print(run.stderr, file=sys.stderr)
-        sys.exit(3)
-    data = xarray.open_zarr(store, group="mueller", consolidated=False).isel(wavelength=0)
-    return data["mean"].values.astype(np.float64), data["std_error"].values.astype(np.float64)
-
-
-def render_theirs(scene, seed, llvm):
-    """Mitsuba's Stokes images of many seeds, in its own frames: [seed, y, x, stokes]."""
-    loaded = mi.load_dict(scene.dictionary(mi))
-    spp = 128 if llvm else 24
-    # What Mitsuba shows for a radiance of 1: exactly 1 in the mono variant, but 1.00094 ± 0.00005 in the scalar one (from
-    # its conversion of spectra to colours, by all appearance), and that is no matter of light transport.
-    empty = scenes.Scene("empty", llvm, scene.origin, scene.target, max_depth=2)
-    empty.environment(1.0)
-    white = luminance(np.array(mi.render(mi.load_dict(empty.dictionary(mi)), spp=512, seed=seed)))[..., 0].mean()
-    images = np.stack([np.array(mi.render(loaded, spp=spp, seed=seed * BATCHES + i)) for i in range(BATCHES)])
-    return luminance(images) / white
-
-
-def luminance(images):
-    """The values of Stokes images as Mitsuba stores them."""
-    # Channels: colour of the nested integrator (with alpha, if any), then S0, S1, S2, S3 in R, G, B. All spectra are
-    # constant, so that luminance is their value. (Scalar Mitsuba samples wavelengths, and R, G, B are those of equal
-    # energy, which is not white.)
-    return images[..., -12:].reshape(*images.shape[:-1], 4, 3) @ [0.212671, 0.715160, 0.072169]
-
-
-def frame_angles(scene):
-    """Angle from Mitsuba's Stokes frame to ours at the pixel centres, counter-clockwise looking toward the source.
-
-    Mitsuba's `stokes` integrator takes cross(ray, camera up) as horizontal; Sunstone takes camera right, projected
-    perpendicular to the ray. They agree on the axis and differ by about x y / z^2 off it.
-    """
-    ray = scene.pixel_directions()
-    right, up, _ = scene.camera_axes()
-    unit = lambda v: v / np.linalg.norm(v, axis=-1, keepdims=True)
-    theirs = unit(np.cross(ray, up))
-    ours = unit(right - ray * (ray @ right)[..., None])
-    travel = -ray
-    return np.arctan2((ours * np.cross(travel, theirs)).sum(-1), (ours * theirs).sum(-1))
-
-
-def rotate(stokes, angle):
-    """Stokes vectors in a basis turned by `angle`."""
-    s0, s1, s2, s3 = np.moveaxis(stokes, -1, 0)
-    c, s = np.cos(2 * angle), np.sin(2 * angle)
-    return np.stack([s0, c * s1 + s * s2, -s * s1 + c * s2, s3], axis=-1)
-
-
-def run_all(seed, llvm):
+def run_all(seed, llvm, full):
     """Renders everything with both programs, into the cache."""
-    if llvm:
-        import masking
-        import mueller_integrator
+    import exported
+    import handwritten
+    import polarized
 
-        masking.register()
-    for make in scenes.STOKES:
-        scene = make(llvm)
-        mean, error = render_ours(scene, seed)
-        save(scene, mean[..., 0], error[..., 0], render_theirs(scene, seed, llvm))
-    scene = scenes.corner(llvm)
-    if llvm:
-        loaded = mi.load_dict(scene.dictionary(mi))
-        batches = [mueller_integrator.render(scene, loaded, 64, seed * BATCHES + i) for i in range(BATCHES)]
-        save(scene, *render_ours(scene, seed), np.stack(batches))
-    else:
-        path(scene).unlink(missing_ok=True)
+    names, begun = [], time.monotonic()
+    by_hand = handwritten.run(seed, llvm, CACHE)
+    by_file = (module.run(seed, llvm, CACHE, full) for module in (exported, polarized))
+    for pair in itertools.chain(by_hand, *by_file):
+        pair.save(CACHE)
+        names.append(pair.name)
+        print(f"rendered {pair.name}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
+    (CACHE / "pairs.txt").write_text("\n".join(names))
 
 
-def path(scene):
-    return CACHE / f"{scene.name}.npz"
+def compare_all(results, mistake=None):
+    """Rows of the table: scene, quantity, outcome; of the pairs in which a mistake can be planted, if one is."""
+    return [row for pair in results for row in pair.compare(mistake) or []]
 
 
-def save(scene, ours, ours_error, theirs):
-    np.savez(path(scene), ours=ours, ours_error=ours_error, theirs=theirs)
-
-
-# Comparing -----------------------------------------------------------------------------------------------------------
-
-# Mistakes to be found by the power check, as changes of our image; Stokes elements are the last axis (or, with all 16,
-# the last but one). The frame is that of Mitsuba's images.
-SABOTAGE = {
-    "s1": lambda m: flip(m, 1),
-    "s2": lambda m: flip(m, 2),
-    "s3": lambda m: flip(m, 3),
-    "intensity": lambda m: 1.01 * m,
-    "frame": None,
-}
-
-
-def flip(stokes, i):
-    return stokes * np.where(np.arange(4) == i, -1.0, 1.0)
-
-
-def compare_all(sabotage=None):
-    """Rows of the table: scene, quantity, outcome (None: skipped)."""
-    rows = []
-    change = SABOTAGE.get(sabotage) or (lambda m: m)
-    for make in scenes.STOKES:
-        scene = make()
-        data = np.load(path(scene))
-        angle = frame_angles(scene) * (0 if sabotage == "frame" else 1)
-        theirs, error = comparison.mean_and_error(rotate(data["theirs"], angle))
-        rows += compare_elements(scene, [f"s{i}" for i in range(4)], change(data["ours"]), data["ours_error"], theirs, error)
-    scene = scenes.corner()
-    if path(scene).exists():
-        data = np.load(path(scene))
-        # Few samples fall into one time bin of one pixel, too few for Gaussian errors: hence blocks of pixels.
-        theirs, error = comparison.mean_and_error(block_means(data["theirs"]))
-        ours, ours_error = block_means(data["ours"]), np.sqrt(block_means(data["ours_error"] ** 2)) / BLOCK
-        ours = np.swapaxes(change(np.swapaxes(ours, -1, -2)), -1, -2)
-        flat = lambda a: a.reshape(*a.shape[:-2], 16)
-        names = [f"T{i}{j} over time" for i in range(4) for j in range(4)]
-        rows += compare_elements(scene, names, *(flat(a) for a in (ours, ours_error, theirs, error)))
-    else:
-        rows.append((scene.name, "16 elements over time", None))
-    return rows
-
-
-def block_means(images):
-    """Means over squares of BLOCK x BLOCK pixels of [..., y, x, t, out, in]."""
-    *seeds, h, w, t, m, n = images.shape
-    return images.reshape(*seeds, h // BLOCK, BLOCK, w // BLOCK, BLOCK, t, m, n).mean(axis=(-6, -4))
-
-
-def compare_elements(scene, names, ours, ours_error, theirs, theirs_error):
-    scale = np.abs(theirs).max()
-    return [
-        (scene.name, name,
-         comparison.compare(ours[..., i], ours_error[..., i], theirs[..., i], theirs_error[..., i], BATCHES, scale))
-        for i, name in enumerate(names)
-    ]
-
-
-def verdicts(rows):
-    """Whether each row passes, at SIGNIFICANCE over all rows together."""
-    limit = comparison.SIGNIFICANCE / sum(row is not None for *_, row in rows)
-    return [row is None or row.p >= limit for *_, row in rows]
+def verdicts(rows, total=None):
+    """Whether each row passes, at SIGNIFICANCE over all rows (or `total`) together."""
+    limit = comparison.SIGNIFICANCE / (total or len(rows))
+    return [row.p >= limit for *_, row in rows]
 
 
 def print_table(rows):
-    print(f"{'scene':20} {'quantity':16} {'pixels':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>19} {'p-value':>8}  verdict")
+    print(f"{'scene':17} {'quantity':19} {'pixels':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>19} {'p-value':>8}  "
+          "verdict")
     for (scene, quantity, c), passed in zip(rows, verdicts(rows), strict=True):
-        if c is None:
-            print(f"{scene:20} {quantity}: skipped, no LLVM")
-            continue
-        gain = f"{c.gain:+.4f} ± {c.gain_error:.4f}"
-        print(f"{scene:20} {quantity:16} {c.pixels:6} {c.max_z:7.2f} {c.chi2_per_dof:8.3f} {gain:>19} {c.p:8.2g}  "
+        gain = f"{c.gain:+.4f} ± {c.gain_error:.4f}" if abs(c.gain) < 10 else "(no signal)"
+        print(f"{scene:17} {quantity:19} {c.pixels:6} {c.max_z:7.2f} {c.chi2_per_dof:8.3f} {gain:>19} {c.p:8.2g}  "
               f"{'agree' if passed else 'DIFFER'}")
 
 
@@ -224,13 +106,40 @@ def check_pins():
     return good
 
 
+def record(rows, seconds):
+    """Raw numbers with what they were made by, and a few of the pictures, for the repository."""
+    import shutil
+
+    from speed import machine
+
+    packages = ["mitsuba", "mitransient", "drjit", "numpy"]
+    finite = lambda x: x if abs(x) < 1e9 else None
+    table = [
+        {"scene": scene, "quantity": quantity, "pixels": c.pixels, "max_z": c.max_z, "chi2_per_dof": c.chi2_per_dof,
+         "gain": c.gain, "gain_error": finite(c.gain_error), "p": c.p, "verdict": "agree" if passed else "differ"}
+        for (scene, quantity, c), passed in zip(rows, verdicts(rows), strict=True)
+    ]
+    versions = {name: metadata.version(name) for name in packages}
+    versions["sunstone"] = programs.sunstone("--version").stdout.split()[-1]
+    head = {"machine": machine(), "python": platform.python_version(), "versions": versions, "variant": mi.variant(),
+            "significance": comparison.SIGNIFICANCE, "seconds": round(seconds)}
+    rounded = json.loads(json.dumps(table), parse_float=lambda number: float(f"{float(number):.5g}"))
+    lines = ",\n  ".join(json.dumps(row) for row in rounded)
+    text = json.dumps(head, indent=1)[:-2] + f',\n "rows": [\n  {lines}\n ]\n}}\n'
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "crosscheck.json").write_text(text)
+    for name in KEPT:
+        shutil.copy(CACHE / f"{name}.png", RESULTS)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cached", action="store_true", help="compare the last run's results, render nothing")
     parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant even if there is LLVM")
+    parser.add_argument("--full", action="store_true", help="four times the samples in the exported scenes")
     parser.add_argument("--seed", type=int, default=1, help="other random numbers in both programs")
-    parser.add_argument("--sabotage", nargs="?", const="s3", choices=list(SABOTAGE), help="falsify our side: must fail")
-    parser.add_argument("--power", action="store_true", help="with the last run's results: every sabotage must be found")
+    parser.add_argument("--record", action="store_true", help="write results/crosscheck.json, and a few pictures there")
+    parser.add_argument("--power", action="store_true", help="with the last run's results: every mistake must be found")
     options = parser.parse_args()
     begun = time.monotonic()
     CACHE.mkdir(parents=True, exist_ok=True)
@@ -242,24 +151,49 @@ def main():
     print(f"Mitsuba {mi.__version__}, variant {mi.variant()}\n")
     good = check_pins()
     if not options.cached:
-        run_all(options.seed, llvm)
+        run_all(options.seed, llvm, options.full)
+    results = pairs.load_all(CACHE)
+    rows = compare_all(results)
     print()
-    rows = compare_all(options.sabotage)
     print_table(rows)
+    if not llvm:
+        print("16 elements, and light over time: skipped, no LLVM")
+    images.write(results, CACHE)
     good &= all(verdicts(rows))
+    seconds = time.monotonic() - begun
+    if options.record:
+        record(rows, seconds)
     print(f"\n{'agreement' if good else 'DISAGREEMENT'} at significance {comparison.SIGNIFICANCE} over "
-          f"{len(rows)} comparisons, {time.monotonic() - begun:.0f} s")
+          f"{len(rows)} comparisons, {seconds:.0f} s; pictures in {CACHE}")
     return 0 if good else 1
 
 
 def power():
-    """Falsifies the last run's results in every way, and says which comparisons notice."""
+    """Plants every mistake in the last run's results, and says in which scenes it is noticed.
+
+    Every mistake must be found somewhere, and every scene must find one: otherwise it would be a test that cannot fail.
+    """
+    results = pairs.load_all(CACHE)
+    total = len(compare_all(results))
+    blind = {pair.name for pair in results}
     good = True
-    for name in SABOTAGE:
-        rows = compare_all(name)
-        found = [f"{scene}: {quantity}" for (scene, quantity, _), ok in zip(rows, verdicts(rows), strict=True) if not ok]
-        good &= bool(found)
-        print(f"{name:10} {'found by ' + str(len(found)) + ' comparisons, first ' + found[0] if found else 'NOT FOUND'}")
+    for mistake in pairs.MISTAKES:
+        found, tried = [], 0
+        for pair in results:
+            rows = pair.compare(mistake)
+            if rows is None:
+                continue
+            tried += 1
+            if not all(verdicts(rows, total)):
+                found.append(pair.name)
+        blind -= set(found)
+        if tried:
+            good &= bool(found)
+            outcome = f"found in {len(found)} of {tried} pairs" if found else "NOT FOUND"
+            print(f"{mistake:10} {outcome}: {', '.join(found)}")
+    good &= not blind
+    if blind:
+        print(f"notice nothing: {', '.join(sorted(blind))}")
     return 0 if good else 1
 
 

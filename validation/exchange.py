@@ -23,6 +23,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import xarray
 
     import comparison
+    import frames
 
 HERE = environment.HERE / "scenes_exchange"
 OUT = environment.ROOT / "target/exchange"
@@ -56,29 +57,7 @@ def theirs(xml, seed):
     images = [np.array(mi.render(scene, spp=THEIR_SPP, seed=seed * BATCHES + i)) for i in range(BATCHES)]
     # Last come S0, S1, S2, S3, each in R, G, B, which are equal.
     images = np.stack(images)[..., -12:].reshape(BATCHES, *images[0].shape[:2], 4, 3)[..., 0]
-    return rotate(images, frame_angles(scene.sensors()[0]))
-
-
-def frame_angles(sensor):
-    """Angle from Mitsuba's Stokes frames, cross(ray, camera up), to ours, camera right, at the pixel centres."""
-    place = np.array(sensor.world_transform().matrix, float).reshape(4, 4)
-    left, up = place[:3, 0], place[:3, 1]
-    w, h = sensor.film().size()
-    x, y = np.meshgrid((np.arange(w) + 0.5) / w, (np.arange(h) + 0.5) / h)
-    count = w * h
-    rays, _ = sensor.sample_ray(0.0, 0.5, mi.Point2f(mi.Float(x.ravel()), mi.Float(y.ravel())), mi.Point2f(0.5))
-    ray = np.array(rays.d, float).reshape(3, count).T.reshape(h, w, 3)
-    unit = lambda v: v / np.linalg.norm(v, axis=-1, keepdims=True)
-    there = unit(np.cross(ray, up))
-    here = unit(-left + ray * (ray @ left)[..., None])
-    return np.arctan2((here * np.cross(-ray, there)).sum(-1), (here * there).sum(-1))
-
-
-def rotate(stokes, angle):
-    """Stokes vectors in a basis turned by `angle`."""
-    s0, s1, s2, s3 = np.moveaxis(stokes, -1, 0)
-    c, s = np.cos(2 * angle), np.sin(2 * angle)
-    return np.stack([s0, c * s1 + s * s2, -s * s1 + c * s2, s3], axis=-1)
+    return frames.rotate(images, frames.angles(scene.sensors()[0]))
 
 
 def pairs(seed):

@@ -1,14 +1,17 @@
-"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without time).
+"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without
+time).
 
-A path tracer from the camera with connections to one point light, vectorized with Dr.Jit: it needs an llvm variant.
-Sunstone's frames are used throughout: camera right, and the light's horizontal axis, projected perpendicular to rays.
+A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit: it needs an
+llvm variant. Sunstone's frames are used throughout: camera right, and the light's horizontal axis, projected
+perpendicular to rays. A light is its position, its radiant intensity (a number, or a function of the direction to it),
+its horizontal axis.
 """
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from scenes import RESOLUTION
+from frames import camera_axes
 
 LIGHT_M_PER_PS = 299_792_458e-12
 
@@ -16,6 +19,23 @@ LIGHT_M_PER_PS = 299_792_458e-12
 def project(axis, d):
     """Unit vector along `axis`, made perpendicular to `d`."""
     return dr.normalize(axis - d * dr.dot(axis, d))
+
+
+def strength(intensity, d):
+    """Radiant intensity toward a point that sees the light in direction `d`."""
+    return intensity(d) if callable(intensity) else intensity
+
+
+def projector(irradiance, fov_x_deg, aspect, forward, right, down):
+    """Radiant intensity of a projector by direction: the irradiance holds on the plane 1 m in front."""
+    slope = np.tan(np.radians(fov_x_deg) / 2)
+
+    def intensity(d):
+        x, y, z = (-dr.dot(mi.Vector3f(*map(float, axis)), d) for axis in (right, down, forward))
+        inside = (z > 0) & (dr.abs(x) < float(slope) * z) & (dr.abs(y) < float(slope / aspect) * z)
+        return dr.select(inside, irradiance / dr.power(z, 3), 0)
+
+    return intensity
 
 
 @dr.syntax
@@ -34,11 +54,12 @@ def trace(scene, sampler, ray, length, beta, pixel, film, time, max_depth, light
         v = position - si.p
         distance = dr.norm(v)
         d = v / distance
-        lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & ~scene.ray_test(si.spawn_ray_to(position), active)
+        lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        lit &= ~scene.ray_test(si.spawn_ray_to(position), active)
         wo = si.to_local(d)
         value = si.to_world_mueller(bsdf.eval(context, si, wo, lit), -wo, si.wi)
         turn = mi.Spectrum(mi.mueller.rotate_stokes_basis(-d, project(horizontal, -d), mi.mueller.stokes_basis(-d)))
-        mueller = beta * value * turn * mi.Spectrum(intensity / dr.square(distance))
+        mueller = beta * value * turn * mi.Spectrum(strength(intensity, d) / dr.square(distance))
         bin = dr.floor(((length + distance * eta) / LIGHT_M_PER_PS - start) / width)
         lit &= (bin >= 0) & (bin < bins)
         base = (pixel * bins + mi.UInt32(dr.maximum(bin, 0))) * 16
@@ -53,25 +74,28 @@ def trace(scene, sampler, ray, length, beta, pixel, film, time, max_depth, light
         active &= (beta[0, 0, 0] != 0) & (depth < max_depth)
 
 
-def render(description, scene, spp, seed):
-    """Mean T of one seed, [y, x, t, out, in]."""
-    start, width, bins = description.time
-    position, intensity, horizontal = description.light
+def render(scene, light, max_depth, spp, seed, time=None):
+    """Mean T of one seed, [y, x, t, out, in]; `time` is start, width and number of bins in picoseconds, or None for
+    all."""
+    start, width, bins = time or (0, 1e12, 1)
+    position, intensity, horizontal = light
     sensor = scene.sensors()[0]
+    w, h = (int(n) for n in sensor.film().size())
     sampler = sensor.sampler().clone()
-    count = RESOLUTION**2 * spp
+    count = w * h * spp
     sampler.set_sample_count(spp)
     sampler.set_samples_per_wavefront(spp)
     sampler.seed(seed, count)
     pixel = dr.arange(mi.UInt32, count) // spp
-    corner = mi.Point2f(mi.Float(pixel % RESOLUTION), mi.Float(pixel // RESOLUTION))
-    ray, _ = sensor.sample_ray(0.0, sampler.next_1d(), (corner + sampler.next_2d()) / RESOLUTION, mi.Point2f(0.5))
-    right = mi.Vector3f(*description.camera_axes()[0].tolist())
+    corner = mi.Point2f(mi.Float(pixel % w), mi.Float(pixel // w))
+    place = (corner + sampler.next_2d()) / mi.Point2f(w, h)
+    ray, _ = sensor.sample_ray(0.0, sampler.next_1d(), place, mi.Point2f(0.5))
+    right, _, _, origin = camera_axes(sensor)
+    right = mi.Vector3f(*right.tolist())
     to_camera = mi.mueller.rotate_stokes_basis(-ray.d, mi.mueller.stokes_basis(-ray.d), project(right, -ray.d))
-    film = dr.zeros(mi.Float, RESOLUTION**2 * bins * 16)
-    light = mi.Point3f(*position), mi.Float(intensity), mi.Vector3f(*horizontal)
+    film = dr.zeros(mi.Float, w * h * bins * 16)
+    light = mi.Point3f(*position), intensity if callable(intensity) else mi.Float(intensity), mi.Vector3f(*horizontal)
     # Mitsuba's rays start on the near clipping plane; the way there counts (1 mm, or 3.3 ps, shows in the comparison).
-    length = dr.norm(ray.o - mi.Point3f(*description.origin.tolist()))
-    beta, time = mi.Spectrum(to_camera), (start, width, bins)
-    trace(scene, sampler, ray, length, beta, pixel, film, time, description.max_depth, light)
-    return np.array(film).reshape(RESOLUTION, RESOLUTION, bins, 4, 4) / spp
+    length = dr.norm(ray.o - mi.Point3f(*origin.tolist()))
+    trace(scene, sampler, ray, length, mi.Spectrum(to_camera), pixel, film, (start, width, bins), max_depth, light)
+    return np.array(film).reshape(h, w, bins, 4, 4) / spp

@@ -149,13 +149,6 @@ time = {bins or '"sum"'}
         right /= np.linalg.norm(right)
         return right, np.cross(right, forward), forward
 
-    def pixel_directions(self):
-        """Unit directions through the pixel centres, [y, x, 3]."""
-        right, up, forward = self.camera_axes()
-        t = math.tan(math.radians(FIELD_OF_VIEW_DEG) / 2) * ((np.arange(RESOLUTION) + 0.5) / RESOLUTION * 2 - 1)
-        d = forward + t[None, :, None] * right - t[:, None, None] * up
-        return d / np.linalg.norm(d, axis=-1, keepdims=True)
-
 
 def uniform(value):
     """A spectrum of one value."""

@@ -1,0 +1,50 @@
+"""Light over time: mitransient's per-bin Stokes vectors against our slices.
+
+What is translated: mitransient bins the optical path length in metres, we bin picoseconds; it counts the way from the
+near clipping plane, we from the pinhole (the plane is moved to the pinhole, as far as that goes); both count the way
+inside a medium times its index, and both put a path that takes t into bin floor((t - start) / width). Its Stokes
+frames are those of Mitsuba's `stokes`.
+
+It keeps Stokes vectors over time in mono polarized variants alone. Light is unpolarized: the integrator of mitransient
+that could look through a polarizer, `transient_prbvolpath`, does not turn Stokes frames at surfaces.
+"""
+
+import re
+
+import mitsuba as mi
+import numpy as np
+
+import exported
+import frames
+from pairs import Pair
+
+LIGHT_M_PER_PS = 299_792_458e-12
+BATCHES = 32
+BLOCK = 4
+
+
+def translate(xml, time):
+    """The XML of an exported scene, for mitransient."""
+    start, width, bins = time
+    integrator = re.search(r'<integrator type="path">.*?</integrator>', xml, re.DOTALL)[0]
+    integrator = integrator.replace('"path"', '"transient_path"')
+    integrator = integrator.replace("</integrator>", '<string name="temporal_filter" value="box"/></integrator>')
+    xml = re.sub(r'<integrator type="stokes">.*?</integrator>\s*</integrator>', integrator, xml, flags=re.DOTALL)
+    film = (f'<film type="transient_hdr_film"><integer name="temporal_bins" value="{bins}"/>'
+            f'<float name="start_opl" value="{start * LIGHT_M_PER_PS!r}"/>'
+            f'<float name="bin_width_opl" value="{width * LIGHT_M_PER_PS!r}"/>')
+    xml = xml.replace('<film type="hdrfilm">', film).replace('<string name="component_format" value="float32"/>', "")
+    return xml.replace('name="near_clip" value="0.001"', 'name="near_clip" value="0.00001"')
+
+
+def run(scene, toml, wavelength, ours, spp, seed):
+    """The pair of a scene of exported.py; `ours` is mean and standard error of T, [y, x, t, out, in]."""
+    # Registers its integrators and films with the variant that is set, so not before that.
+    import mitransient  # noqa: F401
+
+    loaded = exported.export(toml, wavelength, lambda xml: translate(xml, scene.time))
+    images = [np.array(mi.render(loaded, spp=spp, seed=seed * BATCHES + i)[1]) for i in range(BATCHES)]
+    theirs = np.stack(images)[..., :4]
+    mean, error = (a[..., 0] for a in ours)
+    return Pair(scene.name, "over time", [f"s{j}" for j in range(4)], mean, error, theirs,
+                frames.angles(loaded.sensors()[0]), BLOCK)
