@@ -2,4 +2,5 @@
 
 pub mod path;
 pub mod progress;
+mod sheets;
 pub mod tile;

@@ -2,9 +2,11 @@
 //!
 //! A path carries the Mueller product from its current ray to the camera frame (all wavelengths at once), the optical
 //! path length, the number of surface interactions, and at each connection the one projector pixel s' that lights it.
-//! Projector and points have no extent, so light reaches them only by connection; smooth interfaces between a surface
-//! and the projector block the connection (light through them needs paths from the projector).
+//! Projector and points have no extent, so light reaches them only by connection; it passes sheets that let light straight
+//! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
+//! projector).
 
+use super::sheets;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lanes, Medium, NO_CRYSTAL};
 use crate::polarization::chain::{Chain, Scatter};
@@ -18,24 +20,24 @@ use crate::units::picoseconds;
 use glam::{DVec2, Vec3A};
 
 /// Gap left before a connection's end, relative to its length, so that rounding does not make the end block itself.
-const END_GAP: f32 = 1e-5;
+pub(super) const END_GAP: f32 = 1e-5;
 
 /// The state of a path at its current ray.
-struct State {
-    ray: Ray,
+pub(super) struct State {
+    pub ray: Ray,
     /// Where the ray really starts (its origin is nudged off the surface).
-    from: Vec3A,
+    pub from: Vec3A,
     /// Product from light coming in along the ray to the camera frame.
-    chain: Chain,
+    pub chain: Chain,
     /// Frame of that light.
-    frame: Vec3A,
+    pub frame: Vec3A,
     /// Optical path length so far, metres.
-    optical_m: f64,
+    pub optical_m: f64,
     /// The medium that the ray is in.
-    medium: Medium,
+    pub medium: Medium,
     /// Camera pixel, row-major.
-    pixel: u32,
-    lanes: Lanes,
+    pub pixel: u32,
+    pub lanes: Lanes,
 }
 
 impl State {
@@ -60,16 +62,16 @@ impl State {
 }
 
 /// A connection to a point emitter or the projector.
-struct Connection {
+pub(super) struct Connection {
     /// Direction to it, its position and distance.
-    wi: Vec3A,
-    position: Vec3A,
-    distance: f32,
+    pub wi: Vec3A,
+    pub position: Vec3A,
+    pub distance: f32,
     /// Irradiance at normal incidence.
-    irradiance: Spectral,
+    pub irradiance: Spectral,
     /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
-    axis: Vec3A,
-    pixel: u32,
+    pub axis: Vec3A,
+    pub pixel: u32,
 }
 
 /// Traces one path through a uniformly random point of camera pixel (x, y) and appends what it brings.
@@ -232,12 +234,16 @@ fn connect(
         origin,
         dir: v * length.recip(),
     };
-    if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
+    let occluded = scene.geometry.occluded(&ray, length * (1.0 - END_GAP));
+    if occluded && !scene.sheets {
         return 1;
     }
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let medium = beyond.flatten().unwrap_or(state.medium);
+    if occluded {
+        return 1 + sheets::connect(scene, state, (&scatter, wo), (&ray, medium), bounces, to, out);
+    }
     let first = out.elements.len() as u32;
     let extent = if let Scatter::Depolarize(f) = &scatter {
         state
