@@ -7,7 +7,7 @@ use super::eight::{Eight, Mask};
 use super::mesh::Mesh;
 use super::quadric::Quadric;
 use super::ray::{Hit, Ray, Surface};
-use super::tree::{Tree, Visit};
+use super::tree::{Tree, Visit, fetch};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -365,6 +365,11 @@ struct Nearest<'a> {
 
 impl Visit for Nearest<'_> {
     #[inline(always)]
+    fn expect(&self, leaf: u32) {
+        self.geometry.expect(leaf);
+    }
+
+    #[inline(always)]
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         if leaf & 1 == 1 {
@@ -408,6 +413,11 @@ struct Any<'a> {
 
 impl Visit for Any<'_> {
     #[inline(always)]
+    fn expect(&self, leaf: u32) {
+        self.geometry.expect(leaf);
+    }
+
+    #[inline(always)]
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         self.found = if leaf & 1 == 1 {
@@ -420,6 +430,14 @@ impl Visit for Any<'_> {
 }
 
 impl Geometry {
+    /// Fetches the triangles of a leaf; quadrics are few.
+    #[inline(always)]
+    fn expect(&self, leaf: u32) {
+        if leaf & 1 == 0 {
+            fetch(&self.packs[(leaf >> 1) as usize]);
+        }
+    }
+
     /// Nearest hit closer than `tmax`.
     #[inline(always)]
     #[must_use]

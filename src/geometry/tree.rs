@@ -57,6 +57,25 @@ impl Node {
 pub trait Visit {
     /// Meets leaf number `leaf`, hits beyond `end` being of no interest; returns the new end, 0 or less to stop.
     fn leaf(&mut self, leaf: u32, end: f32) -> f32;
+    /// Is told that leaf number `leaf` will probably be met, so that it can have it fetched from memory.
+    fn expect(&self, leaf: u32);
+}
+
+/// Has the processor fetch a value from memory into its cache. In large meshes most of the time is spent waiting for
+/// boxes and triangles; those of children that wait their turn can come meanwhile.
+#[inline(always)]
+pub fn fetch<T>(at: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let first = std::ptr::from_ref(at).cast::<i8>();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // SAFETY: fetching changes nothing but the cache, and faults nowhere.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
 }
 
 /// The tree over leaves that the caller numbers.
@@ -149,6 +168,11 @@ impl Tree {
                         let lane = bits.trailing_zeros() as usize & 7;
                         bits &= bits - 1;
                         let mut other = (node.child[lane], enter.0[lane]);
+                        if other.0 & LEAF == 0 {
+                            fetch(&self.nodes[other.0 as usize]);
+                        } else {
+                            visitor.expect(other.0 ^ LEAF);
+                        }
                         if ORDERED && other.1 < nearest.1 {
                             std::mem::swap(&mut nearest, &mut other);
                         }
@@ -333,6 +357,8 @@ mod tests {
             self.met[leaf as usize] = true;
             if self.stop { 0.0 } else { end }
         }
+
+        fn expect(&self, _: u32) {}
     }
 
     fn boxes(n: usize, seed: u64) -> Vec<Aabb> {

@@ -25,6 +25,7 @@ pub mod rough_conductor;
 pub mod rough_dielectric;
 pub mod sheet;
 pub mod texture;
+pub mod thin_dielectric;
 pub mod two_sided;
 
 use crate::geometry::ray::Surface;
@@ -50,6 +51,7 @@ pub enum Material {
     CoatedConductor(coated_conductor::CoatedConductor),
     Polarizer(polarizer::Polarizer),
     Retarder(retarder::Retarder),
+    ThinDielectric(thin_dielectric::ThinDielectric),
     Crystal(crystal::Crystal),
     Measured(measured::Measured),
 }
@@ -249,6 +251,7 @@ impl Materials {
             | Material::Dielectric(_)
             | Material::Polarizer(_)
             | Material::Retarder(_)
+            | Material::ThinDielectric(_)
             | Material::Crystal(_) => false,
             Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
             Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
@@ -271,6 +274,7 @@ impl Materials {
             | Material::Dielectric(_)
             | Material::Polarizer(_)
             | Material::Retarder(_)
+            | Material::ThinDielectric(_)
             | Material::Crystal(_) => None,
             other => self.eval_rest(other, at, wo, wi),
         }
@@ -301,6 +305,7 @@ impl Materials {
             | Material::Dielectric(_)
             | Material::Polarizer(_)
             | Material::Retarder(_)
+            | Material::ThinDielectric(_)
             | Material::Crystal(_) => 0.0,
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
             Material::Blend(m) => m.pdf(self, at, wo, wi),
@@ -348,6 +353,7 @@ impl Materials {
             Material::CoatedConductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
             Material::Polarizer(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
+            Material::ThinDielectric(m) => m.sample(at, wo, *lanes, stream),
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
             Material::Measured(m) => m.sample(self, at, wo, stream),
             Material::Diffuse(_)
@@ -385,8 +391,28 @@ impl Materials {
             (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
             (Material::Retarder(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
             (Material::Polarizer(_) | Material::Retarder(_), Lobe::Reflected) => None,
+            (Material::ThinDielectric(m), _) => m.specular(at, wo, lobe),
             (Material::Crystal(m), _) => m.specular(id, at, wo, lobe, lane),
         }
+    }
+
+    /// True if some material lets light straight through, so that connections must look whether it does.
+    #[must_use]
+    pub fn any_straight(&self) -> bool {
+        // Materials that are made of others stand in the same list as those.
+        self.list.iter().any(|m| {
+            matches!(
+                m,
+                Material::Polarizer(_) | Material::Retarder(_) | Material::ThinDielectric(_)
+            )
+        })
+    }
+
+    /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
+    #[must_use]
+    pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
+        let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;
+        (s.wi == -wo && s.medium.is_none()).then_some(s.scatter)
     }
 
     /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
@@ -409,7 +435,8 @@ impl Materials {
             | Material::Measured(_)
             | Material::CoatedConductor(_)
             | Material::Polarizer(_)
-            | Material::Retarder(_) => None,
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_) => None,
         }
     }
 

@@ -1,4 +1,4 @@
-//! What polarizer and retarder sheets share: an axis in the sheet, and light that goes straight through.
+//! What sheets share: an axis in the sheet, and light that goes straight through.
 //!
 //! Sheets are thin: light leaves where it enters, on the line it came along, and keeps its medium. Their matrices have
 //! the block form of Fresnel's in the frame of their axis.

@@ -2,5 +2,6 @@
 
 pub mod path;
 pub mod progress;
+mod sheets;
 pub mod tile;
 mod views;

@@ -2,9 +2,11 @@
 //!
 //! A path carries the Mueller product from its current ray to the camera frame (all wavelengths at once), the optical
 //! path length, the number of surface interactions, and at each connection the one projector pixel s' that lights it.
-//! Projector and points have no extent, so light reaches them only by connection; smooth interfaces between a surface
-//! and the projector block the connection (light through them needs paths from the projector).
+//! Projector and points have no extent, so light reaches them only by connection; it passes sheets that let light straight
+//! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
+//! projector).
 
+use super::sheets;
 use super::views::Views;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::view::View;
@@ -22,24 +24,24 @@ use glam::{DVec2, Vec3A};
 use std::ops::Range;
 
 /// Gap left before a connection's end, relative to its length, so that rounding does not make the end block itself.
-const END_GAP: f32 = 1e-5;
+pub(super) const END_GAP: f32 = 1e-5;
 
 /// The state of a path at its current ray.
-struct State {
-    ray: Ray,
+pub(super) struct State {
+    pub ray: Ray,
     /// Where the ray really starts (its origin is nudged off the surface).
-    from: Vec3A,
+    pub from: Vec3A,
     /// Product from light coming in along the ray to the camera frame.
-    chain: Chain,
+    pub chain: Chain,
     /// Frame of that light.
-    frame: Vec3A,
+    pub frame: Vec3A,
     /// Optical path length so far, metres.
-    optical_m: f64,
+    pub optical_m: f64,
     /// The medium that the ray is in.
-    medium: Medium,
+    pub medium: Medium,
     /// Camera pixel, row-major.
-    pixel: u32,
-    lanes: Lanes,
+    pub pixel: u32,
+    pub lanes: Lanes,
 }
 
 impl State {
@@ -74,16 +76,16 @@ struct Vertex {
 }
 
 /// A connection to a point emitter or the projector.
-struct Connection<'a> {
+pub(super) struct Connection<'a> {
     /// Direction to it, its position and distance.
-    wi: Vec3A,
-    position: Vec3A,
-    distance: f32,
+    pub wi: Vec3A,
+    pub position: Vec3A,
+    pub distance: f32,
     /// Irradiance at normal incidence.
-    irradiance: Spectral,
+    pub irradiance: Spectral,
     /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
-    axis: Vec3A,
-    pixel: u32,
+    pub axis: Vec3A,
+    pub pixel: u32,
     /// What is seen from there, if known.
     view: Option<&'a View>,
 }
@@ -353,6 +355,7 @@ fn connect(scene: &Scene, state: &State, at: &Vertex, to: &Connection, out: &mut
         return 0;
     };
     let mut rays = 0;
+    let mut blocked = None;
     if known.is_none() {
         let origin = scene.geometry.leave(surface, to.wi);
         let v = to.position - origin;
@@ -363,12 +366,18 @@ fn connect(scene: &Scene, state: &State, at: &Vertex, to: &Connection, out: &mut
         };
         rays = 1;
         if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
-            return rays;
+            if !scene.sheets {
+                return rays;
+            }
+            blocked = Some(ray);
         }
     }
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let medium = beyond.flatten().unwrap_or(state.medium);
+    if let Some(ray) = blocked {
+        return rays + sheets::connect(scene, state, (scatter, wo), (&ray, medium), at.bounces, to, out);
+    }
     let first = out.elements.len() as u32;
     let extent = if let Scatter::Depolarize(f) = scatter {
         state

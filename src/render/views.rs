@@ -27,7 +27,12 @@ impl Views {
         };
         Self {
             camera: view(&scene.camera),
-            projector: scene.projector.as_ref().and_then(|p| view(&p.pinhole)),
+            // Light passes sheets, of which a view knows nothing.
+            projector: scene
+                .projector
+                .as_ref()
+                .filter(|_| !scene.sheets)
+                .and_then(|p| view(&p.pinhole)),
         }
     }
 }

@@ -277,6 +277,7 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
         name,
         wavelengths: ctx.wavelengths.clone(),
         geometry,
+        sheets: materials.any_straight(),
         materials,
         camera,
         projector,

@@ -441,12 +441,25 @@ pub enum ProjectorSelectFile {
     Binned(BinSize),
     /// Drive image of the projector's resolution; its brightness (linear, 0..1) weights the pixels.
     Mask(String),
+    /// Every pixel weighted by its own coordinate: over the same slice with `sum`, the mean coordinate of the projector
+    /// pixels that the light comes from.
+    Moment(MomentFile),
     /// Only pixels within the half width of the epipolar line.
     Epipolar(HalfWidth),
     /// Only the others.
     Nonepipolar(HalfWidth),
     /// Only s' = s.
     Coaxial,
+}
+
+/// Coordinate of a projector pixel.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MomentFile {
+    /// Index of its column.
+    U,
+    /// Index of its row.
+    V,
 }
 
 /// Half width of an epipolar band.

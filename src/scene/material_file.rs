@@ -50,6 +50,8 @@ pub enum MaterialFile {
     Polarizer(PolarizerFile),
     /// Thin sheet that delays one linear polarization: a wave plate.
     Retarder(RetarderFile),
+    /// Thin plate of glass that light goes straight through.
+    ThinDielectric(DielectricFile),
     /// Closed surface filled with a uniaxial crystal.
     Crystal(CrystalFile),
     /// A table of measured Mueller matrices.

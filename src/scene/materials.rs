@@ -12,7 +12,7 @@ use crate::material::measured::table::{Options, Table};
 use crate::material::texture::{Scalar, Spectrum};
 use crate::material::{
     Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
-    plastic, rough_conductor, rough_dielectric, two_sided, varies,
+    plastic, rough_conductor, rough_dielectric, thin_dielectric, two_sided, varies,
 };
 use crate::sampling::microfacet::{Distribution, Masking};
 use crate::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
@@ -227,6 +227,9 @@ impl<'a> Builder<'_, 'a> {
             }
             MaterialFile::CoatedConductor(c) => Material::CoatedConductor(self.coated(m, c)?),
             MaterialFile::Polarizer(p) => Material::Polarizer(self.polarizer(p)?),
+            MaterialFile::ThinDielectric(d) => Material::ThinDielectric(thin_dielectric::ThinDielectric {
+                interface: self.interface(&d.ior, &d.exterior_ior)?,
+            }),
             MaterialFile::Retarder(r) => Material::Retarder(self.retarder(m, r)?),
             MaterialFile::Crystal(c) => Material::Crystal(self.crystal(m, c)?),
             MaterialFile::Measured(m) => Material::Measured(measured::Measured {

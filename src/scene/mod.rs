@@ -41,6 +41,8 @@ pub struct Scene {
     pub slices: Vec<Slice>,
     pub figures: Vec<Figure>,
     pub settings: Settings,
+    /// Some material lets light straight through, so connections may pass sheets.
+    pub sheets: bool,
     /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
     pub sha256: String,
 }

@@ -1,7 +1,9 @@
 //! Slices of a scene file → [`Slice`]s, checked against camera and projector.
 
 use super::build::{Context, bin_multiple};
-use super::file::{CameraSelectFile, PolarizationFile, ProjectorSelectFile, SceneFile, SliceFile};
+use super::file::{
+    CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SceneFile, SliceFile,
+};
 use super::locate::{Located, SceneError};
 use super::pinhole::Pinhole;
 use super::projector::Projector;
@@ -218,6 +220,7 @@ fn projector_select(
             ProjectorSelect::Binned { nx, ny }
         }
         ProjectorSelectFile::Mask(name) => mask(ctx, name, size, span)?,
+        ProjectorSelectFile::Moment(of) => moment(*of, size),
         ProjectorSelectFile::Epipolar(_) | ProjectorSelectFile::Nonepipolar(_)
             if size.iter().map(|n| u64::from(*n)).product::<u64>() > MAX_EPIPOLAR_PIXELS =>
         {
@@ -245,6 +248,19 @@ fn projector_select(
         }
         ProjectorSelectFile::Coaxial => ProjectorSelect::Coaxial,
     })
+}
+
+/// Every pixel's own coordinate as its weight.
+fn moment(of: MomentFile, [w, h]: [u32; 2]) -> ProjectorSelect {
+    let pixels = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
+    let (name, weights) = match of {
+        MomentFile::U => ("moment u", pixels.map(|(u, _)| u as f32).collect()),
+        MomentFile::V => ("moment v", pixels.map(|(_, v)| v as f32).collect()),
+    };
+    ProjectorSelect::Mask {
+        name: name.to_owned(),
+        weights,
+    }
 }
 
 /// A drive image: its brightness, linear, is the weight of each projector pixel.

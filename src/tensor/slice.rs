@@ -33,7 +33,7 @@ pub enum ProjectorSelect {
     Block(Block),
     /// Sums over boxes of `nx` × `ny` projector pixels (the response to a box lit as a whole).
     Binned { nx: u32, ny: u32 },
-    /// Σ over s' weighted by a drive image in 0..1, row-major, one weight per projector pixel. No axis.
+    /// Σ over s' with a weight per projector pixel, row-major: a drive image in 0..1, or a coordinate. No axis.
     Mask { name: String, weights: Vec<f32> },
     /// Σ over the s' whose centre lies within the half width (projector pixels) of the epipolar line of s. No axis.
     Epipolar { half_width_px: f32 },

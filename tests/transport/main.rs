@@ -14,8 +14,11 @@ mod materials;
 mod measured;
 mod microfacet;
 mod optics;
+mod projector_sheets;
 mod sheets;
 mod specular;
 mod stand_ins;
 #[path = "../support/mod.rs"]
 mod support;
+mod thin_plates;
+mod wishes;

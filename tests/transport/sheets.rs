@@ -133,7 +133,7 @@ fn retarders_have_the_pinned_signs() {
 }
 
 /// Diattenuator or retarder in the frame of its axis.
-fn diattenuator(t: f64, e: f64) -> M {
+pub fn diattenuator(t: f64, e: f64) -> M {
     let (a, b, c) = (t * (1.0 + e) / 2.0, t * (1.0 - e) / 2.0, t * e.sqrt());
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }

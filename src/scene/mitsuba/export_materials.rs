@@ -143,6 +143,13 @@ impl<'a> MaterialWriter<'a> {
                 let element = self.interface(id, open("roughdielectric"), &d.interface)?;
                 self.roughness(id, element, &d.roughness)?
             }
+            Material::ThinDielectric(d) => {
+                self.out.note(format!(
+                    "material `{}`: Mitsuba's thindielectric is not polarized, and sums the mean of both polarizations, which is not the mean of their sums off the normal",
+                    self.names[&id]
+                ));
+                self.interface(id, open("thindielectric"), &d.interface)?
+            }
             Material::Polarizer(p) => {
                 if p.extinction.to_array() != [0.0; 4] {
                     return self.cannot(

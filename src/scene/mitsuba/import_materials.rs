@@ -191,7 +191,7 @@ impl MaterialReader {
                 let facets = facets(importer, node, &mut images)?;
                 format!("rough_conductor = {{ {metal}, {facets} }}")
             }
-            "dielectric" | "roughdielectric" => {
+            "dielectric" | "thindielectric" | "roughdielectric" => {
                 let (inside, outside) = (
                     index(importer, node, "int_ior", 1.5046)?,
                     index(importer, node, "ext_ior", 1.000_277)?,
@@ -202,6 +202,9 @@ impl MaterialReader {
                 }
                 if node.kind == "dielectric" {
                     format!("dielectric = {{ {ior} }}")
+                } else if node.kind == "thindielectric" {
+                    importer.note("thin glass is polarized in sunstone; Mitsuba's thindielectric is not");
+                    format!("thin_dielectric = {{ {ior} }}")
                 } else {
                     let facets = facets(importer, node, &mut images)?;
                     importer.note("rough glass is polarized in sunstone; Mitsuba's roughdielectric is not");
@@ -316,7 +319,7 @@ impl MaterialReader {
                 return importer.error(
                     &node.span,
                     format!("sunstone has no material `{other}`"),
-                    "use diffuse, conductor, roughconductor, dielectric, roughdielectric, pplastic, measured_polarized, polarizer, retarder, blendbsdf, twosided or normalmap",
+                    "use diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, pplastic, measured_polarized, polarizer, retarder, blendbsdf, twosided or normalmap",
                 );
             }
         };

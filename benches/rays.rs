@@ -1,0 +1,85 @@
+//! Traces rays from a file against a mesh from a file: our side of `validation/rays.py`, which times Embree on the same.
+//!
+//!     rays MESH.ply RAYS.f32 HITS.f32
+//!
+//! RAYS.f32 holds little-endian f32, six a ray: origin, then unit direction. Every line on standard input is a number of
+//! threads; each is answered by the seconds that the nearest hits of all rays took. At the end of the input the last hits
+//! are written, four f32 a ray: distance (infinite for none), the barycentric coordinates of the second and third vertex,
+//! and 0 (place of the primitive, whose number is our tree's own).
+
+use glam::Vec3A;
+use rayon::prelude::*;
+use std::io::{BufRead, Write};
+use std::path::Path;
+use std::time::Instant;
+use sunstone::geometry::bvh::{Geometry, GeometryBuilder};
+use sunstone::geometry::import;
+use sunstone::geometry::ray::{Hit, Ray};
+
+type Failure = Box<dyn std::error::Error>;
+
+fn rays(path: &str) -> Result<Vec<Ray>, Failure> {
+    let bytes = std::fs::read(path)?;
+    let (rays, _) = bytes.as_chunks::<24>();
+    let ray = |bytes: &[u8; 24]| {
+        let (words, _) = bytes.as_chunks::<4>();
+        let [ox, oy, oz, dx, dy, dz] = std::array::from_fn(|i| f32::from_le_bytes(words[i]));
+        Ray {
+            origin: Vec3A::new(ox, oy, oz),
+            dir: Vec3A::new(dx, dy, dz),
+        }
+    };
+    Ok(rays.iter().map(ray).collect())
+}
+
+fn trace(geometry: &Geometry, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    for (ray, hit) in rays.iter().zip(hits) {
+        *hit = geometry.intersect(ray, f32::INFINITY);
+    }
+}
+
+fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
+    let mut builder = GeometryBuilder::default();
+    for part in import::load(Path::new(mesh))? {
+        builder.mesh(&part.mesh, 0);
+    }
+    let begun = Instant::now();
+    let geometry = builder.build();
+    let rays = rays(from)?;
+    eprintln!(
+        "{} triangles in {:.2} s",
+        geometry.counts().0,
+        begun.elapsed().as_secs_f64()
+    );
+    let mut hits = vec![None; rays.len()];
+    for line in std::io::stdin().lock().lines() {
+        let threads: usize = line?.trim().parse()?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let begun = Instant::now();
+        if threads == 1 {
+            trace(&geometry, &rays, &mut hits);
+        } else {
+            let parts = rays.par_chunks(4096).zip(hits.par_chunks_mut(4096));
+            pool.install(|| parts.for_each(|(rays, hits)| trace(&geometry, rays, hits)));
+        }
+        println!("{}", begun.elapsed().as_secs_f64());
+        std::io::stdout().flush()?;
+    }
+    let words = hits
+        .iter()
+        .flat_map(|hit| hit.map_or([f32::INFINITY, 0.0, 0.0, 0.0], |h| [h.t, h.u, h.v, 0.0]));
+    std::fs::write(into, words.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
+    Ok(())
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let [mesh, from, into] = &arguments[..] else {
+        println!("rays: run by validation/rays.py");
+        return;
+    };
+    if let Err(e) = run(mesh, from, into) {
+        eprintln!("rays: {e}");
+        std::process::exit(1);
+    }
+}
