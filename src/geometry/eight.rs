@@ -10,6 +10,7 @@
 )]
 
 use std::ops::{Add, BitAnd, Mul, Sub};
+use wide::f32x4;
 
 /// Eight numbers.
 #[derive(Clone, Copy, Debug)]
@@ -94,11 +95,8 @@ impl Mask {
     /// Bit i: lane i is true.
     #[inline(always)]
     pub fn bits(self) -> u32 {
-        let mut out = 0;
-        for i in 0..8 {
-            out |= self.0[i] & (1 << i);
-        }
-        out
+        let [low, high]: [f32x4; 2] = bytemuck::cast(self.0);
+        low.to_bitmask() | high.to_bitmask() << 4
     }
 }
 

@@ -7,6 +7,7 @@
 use super::eight::Eight;
 use super::ray::Ray;
 use arrayvec::ArrayVec;
+use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -133,13 +134,8 @@ impl Tree {
             return;
         }
         // 1/0 would make 0·∞: a direction component too small to matter is one of 1e-30.
-        let inverse = ray.dir.to_array().map(|d| {
-            if d.abs() < 1e-30 {
-                1e30_f32.copysign(d)
-            } else {
-                1.0 / d
-            }
-        });
+        let tiny = ray.dir.abs().cmplt(Vec3A::splat(1e-30));
+        let inverse = Vec3A::select(tiny, Vec3A::splat(1e30).copysign(ray.dir), ray.dir.recip()).to_array();
         let origin = ray.origin.to_array().map(Eight::splat);
         let scale = inverse.map(Eight::splat);
         let near = [0, 1, 2].map(|k| if inverse[k] < 0.0 { k + 3 } else { k });

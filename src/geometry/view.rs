@@ -21,7 +21,7 @@ const NOTHING: u32 = u32::MAX;
 
 /// What one pyramid holds; depths are along the axis of the pinhole, metres.
 #[derive(Clone, Copy, Debug)]
-struct Pyramid {
+struct Bounds {
     /// The primitive that may be nearest, and the least depth at which it may be.
     leaf: u32,
     nearest: f32,
@@ -31,16 +31,62 @@ struct Pyramid {
     cover: f32,
 }
 
+/// What is asked of a pyramid, in eight bytes, because the answers come from memory: depths as the upper halves of
+/// their `f32`, rounded to the careful side.
+#[derive(Clone, Copy, Debug)]
+struct Pyramid {
+    leaf: u32,
+    others: u16,
+    cover: u16,
+}
+
+impl Pyramid {
+    fn new(bounds: &Bounds) -> Self {
+        Self {
+            leaf: bounds.leaf,
+            others: (bounds.others.to_bits() >> 16) as u16,
+            // The next larger one; that of infinity would not be a number.
+            cover: if bounds.cover < f32::MAX / 2.0 {
+                (bounds.cover.to_bits() >> 16) as u16 + 1
+            } else {
+                (f32::INFINITY.to_bits() >> 16) as u16
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn others(self) -> f32 {
+        f32::from_bits(u32::from(self.others) << 16)
+    }
+
+    #[inline(always)]
+    fn cover(self) -> f32 {
+        f32::from_bits(u32::from(self.cover) << 16)
+    }
+}
+
 /// The pyramids of a pinhole.
 pub struct View {
+    grid: Grid,
     origin: Vec3A,
     /// Takes world directions to right, down, forward.
     to_local: Mat3A,
+    pyramids: Vec<Pyramid>,
+}
+
+/// How directions are divided into pyramids.
+#[derive(Clone, Copy)]
+struct Grid {
     /// First corner, and pyramids per unit, on the plane at distance 1.
     first: Vec2,
     density: Vec2,
     size: [u32; 2],
-    pyramids: Vec<Pyramid>,
+}
+
+/// The bounds of all pyramids while primitives are entered.
+struct Survey {
+    grid: Grid,
+    bounds: Vec<Bounds>,
 }
 
 /// A rectangle of directions on the plane at distance 1.
@@ -70,39 +116,92 @@ impl View {
         size: [u32; 2],
     ) -> Option<Self> {
         let size = size.map(|n| n.clamp(1, MOST));
-        let mut view = Self {
-            origin,
-            to_local: axes.transpose(),
+        let grid = Grid {
             first: lo,
             density: Vec2::new(size[0] as f32, size[1] as f32) / (hi - lo),
             size,
-            pyramids: vec![
-                Pyramid {
-                    leaf: NOTHING,
-                    nearest: f32::INFINITY,
-                    others: f32::INFINITY,
-                    cover: f32::INFINITY,
-                };
-                (size[0] * size[1]) as usize
-            ],
         };
+        let nothing = Bounds {
+            leaf: NOTHING,
+            nearest: f32::INFINITY,
+            others: f32::INFINITY,
+            cover: f32::INFINITY,
+        };
+        let mut survey = Survey {
+            grid,
+            bounds: vec![nothing; (size[0] * size[1]) as usize],
+        };
+        let to_local = axes.transpose();
         let near = 1e-3 * geometry.extent();
         for (leaf, outline) in geometry.outlines() {
             match outline {
                 Outline::Flat { corners } => {
-                    let corners = corners.map(|p| view.to_local * (p - origin));
-                    view.flat(leaf, corners, near, geometry.skin())?;
+                    let corners = corners.map(|p| to_local * (p - origin));
+                    survey.flat(leaf, corners, near, geometry.skin())?;
                 }
-                Outline::Ball { centre, radius } => view.round(leaf, centre, radius, true)?,
-                Outline::Inside { centre, radius } => view.round(leaf, centre, radius, false)?,
+                Outline::Ball { centre, radius } => {
+                    survey.round(leaf, to_local * (centre - origin), radius, true)?;
+                }
+                Outline::Inside { centre, radius } => {
+                    survey.round(leaf, to_local * (centre - origin), radius, false)?;
+                }
             }
         }
-        Some(view)
+        Some(Self {
+            grid,
+            origin,
+            to_local,
+            pyramids: survey.bounds.iter().map(Pyramid::new).collect(),
+        })
     }
 
+    #[inline(always)]
+    fn pyramid(&self, local: Vec3A) -> Option<Pyramid> {
+        let at = (Vec2::new(local.x, local.y) / local.z - self.grid.first) * self.grid.density;
+        if !(local.z > 0.0 && at.x >= 0.0 && at.y >= 0.0) {
+            return None;
+        }
+        let (column, row) = (at.x as u32, at.y as u32);
+        let [columns, rows] = self.grid.size;
+        if column >= columns || row >= rows {
+            return None;
+        }
+        self.pyramids.get((row * columns + column) as usize).copied()
+    }
+
+    /// True if nothing is between the pinhole and a hit, false if something is, `None` if that takes a ray. `local` is
+    /// the hit as right, down, forward of the pinhole.
+    #[inline(always)]
+    #[must_use]
+    pub fn sees(&self, local: Vec3A, hit: &Hit, surface: &Surface) -> Option<bool> {
+        let pyramid = self.pyramid(local)?;
+        if local.z * (1.0 - DEPTH_MARGIN) > pyramid.cover() {
+            return Some(false);
+        }
+        // A sphere hides its own far side.
+        let facing = hit.leaf & QUADRIC == 0 || surface.ng.dot(self.origin - surface.p) > 0.0;
+        let own = hit.leaf == pyramid.leaf && facing;
+        (own && local.z * (1.0 + DEPTH_MARGIN) < pyramid.others()).then_some(true)
+    }
+
+    /// The first hit of a ray that starts at the pinhole, if the view knows what it is.
+    #[inline(always)]
+    #[must_use]
+    pub fn first_hit(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
+        let pyramid = self.pyramid(self.to_local * ray.dir)?;
+        // Whatever covers and is nearer than all others is the nearest.
+        if pyramid.cover() < pyramid.others() {
+            geometry.meet(ray, pyramid.leaf)
+        } else {
+            None
+        }
+    }
+}
+
+impl Survey {
     /// Enters a primitive into a pyramid: least depth, and the depth that it surely hides all behind.
     fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
-        let p = &mut self.pyramids[(row * self.size[0] + column) as usize];
+        let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
         if depth < p.nearest {
             p.others = p.nearest;
             p.nearest = depth;
@@ -115,22 +214,22 @@ impl View {
 
     /// Columns and rows of the pyramids that a window touches, widened by `more`.
     fn touched(&self, window: Window, more: f32) -> [std::ops::Range<u32>; 2] {
-        let pad = Vec2::splat(2.0 * MARGIN) + self.density * more;
-        let lo = (window.lo - self.first) * self.density - pad;
-        let hi = (window.hi - self.first) * self.density + pad + Vec2::ONE;
+        let pad = Vec2::splat(2.0 * MARGIN) + self.grid.density * more;
+        let lo = (window.lo - self.grid.first) * self.grid.density - pad;
+        let hi = (window.hi - self.grid.first) * self.grid.density + pad + Vec2::ONE;
         [0, 1].map(|k| {
-            let end = |v: f32| v.clamp(0.0, self.size[k] as f32) as u32;
+            let end = |v: f32| v.clamp(0.0, self.grid.size[k] as f32) as u32;
             end(lo[k])..end(hi[k])
         })
     }
 
     /// A pyramid, widened by `margin` of its width and `more`.
     fn window(&self, column: u32, row: u32, more: f32) -> Window {
-        let (a, n) = (Vec2::new(column as f32, row as f32), self.density);
+        let (a, n) = (Vec2::new(column as f32, row as f32), self.grid.density);
         let wider = Vec2::splat(MARGIN) + n * more;
         Window {
-            lo: self.first + (a - wider) / n,
-            hi: self.first + (a + Vec2::ONE + wider) / n,
+            lo: self.grid.first + (a - wider) / n,
+            hi: self.grid.first + (a + Vec2::ONE + wider) / n,
         }
     }
 
@@ -230,17 +329,16 @@ impl View {
         Some(())
     }
 
-    /// A sphere, or something of unknown shape inside it.
-    fn round(&mut self, leaf: u32, centre: Vec3A, radius: f32, solid: bool) -> Option<()> {
-        let c = self.to_local * (centre - self.origin);
+    /// A sphere about `c` (right, down, forward), or something of unknown shape inside it.
+    fn round(&mut self, leaf: u32, c: Vec3A, radius: f32, solid: bool) -> Option<()> {
         let distance = c.length();
         let radius = radius * 1.001;
         let rim = (radius / distance).min(1.0).asin();
         if distance <= radius {
             return None;
         }
-        for row in 0..self.size[1] {
-            for column in 0..self.size[0] {
+        for row in 0..self.grid.size[1] {
+            for column in 0..self.grid.size[0] {
                 let window = self.window(column, row, 0.0);
                 let middle = ((window.lo + window.hi) * 0.5).extend(1.0);
                 let middle = Vec3A::from(middle).normalize();
@@ -269,52 +367,11 @@ impl View {
     }
 
     fn whole(&self) -> Window {
-        let cells = Vec2::new(self.size[0] as f32, self.size[1] as f32);
-        let margin = Vec2::splat(MARGIN) / self.density;
+        let cells = Vec2::new(self.grid.size[0] as f32, self.grid.size[1] as f32);
+        let margin = Vec2::splat(MARGIN) / self.grid.density;
         Window {
-            lo: self.first - margin,
-            hi: self.first + cells / self.density + margin,
-        }
-    }
-
-    #[inline(always)]
-    fn pyramid(&self, local: Vec3A) -> Option<&Pyramid> {
-        let at = (Vec2::new(local.x, local.y) / local.z - self.first) * self.density;
-        if !(local.z > 0.0 && at.x >= 0.0 && at.y >= 0.0) {
-            return None;
-        }
-        let (column, row) = (at.x as u32, at.y as u32);
-        if column >= self.size[0] || row >= self.size[1] {
-            return None;
-        }
-        self.pyramids.get((row * self.size[0] + column) as usize)
-    }
-
-    /// True if nothing is between the pinhole and a hit, false if something is, `None` if that takes a ray.
-    #[inline(always)]
-    #[must_use]
-    pub fn sees(&self, hit: &Hit, surface: &Surface) -> Option<bool> {
-        let local = self.to_local * (surface.p - self.origin);
-        let pyramid = self.pyramid(local)?;
-        if local.z * (1.0 - DEPTH_MARGIN) > pyramid.cover {
-            return Some(false);
-        }
-        // A sphere hides its own far side.
-        let facing = hit.leaf & QUADRIC == 0 || surface.ng.dot(self.origin - surface.p) > 0.0;
-        let own = hit.leaf == pyramid.leaf && facing;
-        (own && local.z * (1.0 + DEPTH_MARGIN) < pyramid.others).then_some(true)
-    }
-
-    /// The first hit of a ray that starts at the pinhole, if the view knows what it is.
-    #[inline(always)]
-    #[must_use]
-    pub fn first_hit(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
-        let pyramid = self.pyramid(self.to_local * ray.dir)?;
-        // Whatever covers and is nearer than all others is the nearest.
-        if pyramid.cover < pyramid.others {
-            geometry.meet(ray, pyramid.leaf)
-        } else {
-            None
+            lo: self.grid.first - margin,
+            hi: self.grid.first + cells / self.grid.density + margin,
         }
     }
 }
@@ -431,7 +488,7 @@ mod tests {
                     origin: start,
                     dir: to.normalize(),
                 };
-                if let Some(seen) = view.sees(&hit, &surface) {
+                if let Some(seen) = view.sees(local, &hit, &surface) {
                     spoken += 1;
                     free += u32::from(seen);
                     assert_eq!(

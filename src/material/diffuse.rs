@@ -25,7 +25,7 @@ pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
 
 impl Diffuse {
     /// See [`super::Materials::eval`].
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
@@ -39,7 +39,7 @@ impl Diffuse {
     }
 
     /// Cosine-weighted.
-    #[inline]
+    #[inline(always)]
     pub fn sample(
         &self,
         textures: &Textures,

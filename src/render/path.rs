@@ -86,8 +86,8 @@ pub(super) struct Connection<'a> {
     /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
     pub axis: Vec3A,
     pub pixel: u32,
-    /// What is seen from there, if known.
-    view: Option<&'a View>,
+    /// What is seen from there, if known, and where the connected point is in that view.
+    view: Option<(&'a View, Vec3A)>,
 }
 
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
@@ -303,7 +303,10 @@ fn connect_all(scene: &Scene, views: &Views, state: &State, at: &Vertex, out: &m
             irradiance: projector.irradiance * Spectral::splat(a.factor),
             axis: projector.pinhole.axes.x_axis,
             pixel: a.pixel,
-            view: views.projector.as_ref(),
+            view: match &views.projector {
+                Some(view) => Some((view, a.local)),
+                None => None,
+            },
         };
         rays += connect(scene, state, at, &connection, out);
     }
@@ -341,7 +344,7 @@ fn arrival(projector: &Projector, state: &State, at: &Vertex) -> Option<Arrival>
 #[inline(always)]
 fn connect(scene: &Scene, state: &State, at: &Vertex, to: &Connection, out: &mut Contributions) -> u32 {
     let known = match to.view {
-        Some(view) => view.sees(&at.hit, &at.surface),
+        Some((view, local)) => view.sees(local, &at.hit, &at.surface),
         None => None,
     };
     if known == Some(false) {

@@ -156,6 +156,12 @@ impl Pinhole {
         self.distortion.undistort((pixel - self.principal) / self.focal)
     }
 
+    /// True if the lens distorts: then, and only then, the constructor found a bound.
+    #[inline(always)]
+    fn distorts(&self) -> bool {
+        self.max_radius2 < f64::INFINITY
+    }
+
     /// Least and greatest normalized coordinates over the image's border, from 65 points a side.
     #[must_use]
     pub fn field(&self) -> [DVec2; 2] {
@@ -179,25 +185,35 @@ impl Pinhole {
     #[inline]
     #[must_use]
     pub fn direction(&self, pixel: DVec2) -> Vec3A {
-        // The constructor has checked that the whole image can be undistorted.
-        let n = self
-            .normalized(pixel)
-            .unwrap_or((pixel - self.principal) / self.focal);
+        let ideal = (pixel - self.principal) / self.focal;
+        let n = if self.distorts() {
+            // The constructor has checked that the whole image can be undistorted.
+            self.distortion.undistort(ideal).unwrap_or(ideal)
+        } else {
+            ideal
+        };
         (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
     }
 
-    /// Continuous pixel position and depth along the axis of a world point; `None` if it is behind the device or
-    /// outside the image.
+    /// Device coordinates (right, down, forward) of a world point.
     #[inline(always)]
     #[must_use]
-    pub fn project(&self, p: Vec3A) -> Option<(DVec2, f32)> {
-        let local = self.axes.transpose() * (p - self.origin);
+    pub fn local(&self, p: Vec3A) -> Vec3A {
+        self.axes.transpose() * (p - self.origin)
+    }
+
+    /// Continuous pixel position and device coordinates (right, down, forward) of a world point; `None` if it is behind
+    /// the device or outside the image.
+    #[inline(always)]
+    #[must_use]
+    pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
+        let local = self.local(p);
         if local.z <= 0.0 {
             return None;
         }
         let z = f64::from(local.z);
         let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);
-        let d = if self.distortion.is_none() {
+        let d = if !self.distorts() {
             n
         } else if n.length_squared() > self.max_radius2 {
             return None;
@@ -207,7 +223,7 @@ impl Pinhole {
         let pixel = d * self.focal + self.principal;
         let [w, h] = self.resolution.map(f64::from);
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < w && pixel.y < h;
-        inside.then_some((pixel, local.z))
+        inside.then_some((pixel, local))
     }
 
     /// Image right in world coordinates.
@@ -254,7 +270,7 @@ mod tests {
             let q = DVec2::new(x, y);
             let (back, depth) = p.project(p.origin + p.direction(q) * 3.0).unwrap();
             assert!((back - q).length() < 1e-3, "{q} {back}");
-            assert!(depth > 0.0);
+            assert!(depth.z > 0.0);
         }
     }
 

@@ -30,6 +30,8 @@ pub struct Arrival {
     pub distance: f32,
     /// Irradiance at normal incidence per unit irradiance E: 1 / (z² cosθ).
     pub factor: f32,
+    /// The point in the projector's coordinates: right, down, forward.
+    pub local: Vec3A,
 }
 
 impl Projector {
@@ -37,11 +39,11 @@ impl Projector {
     #[inline(always)]
     #[must_use]
     pub fn arrival(&self, p: Vec3A) -> Option<Arrival> {
-        let (pixel, z) = self.pinhole.project(p)?;
+        let (pixel, local) = self.pinhole.project(p)?;
         let [w, h] = self.pinhole.resolution;
         // Rounding at the far border must not leave the image.
         let (u, v) = ((pixel.x as u32).min(w - 1), (pixel.y as u32).min(h - 1));
-        Some(self.lit_from(p, v * w + u, z))
+        Some(self.lit_from(p, v * w + u, local))
     }
 
     /// What arrives at `p`, which the coaxial camera sees in its pixel `pixel`: s' = s, whereas projecting `p` would
@@ -49,11 +51,12 @@ impl Projector {
     #[inline(always)]
     #[must_use]
     pub fn arrival_in_line(&self, p: Vec3A, pixel: u32) -> Arrival {
-        self.lit_from(p, pixel, (p - self.pinhole.origin).dot(self.pinhole.forward()))
+        self.lit_from(p, pixel, self.pinhole.local(p))
     }
 
     #[inline(always)]
-    fn lit_from(&self, p: Vec3A, pixel: u32, z: f32) -> Arrival {
+    fn lit_from(&self, p: Vec3A, pixel: u32, local: Vec3A) -> Arrival {
+        let z = local.z;
         let to = self.pinhole.origin - p;
         let distance = to.length();
         let cos = z / distance;
@@ -62,6 +65,7 @@ impl Projector {
             wi: to * distance.recip(),
             distance,
             factor: 1.0 / (z * z * cos),
+            local,
         }
     }
 }

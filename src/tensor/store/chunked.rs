@@ -304,7 +304,9 @@ impl<T: Number> ChunkedArray<T> {
         };
         let bytes: &[u8] = bytemuck::cast_slice(chunk);
         let content = sparse_frame::encode(bytes);
-        if content == Content::Zero {
+        // Negative zeros are zeros as well.
+        let zero = T::default();
+        if content == Content::Zero || content == Content::Dense && chunk.iter().all(|v| *v == zero) {
             return self.array.erase_chunk(index).map_err(|e| failed(e.to_string()));
         }
         if !self.compressed || cfg!(target_endian = "big") {
