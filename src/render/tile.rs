@@ -379,7 +379,7 @@ fn render_tile(
     let mut counts = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
     accumulator.begin_tile([x0, y0], [x1, y1]);
     for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
-        if !accumulator.wants(x, y) {
+        if !accumulator.begin_pixel(x, y) {
             counts.push(0);
             continue;
         }
@@ -398,7 +398,7 @@ fn render_tile(
                         c.epipolar_px = e.distance_px(line, c.pixel);
                     }
                 }
-                accumulator.add_sample(x, y, sample, contributions);
+                accumulator.add_sample(sample, contributions);
                 counted += 1;
             }
         }

@@ -11,11 +11,17 @@ use glam::{DMat3, DVec2, DVec3};
 #[derive(Clone, Debug)]
 pub struct Epipolar {
     essential: DMat3,
-    /// Per projector pixel, row-major: normalized x, y and the gradient of each by pixel column and row.
+    projector_width: u32,
+    /// Focal lengths, and the normalized coordinates of the centre of the first pixel.
+    focal: DVec2,
+    first: DVec2,
+    /// Of a lens that distorts, per projector pixel, row-major: normalized x, y and the gradient of each by pixel column
+    /// and row; empty otherwise.
     pixels: Vec<[f32; 6]>,
 }
 
-/// The epipolar line of one camera pixel: a·x + b·y + c = 0 on the projector's normalized plane.
+/// The epipolar line of one camera pixel, a·x + b·y + c = 0: on the projector's normalized plane where its lens distorts;
+/// otherwise x, y are column and row, and a² + b² = 1.
 #[derive(Clone, Copy, Debug)]
 pub struct EpipolarLine([f32; 3]);
 
@@ -42,8 +48,9 @@ impl Epipolar {
         };
         let essential = columns(projector).transpose() * cross * columns(camera);
         let [w, h] = projector.resolution;
-        let mut pixels = Vec::with_capacity((w * h) as usize);
-        for v in 0..h {
+        let mut pixels = Vec::new();
+        let rows = if projector.distortion.is_none() { 0 } else { h };
+        for v in 0..rows {
             for u in 0..w {
                 let centre = DVec2::new(f64::from(u) + 0.5, f64::from(v) + 0.5);
                 let n = projector.normalized(centre)?;
@@ -63,7 +70,13 @@ impl Epipolar {
                 );
             }
         }
-        Some(Self { essential, pixels })
+        Some(Self {
+            essential,
+            projector_width: w,
+            focal: projector.focal,
+            first: projector.normalized(DVec2::splat(0.5))?,
+            pixels,
+        })
     }
 
     /// The line of the centre of camera pixel (x, y).
@@ -72,6 +85,13 @@ impl Epipolar {
         let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let n = camera.normalized(centre).unwrap_or(DVec2::ZERO);
         let l = self.essential * DVec3::new(n.x, n.y, 1.0);
+        let l = if self.pixels.is_empty() {
+            let slope = DVec2::new(l.x, l.y) / self.focal;
+            let offset = l.x * self.first.x + l.y * self.first.y + l.z;
+            DVec3::new(slope.x, slope.y, offset) / slope.length().max(f64::MIN_POSITIVE)
+        } else {
+            l
+        };
         EpipolarLine([l.x as f32, l.y as f32, l.z as f32])
     }
 
@@ -80,6 +100,10 @@ impl Epipolar {
     #[must_use]
     pub fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
         let [a, b, c] = line.0;
+        if self.pixels.is_empty() {
+            let (u, v) = (pixel % self.projector_width, pixel / self.projector_width);
+            return (a * u as f32 + b * v as f32 + c).abs();
+        }
         let [x, y, xu, xv, yu, yv] = self.pixels[pixel as usize];
         let e = a * x + b * y + c;
         let (gu, gv) = (a * xu + b * yu, a * xv + b * yv);

@@ -195,6 +195,9 @@ pub struct TileAccumulator<'a> {
     sums: Vec<PixelSums>,
     tiles: Vec<TileValues>,
     scratch: Scratch,
+    /// The current camera pixel, row-major, and the slices that keep it.
+    pixel: u32,
+    keeping: Vec<usize>,
 }
 
 impl<'a> TileAccumulator<'a> {
@@ -206,6 +209,8 @@ impl<'a> TileAccumulator<'a> {
             sums: plans.iter().map(PixelSums::new).collect(),
             tiles: plans.iter().map(TileValues::new).collect(),
             scratch: Scratch::default(),
+            pixel: 0,
+            keeping: Vec::new(),
         }
     }
 
@@ -225,20 +230,22 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// True if any slice keeps camera pixel (x, y).
+    /// Starts camera pixel (x, y); false if no slice keeps it.
     #[must_use]
-    pub fn wants(&self, x: u32, y: u32) -> bool {
-        self.plans.iter().any(|p| p.camera_index(x, y).is_some())
+    pub fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
+        self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
+        self.keeping.clear();
+        let kept = (0..self.plans.len()).filter(|k| self.plans[*k].camera_index(x, y).is_some());
+        self.keeping.extend(kept);
+        !self.keeping.is_empty()
     }
 
-    /// Adds all contributions of one camera sample of pixel (x, y).
+    /// Adds all contributions of one camera sample of the current pixel.
     #[inline]
-    pub fn add_sample(&mut self, x: u32, y: u32, sample: u32, contributions: &Contributions) {
-        for (plan, sums) in self.plans.iter().zip(&mut self.sums) {
-            if plan.camera_index(x, y).is_none() {
-                continue;
-            }
-            let pixel = y * plan.camera_width + x;
+    pub fn add_sample(&mut self, sample: u32, contributions: &Contributions) {
+        let pixel = self.pixel;
+        for k in &self.keeping {
+            let (plan, sums) = (&self.plans[*k], &mut self.sums[*k]);
             for c in &contributions.list {
                 if let Some((cell, weight)) = plan.cell(c, pixel) {
                     let (extent, values) = if plan.elements == 1 {

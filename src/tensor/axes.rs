@@ -12,10 +12,6 @@ pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 /// all over a tile, and those chunks are neither made nor stored; nor must 16 be read to look at one.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
-/// Such a chunk has no more elements than this (1 MiB), so that it stays near the processor while it is filled, coded
-/// and cleared, and times without light are not in it.
-const SINGLE_ELEMENT: u64 = 1 << 18;
-
 /// Which dimension of T an axis resolves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisKind {
@@ -310,8 +306,8 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Chunks of whole matrices where they are small, else of single elements; true if so.
-fn divide_matrix(axes: &mut [Axis]) -> bool {
+/// Chunks of whole matrices where they are small, else of single elements.
+fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {
             if matches!(axis.kind, AxisKind::StokesOut | AxisKind::StokesIn) {
@@ -320,24 +316,17 @@ fn divide_matrix(axes: &mut [Axis]) -> bool {
         }
     };
     stokes(axes, 4);
-    let divided =
-        chunk_size(axes) > WHOLE_MATRIX_ELEMENTS && axes.iter().any(|a| a.kind == AxisKind::StokesOut);
-    if divided {
+    if chunk_size(axes) > WHOLE_MATRIX_ELEMENTS {
         stokes(axes, 1);
     }
-    divided
 }
 
 /// Makes chunks small enough: by dividing the matrix, then by halving the chunk of the axes between camera and Stokes,
 /// outermost first.
 fn bound_chunks(axes: &mut [Axis]) {
-    let most = if divide_matrix(axes) {
-        SINGLE_ELEMENT
-    } else {
-        MAX_CHUNK_ELEMENTS
-    };
+    divide_matrix(axes);
     for kind in [AxisKind::V, AxisKind::U, AxisKind::T] {
-        while chunk_size(axes) > most {
+        while chunk_size(axes) > MAX_CHUNK_ELEMENTS {
             match axes.iter_mut().find(|a| a.kind == kind && a.chunk > 1) {
                 Some(axis) => axis.chunk = axis.chunk.div_ceil(2),
                 None => break,

@@ -5,7 +5,7 @@
 
 use super::axes::{AxisKind, SliceLayout};
 use super::plan::SlicePlan;
-use super::store::{AccessError, Field, StoredSlice};
+use super::store::{self, AccessError, Field, StoredSlice};
 use crate::polarization::chain::Extent;
 use crate::spectrum::Spectral;
 use std::collections::HashMap;
@@ -32,11 +32,40 @@ impl Hasher for KeyHasher {
 /// Numbers by cell key.
 pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 
+/// Numbers in a stretch of a chunk.
+const STRETCH: usize = store::STRETCH / 4;
+
 /// A chunk of means and one of errors, all zero between uses: fresh memory of that size costs more than filling it.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
     errors: Vec<f32>,
+    /// A bit for every stretch that was written to.
+    touched: Vec<u64>,
+}
+
+impl Scratch {
+    /// Makes room for a chunk of `length` numbers.
+    fn reserve(&mut self, length: usize) {
+        if self.means.len() < length {
+            self.means.resize(length, 0.0);
+            self.errors.resize(length, 0.0);
+            self.touched.resize(length.div_ceil(STRETCH).div_ceil(64), 0);
+        }
+    }
+
+    /// Sets what was written to zero.
+    fn clear(&mut self) {
+        for (word, bits) in self.touched.iter_mut().enumerate() {
+            while *bits != 0 {
+                let first = (64 * word + bits.trailing_zeros() as usize) * STRETCH;
+                *bits &= *bits - 1;
+                let stretch = first..(first + STRETCH).min(self.means.len());
+                self.means[stretch.clone()].fill(0.0);
+                self.errors[stretch].fill(0.0);
+            }
+        }
+    }
 }
 
 /// Mean and variance of the mean of one matrix element.
@@ -52,6 +81,7 @@ struct Entry {
 }
 
 /// An entry's place in the arrays.
+#[derive(Clone, Copy)]
 struct Placed {
     /// Number of the chunk within the tile, by the axes between camera and Stokes.
     chunk: u64,
@@ -198,11 +228,22 @@ impl TileValues {
             let extent = group.iter().fold(Extent { rows: 0, cols: 0 }, |e, p| {
                 e.with(self.entries[p.entry as usize].extent)
             });
+            // Few cells have more than M00, and only they are looked at for the rest.
+            let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
+                let more = |p: &&Placed| more(self.entries[p.entry as usize].extent);
+                group.iter().filter(more).copied().collect()
+            };
+            let (tall, wide) = (having(|e| e.rows > 1), having(|e| e.cols > 1));
             for row in (0..extent.rows).step_by(block[0] as usize) {
                 for column in (0..extent.cols).step_by(block[1] as usize) {
                     let matrix = Block {
                         first: [row, column],
                         shape: block,
+                    };
+                    let group = match (row, column) {
+                        (0, 0) => group,
+                        (_, 0) => &tall,
+                        _ => &wide,
                     };
                     self.write_chunk(plan, slice, &inner, group, &matrix, fields, scratch)?;
                 }
@@ -232,11 +273,7 @@ impl TileValues {
         start.push(0);
         shape.push(plan.wavelengths as u64);
         let length = shape.iter().product::<u64>() as usize;
-        for part in [&mut scratch.means, &mut scratch.errors] {
-            if part.len() < length {
-                part.resize(length, 0.0);
-            }
-        }
+        scratch.reserve(length);
         // The number of wavelengths as a constant, because copies of unknown length become calls.
         let scatter = match plan.wavelengths {
             1 => Self::scatter::<1>,
@@ -244,31 +281,29 @@ impl TileValues {
             3 => Self::scatter::<3>,
             _ => Self::scatter::<4>,
         };
-        scatter(self, group, matrix, scratch, true);
+        scatter(self, group, matrix, scratch);
         let written = [(fields[0], &scratch.means), (fields[1], &scratch.errors)]
             .into_iter()
-            .try_for_each(|(field, data)| slice.write(field, &start, &shape, &data[..length]));
-        scatter(self, group, matrix, scratch, false);
+            .try_for_each(|(field, data)| {
+                slice.write_touched(field, &start, &shape, &data[..length], &scratch.touched)
+            });
+        scratch.clear();
         written
     }
 
-    /// Puts the values of some entries in their places, or zeros there.
-    fn scatter<const L: usize>(&self, group: &[Placed], matrix: &Block, scratch: &mut Scratch, fill: bool) {
+    /// Puts the values of some entries in their places.
+    fn scatter<const L: usize>(&self, group: &[Placed], matrix: &Block, scratch: &mut Scratch) {
         for p in group {
             let entry = &self.entries[p.entry as usize];
             for i in matrix.rows(entry.extent) {
                 for j in matrix.columns(entry.extent) {
                     let at = (p.at * matrix.count() + matrix.position(i, j)) * L;
-                    let means = &mut scratch.means[at..at + L];
-                    let errors = &mut scratch.errors[at..at + L];
-                    if fill {
-                        let first = entry.first + i * entry.extent.cols + j;
-                        let [mean, variance] = self.values[first as usize];
-                        means.copy_from_slice(&mean.to_array()[..L]);
-                        errors.copy_from_slice(&variance.sqrt().to_array()[..L]);
-                    } else {
-                        means.copy_from_slice(&[0.0; L]);
-                        errors.copy_from_slice(&[0.0; L]);
+                    let [mean, variance] = self.values[(entry.first + i * entry.extent.cols + j) as usize];
+                    scratch.means[at..at + L].copy_from_slice(&mean.to_array()[..L]);
+                    scratch.errors[at..at + L].copy_from_slice(&variance.sqrt().to_array()[..L]);
+                    for end in [at, at + L - 1] {
+                        let stretch = end / STRETCH;
+                        scratch.touched[stretch / 64] |= 1 << (stretch % 64);
                     }
                 }
             }

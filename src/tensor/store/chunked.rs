@@ -265,8 +265,15 @@ impl<T: Number> ChunkedArray<T> {
         Ok(values)
     }
 
-    /// Writes a region, row-major. Other elements of the chunks it touches keep their values.
-    pub(super) fn write(&self, start: &[u64], shape: &[u64], values: &[T]) -> Result<(), AccessError> {
+    /// Writes a region, row-major. Other elements of the chunks it touches keep their values. For `touched` see
+    /// [`sparse_frame::encode`].
+    pub(super) fn write(
+        &self,
+        start: &[u64],
+        shape: &[u64],
+        values: &[T],
+        touched: Option<&[u64]>,
+    ) -> Result<(), AccessError> {
         let expected = self.check(start, shape)?;
         if values.len() != expected {
             return Err(AccessError::Length {
@@ -280,7 +287,7 @@ impl<T: Number> ChunkedArray<T> {
             let _guard = self.lock(index);
             if shape == self.chunk {
                 // The region is this chunk and nothing else: no copy.
-                return self.store(index, values);
+                return self.store(index, values, touched);
             }
             let old = if whole { None } else { self.read_chunk(index)? };
             let elements = self.chunk.iter().product::<u64>() as usize;
@@ -292,18 +299,18 @@ impl<T: Number> ChunkedArray<T> {
                 at: &inner,
             };
             region::copy(values, Place { shape, at: &outer }, &mut chunk, target, size);
-            self.store(index, &chunk)
+            self.store(index, &chunk, None)
         })
     }
 
     /// Stores the values of one whole chunk; erases it where they are all zero.
-    fn store(&self, index: &[u64], chunk: &[T]) -> Result<(), AccessError> {
+    fn store(&self, index: &[u64], chunk: &[T], touched: Option<&[u64]>) -> Result<(), AccessError> {
         let failed = |cause: String| AccessError::Write {
             path: self.path.clone(),
             cause,
         };
         let bytes: &[u8] = bytemuck::cast_slice(chunk);
-        let content = sparse_frame::encode(bytes);
+        let content = sparse_frame::encode(bytes, touched);
         // Negative zeros are zeros as well.
         let zero = T::default();
         if content == Content::Zero || content == Content::Dense && chunk.iter().all(|v| *v == zero) {

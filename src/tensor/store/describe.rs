@@ -164,10 +164,12 @@ fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) 
     if is_index(kind) {
         let values: Vec<i64> = axis.coords.iter().map(|&c| c as i64).collect();
         let array = ChunkedArray::<i64>::create(storage, &node, description)?;
-        array.write(&[0], &[axis.len()], &values).map_err(failed)
+        array.write(&[0], &[axis.len()], &values, None).map_err(failed)
     } else {
         let array = ChunkedArray::<f64>::create(storage, &node, description)?;
-        array.write(&[0], &[axis.len()], &axis.coords).map_err(failed)
+        array
+            .write(&[0], &[axis.len()], &axis.coords, None)
+            .map_err(failed)
     }
 }
 

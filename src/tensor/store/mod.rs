@@ -25,6 +25,7 @@ pub use self::atomic::write_file_with;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::slice::{Field, StoredSlice};
+pub(super) use self::sparse_frame::STRETCH;
 
 /// The sample counts per camera pixel that a store keeps (array `samples`, u32 over y, x).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -234,7 +235,7 @@ impl TensorStore {
     /// # Errors
     /// If the store keeps none, the region lies outside, or the file system refuses.
     pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
-        self.samples()?.write(&start, &shape, counts)
+        self.samples()?.write(&start, &shape, counts, None)
     }
 
     /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.

@@ -170,7 +170,20 @@ impl StoredSlice {
     /// If the region lies outside the field, the number of values is not that of the region, a shared chunk is
     /// damaged, or the file system refuses.
     pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
-        self.field(field)?.1.write(start, shape, data)
+        self.field(field)?.1.write(start, shape, data, None)
+    }
+
+    /// [`Self::write`] by one who knows where zeros are: `touched` has a bit for every [`super::STRETCH`] bytes of the data, the
+    /// first one lowest, unset where all are zero.
+    pub(in crate::tensor) fn write_touched(
+        &self,
+        field: Field,
+        start: &[u64],
+        shape: &[u64],
+        data: &[f32],
+        touched: &[u64],
+    ) -> Result<(), AccessError> {
+        self.field(field)?.1.write(start, shape, data, Some(touched))
     }
 
     /// Reads a region given as first index and shape, row-major.

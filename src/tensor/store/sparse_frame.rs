@@ -19,8 +19,8 @@ pub(super) enum Content {
 
 /// Zeros are looked for in pieces of this many bytes; a shorter run is hardly a gain.
 const PIECE: usize = 16;
-/// So many pieces are looked at together first.
-const STRETCH: usize = 16 * PIECE;
+/// So many bytes are looked at together first.
+pub(in crate::tensor) const STRETCH: usize = 16 * PIECE;
 /// Bytes that are not zeros may be one in this many: a general encoder makes less of more.
 const RARITY: usize = 16;
 /// Largest block (Block_Maximum_Size).
@@ -29,8 +29,9 @@ const MAX_BLOCK: usize = 1 << 17;
 const RAW: u32 = 0;
 const REPEATED: u32 = 1;
 
-/// Looks at bytes, and makes their frame if they are mostly zero.
-pub(super) fn encode(bytes: &[u8]) -> Content {
+/// Looks at bytes, and makes their frame if they are mostly zero. Where `touched` is given, it has a bit for every
+/// [`STRETCH`], the first one lowest, and stretches without theirs are known to be zero.
+pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     let Ok(length) = u32::try_from(bytes.len()) else {
         return Content::Dense;
     };
@@ -38,11 +39,22 @@ pub(super) fn encode(bytes: &[u8]) -> Content {
     let mut ends = Vec::new();
     let (mut in_zeros, mut others) = (true, 0);
     for (n, stretch) in bytes.chunks(STRETCH).enumerate() {
-        if in_zeros && is_zero(stretch) {
+        let nothing = match touched {
+            Some(bits) => bits[n / 64] >> (n % 64) & 1 == 0,
+            None => is_zero(stretch),
+        };
+        if nothing {
+            if !in_zeros {
+                ends.push(n * STRETCH);
+                in_zeros = true;
+            }
             continue;
         }
         for (m, piece) in stretch.chunks(PIECE).enumerate() {
-            let zero = is_zero(piece);
+            let zero = match piece.try_into() {
+                Ok(whole) => u128::from_ne_bytes(whole) == 0,
+                Err(_) => is_zero(piece),
+            };
             others += if zero { 0 } else { piece.len() };
             if zero != in_zeros {
                 ends.push(n * STRETCH + m * PIECE);
@@ -87,9 +99,9 @@ mod tests {
 
     #[test]
     fn zeros_and_noise_are_told_apart() {
-        assert_eq!(encode(&[]), Content::Zero);
-        assert_eq!(encode(&[0; 1000]), Content::Zero);
-        assert_eq!(encode(&[1; 1000]), Content::Dense);
+        assert_eq!(encode(&[], None), Content::Zero);
+        assert_eq!(encode(&[0; 1000], None), Content::Zero);
+        assert_eq!(encode(&[1; 1000], None), Content::Dense);
     }
 
     proptest! {
@@ -103,7 +115,12 @@ mod tests {
             for (index, value) in &at {
                 bytes[index.index(length)] = *value;
             }
-            if let Content::Sparse(frame) = encode(&bytes) {
+            let mut touched = vec![0_u64; length.div_ceil(STRETCH).div_ceil(64)];
+            for (n, _) in bytes.chunks(STRETCH).enumerate().filter(|(_, s)| !is_zero(s)) {
+                touched[n / 64] |= 1 << (n % 64);
+            }
+            prop_assert_eq!(encode(&bytes, Some(&touched)), encode(&bytes, None));
+            if let Content::Sparse(frame) = encode(&bytes, None) {
                 prop_assert!(frame.len() < length / 8);
                 prop_assert_eq!(zstd::bulk::decompress(&frame, length).expect("a valid frame"), bytes);
             } else {
