@@ -10,17 +10,24 @@ drift; a row gives each side's best and median. Compared are
 - Mitsuba's own `stokes` over `path`: spectral, no time, one column of the matrix.
 
 A sample is a path from the camera. Sunstone's times are those of the whole process with all files written; Mitsuba's are
-of rendering alone, after a warm-up. Raw numbers go to results/speed.json. Needs LLVM.
+of rendering alone, after a warm-up. This is done at two sample counts: what Sunstone writes is the same at any, so that the
+complete tensor of few samples costs more a sample.
+
+Then the mirror room: all its slices against its conventional image alone, and two threads against one.
+
+Raw numbers go to results/speed.json. Needs LLVM.
 """
 
 import argparse
 import json
 import os
 import platform
+import re
 import resource
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 
 import environment
@@ -38,20 +45,22 @@ RESOLUTION, DEPTH, BINS = 256, 6, 256
 MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 
 
-def sunstone(scene, spp, seed):
+def sunstone(scene, spp, seed, threads=None):
     """Seconds and megabytes of a render."""
-    program = [environment.sunstone(), "render", scene, "-o", OUT / "out.zarr", "--force", "--no-figures"]
-    begun = time.perf_counter()
-    command = [*map(str, program), "--spp", str(spp), "--seed", str(seed)]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    # The system's own count of a child's memory starts with that of the parent it was forked from.
-    peak = 0
-    while running.poll() is None:
-        peak = max(peak, high_water(running.pid))
-        time.sleep(0.005)
-    if running.returncode:
-        sys.exit("sunstone failed")
-    return time.perf_counter() - begun, peak
+    # Each into a directory of its own: to replace a store takes its time, too.
+    with tempfile.TemporaryDirectory(dir=OUT) as folder:
+        program = [environment.sunstone(), "render", scene, "-o", f"{folder}/out.zarr", "--no-figures"]
+        program += ["--spp", spp, "--seed", seed] + (["--threads", threads] if threads else [])
+        begun = time.perf_counter()
+        running = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        # The system's own count of a child's memory starts with that of the parent it was forked from.
+        peak = 0
+        while running.poll() is None:
+            peak = max(peak, high_water(running.pid))
+            time.sleep(0.005)
+        if running.returncode:
+            sys.exit("sunstone failed")
+        return time.perf_counter() - begun, peak
 
 
 def high_water(pid):
@@ -107,68 +116,113 @@ def machine():
     return {"cpu": model[0] if model else platform.processor(), "cores": os.cpu_count(), "system": platform.system()}
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--spp", type=int, default=64)
-    options = parser.parse_args()
-    spp, samples = options.spp, RESOLUTION**2 * options.spp
-    OUT.mkdir(parents=True, exist_ok=True)
+def slices_alone(scene, names):
+    """A scene file with some of its slices, and no figures; beside the original, which it names files relative to."""
+    blocks = re.split(r"(?m)^(?=\[\[)", scene.read_text())
+    keep = lambda b: not b.startswith("[[figures]]") and (
+        not b.startswith("[[slices]]") or any(f'name = "{name}"' in b for name in names)
+    )
+    return "".join(filter(keep, blocks))
 
+
+def interleaved(rows, rounds):
+    """Seconds of every row in every round."""
+    seconds = {name: [] for name in rows}
+    for seed in range(rounds):
+        for name, run in rows.items():
+            seconds[name].append(run(seed))
+    return seconds
+
+
+def cornell(counts, rounds):
+    """Seconds of all programs at every sample count, and megabytes."""
     mi.set_variant(SPECTRAL)
     spectral = mi.load_file(export(OUT / "spectral"))
     mi.set_variant(MONO)
     mono = mi.load_file(export(OUT / "mono", "--wavelength", "550"))
 
-    def stokes(seed):
+    def stokes(spp, seed):
         mi.set_variant(SPECTRAL)
         image = mi.render(spectral, spp=spp, seed=seed)
         dr.eval(image)
         dr.sync_thread()
 
-    def mueller(seed):
+    def mueller(spp, seed):
         mi.set_variant(MONO)
         full_mueller(mono, spp, seed)
 
     plain = OUT / "plain.toml"
     text = SCENE.read_text()
     plain.write_text(text[: text.index("# The complete matrix")] + '[[slices]]\nname = "plain"\n')
-    rows = {
-        "Sunstone, complete": lambda seed: sunstone(SCENE, spp, seed)[0],
-        "Sunstone, plain": lambda seed: sunstone(plain, spp, seed)[0],
-        "Mitsuba, full-Mueller integrator": lambda seed: timed(lambda: mueller(seed)),
-        "Mitsuba, stokes": lambda seed: timed(lambda: stokes(seed)),
-    }
-    for warm_up in (stokes, mueller):
-        warm_up(1000)
-    seconds = {name: [] for name in rows}
-    for seed in range(options.rounds):
-        for name, run in rows.items():
-            seconds[name].append(run(seed))
+    seconds = {}
+    for spp in counts:
+        stokes(spp, 1000)
+        mueller(spp, 1000)
+        rows = {
+            "Sunstone, complete": lambda seed: sunstone(SCENE, spp, seed)[0],
+            "Sunstone, plain": lambda seed: sunstone(plain, spp, seed)[0],
+            "Mitsuba, full-Mueller integrator": lambda seed: timed(lambda: mueller(spp, seed)),
+            "Mitsuba, stokes": lambda seed: timed(lambda: stokes(spp, seed)),
+        }
+        seconds[spp] = interleaved(rows, rounds)
     memory = {
-        "Sunstone, complete": sunstone(SCENE, spp, 0)[1],
+        "Sunstone, complete": sunstone(SCENE, counts[0], 0)[1],
         "both Mitsubas": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
-    report = {"machine": machine(), "mitsuba": mi.__version__, "spp": spp, "seconds": seconds, "peak_rss_mb": memory}
+    return seconds, memory
+
+
+def mirror_room(rounds):
+    """Seconds of all slices and of one, on one thread and two."""
+    scene = environment.ROOT / "scenes/mirror_room/scene.toml"
+    one = scene.with_name("conventional_alone.toml")
+    one.write_text(slices_alone(scene, ["conventional"]))
+    rows = {
+        f"{what}, {threads} thread{'s' * (threads > 1)}":
+            lambda seed, file=file, threads=threads: sunstone(file, 64, seed, threads)[0]
+        for threads in (1, 2)
+        for what, file in (("all nine slices", scene), ("conventional alone", one))
+    }
+    try:
+        return interleaved(rows, rounds)
+    finally:
+        one.unlink()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--spp", type=int, nargs="*", default=[64, 256])
+    options = parser.parse_args()
+    OUT.mkdir(parents=True, exist_ok=True)
+    room = mirror_room(options.rounds)
+    seconds, memory = cornell(options.spp, options.rounds)
+    report = {"machine": machine(), "mitsuba": mi.__version__, "cornell_s": seconds, "peak_rss_mb": memory, "mirror_room_s": room}
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(report, indent=1) + "\n")
-    show(report, samples)
+    show(report)
 
 
-def show(report, samples):
-    """The table."""
-    print(f"{report['machine']['cpu']}, {report['machine']['cores']} cores; {RESOLUTION}x{RESOLUTION}, {report['spp']} spp")
-    print(f"{'program':34} | {'best':>6} s | {'median':>6} s | Msamples/s (best)")
-    best = {}
-    for name, seconds in report["seconds"].items():
-        best[name] = samples / min(seconds) / 1e6
-        print(f"{name:34} | {min(seconds):8.2f} | {statistics.median(seconds):8.2f} | {best[name]:6.2f}")
+def show(report):
+    """The tables."""
+    print(f"{report['machine']['cpu']}, {report['machine']['cores']} cores")
+    for spp, rows in report["cornell_s"].items():
+        print(f"\n{f'Cornell box, {RESOLUTION}x{RESOLUTION}, {spp} spp':34} | {'best':>6} s | {'median':>6} s | Msamples/s (best)")
+        best = {}
+        for name, seconds in rows.items():
+            best[name] = RESOLUTION**2 * int(spp) / min(seconds) / 1e6
+            print(f"{name:34} | {min(seconds):8.2f} | {statistics.median(seconds):8.2f} | {best[name]:6.2f}")
+        ours, integrator = best["Sunstone, complete"], best["Mitsuba, full-Mueller integrator"]
+        print(f"complete against the full-Mueller integrator: {ours / integrator:.2f} (3 wavelengths against 1)")
+        print(f"complete against stokes: {ours / best['Mitsuba, stokes']:.2f}")
+        print(f"cost of the complete tensor: {best['Sunstone, plain'] / ours:.2f} times the plain image")
     for name, megabytes in report["peak_rss_mb"].items():
         print(f"peak memory of {name}: {megabytes:.0f} MB")
-    ours, integrator = best["Sunstone, complete"], best["Mitsuba, full-Mueller integrator"]
-    print(f"complete against the full-Mueller integrator: {ours / integrator:.2f} (3 wavelengths against 1)")
-    print(f"complete against stokes: {ours / best['Mitsuba, stokes']:.2f}")
-    print(f"cost of the complete tensor: {best['Sunstone, plain'] / ours:.2f} times the plain image")
+    room = {name: min(seconds) for name, seconds in report["mirror_room_s"].items()}
+    print("\nmirror room, 64 spp: " + "; ".join(f"{name} {seconds:.2f} s" for name, seconds in room.items()))
+    every, one = room["all nine slices, 2 threads"], room["conventional alone, 2 threads"]
+    print(f"all slices cost {every / one:.2f} times the conventional image; two threads are "
+          f"{room['all nine slices, 1 thread'] / every:.2f} times as fast as one")
 
 
 if __name__ == "__main__":
