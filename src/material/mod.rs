@@ -261,9 +261,16 @@ impl Materials {
     }
 
     /// Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
-    #[inline(always)]
+    #[inline(never)]
     #[must_use]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        self.eval_inline(id, at, wo, wi)
+    }
+
+    /// [`Self::eval`] inside its caller: for the one loop where that pays for its size.
+    #[inline(always)]
+    #[must_use]
+    pub fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => m.eval(&self.textures, at, wo, wi),
             Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
@@ -316,8 +323,21 @@ impl Materials {
     }
 
     /// Samples where the light at `wo` comes from; `None` if it is absorbed.
-    #[inline(always)]
+    #[inline(never)]
     pub fn sample(
+        &self,
+        id: u32,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        self.sample_inline(id, at, wo, lanes, stream)
+    }
+
+    /// [`Self::sample`] inside its caller: for the one loop where that pays for its size.
+    #[inline(always)]
+    pub fn sample_inline(
         &self,
         id: u32,
         at: &Surface,

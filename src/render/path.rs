@@ -241,7 +241,7 @@ impl Path {
             return false;
         }
         // Borrowed, not moved: it is large.
-        let sampled = materials.sample(id, &surface, wo, &mut state.lanes, stream);
+        let sampled = materials.sample_inline(id, &surface, wo, &mut state.lanes, stream);
         let Some(sampled) = &sampled else {
             return false;
         };
@@ -353,7 +353,7 @@ fn connect(scene: &Scene, state: &State, at: &Vertex, to: &Connection, out: &mut
     let (surface, wo) = (&at.surface, at.wo);
     let id = surface.material;
     // Borrowed, not moved: it is large.
-    let scatter = scene.materials.eval(id, surface, wo, to.wi);
+    let scatter = scene.materials.eval_inline(id, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
         return 0;
     };
