@@ -337,8 +337,14 @@ impl Survey {
         if distance <= radius {
             return None;
         }
-        for row in 0..self.grid.size[1] {
-            for column in 0..self.grid.size[0] {
+        let ([left, right], [top, bottom]) = (shadow(c.x, c.z, radius), shadow(c.y, c.z, radius));
+        let bounds = Window {
+            lo: Vec2::new(left, top),
+            hi: Vec2::new(right, bottom),
+        };
+        let [columns, rows] = self.touched(bounds, 0.0);
+        for row in rows {
+            for column in columns.clone() {
                 let window = self.window(column, row, 0.0);
                 let middle = ((window.lo + window.hi) * 0.5).extend(1.0);
                 let middle = Vec3A::from(middle).normalize();
@@ -374,6 +380,23 @@ impl Survey {
             hi: self.grid.first + cells / self.grid.density + margin,
         }
     }
+}
+
+/// What a disk about (x, z) covers of the line z = 1, seen from the origin outside of it: least and greatest x.
+fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
+    let (middle, distance) = (x.atan2(z), x.hypot(z));
+    if distance <= radius {
+        return [f32::NEG_INFINITY, f32::INFINITY];
+    }
+    let half = (radius / distance).asin();
+    let end = |angle: f32| {
+        if angle.abs() < 1.57 {
+            angle.tan()
+        } else {
+            f32::INFINITY.copysign(angle)
+        }
+    };
+    [end(middle - half), end(middle + half)]
 }
 
 /// The angle between two directions.

@@ -150,6 +150,20 @@ impl Extent {
             cols: self.cols.max(other.cols),
         }
     }
+
+    /// Moves the elements of this extent, which stand row by row from `first` in `table`, to its end with room for
+    /// those of a larger one; the new ones are `zero`. Returns where they begin.
+    pub fn enlarge<T: Copy>(self, table: &mut Vec<T>, first: u32, larger: Self, zero: T) -> u32 {
+        let to = table.len() as u32;
+        table.resize(table.len() + larger.count(), zero);
+        for i in 0..self.rows {
+            for j in 0..self.cols {
+                let value = table[(first + i * self.cols + j) as usize];
+                table[(to + i * larger.cols + j) as usize] = value;
+            }
+        }
+        to
+    }
 }
 
 /// The product of all interactions so far: Stokes in the frame of the current ray's light in, camera frame out.

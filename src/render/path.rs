@@ -91,7 +91,7 @@ pub(super) struct Connection<'a> {
 }
 
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
-/// another, so the processor works on several at a time. A multiple keeps all of them near it.
+/// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
 pub const BATCH: usize = 16;
 
 /// One path and what it needs to go on.

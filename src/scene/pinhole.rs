@@ -124,26 +124,15 @@ impl Pinhole {
             max_radius2: f64::INFINITY,
         };
         if !distortion.is_none() {
-            let [w, h] = resolution.map(f64::from);
             let mut max = 0.0_f64;
-            // The border bounds the image; 64 points a side find any fold that matters.
-            for i in 0..=64 {
-                let t = f64::from(i) / 64.0;
-                for p in [
-                    DVec2::new(t * w, 0.0),
-                    DVec2::new(t * w, h),
-                    DVec2::new(0.0, t * h),
-                    DVec2::new(w, t * h),
-                    DVec2::new(t * w, t * h),
-                ] {
-                    let n = device.normalized(p).ok_or_else(|| {
-                        format!(
-                            "the distortion cannot be inverted at pixel ({:.0}, {:.0}); it folds the image over",
-                            p.x, p.y
-                        )
-                    })?;
-                    max = max.max(n.length_squared());
-                }
+            for p in device.probes() {
+                let n = device.normalized(p).ok_or_else(|| {
+                    format!(
+                        "the distortion cannot be inverted at pixel ({:.0}, {:.0}); it folds the image over",
+                        p.x, p.y
+                    )
+                })?;
+                max = max.max(n.length_squared());
             }
             device.max_radius2 = max * 1.02;
         }
@@ -162,20 +151,26 @@ impl Pinhole {
         self.max_radius2 < f64::INFINITY
     }
 
-    /// Least and greatest normalized coordinates over the image's border, from 65 points a side.
-    #[must_use]
-    pub fn field(&self) -> [DVec2; 2] {
+    /// Pixel positions along the border, which bounds the image, and a diagonal: 65 points a side find any fold of the
+    /// lens that matters.
+    fn probes(&self) -> impl Iterator<Item = DVec2> + use<> {
         let [w, h] = self.resolution.map(f64::from);
-        let sides = (0..=64).flat_map(|i| {
+        (0..=64).flat_map(move |i| {
             let t = f64::from(i) / 64.0;
             [
                 DVec2::new(t * w, 0.0),
                 DVec2::new(t * w, h),
                 DVec2::new(0.0, t * h),
                 DVec2::new(w, t * h),
+                DVec2::new(t * w, t * h),
             ]
-        });
-        let points = sides.filter_map(|p| self.normalized(p));
+        })
+    }
+
+    /// Least and greatest normalized coordinates of the image.
+    #[must_use]
+    pub fn field(&self) -> [DVec2; 2] {
+        let points = self.probes().filter_map(|p| self.normalized(p));
         points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| {
             [lo.min(n), hi.max(n)]
         })

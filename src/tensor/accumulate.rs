@@ -93,18 +93,12 @@ impl PixelSums {
     /// Makes room in a cell for elements of more rows or columns than it had.
     #[cold]
     fn grow(&mut self, slot: usize, extent: Extent) {
-        let old = (self.cells[slot].first, self.cells[slot].extent);
-        let wanted = old.1.with(extent);
-        let first = self.sums.len() as u32;
-        self.sums.resize(self.sums.len() + wanted.count(), Sums::ZERO);
-        for i in 0..old.1.rows {
-            for j in 0..old.1.cols {
-                let from = old.0 + i * old.1.cols + j;
-                self.sums[(first + i * wanted.cols + j) as usize] = self.sums[from as usize];
-            }
-        }
-        self.cells[slot].first = first;
-        self.cells[slot].extent = wanted;
+        let cell = &mut self.cells[slot];
+        let larger = cell.extent.with(extent);
+        cell.first = cell
+            .extent
+            .enlarge(&mut self.sums, cell.first, larger, Sums::ZERO);
+        cell.extent = larger;
     }
 
     #[inline]

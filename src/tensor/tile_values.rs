@@ -145,25 +145,14 @@ impl TileValues {
     }
 
     fn merge(&mut self, entry: usize, extent: Extent, finished: impl Iterator<Item = Finished>) {
-        let Entry {
-            first: from,
-            extent: old,
-            ..
-        } = self.entries[entry];
-        let wanted = old.with(extent);
-        if wanted != old {
-            let first = self.values.len();
-            self.values.resize(first + wanted.count(), [Spectral::ZERO; 2]);
-            for i in 0..old.rows {
-                for j in 0..old.cols {
-                    let value = self.values[(from + i * old.cols + j) as usize];
-                    self.values[first + (i * wanted.cols + j) as usize] = value;
-                }
-            }
-            self.entries[entry].first = first as u32;
-            self.entries[entry].extent = wanted;
+        let entry = &mut self.entries[entry];
+        let wanted = entry.extent.with(extent);
+        if wanted != entry.extent {
+            let zero = [Spectral::ZERO; 2];
+            entry.first = entry.extent.enlarge(&mut self.values, entry.first, wanted, zero);
+            entry.extent = wanted;
         }
-        let first = self.entries[entry].first;
+        let first = entry.first;
         for (n, [mean, variance]) in finished.enumerate() {
             let (i, j) = (n as u32 / extent.cols, n as u32 % extent.cols);
             let [sum, sum_variance] = &mut self.values[(first + i * wanted.cols + j) as usize];
