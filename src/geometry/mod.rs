@@ -6,6 +6,7 @@
 pub mod bvh;
 mod eight;
 pub mod import;
+pub mod many;
 pub mod mesh;
 pub mod quadric;
 pub mod ray;

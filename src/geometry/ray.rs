@@ -22,7 +22,7 @@ pub struct Hit {
 }
 
 /// A point on a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Surface {
     /// Position, metres.
     pub p: Vec3A,

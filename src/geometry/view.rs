@@ -6,7 +6,9 @@
 //! conservative, so that the answers are those of rays.
 
 use super::bvh::{Geometry, Outline, QUADRIC};
+use super::many::{Many, turned};
 use super::ray::{Hit, Ray, Surface};
+use super::tree::fetch;
 use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
 
@@ -64,6 +66,9 @@ impl Pyramid {
         f32::from_bits(u32::from(self.cover) << 16)
     }
 }
+
+/// No pyramid's number.
+const OUTSIDE: u32 = u32::MAX;
 
 /// The pyramids of a pinhole.
 pub struct View {
@@ -155,40 +160,64 @@ impl View {
         })
     }
 
-    #[inline(always)]
-    fn pyramid(&self, local: Vec3A) -> Option<Pyramid> {
-        let at = (Vec2::new(local.x, local.y) / local.z - self.grid.first) * self.grid.density;
-        if !(local.z > 0.0 && at.x >= 0.0 && at.y >= 0.0) {
-            return None;
-        }
-        let (column, row) = (at.x as u32, at.y as u32);
-        let [columns, rows] = self.grid.size;
-        if column >= columns || row >= rows {
-            return None;
-        }
-        self.pyramids.get((row * columns + column) as usize).copied()
-    }
-
-    /// True if nothing is between the pinhole and a hit, false if something is, `None` if that takes a ray. `local` is
-    /// the hit as right, down, forward of the pinhole.
+    /// Numbers of the pyramids that points lie in, which stand right, down and forward of the pinhole (x, y, z of all);
+    /// some that no pyramid has for those outside. Plain numbers in a loop, which the compiler turns into vectors.
     #[inline(always)]
     #[must_use]
-    pub fn sees(&self, local: Vec3A, hit: &Hit, surface: &Surface) -> Option<bool> {
-        let pyramid = self.pyramid(local)?;
-        if local.z * (1.0 - DEPTH_MARGIN) > pyramid.cover() {
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "loops over indices become vectors, chains of iterators less surely"
+    )]
+    pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
+        let [columns, rows] = self.grid.size;
+        let mut cells = [OUTSIDE; N];
+        for i in 0..N {
+            let z = local[2][i];
+            let x = (local[0][i] / z - self.grid.first.x) * self.grid.density.x;
+            let y = (local[1][i] / z - self.grid.first.y) * self.grid.density.y;
+            let right = (z > 0.0) & (x >= 0.0) & (y >= 0.0);
+            let inside = right & (x < columns as f32) & (y < rows as f32);
+            let cell = (y as i32 as u32).wrapping_mul(columns).wrapping_add(x as i32 as u32);
+            cells[i] = if inside { cell } else { OUTSIDE };
+        }
+        cells
+    }
+
+    /// [`Self::cells`] of world directions.
+    #[inline(always)]
+    #[must_use]
+    pub fn cells_toward<const N: usize>(&self, dir: &Many<N>) -> [u32; N] {
+        self.cells(&turned(&self.to_local, dir))
+    }
+
+    /// Has what is known of a pyramid fetched from memory.
+    #[inline(always)]
+    pub fn expect(&self, cell: u32) {
+        if let Some(pyramid) = self.pyramids.get(cell as usize) {
+            fetch(pyramid);
+        }
+    }
+
+    /// True if nothing is between the pinhole and a hit, false if something is, `None` if that takes a ray. The hit lies
+    /// in pyramid number `cell` at a depth (distance forward of the pinhole).
+    #[inline(always)]
+    #[must_use]
+    pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
+        let pyramid = self.pyramids.get(cell as usize)?;
+        if depth * (1.0 - DEPTH_MARGIN) > pyramid.cover() {
             return Some(false);
         }
         // A sphere hides its own far side.
         let facing = hit.leaf & QUADRIC == 0 || surface.ng.dot(self.origin - surface.p) > 0.0;
         let own = hit.leaf == pyramid.leaf && facing;
-        (own && local.z * (1.0 + DEPTH_MARGIN) < pyramid.others()).then_some(true)
+        (own && depth * (1.0 + DEPTH_MARGIN) < pyramid.others()).then_some(true)
     }
 
-    /// The first hit of a ray that starts at the pinhole, if the view knows what it is.
+    /// The first hit of a ray that starts at the pinhole and runs in pyramid number `cell`, if the view knows what it is.
     #[inline(always)]
     #[must_use]
-    pub fn first_hit(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
-        let pyramid = self.pyramid(self.to_local * ray.dir)?;
+    pub fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
+        let pyramid = self.pyramids.get(cell as usize)?;
         // Whatever covers and is nearer than all others is the nearest.
         if pyramid.cover() < pyramid.others() {
             geometry.meet(ray, pyramid.leaf)
@@ -501,7 +530,8 @@ mod tests {
                 };
                 let surface = g.surface(&ray, &hit);
                 let local = view.to_local * (surface.p - origin);
-                if view.pyramid(local).is_none() {
+                let [cell] = view.cells(&local.to_array().map(|v| [v]));
+                if cell == OUTSIDE {
                     continue;
                 }
                 asked += 1;
@@ -511,7 +541,7 @@ mod tests {
                     origin: start,
                     dir: to.normalize(),
                 };
-                if let Some(seen) = view.sees(local, &hit, &surface) {
+                if let Some(seen) = view.sees(cell, local.z, &hit, &surface) {
                     spoken += 1;
                     free += u32::from(seen);
                     assert_eq!(
@@ -528,7 +558,8 @@ mod tests {
                     origin,
                     dir: (axes * Vec3A::from(d.extend(1.0))).normalize(),
                 };
-                if let Some(hit) = view.first_hit(&g, &ray) {
+                let [cell] = view.cells_toward(&ray.dir.to_array().map(|v| [v]));
+                if let Some(hit) = view.first_hit(cell, &g, &ray) {
                     firsts += 1;
                     let found = g.intersect(&ray, f32::INFINITY).expect("a hit");
                     assert_eq!((hit.leaf, hit.t), (found.leaf, found.t));

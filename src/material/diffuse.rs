@@ -30,7 +30,8 @@ impl Diffuse {
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
-        if cos <= 0.0 || !same_side(at, wo, wi) {
+        // One decision: each alone may go either way.
+        if (cos <= 0.0) | !same_side(at, wo, wi) {
             return None;
         }
         Some(Scatter::Depolarize(
@@ -49,6 +50,14 @@ impl Diffuse {
     ) -> Option<Sampled> {
         let n = facing(at, wo)?;
         let wi = basis(n) * warp::cosine_hemisphere(stream.uniform2());
+        self.sampled(textures, at, wo, wi)
+    }
+
+    /// [`Self::sample`], once `wi` is drawn by the cosine about the shading normal on the side of `wo`.
+    #[inline(always)]
+    #[must_use]
+    pub fn sampled(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Sampled> {
+        facing(at, wo)?;
         same_side(at, wo, wi).then(|| Sampled {
             wi,
             scatter: Scatter::Depolarize(self.albedo.at(textures, at.uv)),

@@ -210,8 +210,8 @@ pub fn varies(value: Spectral, count: usize) -> bool {
 }
 
 /// The shading normal on the side of `wo`, or `None` if shading and geometry disagree about that side.
-#[inline]
-fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
+#[inline(always)]
+pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
     let side = surface.ng.dot(wo);
     let n = if side < 0.0 { -surface.ns } else { surface.ns };
     (n.dot(wo) > 0.0).then_some(n)
@@ -236,8 +236,18 @@ fn s_vector(a: Vec3A, b: Vec3A) -> Vec3A {
 }
 
 impl Materials {
+    /// The material, if it is a plain Lambert surface.
+    #[inline(always)]
+    #[must_use]
+    pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
+        match &self.list[id as usize] {
+            Material::Diffuse(m) => Some(m),
+            _ => None,
+        }
+    }
+
     /// True if light can reach a direction from other than finitely many directions, so that it can be lit by a point.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn is_smooth(&self, id: u32) -> bool {
         match &self.list[id as usize] {
@@ -253,10 +263,18 @@ impl Materials {
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
             | Material::Crystal(_) => false,
+            other => self.is_smooth_rest(other),
+        }
+    }
+
+    /// [`Self::is_smooth`] of what is made of other materials.
+    fn is_smooth_rest(&self, material: &Material) -> bool {
+        match material {
             Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
             Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
             Material::NormalMap(m) => self.is_smooth(m.material),
             Material::PartialDepolarizer(m) => self.is_smooth(m.material),
+            _ => false,
         }
     }
 

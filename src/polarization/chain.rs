@@ -343,11 +343,23 @@ impl Chain {
     #[inline]
     #[must_use]
     pub fn max_m00(&self) -> f32 {
-        max_lane(match self {
+        max_lane(self.m00())
+    }
+
+    /// True if no light passes at any wavelength.
+    #[inline(always)]
+    #[must_use]
+    pub fn is_dark(&self) -> bool {
+        self.m00().simd_eq(Spectral::ZERO).all()
+    }
+
+    #[inline(always)]
+    fn m00(&self) -> Spectral {
+        match self {
             Self::Rotation { f, .. } => *f,
             Self::Full(m) => m.m[0][0],
             Self::RankOne { column, row, .. } => column[0] * row[0],
-        })
+        }
     }
 
     /// The full matrix.

@@ -1,5 +1,6 @@
 //! From a scene to stored slices of T. Stops at Mueller matrices: no illumination state is applied here.
 
+mod connect;
 pub mod path;
 pub mod progress;
 mod sheets;

@@ -6,25 +6,21 @@
 //! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
 //! projector).
 
-use super::sheets;
+use super::connect::{Lit, Vertex, connect_all};
 use super::views::Views;
+use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
-use crate::geometry::view::View;
-use crate::material::{Lanes, Medium, NO_CRYSTAL};
-use crate::polarization::chain::{Chain, Extent, Scatter};
-use crate::polarization::frame::{perpendicular, project, turn};
+use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
+use crate::polarization::chain::Chain;
+use crate::polarization::frame::{perpendicular, turn};
 use crate::sampling::stream::Stream;
+use crate::sampling::warp;
 use crate::scene::Scene;
-use crate::scene::projector::{Arrival, Projector};
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
-use crate::units::picoseconds;
 use arrayvec::ArrayVec;
-use glam::{DVec2, Vec3A};
+use glam::Vec3A;
 use std::ops::Range;
-
-/// Gap left before a connection's end, relative to its length, so that rounding does not make the end block itself.
-pub(super) const END_GAP: f32 = 1e-5;
 
 /// The state of a path at its current ray.
 pub(super) struct State {
@@ -39,8 +35,6 @@ pub(super) struct State {
     pub optical_m: f64,
     /// The medium that the ray is in.
     pub medium: Medium,
-    /// Camera pixel, row-major.
-    pub pixel: u32,
     pub lanes: Lanes,
 }
 
@@ -65,31 +59,6 @@ impl State {
     }
 }
 
-/// A surface point on the path.
-struct Vertex {
-    hit: Hit,
-    surface: Surface,
-    /// Direction in which light leaves.
-    wo: Vec3A,
-    /// Surface interactions, this one included.
-    bounces: u32,
-}
-
-/// A connection to a point emitter or the projector.
-pub(super) struct Connection<'a> {
-    /// Direction to it, its position and distance.
-    pub wi: Vec3A,
-    pub position: Vec3A,
-    pub distance: f32,
-    /// Irradiance at normal incidence.
-    pub irradiance: Spectral,
-    /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
-    pub axis: Vec3A,
-    pub pixel: u32,
-    /// What is seen from there, if known, and where the connected point is in that view.
-    view: Option<(&'a View, Vec3A)>,
-}
-
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
 /// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
 pub const BATCH: usize = 16;
@@ -98,7 +67,9 @@ pub const BATCH: usize = 16;
 struct Path {
     state: State,
     stream: Stream,
+    /// What the current ray hits, and there.
     hit: Option<Hit>,
+    surface: Surface,
 }
 
 /// Some paths of one camera pixel, traced in step.
@@ -107,6 +78,15 @@ pub struct Paths {
     paths: Vec<Path>,
     /// What each brings, in order.
     pub contributions: Vec<Contributions>,
+}
+
+/// What is worked out for all living paths at once: a row's entry belongs to the path at that place among them.
+struct Rows {
+    /// Where they are.
+    points: Many<BATCH>,
+    /// On Lambert surfaces: the normal on the side that light goes to, and what its next direction is drawn from.
+    normals: Many<BATCH>,
+    uniforms: [[f32; BATCH]; 2],
 }
 
 impl Paths {
@@ -134,23 +114,28 @@ impl Paths {
 
     #[inline(always)]
     fn trace_any(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
-        let count = samples.len();
+        let count = samples.len().min(BATCH);
+        let pixel = y * scene.camera.resolution[0] + x;
         self.contributions.resize_with(count, Contributions::default);
-        self.paths.clear();
-        for sample in samples {
-            self.paths.push(Path::start(scene, [x, y], sample));
-        }
-        let mut alive: ArrayVec<u8, BATCH> = (0..count.min(BATCH) as u8).collect();
         for out in &mut self.contributions {
             out.clear();
         }
+        let cells = self.start(scene, views, [x, y], samples);
+        let mut alive: ArrayVec<u8, BATCH> = (0..count as u8).collect();
+        let mut rows = Rows {
+            points: many::zero(),
+            normals: many::zero(),
+            uniforms: [[0.0; BATCH]; 2],
+        };
         let last = scene.settings.max_depth - 1;
         let mut rays = 0;
         for bounces in 0..=last {
             for i in &alive {
                 let path = &mut self.paths[*i as usize];
                 let known = match &views.camera {
-                    Some(view) if bounces == 0 => view.first_hit(&scene.geometry, &path.state.ray),
+                    Some(view) if bounces == 0 => {
+                        view.first_hit(cells[*i as usize], &scene.geometry, &path.state.ray)
+                    }
                     _ => None,
                 };
                 path.hit = match known {
@@ -159,12 +144,43 @@ impl Paths {
                 };
             }
             rays += alive.len() as u32;
+            // The last interaction goes on only to see an environment.
+            let goes_on = bounces + 1 < last || scene.environment.is_some();
             // Not `retain`: its closure would not be compiled for the processor at hand.
             let mut kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
                 let (path, out) = (&mut self.paths[i as usize], &mut self.contributions[i as usize]);
-                if path.interact(scene, views, bounces, last, &mut rays, out) {
+                if path.hit.is_none() {
+                    environment(scene, &path.state, bounces, out);
+                } else if bounces < last {
+                    path.arrive(scene, goes_on, kept, &mut rows);
+                    alive[kept] = i;
+                    kept += 1;
+                }
+            }
+            alive.truncate(kept);
+            if alive.is_empty() {
+                break;
+            }
+            let lit = match &scene.projector {
+                Some(projector) => {
+                    let seen_in = (projector.coaxial && bounces == 0).then_some(pixel);
+                    Some(Lit::new(projector, views.projector.as_ref(), &rows.points, kept, seen_in))
+                }
+                None => None,
+            };
+            let diffuse = warp::cosine_hemispheres(&rows.normals, &rows.uniforms);
+            kept = 0;
+            for n in 0..alive.len() {
+                let i = alive[n];
+                let (path, out) = (&mut self.paths[i as usize], &mut self.contributions[i as usize]);
+                let lit = match &lit {
+                    Some(lit) => Some((lit, n)),
+                    None => None,
+                };
+                rays += path.connect(scene, views, bounces, lit, out);
+                if goes_on && path.scatter(scene, bounces, many::get(&diffuse, n)) {
                     alive[kept] = i;
                     kept += 1;
                 }
@@ -176,72 +192,114 @@ impl Paths {
         }
         rays
     }
-}
 
-impl Path {
+    /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
     #[inline(always)]
-    fn start(scene: &Scene, [x, y]: [u32; 2], sample: u32) -> Self {
-        let pixel = y * scene.camera.resolution[0] + x;
-        let mut stream = Stream::new(scene.settings.seed, pixel, sample);
-        let [jx, jy] = stream.uniform2();
-        let at = DVec2::new(f64::from(x) + f64::from(jx), f64::from(y) + f64::from(jy));
-        let dir = scene.camera.direction(at);
-        let origin = scene.camera.origin;
-        Self {
-            state: State {
-                ray: Ray { origin, dir },
-                from: origin,
-                chain: Chain::start(scene.wavelengths.ones()),
-                frame: scene.camera.frame(dir),
-                optical_m: 0.0,
-                medium: Medium::VACUUM,
-                pixel,
-                lanes: Lanes::first(scene.wavelengths.count()),
-            },
-            stream,
-            hit: None,
-        }
-    }
-
-    /// What happens where the current ray ends, after `bounces` surface interactions; true if the path goes on.
-    #[inline(always)]
-    fn interact(
+    fn start(
         &mut self,
         scene: &Scene,
         views: &Views,
-        bounces: u32,
-        last: u32,
-        rays: &mut u32,
-        out: &mut Contributions,
-    ) -> bool {
-        let (state, stream) = (&mut self.state, &mut self.stream);
-        let Some(hit) = self.hit else {
-            environment(scene, state, bounces, out);
-            return false;
-        };
-        if bounces == last {
-            return false;
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+    ) -> [u32; BATCH] {
+        let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
+        let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
+        let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
+        for (n, sample) in samples.take(BATCH).enumerate() {
+            let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+            let [jx, jy] = stream.uniform2();
+            at[0][n] += f64::from(jx);
+            at[1][n] += f64::from(jy);
+            streams.push(stream);
         }
-        let surface = scene.geometry.surface(&state.ray, &hit);
-        state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
-        let wo = -state.ray.dir;
-        let (materials, id) = (&scene.materials, surface.material);
-        state.cross(scene, &surface);
-        if materials.is_smooth(id) {
-            let at = Vertex {
-                hit,
-                surface,
-                wo,
-                bounces: bounces + 1,
+        let dirs = camera.directions(&at);
+        self.paths.clear();
+        for (n, stream) in streams.into_iter().enumerate() {
+            let dir = many::get(&dirs, n);
+            let ray = Ray {
+                origin: camera.origin,
+                dir,
             };
-            *rays += connect_all(scene, views, state, &at, out);
+            self.paths.push(Path {
+                state: State {
+                    ray,
+                    from: camera.origin,
+                    chain: Chain::start(scene.wavelengths.ones()),
+                    frame: camera.frame(dir),
+                    optical_m: 0.0,
+                    medium: Medium::VACUUM,
+                    lanes: Lanes::first(scene.wavelengths.count()),
+                },
+                stream,
+                hit: None,
+                surface: Surface::default(),
+            });
         }
-        // The last interaction goes on only to see an environment.
-        if bounces + 1 == last && scene.environment.is_none() {
-            return false;
+        match &views.camera {
+            Some(view) => view.cells_toward(&dirs),
+            None => [0; BATCH],
         }
+    }
+}
+
+impl Path {
+    /// Takes the path to the surface that its ray hits, and enters in the rows, at place `n`, what is to be worked out
+    /// for all paths at once; `goes_on` if it is to leave the surface again.
+    #[inline(always)]
+    fn arrive(&mut self, scene: &Scene, goes_on: bool, n: usize, rows: &mut Rows) {
+        let Some(hit) = &self.hit else {
+            return;
+        };
+        let state = &mut self.state;
+        self.surface = scene.geometry.surface(&state.ray, hit);
+        let surface = &self.surface;
+        state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
+        state.cross(scene, surface);
+        many::set(&mut rows.points, n, surface.p);
+        if goes_on && scene.materials.lambert(surface.material).is_some() {
+            // Where shading and geometry disagree about the side, the surface will say that it is dark.
+            let normal = facing(surface, -state.ray.dir).unwrap_or(surface.ns);
+            many::set(&mut rows.normals, n, normal);
+            [rows.uniforms[0][n], rows.uniforms[1][n]] = self.stream.uniform2();
+        }
+    }
+
+    /// Connects the surface to the emitters, after `bounces` interactions before this one; returns the rays traced.
+    #[inline(always)]
+    fn connect(
+        &self,
+        scene: &Scene,
+        views: &Views,
+        bounces: u32,
+        lit: Option<(&Lit<BATCH>, usize)>,
+        out: &mut Contributions,
+    ) -> u32 {
+        let (Some(hit), state, surface) = (self.hit, &self.state, &self.surface) else {
+            return 0;
+        };
+        if !scene.materials.is_smooth(surface.material) {
+            return 0;
+        }
+        let at = Vertex {
+            hit,
+            surface,
+            wo: -state.ray.dir,
+            bounces: bounces + 1,
+        };
+        connect_all(scene, views, state, &at, lit, out)
+    }
+
+    /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. `diffuse` is
+    /// where it goes on from a Lambert surface.
+    #[inline(always)]
+    fn scatter(&mut self, scene: &Scene, bounces: u32, diffuse: Vec3A) -> bool {
+        let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
+        let (materials, id, wo) = (&scene.materials, surface.material, -state.ray.dir);
         // Borrowed, not moved: it is large.
-        let sampled = materials.sample_inline(id, &surface, wo, &mut state.lanes, stream);
+        let sampled = match materials.lambert(id) {
+            Some(lambert) => lambert.sampled(&materials.textures, surface, wo, diffuse),
+            None => materials.sample_inline(id, surface, wo, &mut state.lanes, stream),
+        };
         let Some(sampled) = &sampled else {
             return false;
         };
@@ -254,12 +312,12 @@ impl Path {
                 return false;
             }
             state.chain.scale(Spectral::splat(1.0 / keep));
-        } else if state.chain.max_m00() == 0.0 {
+        } else if state.chain.is_dark() {
             return false;
         }
         state.from = surface.p;
         state.ray = Ray {
-            origin: scene.geometry.leave(&surface, sampled.wi),
+            origin: scene.geometry.leave(surface, sampled.wi),
             dir: sampled.wi,
         };
         true
@@ -288,149 +346,3 @@ fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributio
     });
 }
 
-/// Connects a surface point to the projector and to every point emitter; returns the rays traced.
-#[inline(always)]
-fn connect_all(scene: &Scene, views: &Views, state: &State, at: &Vertex, out: &mut Contributions) -> u32 {
-    let mut rays = 0;
-    let p = at.surface.p;
-    if let Some(projector) = &scene.projector
-        && let Some(a) = arrival(projector, state, at)
-    {
-        let connection = Connection {
-            wi: a.wi,
-            position: projector.pinhole.origin,
-            distance: a.distance,
-            irradiance: projector.irradiance * Spectral::splat(a.factor),
-            axis: projector.pinhole.axes.x_axis,
-            pixel: a.pixel,
-            view: match &views.projector {
-                Some(view) => Some((view, a.local)),
-                None => None,
-            },
-        };
-        rays += connect(scene, state, at, &connection, out);
-    }
-    for point in &scene.points {
-        let to = point.position - p;
-        let distance = to.length();
-        if distance > 0.0 {
-            let wi = to * distance.recip();
-            let connection = Connection {
-                wi,
-                position: point.position,
-                distance,
-                irradiance: point.intensity * Spectral::splat(1.0 / (distance * distance)),
-                axis: point.axis,
-                pixel: NO_PIXEL,
-                view: None,
-            };
-            rays += connect(scene, state, at, &connection, out);
-        }
-    }
-    rays
-}
-
-/// What a surface point gets from the projector, if nothing is in between.
-#[inline(always)]
-fn arrival(projector: &Projector, state: &State, at: &Vertex) -> Option<Arrival> {
-    if projector.coaxial && at.bounces == 1 {
-        Some(projector.arrival_in_line(at.surface.p, state.pixel))
-    } else {
-        projector.arrival(at.surface.p)
-    }
-}
-
-/// One connection: what is known for nothing first, then the BRDF, a ray only if both leave it open.
-#[inline(always)]
-fn connect(scene: &Scene, state: &State, at: &Vertex, to: &Connection, out: &mut Contributions) -> u32 {
-    let known = match to.view {
-        Some((view, local)) => view.sees(local, &at.hit, &at.surface),
-        None => None,
-    };
-    if known == Some(false) {
-        return 0;
-    }
-    let (surface, wo) = (&at.surface, at.wo);
-    let id = surface.material;
-    // Borrowed, not moved: it is large.
-    let scatter = scene.materials.eval_inline(id, surface, wo, to.wi);
-    let Some(scatter) = &scatter else {
-        return 0;
-    };
-    let mut rays = 0;
-    let mut blocked = None;
-    if known.is_none() {
-        let origin = scene.geometry.leave(surface, to.wi);
-        let v = to.position - origin;
-        let length = v.length();
-        let ray = Ray {
-            origin,
-            dir: v * length.recip(),
-        };
-        rays = 1;
-        if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
-            if !scene.sheets {
-                return rays;
-            }
-            blocked = Some(ray);
-        }
-    }
-    let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
-    let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
-    let medium = beyond.flatten().unwrap_or(state.medium);
-    if let Some(ray) = blocked {
-        return rays + sheets::connect(scene, state, (scatter, wo), (&ray, medium), at.bounces, to, out);
-    }
-    let first = out.elements.len() as u32;
-    let extent = if let Scatter::Depolarize(f) = scatter {
-        state
-            .chain
-            .finish_depolarized(*f * to.irradiance, &mut out.elements)
-    } else if medium.crystal != NO_CRYSTAL {
-        through_crystal(scene, state, scatter, medium, wo, to, out)
-    } else {
-        let frame_in = scatter.frame_in();
-        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
-        state.chain.finish_scattered(
-            scatter,
-            wo,
-            state.frame,
-            to.irradiance,
-            (c2, s2),
-            &mut out.elements,
-        )
-    };
-    out.list.push(Contribution {
-        first,
-        extent,
-        time_ps: picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance)),
-        pixel: to.pixel,
-        epipolar_px: 0.0,
-        bounces: at.bounces,
-    });
-    rays
-}
-
-/// Ends a path whose last ray runs through a crystal, which turns polarization on the way.
-#[cold]
-fn through_crystal(
-    scene: &Scene,
-    state: &State,
-    scatter: &Scatter,
-    medium: Medium,
-    wo: Vec3A,
-    to: &Connection,
-    out: &mut Contributions,
-) -> Extent {
-    let mut chain = state.chain;
-    let frame = chain.push(scatter, wo, state.frame);
-    chain.scale(to.irradiance);
-    if let Some(mut frame) = frame {
-        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
-            frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
-        }
-        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
-        chain.rotate_in(c2, s2);
-    }
-    chain.finish(&mut out.elements)
-}

@@ -9,7 +9,8 @@
 //! M being the surface's interaction and S₁ the sheet next to it. Each sheet counts as a surface interaction, as on the
 //! camera's side. Anything else in the way blocks the light.
 
-use super::path::{Connection, END_GAP, State};
+use super::connect::{Connection, END_GAP};
+use super::path::State;
 use crate::geometry::ray::Ray;
 use crate::material::Medium;
 use crate::polarization::chain::Scatter;

@@ -23,7 +23,7 @@ fn sin_cos_turns(turns: f32) -> (f32, f32) {
 }
 
 /// The unit disk, uniform (density 1/π); the concentric map of Shirley & Chiu (1997).
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
@@ -45,6 +45,32 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     let p = concentric_disk(u);
     Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
+}
+
+/// [`cosine_hemisphere`] about each of several unit vectors `n` (x, y, z of all), from as many pairs of uniforms: the same
+/// bits as `basis(n) * cosine_hemisphere(u)`, but plain numbers in a loop, which the compiler turns into vectors.
+#[inline(always)]
+#[must_use]
+#[expect(
+    clippy::needless_range_loop,
+    reason = "loops over indices become vectors, chains of iterators less surely"
+)]
+pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
+    let mut out = [[0.0; N]; 3];
+    for i in 0..N {
+        let p = concentric_disk([u[0][i], u[1][i]]);
+        let height = (1.0 - p.length_squared()).max(0.0).sqrt();
+        let [nx, ny, nz] = [n[0][i], n[1][i], n[2][i]];
+        // As in `perpendicular` and `basis`.
+        let sign = 1.0_f32.copysign(nz);
+        let a = -1.0 / (sign + nz);
+        let [xx, xy, xz] = [1.0 + sign * nx * nx * a, sign * nx * ny * a, -sign * nx];
+        let [yx, yy, yz] = [ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx];
+        out[0][i] = xx * p.x + yx * p.y + nx * height;
+        out[1][i] = xy * p.x + yy * p.y + ny * height;
+        out[2][i] = xz * p.x + yz * p.y + nz * height;
+    }
+    out
 }
 
 /// cosθ / π on the upper hemisphere, 0 below.
@@ -165,6 +191,24 @@ pub(super) mod tests {
     #[test]
     fn chi2_cosine_hemisphere() {
         chi2(cosine_hemisphere, cosine_pdf);
+    }
+
+    #[test]
+    fn several_hemispheres_are_as_each_alone() {
+        use crate::polarization::frame::basis;
+        let mut stream = Stream::new(8, 0, 0);
+        for _ in 0..1000 {
+            let n: [Vec3A; 16] = std::array::from_fn(|_| sphere(stream.uniform2()));
+            let u: [[f32; 2]; 16] = std::array::from_fn(|_| stream.uniform2());
+            let several = cosine_hemispheres(
+                &[0, 1, 2].map(|k| n.map(|v| v[k])),
+                &[0, 1].map(|k| u.map(|v| v[k])),
+            );
+            for i in 0..16 {
+                let alone = basis(n[i]) * cosine_hemisphere(u[i]);
+                assert_eq!(several.map(|v| v[i].to_bits()), alone.to_array().map(f32::to_bits));
+            }
+        }
     }
 
     #[test]

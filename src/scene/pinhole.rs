@@ -4,8 +4,12 @@
 //! covers [i, i+1) × [j, j+1), the upper left corner of the image is (0, 0); OpenCV's cx, cy count from the centre of
 //! the first pixel, so add 0.5 to them. Normalized coordinates are those on the plane z = 1.
 
+use crate::geometry::many::{self, Many};
 use crate::polarization::frame::project;
 use glam::{DVec2, Mat3A, Vec3A};
+
+/// No pixel's number.
+pub const OUTSIDE: u32 = u32::MAX;
 
 /// Brown–Conrady coefficients (Brown 1966; OpenCV's order k1, k2, p1, p2, k3), acting on normalized coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -190,11 +194,77 @@ impl Pinhole {
         (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
     }
 
+    /// [`Self::direction`] of several pixel positions (x and y of all).
+    #[inline(always)]
+    #[must_use]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "loops over indices become vectors, chains of iterators less surely"
+    )]
+    pub fn directions<const N: usize>(&self, at: &[[f64; N]; 2]) -> Many<N> {
+        let mut n = many::zero();
+        for i in 0..N {
+            n[0][i] = ((at[0][i] - self.principal.x) / self.focal.x) as f32;
+            n[1][i] = ((at[1][i] - self.principal.y) / self.focal.y) as f32;
+            n[2][i] = 1.0;
+        }
+        if self.distorts() {
+            for i in 0..N {
+                many::set(&mut n, i, self.direction(DVec2::new(at[0][i], at[1][i])));
+            }
+            return n;
+        }
+        let mut d = many::turned(&self.axes, &n);
+        let length = many::lengths(&d);
+        for row in &mut d {
+            for i in 0..N {
+                row[i] /= length[i];
+            }
+        }
+        d
+    }
+
     /// Device coordinates (right, down, forward) of a world point.
     #[inline(always)]
     #[must_use]
     pub fn local(&self, p: Vec3A) -> Vec3A {
         self.axes.transpose() * (p - self.origin)
+    }
+
+    /// Row-major numbers of the pixels that see several world points, [`OUTSIDE`] for those behind the device or outside
+    /// the image, and their device coordinates (right, down, forward): the answers of [`Self::project`].
+    #[inline(always)]
+    #[must_use]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "loops over indices become vectors, chains of iterators less surely"
+    )]
+    pub fn pixels<const N: usize>(&self, p: &Many<N>) -> ([u32; N], Many<N>) {
+        let local = many::turned(&self.axes.transpose(), &many::less(p, self.origin));
+        let [w, h] = self.resolution;
+        let mut pixels = [OUTSIDE; N];
+        if self.distorts() {
+            for i in 0..N {
+                if let Some((at, _)) = self.project(many::get(p, i)) {
+                    // Rounding at the far border must not leave the image.
+                    let (x, y) = ((at.x as u32).min(w - 1), (at.y as u32).min(h - 1));
+                    pixels[i] = y * w + x;
+                }
+            }
+            return (pixels, local);
+        }
+        let (fx, fy) = (self.focal.x, self.focal.y);
+        let (cx, cy) = (self.principal.x, self.principal.y);
+        for i in 0..N {
+            let z = f64::from(local[2][i]);
+            let x = f64::from(local[0][i]) / z * fx + cx;
+            let y = f64::from(local[1][i]) / z * fy + cy;
+            let inside = (z > 0.0) & (x >= 0.0) & (y >= 0.0) & (x < f64::from(w)) & (y < f64::from(h));
+            // Signed, because processors have no other vector conversion; images are smaller than 2³¹.
+            let pixel = (y as i32 as u32).wrapping_mul(w).wrapping_add(x as i32 as u32);
+            pixels[i] = if inside { pixel } else { OUTSIDE };
+        }
+        (pixels, local)
     }
 
     /// Continuous pixel position and device coordinates (right, down, forward) of a world point; `None` if it is behind
@@ -244,6 +314,7 @@ impl Pinhole {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::{stream::Stream, warp};
 
     fn device() -> Pinhole {
         let d = Distortion {
@@ -267,6 +338,40 @@ mod tests {
             assert!((back - q).length() < 1e-3, "{q} {back}");
             assert!(depth.z > 0.0);
         }
+    }
+
+    /// Ideal and distorted.
+    #[test]
+    fn many_are_as_each_alone() {
+        let mut stream = Stream::new(2, 0, 0);
+        let bent = device();
+        let (r, f, c) = (bent.resolution, bent.focal, bent.principal);
+        let straight = Pinhole::new(r, f, c, Distortion::default(), bent.origin, bent.axes).unwrap();
+        let mut seen = 0;
+        for p in [bent, straight] {
+            for _ in 0..1000 {
+                let mut draw = || stream.uniform2().map(|u| f64::from(u) * 240.0);
+                let at: [[f64; 2]; 16] = std::array::from_fn(|_| draw());
+                let dirs = p.directions(&[0, 1].map(|k| at.map(|a| a[k])));
+                let mut points = many::zero::<16>();
+                for i in 0..16 {
+                    assert_eq!(many::get(&dirs, i), p.direction(DVec2::from_array(at[i])));
+                    let anywhere = warp::sphere(stream.uniform2()) + Vec3A::new(0.0, 0.0, -1.0);
+                    many::set(&mut points, i, anywhere);
+                }
+                let (pixels, local) = p.pixels(&points);
+                for i in 0..16 {
+                    let want = p.project(many::get(&points, i));
+                    let pixel = want.map_or(OUTSIDE, |(at, _)| at.y as u32 * r[0] + at.x as u32);
+                    assert_eq!(pixels[i], pixel);
+                    if let Some((_, l)) = want {
+                        seen += 1;
+                        assert_eq!(many::get(&local, i), l);
+                    }
+                }
+            }
+        }
+        assert!(seen > 5000, "{seen}");
     }
 
     #[test]

@@ -6,8 +6,8 @@
 //! emits π times as much for the same number.
 
 use super::pinhole::Pinhole;
+use crate::geometry::many::{self, Many};
 use crate::spectrum::Spectral;
-use glam::Vec3A;
 
 /// A projector.
 #[derive(Clone, Copy, Debug)]
@@ -19,52 +19,50 @@ pub struct Projector {
     pub coaxial: bool,
 }
 
-/// Light that arrives at a point from the projector if nothing is in between.
+/// Light that arrives at several points from the projector if nothing is in between.
 #[derive(Clone, Copy, Debug)]
-pub struct Arrival {
-    /// Row-major index of the one projector pixel s' that lights the point.
-    pub pixel: u32,
-    /// Unit direction from the point to the projector.
-    pub wi: Vec3A,
-    /// Distance, metres.
-    pub distance: f32,
+pub struct Arrivals<const N: usize> {
+    /// Row-major index of the one projector pixel s' that lights each point; [`OUTSIDE`](super::pinhole::OUTSIDE) for those that none sees.
+    pub pixel: [u32; N],
+    /// Unit directions from the points to the projector.
+    pub wi: Many<N>,
+    /// Distances, metres.
+    pub distance: [f32; N],
     /// Irradiance at normal incidence per unit irradiance E: 1 / (z² cosθ).
-    pub factor: f32,
-    /// The point in the projector's coordinates: right, down, forward.
-    pub local: Vec3A,
+    pub factor: [f32; N],
+    /// The points in the projector's coordinates: right, down, forward.
+    pub local: Many<N>,
 }
 
 impl Projector {
-    /// What arrives at `p`; `None` if no projector pixel sees it.
+    /// What arrives at each of the points `p`.
+    ///
+    /// Points that a coaxial camera sees lie in its own pixel, s' = s; whoever knows that shall say so, since rounding
+    /// may put a point near a pixel's border into the next pixel, or outside the image.
     #[inline(always)]
     #[must_use]
-    pub fn arrival(&self, p: Vec3A) -> Option<Arrival> {
-        let (pixel, local) = self.pinhole.project(p)?;
-        let [w, h] = self.pinhole.resolution;
-        // Rounding at the far border must not leave the image.
-        let (u, v) = ((pixel.x as u32).min(w - 1), (pixel.y as u32).min(h - 1));
-        Some(self.lit_from(p, v * w + u, local))
-    }
-
-    /// What arrives at `p`, which the coaxial camera sees in its pixel `pixel`: s' = s, whereas projecting `p` would
-    /// let rounding put a point near a pixel's border into the next pixel, or outside the image.
-    #[inline(always)]
-    #[must_use]
-    pub fn arrival_in_line(&self, p: Vec3A, pixel: u32) -> Arrival {
-        self.lit_from(p, pixel, self.pinhole.local(p))
-    }
-
-    #[inline(always)]
-    fn lit_from(&self, p: Vec3A, pixel: u32, local: Vec3A) -> Arrival {
-        let z = local.z;
-        let to = self.pinhole.origin - p;
-        let distance = to.length();
-        let cos = z / distance;
-        Arrival {
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "loops over indices become vectors, chains of iterators less surely"
+    )]
+    pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
+        let (pixel, local) = self.pinhole.pixels(p);
+        let mut wi = many::less(p, self.pinhole.origin);
+        let distance = many::lengths(&wi);
+        let mut factor = [0.0; N];
+        for i in 0..N {
+            let z = local[2][i];
+            let nearness = 1.0 / distance[i];
+            for row in &mut wi {
+                row[i] = -row[i] * nearness;
+            }
+            factor[i] = 1.0 / (z * z * (z / distance[i]));
+        }
+        Arrivals {
             pixel,
-            wi: to * distance.recip(),
+            wi,
             distance,
-            factor: 1.0 / (z * z * cos),
+            factor,
             local,
         }
     }
@@ -73,8 +71,8 @@ impl Projector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::pinhole::Distortion;
-    use glam::{DVec2, Mat3A};
+    use crate::scene::pinhole::{Distortion, OUTSIDE};
+    use glam::{DVec2, Mat3A, Vec3A};
 
     /// The irradiance integrated over one pixel's area on the plane at 1 m is the flux into that pixel's solid angle.
     #[test]
@@ -93,13 +91,14 @@ mod tests {
             irradiance: Spectral::ONE,
             coaxial: false,
         };
-        for (x, y) in [(0.0, 0.0), (0.5, 0.3), (-0.6, 0.45)] {
-            let a = projector.arrival(Vec3A::new(x, y, 1.0)).unwrap();
-            let on_plane = a.factor * (-a.wi.z);
+        let points = [(0.0, 0.0), (0.5, 0.3), (-0.6, 0.45), (0.7, 0.0)];
+        let a = projector.arrivals(&[points.map(|p| p.0), points.map(|p| p.1), [1.0; 4]]);
+        for (i, (x, y)) in points.into_iter().enumerate().take(3) {
+            let on_plane = a.factor[i] * (-a.wi[2][i]);
             assert!((on_plane - 1.0).abs() < 1e-6);
-            assert_eq!(a.pixel % 64, (32.0 + 50.0 * x) as u32);
-            assert_eq!(a.pixel / 64, (24.0 + 50.0 * y) as u32);
+            assert_eq!(a.pixel[i] % 64, (32.0 + 50.0 * x) as u32);
+            assert_eq!(a.pixel[i] / 64, (24.0 + 50.0 * y) as u32);
         }
-        assert!(projector.arrival(Vec3A::new(0.7, 0.0, 1.0)).is_none());
+        assert_eq!(a.pixel[3], OUTSIDE);
     }
 }

@@ -103,6 +103,7 @@ impl PixelSums {
 
     #[inline]
     fn add(&mut self, key: u64, sample: u32, extent: Extent, values: &[Spectral], weight: f32) {
+        let w = Spectral::splat(weight);
         let entry = match &mut self.index {
             CellIndex::Direct(table) => &mut table[key as usize],
             CellIndex::Hashed(map) => map.entry(key).or_insert(u32::MAX),
@@ -115,16 +116,24 @@ impl PixelSums {
                 first: self.sums.len() as u32,
                 extent,
             });
-            let w = Spectral::splat(weight);
-            for value in values {
-                self.sums.push(Sums {
-                    pending: *value * w,
-                    ..Sums::ZERO
-                });
-            }
+            self.sums.extend(values.iter().map(|value| Sums {
+                pending: *value * w,
+                ..Sums::ZERO
+            }));
             return;
         }
         let slot = *entry as usize;
+        if let ([value], 1) = (values, self.cells[slot].extent.count()) {
+            // Most are intensities alone.
+            let cell = &mut self.cells[slot];
+            let sums = &mut self.sums[cell.first as usize];
+            if cell.sample != sample {
+                cell.sample = sample;
+                sums.fold();
+            }
+            sums.pending += *value * w;
+            return;
+        }
         if self.cells[slot].extent.with(extent) != self.cells[slot].extent {
             self.grow(slot, extent);
         }
@@ -136,7 +145,6 @@ impl PixelSums {
                 sums.fold();
             }
         }
-        let w = Spectral::splat(weight);
         for (i, row) in values.chunks_exact(extent.cols as usize).enumerate() {
             let at = first + i * cell.extent.cols as usize;
             for (sums, value) in self.sums[at..at + row.len()].iter_mut().zip(row) {
