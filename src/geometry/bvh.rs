@@ -9,7 +9,7 @@ use super::quadric::Quadric;
 use super::ray::{Hit, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 
 /// Set in [`Hit::leaf`] and in [`Primitive::id`] for quadrics.
@@ -144,42 +144,83 @@ impl Pack {
     }
 }
 
-/// What shading needs of a triangle, in one place.
+/// What shading needs of a triangle, in one place. Its vectors are rows of four, which load at once; the fourth
+/// number of each is an index, see [`INDEX`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Triangle {
-    v0: [f32; 3],
-    e1: [f32; 3],
-    e2: [f32; 3],
-    /// Unit normal, and ∂p/∂u up to a factor.
-    normal: [f32; 3],
-    tangent: [f32; 3],
-    /// Indices into `normals`; `u32::MAX` in the first for a flat triangle.
-    normals: [u32; 3],
-    /// Indices into `uvs`; `u32::MAX` in the first where there are none.
-    uvs: [u32; 3],
-    material: u32,
+    /// First corner; material.
+    v0: [f32; 4],
+    /// Edges to the others; indices of the first two corners into `normals`, `u32::MAX` in the first for a flat triangle.
+    e1: [f32; 4],
+    e2: [f32; 4],
+    /// Unit normal; index of the third corner into `normals`.
+    normal: [f32; 4],
+    /// ∂p/∂u up to a factor; index of the first corner into `uvs`, `u32::MAX` where there are none.
+    tangent: [f32; 4],
+    /// Indices of the others into `uvs`.
+    uvs: [u32; 2],
+}
+
+/// Bits that are turned in an index beside a vector: arithmetic on the vector takes the index along, and small integers
+/// would be denormal numbers, which are slow.
+const INDEX: u32 = 0x4000_0000;
+
+#[inline(always)]
+fn index(row: &[f32; 4]) -> u32 {
+    row[3].to_bits() ^ INDEX
+}
+
+/// The vector of a row.
+#[inline(always)]
+fn vector(row: [f32; 4]) -> Vec3A {
+    Vec3A::from_vec4(Vec4::from_array(row))
 }
 
 impl Triangle {
-    /// `uvs` are the texture coordinates of the corners, if there are any.
-    fn new(corners: [Vec3A; 3], uvs: Option<[[f32; 2]; 3]>) -> Self {
+    /// `uvs` are the texture coordinates of the corners, if there are any; `normals` and `uv_indices` as the methods of
+    /// these names say.
+    fn new(
+        corners: [Vec3A; 3],
+        uvs: Option<[[f32; 2]; 3]>,
+        normals: [u32; 3],
+        uv_indices: [u32; 3],
+        material: u32,
+    ) -> Self {
         let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
         let tangent = uvs.map_or(e1, |[a, b, c]| {
             let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
             // Solves e = u·∂p/∂u + v·∂p/∂v for both edges; only the direction is wanted, so the size of det is not.
             (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
         });
+        let row = |v: Vec3A, index: u32| v.extend(f32::from_bits(index ^ INDEX)).to_array();
         Self {
-            v0: v0.to_array(),
-            e1: e1.to_array(),
-            e2: e2.to_array(),
-            normal: e1.cross(e2).normalize().to_array(),
-            tangent: tangent.to_array(),
-            normals: [u32::MAX; 3],
-            uvs: [u32::MAX; 3],
-            material: 0,
+            v0: row(v0, material),
+            e1: row(e1, normals[0]),
+            e2: row(e2, normals[1]),
+            normal: row(e1.cross(e2).normalize(), normals[2]),
+            tangent: row(tangent, uv_indices[0]),
+            uvs: [uv_indices[1], uv_indices[2]],
         }
+    }
+
+    #[inline(always)]
+    fn material(&self) -> u32 {
+        index(&self.v0)
+    }
+
+    /// Indices into `normals`; `None` for a flat triangle.
+    #[inline(always)]
+    fn normals(&self) -> Option<[u32; 3]> {
+        let [a, b, c] = [index(&self.e1), index(&self.e2), index(&self.normal)];
+        (a != u32::MAX).then_some([a, b, c])
+    }
+
+    /// Indices into `uvs`; `None` where there are none.
+    #[inline(always)]
+    fn uvs(&self) -> Option<[u32; 3]> {
+        let a = index(&self.tangent);
+        (a != u32::MAX).then_some([a, self.uvs[0], self.uvs[1]])
     }
 }
 
@@ -235,12 +276,10 @@ impl GeometryBuilder {
             self.bounds
                 .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
             let uvs = (!mesh.uvs.is_empty()).then(|| corners.map(|i| mesh.uvs[i as usize].to_array()));
-            self.triangles.push(Triangle {
-                normals: shifted(first_normal, mesh.normals.is_empty()),
-                uvs: shifted(first_uv, mesh.uvs.is_empty()),
-                material,
-                ..Triangle::new([v0, v1, v2], uvs)
-            });
+            let normals = shifted(first_normal, mesh.normals.is_empty());
+            let uv_indices = shifted(first_uv, mesh.uvs.is_empty());
+            let triangle = Triangle::new([v0, v1, v2], uvs, normals, uv_indices, material);
+            self.triangles.push(triangle);
         }
     }
 
@@ -517,23 +556,29 @@ impl Geometry {
             };
         }
         let tri = &self.triangles[hit.leaf as usize];
-        let [v0, e1, e2, ng, tangent] =
-            [tri.v0, tri.e1, tri.e2, tri.normal, tri.tangent].map(Vec3A::from_array);
+        let [v0, e1, e2, ng, tangent] = [
+            vector(tri.v0),
+            vector(tri.e1),
+            vector(tri.e2),
+            vector(tri.normal),
+            vector(tri.tangent),
+        ];
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
-        let ns = if tri.normals[0] == u32::MAX {
-            ng
-        } else {
-            let [a, b, c] = tri.normals.map(|i| Vec3A::from_array(self.normals[i as usize]));
-            let n = (a * w + b * u + c * v).normalize_or(ng);
-            if n.dot(ng) < 0.0 { -n } else { n }
+        let ns = match tri.normals() {
+            None => ng,
+            Some(corners) => {
+                let [a, b, c] = corners.map(|i| Vec3A::from_array(self.normals[i as usize]));
+                let n = (a * w + b * u + c * v).normalize_or(ng);
+                if n.dot(ng) < 0.0 { -n } else { n }
+            }
         };
-        let uv = if !self.textured {
-            [0.0; 2]
-        } else if tri.uvs[0] == u32::MAX {
-            [u, v]
-        } else {
-            let [a, b, c] = tri.uvs.map(|i| self.uvs[i as usize]);
-            [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
+        let uv = match (self.textured, tri.uvs()) {
+            (false, _) => [0.0; 2],
+            (true, None) => [u, v],
+            (true, Some(corners)) => {
+                let [a, b, c] = corners.map(|i| self.uvs[i as usize]);
+                [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
+            }
         };
         Surface {
             p: v0 + e1 * u + e2 * v,
@@ -541,7 +586,7 @@ impl Geometry {
             ns,
             tangent,
             uv,
-            material: tri.material,
+            material: tri.material(),
         }
     }
 

@@ -177,7 +177,9 @@ impl View {
             let y = (local[1][i] / z - self.grid.first.y) * self.grid.density.y;
             let right = (z > 0.0) & (x >= 0.0) & (y >= 0.0);
             let inside = right & (x < columns as f32) & (y < rows as f32);
-            let cell = (y as i32 as u32).wrapping_mul(columns).wrapping_add(x as i32 as u32);
+            let cell = (y as i32 as u32)
+                .wrapping_mul(columns)
+                .wrapping_add(x as i32 as u32);
             cells[i] = if inside { cell } else { OUTSIDE };
         }
         cells

@@ -39,6 +39,13 @@ impl Diffuse {
         ))
     }
 
+    /// True if light comes from `wi`, which was drawn by the cosine about the shading normal on the side of `wo`.
+    #[inline(always)]
+    #[must_use]
+    pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
+        facing(at, wo).is_some() & same_side(at, wo, wi)
+    }
+
     /// Cosine-weighted.
     #[inline(always)]
     pub fn sample(
@@ -50,15 +57,7 @@ impl Diffuse {
     ) -> Option<Sampled> {
         let n = facing(at, wo)?;
         let wi = basis(n) * warp::cosine_hemisphere(stream.uniform2());
-        self.sampled(textures, at, wo, wi)
-    }
-
-    /// [`Self::sample`], once `wi` is drawn by the cosine about the shading normal on the side of `wo`.
-    #[inline(always)]
-    #[must_use]
-    pub fn sampled(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Sampled> {
-        facing(at, wo)?;
-        same_side(at, wo, wi).then(|| Sampled {
+        self.passes(at, wo, wi).then(|| Sampled {
             wi,
             scatter: Scatter::Depolarize(self.albedo.at(textures, at.uv)),
             delta: false,

@@ -257,8 +257,9 @@ impl Chain {
         }
     }
 
+    /// [`Self::push`] of [`Scatter::Depolarize`]: any frame is valid behind it.
     #[inline]
-    fn depolarize(&mut self, f: Spectral) {
+    pub fn depolarize(&mut self, f: Spectral) {
         let z = Spectral::ZERO;
         let flat = [Spectral::ONE, z, z, z];
         match self {

@@ -37,6 +37,21 @@ pub fn perpendicular(d: Vec3A) -> Vec3A {
     Vec3A::new(1.0 + sign * d.x * d.x * a, sign * d.x * d.y * a, -sign * d.x)
 }
 
+/// [`perpendicular`] of several.
+#[inline(always)]
+#[must_use]
+pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
+    let mut out = [[0.0; N]; 3];
+    for i in 0..N {
+        let sign = 1.0_f32.copysign(d[2][i]);
+        let a = -1.0 / (sign + d[2][i]);
+        out[0][i] = 1.0 + sign * d[0][i] * d[0][i] * a;
+        out[1][i] = sign * d[0][i] * d[1][i] * a;
+        out[2][i] = -sign * d[0][i];
+    }
+    out
+}
+
 /// A right-handed orthonormal basis whose third column is the unit vector `z`: takes local directions to world ones.
 #[inline]
 #[must_use]
@@ -62,6 +77,8 @@ mod tests {
     fn perpendicular_is_unit_and_orthogonal() {
         for d in [Vec3A::Z, -Vec3A::Z, Vec3A::X, Vec3A::new(0.6, -0.48, 0.64)] {
             let x = perpendicular(d);
+            let several = perpendiculars(&d.to_array().map(|v| [v]));
+            assert_eq!(several.map(|v| v[0]), x.to_array());
             assert!((x.length() - 1.0).abs() < 1e-6 && x.dot(d).abs() < 1e-6);
             let y = project(d, d);
             assert!((y.length() - 1.0).abs() < 1e-6 && y.dot(d).abs() < 1e-6);

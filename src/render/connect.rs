@@ -175,22 +175,15 @@ fn connect(
     }
     let first = out.elements.len() as u32;
     let extent = if let Scatter::Depolarize(f) = scatter {
-        state
-            .chain
-            .finish_depolarized(*f * to.irradiance, &mut out.elements)
+        state.chain.finish_depolarized(*f * to.irradiance, out.elements)
     } else if medium.crystal != NO_CRYSTAL {
         through_crystal(scene, state, scatter, medium, wo, to, out)
     } else {
         let frame_in = scatter.frame_in();
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
-        state.chain.finish_scattered(
-            scatter,
-            wo,
-            state.frame,
-            to.irradiance,
-            (c2, s2),
-            &mut out.elements,
-        )
+        state
+            .chain
+            .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
     out.list.push(Contribution {
         first,
@@ -224,5 +217,5 @@ fn through_crystal(
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
         chain.rotate_in(c2, s2);
     }
-    chain.finish(&mut out.elements)
+    chain.finish(out.elements)
 }

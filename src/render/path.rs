@@ -12,7 +12,7 @@ use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
 use crate::polarization::chain::Chain;
-use crate::polarization::frame::{perpendicular, turn};
+use crate::polarization::frame::{perpendicular, perpendiculars, turn};
 use crate::sampling::stream::Stream;
 use crate::sampling::warp;
 use crate::scene::Scene;
@@ -23,6 +23,7 @@ use glam::Vec3A;
 use std::ops::Range;
 
 /// The state of a path at its current ray.
+#[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
     /// Where the ray really starts (its origin is nudged off the surface).
@@ -64,6 +65,7 @@ impl State {
 pub const BATCH: usize = 16;
 
 /// One path and what it needs to go on.
+#[derive(Clone)]
 struct Path {
     state: State,
     stream: Stream,
@@ -76,8 +78,9 @@ struct Path {
 #[derive(Default)]
 pub struct Paths {
     paths: Vec<Path>,
-    /// What each brings, in order.
-    pub contributions: Vec<Contributions>,
+    /// What each brings, in order, and the Mueller elements of all.
+    pub lists: Vec<Vec<Contribution>>,
+    pub elements: Vec<Spectral>,
 }
 
 /// What is worked out for all living paths at once: a row's entry belongs to the path at that place among them.
@@ -91,7 +94,7 @@ struct Rows {
 
 impl Paths {
     /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
-    /// random point of the pixel, and leaves what they bring in `contributions`.
+    /// random point of the pixel, and leaves what they bring in `lists` and `elements`.
     ///
     /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the number of rays
     /// traced.
@@ -116,10 +119,11 @@ impl Paths {
     fn trace_any(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
         let count = samples.len().min(BATCH);
         let pixel = y * scene.camera.resolution[0] + x;
-        self.contributions.resize_with(count, Contributions::default);
-        for out in &mut self.contributions {
-            out.clear();
+        self.lists.resize_with(count, Vec::new);
+        for list in &mut self.lists {
+            list.clear();
         }
+        self.elements.clear();
         let cells = self.start(scene, views, [x, y], samples);
         let mut alive: ArrayVec<u8, BATCH> = (0..count as u8).collect();
         let mut rows = Rows {
@@ -150,9 +154,13 @@ impl Paths {
             let mut kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
-                let (path, out) = (&mut self.paths[i as usize], &mut self.contributions[i as usize]);
+                let path = &mut self.paths[i as usize];
                 if path.hit.is_none() {
-                    environment(scene, &path.state, bounces, out);
+                    let mut out = Contributions {
+                        list: &mut self.lists[i as usize],
+                        elements: &mut self.elements,
+                    };
+                    environment(scene, &path.state, bounces, &mut out);
                 } else if bounces < last {
                     path.arrive(scene, goes_on, kept, &mut rows);
                     alive[kept] = i;
@@ -166,21 +174,32 @@ impl Paths {
             let lit = match &scene.projector {
                 Some(projector) => {
                     let seen_in = (projector.coaxial && bounces == 0).then_some(pixel);
-                    Some(Lit::new(projector, views.projector.as_ref(), &rows.points, kept, seen_in))
+                    Some(Lit::new(
+                        projector,
+                        views.projector.as_ref(),
+                        &rows.points,
+                        kept,
+                        seen_in,
+                    ))
                 }
                 None => None,
             };
             let diffuse = warp::cosine_hemispheres(&rows.normals, &rows.uniforms);
+            let frames = perpendiculars(&diffuse);
             kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
-                let (path, out) = (&mut self.paths[i as usize], &mut self.contributions[i as usize]);
+                let path = &mut self.paths[i as usize];
+                let mut out = Contributions {
+                    list: &mut self.lists[i as usize],
+                    elements: &mut self.elements,
+                };
                 let lit = match &lit {
                     Some(lit) => Some((lit, n)),
                     None => None,
                 };
-                rays += path.connect(scene, views, bounces, lit, out);
-                if goes_on && path.scatter(scene, bounces, many::get(&diffuse, n)) {
+                rays += path.connect(scene, views, bounces, lit, &mut out);
+                if goes_on && path.scatter(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n))) {
                     alive[kept] = i;
                     kept += 1;
                 }
@@ -195,13 +214,7 @@ impl Paths {
 
     /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
     #[inline(always)]
-    fn start(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        [x, y]: [u32; 2],
-        samples: Range<u32>,
-    ) -> [u32; BATCH] {
+    fn start(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> [u32; BATCH] {
         let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
         let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
         let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
@@ -213,31 +226,49 @@ impl Paths {
             streams.push(stream);
         }
         let dirs = camera.directions(&at);
-        self.paths.clear();
-        for (n, stream) in streams.into_iter().enumerate() {
-            let dir = many::get(&dirs, n);
-            let ray = Ray {
+        let (ones, lanes) = (scene.wavelengths.ones(), Lanes::first(scene.wavelengths.count()));
+        // Written in place, since paths are large.
+        self.paths.resize_with(BATCH, Path::default);
+        for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
+            let (state, dir) = (&mut path.state, many::get(&dirs, n));
+            state.ray = Ray {
                 origin: camera.origin,
                 dir,
             };
-            self.paths.push(Path {
-                state: State {
-                    ray,
-                    from: camera.origin,
-                    chain: Chain::start(scene.wavelengths.ones()),
-                    frame: camera.frame(dir),
-                    optical_m: 0.0,
-                    medium: Medium::VACUUM,
-                    lanes: Lanes::first(scene.wavelengths.count()),
-                },
-                stream,
-                hit: None,
-                surface: Surface::default(),
-            });
+            state.from = camera.origin;
+            state.chain = Chain::start(ones);
+            state.frame = camera.frame(dir);
+            state.optical_m = 0.0;
+            state.medium = Medium::VACUUM;
+            state.lanes = lanes;
+            path.stream = stream;
         }
         match &views.camera {
             Some(view) => view.cells_toward(&dirs),
             None => [0; BATCH],
+        }
+    }
+}
+
+impl Default for Path {
+    /// None yet.
+    fn default() -> Self {
+        Self {
+            state: State {
+                ray: Ray {
+                    origin: Vec3A::ZERO,
+                    dir: Vec3A::Z,
+                },
+                from: Vec3A::ZERO,
+                chain: Chain::start(Spectral::ZERO),
+                frame: Vec3A::X,
+                optical_m: 0.0,
+                medium: Medium::VACUUM,
+                lanes: Lanes::first(0),
+            },
+            stream: Stream::new(0, 0, 0),
+            hit: None,
+            surface: Surface::default(),
         }
     }
 }
@@ -289,23 +320,33 @@ impl Path {
         connect_all(scene, views, state, &at, lit, out)
     }
 
-    /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. `diffuse` is
-    /// where it goes on from a Lambert surface.
+    /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. Where it goes
+    /// on from a Lambert surface, it is along `diffuse`, in frame `frame`.
     #[inline(always)]
-    fn scatter(&mut self, scene: &Scene, bounces: u32, diffuse: Vec3A) -> bool {
+    fn scatter(&mut self, scene: &Scene, bounces: u32, [diffuse, frame]: [Vec3A; 2]) -> bool {
         let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
         let (materials, id, wo) = (&scene.materials, surface.material, -state.ray.dir);
-        // Borrowed, not moved: it is large.
-        let sampled = match materials.lambert(id) {
-            Some(lambert) => lambert.sampled(&materials.textures, surface, wo, diffuse),
-            None => materials.sample_inline(id, surface, wo, &mut state.lanes, stream),
-        };
-        let Some(sampled) = &sampled else {
-            return false;
-        };
-        let frame = state.chain.push(&sampled.scatter, wo, state.frame);
-        state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
-        state.medium = sampled.medium.unwrap_or(state.medium);
+        let wi;
+        if let Some(lambert) = materials.lambert(id) {
+            if !lambert.passes(surface, wo, diffuse) {
+                return false;
+            }
+            state
+                .chain
+                .depolarize(lambert.albedo.at(&materials.textures, surface.uv));
+            state.frame = frame;
+            wi = diffuse;
+        } else {
+            // Borrowed, not moved: it is large.
+            let sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
+            let Some(sampled) = &sampled else {
+                return false;
+            };
+            let frame = state.chain.push(&sampled.scatter, wo, state.frame);
+            state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
+            state.medium = sampled.medium.unwrap_or(state.medium);
+            wi = sampled.wi;
+        }
         if bounces + 1 >= scene.settings.rr_depth {
             let keep = state.chain.max_m00().clamp(0.0, 0.95);
             if stream.uniform() >= keep {
@@ -317,8 +358,8 @@ impl Path {
         }
         state.from = surface.p;
         state.ray = Ray {
-            origin: scene.geometry.leave(surface, sampled.wi),
-            dir: sampled.wi,
+            origin: scene.geometry.leave(surface, wi),
+            dir: wi,
         };
         true
     }
@@ -335,7 +376,7 @@ fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributio
     chain.rotate_in(c2, s2);
     chain.scale(environment.radiance);
     let first = out.elements.len() as u32;
-    let extent = chain.finish(&mut out.elements);
+    let extent = chain.finish(out.elements);
     out.list.push(Contribution {
         first,
         extent,
@@ -345,4 +386,3 @@ fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributio
         bounces,
     });
 }
-

@@ -74,7 +74,7 @@ pub(super) fn connect(
     let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
     chain.rotate_in(c2, s2);
     let first = out.elements.len() as u32;
-    let extent = chain.finish(&mut out.elements);
+    let extent = chain.finish(out.elements);
     out.list.push(Contribution {
         first,
         extent,

@@ -388,17 +388,19 @@ fn render_tile(
         for first in (0..scene.settings.spp).step_by(BATCH) {
             let samples = first..(first + BATCH as u32).min(scene.settings.spp);
             record.rays += u64::from(paths.trace(scene, views, [x, y], samples.clone()));
-            for (sample, contributions) in samples.zip(&mut paths.contributions) {
-                if !finite(&contributions.elements) {
+            let elements = &paths.elements;
+            let all_finite = finite(elements);
+            for (sample, list) in samples.zip(&mut paths.lists) {
+                if !all_finite && list.iter().any(|c| !finite(c.of(elements))) {
                     record.discarded += 1;
                     continue;
                 }
                 if let Some((e, line)) = line {
-                    for c in contributions.list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
+                    for c in list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
                         c.epipolar_px = e.distance_px(line, c.pixel);
                     }
                 }
-                accumulator.add_sample(sample, contributions);
+                accumulator.add_sample(sample, list, elements);
                 counted += 1;
             }
         }

@@ -1,5 +1,6 @@
 //! Warps from the unit square to directions about +z, each with its density per solid angle.
 
+use crate::polarization::frame::perpendiculars;
 use glam::{Vec2, Vec3A};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
@@ -56,15 +57,14 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     reason = "loops over indices become vectors, chains of iterators less surely"
 )]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
+    let x = perpendiculars(n);
     let mut out = [[0.0; N]; 3];
     for i in 0..N {
         let p = concentric_disk([u[0][i], u[1][i]]);
         let height = (1.0 - p.length_squared()).max(0.0).sqrt();
         let [nx, ny, nz] = [n[0][i], n[1][i], n[2][i]];
-        // As in `perpendicular` and `basis`.
-        let sign = 1.0_f32.copysign(nz);
-        let a = -1.0 / (sign + nz);
-        let [xx, xy, xz] = [1.0 + sign * nx * nx * a, sign * nx * ny * a, -sign * nx];
+        // As in `basis`.
+        let [xx, xy, xz] = [x[0][i], x[1][i], x[2][i]];
         let [yx, yy, yz] = [ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx];
         out[0][i] = xx * p.x + yx * p.y + nx * height;
         out[1][i] = xy * p.x + yy * p.y + ny * height;
@@ -206,7 +206,10 @@ pub(super) mod tests {
             );
             for i in 0..16 {
                 let alone = basis(n[i]) * cosine_hemisphere(u[i]);
-                assert_eq!(several.map(|v| v[i].to_bits()), alone.to_array().map(f32::to_bits));
+                assert_eq!(
+                    several.map(|v| v[i].to_bits()),
+                    alone.to_array().map(f32::to_bits)
+                );
             }
         }
     }

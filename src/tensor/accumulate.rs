@@ -242,19 +242,19 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Adds all contributions of one camera sample of the current pixel.
+    /// Adds all contributions of one camera sample of the current pixel, whose elements are among `elements`.
     #[inline]
-    pub fn add_sample(&mut self, sample: u32, contributions: &Contributions) {
+    pub fn add_sample(&mut self, sample: u32, list: &[Contribution], elements: &[Spectral]) {
         let pixel = self.pixel;
         for k in &self.keeping {
             let (plan, sums) = (&self.plans[*k], &mut self.sums[*k]);
-            for c in &contributions.list {
+            for c in list {
                 if let Some((cell, weight)) = plan.cell(c, pixel) {
                     let (extent, values) = if plan.elements == 1 {
                         // The matrix is asked for its intensity alone.
-                        (Extent { rows: 1, cols: 1 }, &contributions.of(c)[..1])
+                        (Extent { rows: 1, cols: 1 }, &c.of(elements)[..1])
                     } else {
-                        (c.extent, contributions.of(c))
+                        (c.extent, c.of(elements))
                     };
                     sums.add(cell, sample, extent, values, weight);
                 }

@@ -21,28 +21,20 @@ pub struct Contribution {
     pub bounces: u32,
 }
 
-/// What one camera sample brings.
-#[derive(Clone, Debug, Default)]
-pub struct Contributions {
-    pub list: Vec<Contribution>,
-    /// Mueller elements of all of them, projector frame in, camera frame out, W/(m² sr nm): only those that can be
-    /// non-zero, so that light from one rough wall takes one number a wavelength.
-    pub elements: Vec<Spectral>,
+/// Where the contributions of one camera sample are put.
+pub struct Contributions<'a> {
+    pub list: &'a mut Vec<Contribution>,
+    /// Mueller elements, projector frame in, camera frame out, W/(m² sr nm): only those that can be non-zero, so that
+    /// light from one rough wall takes one number a wavelength. Other samples put theirs here too.
+    pub elements: &'a mut Vec<Spectral>,
 }
 
-impl Contributions {
-    /// Forgets everything, keeps the memory.
-    #[inline]
-    pub fn clear(&mut self) {
-        self.list.clear();
-        self.elements.clear();
-    }
-
-    /// The elements of one contribution, row by row.
+impl Contribution {
+    /// Its elements among all, row by row.
     #[inline]
     #[must_use]
-    pub fn of(&self, c: &Contribution) -> &[Spectral] {
-        &self.elements[c.first as usize..c.first as usize + c.extent.count()]
+    pub fn of<'a>(&self, elements: &'a [Spectral]) -> &'a [Spectral] {
+        &elements[self.first as usize..self.first as usize + self.extent.count()]
     }
 }
 

@@ -4,8 +4,6 @@
 //! else that is done to them. Such a frame is made of two kinds of blocks alone, which any decoder reads: runs of zeros
 //! as one repeated byte, and what lies between them as it is.
 
-use xxhash_rust::xxh64::xxh64;
-
 /// What bytes look like.
 #[derive(Debug, PartialEq)]
 pub(super) enum Content {
@@ -69,8 +67,8 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
         return Content::Zero;
     }
     ends.push(bytes.len());
-    // Magic number; then: four bytes of size, one segment, with a checksum.
-    let mut frame = vec![0x28, 0xB5, 0x2F, 0xFD, 0xA4];
+    // Magic number; then: four bytes of size, one segment, no checksum.
+    let mut frame = vec![0x28, 0xB5, 0x2F, 0xFD, 0xA0];
     frame.extend(length.to_le_bytes());
     let mut at = 0;
     for (run, &end) in ends.iter().enumerate() {
@@ -84,7 +82,6 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
             at = next;
         }
     }
-    frame.extend(&(xxh64(bytes, 0) as u32).to_le_bytes());
     Content::Sparse(frame)
 }
 
