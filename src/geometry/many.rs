@@ -4,11 +4,6 @@
 //! a path, most of the time goes into waiting for divisions and roots. The operations and their order are those of `glam`,
 //! so the answers are the same bits as for each vector alone.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "loops over indices become vectors, chains of iterators less surely"
-)]
-
 use glam::{Mat3A, Vec3A};
 
 /// x, y and z of `N` vectors.
@@ -89,9 +84,9 @@ mod tests {
         let w = draw();
         for _ in 0..1000 {
             let alone: [Vec3A; 16] = std::array::from_fn(|_| draw());
-            let mut v = zero();
-            for i in 0..16 {
-                set(&mut v, i, alone[i]);
+            let mut v = zero::<16>();
+            for (i, a) in alone.into_iter().enumerate() {
+                set(&mut v, i, a);
             }
             let (t, l, n) = (turned(&m, &v), less(&v, w), lengths(&v));
             for (i, a) in alone.into_iter().enumerate() {

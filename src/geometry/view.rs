@@ -164,10 +164,6 @@ impl View {
     /// some that no pyramid has for those outside. Plain numbers in a loop, which the compiler turns into vectors.
     #[inline(always)]
     #[must_use]
-    #[expect(
-        clippy::needless_range_loop,
-        reason = "loops over indices become vectors, chains of iterators less surely"
-    )]
     pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
         let [columns, rows] = self.grid.size;
         let mut cells = [OUTSIDE; N];

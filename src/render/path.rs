@@ -194,10 +194,7 @@ impl Paths {
                     list: &mut self.lists[i as usize],
                     elements: &mut self.elements,
                 };
-                let lit = match &lit {
-                    Some(lit) => Some((lit, n)),
-                    None => None,
-                };
+                let lit = lit.as_ref().map(|lit| (lit, n));
                 rays += path.connect(scene, views, bounces, lit, &mut out);
                 if goes_on && path.scatter(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n))) {
                     alive[kept] = i;

@@ -52,10 +52,6 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
 /// bits as `basis(n) * cosine_hemisphere(u)`, but plain numbers in a loop, which the compiler turns into vectors.
 #[inline(always)]
 #[must_use]
-#[expect(
-    clippy::needless_range_loop,
-    reason = "loops over indices become vectors, chains of iterators less surely"
-)]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
     let x = perpendiculars(n);
     let mut out = [[0.0; N]; 3];

@@ -354,16 +354,16 @@ mod tests {
                 let at: [[f64; 2]; 16] = std::array::from_fn(|_| draw());
                 let dirs = p.directions(&[0, 1].map(|k| at.map(|a| a[k])));
                 let mut points = many::zero::<16>();
-                for i in 0..16 {
-                    assert_eq!(many::get(&dirs, i), p.direction(DVec2::from_array(at[i])));
+                for (i, at) in at.into_iter().enumerate() {
+                    assert_eq!(many::get(&dirs, i), p.direction(DVec2::from_array(at)));
                     let anywhere = warp::sphere(stream.uniform2()) + Vec3A::new(0.0, 0.0, -1.0);
                     many::set(&mut points, i, anywhere);
                 }
                 let (pixels, local) = p.pixels(&points);
-                for i in 0..16 {
+                for (i, got) in pixels.into_iter().enumerate() {
                     let want = p.project(many::get(&points, i));
                     let pixel = want.map_or(OUTSIDE, |(at, _)| at.y as u32 * r[0] + at.x as u32);
-                    assert_eq!(pixels[i], pixel);
+                    assert_eq!(got, pixel);
                     if let Some((_, l)) = want {
                         seen += 1;
                         assert_eq!(many::get(&local, i), l);

@@ -41,10 +41,6 @@ impl Projector {
     /// may put a point near a pixel's border into the next pixel, or outside the image.
     #[inline(always)]
     #[must_use]
-    #[expect(
-        clippy::needless_range_loop,
-        reason = "loops over indices become vectors, chains of iterators less surely"
-    )]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);
         let mut wi = many::less(p, self.pinhole.origin);
