@@ -13,7 +13,8 @@ A sample is a path from the camera. Sunstone's times are those of the whole proc
 of rendering alone, after a warm-up. This is done at two sample counts: what Sunstone writes is the same at any, so that the
 complete tensor of few samples costs more a sample.
 
-Then the mirror room: all its slices against its conventional image alone, and two threads against one.
+Then the mirror room: all its slices against its conventional image alone, and two threads against one; beside it what two
+programs at once achieve, since the second core of a shared machine is not always a whole one.
 
 Raw numbers go to results/speed.json. Needs LLVM.
 """
@@ -29,6 +30,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import environment
 
@@ -183,6 +185,13 @@ def mirror_room(rounds):
         for threads in (1, 2)
         for what, file in (("all nine slices", scene), ("conventional alone", one))
     }
+
+    def twice(seed):
+        """Two renders of one thread each at once, which share nothing but the machine."""
+        with ThreadPoolExecutor(2) as both:
+            return max(both.map(lambda k: sunstone(scene, 64, 2 * seed + k, 1)[0], (0, 1)))
+
+    rows["all nine slices, twice at once, 1 thread each"] = twice
     try:
         return interleaved(rows, rounds)
     finally:
@@ -223,6 +232,8 @@ def show(report):
     every, one = room["all nine slices, 2 threads"], room["conventional alone, 2 threads"]
     print(f"all slices cost {every / one:.2f} times the conventional image; two threads are "
           f"{room['all nine slices, 1 thread'] / every:.2f} times as fast as one")
+    own = 2 * room["all nine slices, 1 thread"] / room["all nine slices, twice at once, 1 thread each"]
+    print(f"two programs that share nothing do {own:.2f} times the work of one: what the machine's second core is worth")
 
 
 if __name__ == "__main__":
