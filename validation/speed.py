@@ -44,25 +44,28 @@ SCENE = environment.HERE / "speed/cornell.toml"
 OUT = environment.ROOT / "target/speed"
 RESULTS = environment.HERE / "results/speed.json"
 RESOLUTION, DEPTH, BINS = 256, 6, 256
+OUT.mkdir(parents=True, exist_ok=True)
+STORES = tempfile.TemporaryDirectory(dir=OUT)
 MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 
 
 def sunstone(scene, spp, seed, threads=None):
     """Seconds and megabytes of a render."""
-    # Each into a directory of its own: to replace a store takes its time, too.
-    with tempfile.TemporaryDirectory(dir=OUT) as folder:
-        program = [environment.sunstone(), "render", scene, "-o", f"{folder}/out.zarr", "--no-figures"]
-        program += ["--spp", spp, "--seed", seed] + (["--threads", threads] if threads else [])
-        begun = time.perf_counter()
-        running = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        # The system's own count of a child's memory starts with that of the parent it was forked from.
-        peak = 0
-        while running.poll() is None:
-            peak = max(peak, high_water(running.pid))
-            time.sleep(0.005)
-        if running.returncode:
-            sys.exit("sunstone failed")
-        return time.perf_counter() - begun, peak
+    # Each into a directory of its own, removed when all is done: to replace a store takes its time, and where many files
+    # were just removed, ext4 makes new ones slowly.
+    folder = tempfile.mkdtemp(dir=STORES.name)
+    program = [environment.sunstone(), "render", scene, "-o", f"{folder}/out.zarr", "--no-figures"]
+    program += ["--spp", spp, "--seed", seed] + (["--threads", threads] if threads else [])
+    begun = time.perf_counter()
+    running = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # The system's own count of a child's memory starts with that of the parent it was forked from.
+    peak = 0
+    while running.poll() is None:
+        peak = max(peak, high_water(running.pid))
+        time.sleep(0.005)
+    if running.returncode:
+        sys.exit("sunstone failed")
+    return time.perf_counter() - begun, peak
 
 
 def high_water(pid):
@@ -203,7 +206,6 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--spp", type=int, nargs="*", default=[64, 256])
     options = parser.parse_args()
-    OUT.mkdir(parents=True, exist_ok=True)
     room = mirror_room(options.rounds)
     seconds, memory = cornell(options.spp, options.rounds)
     report = {"machine": machine(), "mitsuba": mi.__version__, "cornell_s": seconds, "peak_rss_mb": memory, "mirror_room_s": room}
