@@ -206,3 +206,236 @@ pub fn matrix([s1, s2]: [C; 2]) -> [f64; 4] {
     let cross = s1.conj() * s2;
     [0.5 * (i1 + i2), 0.5 * (i1 - i2), cross.re, cross.im]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarization::fresnel;
+    use crate::spectrum::Spectral;
+    use proptest::prelude::*;
+    use std::f64::consts::PI;
+
+    fn sphere(x: f64, n: f64, k: f64) -> Sphere {
+        Sphere::new(x, C::new(n, k)).expect("an admitted sphere")
+    }
+
+    /// The printed result of the program in Bohren & Huffman's appendix A (radius 0.525 µm, 632.8 nm, m = 1.55): S11
+    /// over S11 at 0°, degree of polarization -S12/S11 (theirs), S33/S11 and S34/S11. Its signs are those of this file.
+    #[test]
+    fn bohren_and_huffmans_sphere() {
+        let s = sphere(2.0 * PI * 0.525 / 0.6328, 1.55, 0.0);
+        for (got, want) in [(s.q_sca, 3.10543), (s.q_ext(), 3.10543), (s.q_back, 2.92534)] {
+            assert!((got - want).abs() < 5e-6, "{got} is not {want}");
+        }
+        let forward = matrix(s.amplitudes(1.0))[0];
+        for (deg, want) in [
+            (9.0, [0.785390, -0.00459811, 0.999400, 0.0343261]),
+            (18.0, [0.356897, -0.0458541, 0.986022, 0.160184]),
+            (27.0, [0.0766119, -0.364744, 0.843603, 0.394077]),
+            (36.0, [0.0355355, -0.534997, 0.686967, -0.491787]),
+            (45.0, [0.0701845, 0.00959953, 0.959825, -0.280434]),
+            (90.0, [0.0124601, 0.230462, 0.937497, 0.260742]),
+            (99.0, [0.00679093, -0.713472, -0.00717397, 0.700647]),
+            (117.0, [0.00863419, -0.281215, 0.536251, -0.795835]),
+        ] {
+            let [a, b, c, d] = matrix(s.amplitudes(f64::to_radians(deg).cos()));
+            for (g, w) in [a / forward, b / a, c / a, d / a].into_iter().zip(want) {
+                assert!((g - w).abs() < 1.5e-6, "{deg}°: {g} is not {w}");
+            }
+        }
+    }
+
+    /// Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), at as many digits as it prints.
+    #[test]
+    fn wiscombes_spheres() {
+        for (n, k, x, ext, sca, g) in [
+            (0.75, 0.0, 0.101, 0.000_008, 0.000_008, 0.001_507),
+            (0.75, 0.0, 10.0, 2.232_265, 2.232_265, 0.896_473),
+            (0.75, 0.0, 1000.0, 1.997_908, 1.997_908, 0.844_944),
+            (1.5, 0.0, 10.0, 2.881_999, 2.881_999, 0.742_913),
+            (1.5, 0.0, 100.0, 2.094_388, 2.094_388, 0.818_246),
+            (1.5, 0.0, 1000.0, 2.013_945, 2.013_945, 0.827_882),
+            (1.33, 1e-5, 1.0, 0.093_952, 0.093_923, 0.184_517),
+            (1.33, 1e-5, 100.0, 2.101_321, 2.096_594, 0.868_959),
+            (1.5, 1.0, 0.055, 0.101_491, 0.000_011, 0.000_491),
+            (1.5, 1.0, 100.0, 2.097_502, 1.283_697, 0.850_252),
+            (10.0, 10.0, 1.0, 2.532_993, 2.049_405, -0.110_664),
+            (10.0, 10.0, 100.0, 2.071_124, 1.836_785, 0.556_215),
+        ] {
+            let s = sphere(x, n, k);
+            for (got, want) in [(s.q_ext(), ext), (s.q_sca, sca), (s.g, g)] {
+                assert!(
+                    (got - want).abs() < 6e-7,
+                    "{n} + {k} i, x = {x}: {got} is not {want}"
+                );
+            }
+        }
+    }
+
+    /// (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), corrections of order x² of them (Bohren & Huffman 5.7).
+    #[test]
+    fn small_spheres_scatter_as_rayleigh_says() {
+        for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {
+            let m2 = C::new(n, k) * C::new(n, k);
+            let polarizability = (m2 - 1.0) / (m2 + 2.0);
+            for x in [1e-6, 1e-4, 1e-3_f64] {
+                let s = sphere(x, n, k);
+                let sca = 8.0 / 3.0 * x.powi(4) * polarizability.norm_sqr();
+                let abs = 4.0 * x * polarizability.im;
+                let tolerance = 20.0 * x * x + 1e-11;
+                assert!(
+                    (s.q_sca / sca - 1.0).abs() < tolerance,
+                    "{n} + {k} i, {x}: {}",
+                    s.q_sca / sca
+                );
+                assert!(
+                    (s.q_abs - abs).abs() <= tolerance * abs,
+                    "{n} + {k} i, {x}: {}",
+                    s.q_abs / abs
+                );
+                for deg in [0.0_f64, 30.0, 90.0, 150.0] {
+                    let mu = deg.to_radians().cos();
+                    let [a, b, c, d] =
+                        matrix(s.amplitudes(mu)).map(|e| e * 2.0 / (x.powi(6) * polarizability.norm_sqr()));
+                    for (got, want) in [(a, 1.0 + mu * mu), (b, 1.0 - mu * mu), (c, 2.0 * mu), (d, 0.0)] {
+                        assert!(
+                            (got - want).abs() < 10.0 * tolerance,
+                            "{deg}°: {got} is not {want}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11 by Gauss–Legendre.
+    #[test]
+    fn series_and_amplitudes_agree() {
+        for (x, n, k) in [
+            (0.3, 1.5, 0.0),
+            (3.0, 1.33, 0.0),
+            (7.5, 1.59, 0.01),
+            (40.0, 1.1, 0.0),
+            (25.0, 0.2, 3.0),
+        ] {
+            let s = sphere(x, n, k);
+            let forward = s.amplitudes(1.0);
+            assert!((forward[0] - forward[1]).norm() < 1e-12 * forward[0].norm());
+            assert!((4.0 * forward[0].re / (x * x) / s.q_ext() - 1.0).abs() < 1e-12);
+            let back = s.amplitudes(-1.0);
+            assert!((back[0] + back[1]).norm() < 1e-9 * forward[0].norm());
+            assert!((4.0 * back[0].norm_sqr() / (x * x) / s.q_back - 1.0).abs() < 1e-10);
+            // S11 is a polynomial in μ of twice the degree of the series.
+            let (mut sum, mut cosine) = (0.0, 0.0);
+            for (mu, w) in gauss_legendre(s.terms() + 2) {
+                let s11 = matrix(s.amplitudes(mu))[0];
+                sum += w * s11;
+                cosine += w * s11 * mu;
+            }
+            assert!((2.0 * sum / (x * x) / s.q_sca - 1.0).abs() < 1e-11, "{x}");
+            assert!(
+                (cosine / sum - s.g).abs() < 1e-11,
+                "{x}: {} {}",
+                cosine / sum,
+                s.g
+            );
+        }
+    }
+
+    /// Nodes and weights on -1..1, by Newton's method.
+    fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
+        let node = |i: usize| {
+            let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();
+            let mut slope = 1.0;
+            for _ in 0..100 {
+                let (mut before, mut p) = (0.0, 1.0);
+                for n in 0..count {
+                    let n = n as f64;
+                    (before, p) = (p, ((2.0 * n + 1.0) * x * p - n * before) / (n + 1.0));
+                }
+                slope = count as f64 * (x * p - before) / (x * x - 1.0);
+                x -= p / slope;
+            }
+            (x, 2.0 / ((1.0 - x * x) * slope * slope))
+        };
+        (0..count).map(node).collect()
+    }
+
+    /// Far from the forward direction a large metal sphere sends back what its surface reflects at the glancing point,
+    /// whose angle of incidence is (180° - θ)/2. This ties the order of S1 and S2, their signs, the sign of time and the
+    /// sign of k to those of `polarization::fresnel`.
+    #[test]
+    fn a_large_gold_sphere_reflects_as_fresnel_says() {
+        let s = sphere(3000.0, 0.4242, 2.4721);
+        for deg in [50.0_f64, 75.0, 100.0, 120.0, 150.0, 170.0] {
+            let [a, b, c, d] = matrix(s.amplitudes(deg.to_radians().cos()));
+            let cos_i = (deg / 2.0).to_radians().sin() as f32;
+            let f = fresnel::conductor(cos_i, Spectral::splat(0.4242), Spectral::splat(2.4721));
+            let want = [f.a, f.b, f.c, f.d].map(|e| f64::from(e.to_array()[0]));
+            for (got, want) in [b / a, c / a, d / a].into_iter().zip(&want[1..]) {
+                assert!(
+                    (got - want / f64::from(f.a.to_array()[0])).abs() < 2e-3,
+                    "{deg}°: {got} {want}"
+                );
+            }
+            // Intensity: a sphere spreads a quarter of the reflected light over each steradian's share.
+            let brightness = 4.0 * a / 3000.0_f64.powi(2);
+            assert!(
+                (brightness / want[0] - 1.0).abs() < 5e-3,
+                "{deg}°: {brightness} {want:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn large_spheres_take_twice_their_shadow() {
+        let excess = |x: f64| sphere(x, 1.5, 0.1).q_ext() - 2.0;
+        assert!(
+            excess(3000.0) > 0.0 && excess(3000.0) < 0.012,
+            "{}",
+            excess(3000.0)
+        );
+        // The edges' share falls as x^(-2/3).
+        let ratio = excess(375.0) / excess(3000.0);
+        assert!((ratio - 4.0).abs() < 0.1, "{ratio}");
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        for x in [0.0, -1.0, 1e-7, 3001.0, f64::NAN, f64::INFINITY] {
+            assert!(
+                matches!(Sphere::new(x, C::new(1.5, 0.0)), Err(MieError::Size(_))),
+                "{x}"
+            );
+        }
+        for (n, k) in [
+            (0.0, 1.0),
+            (1.5, -1e-9),
+            (f64::NAN, 0.0),
+            (1.5, f64::NAN),
+            (1e5, 0.0),
+        ] {
+            let refused = Sphere::new(10.0, C::new(n, k));
+            assert!(matches!(refused, Err(MieError::Index(..))), "{n} + {k} i");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+        /// Whatever is admitted gives finite numbers that physics allows.
+        #[test]
+        fn spheres_conserve_energy(
+            log_x in -6.0..3.47_f64, n in 0.01..5.0_f64, log_k in -12.0..1.0_f64, mu in -1.0..1.0_f64,
+        ) {
+            let (x, k) = (10.0_f64.powf(log_x), if log_k < -11.0 { 0.0 } else { 10.0_f64.powf(log_k) });
+            let s = sphere(x, n, k);
+            prop_assert!(s.q_sca > 0.0 && s.q_abs >= 0.0 && s.q_ext() < 20.0, "{} {}", s.q_sca, s.q_abs);
+            prop_assert!(s.g.abs() <= 1.0 && s.q_back >= 0.0 && s.q_back.is_finite());
+            let [a, b, c, d] = matrix(s.amplitudes(mu));
+            prop_assert!(a >= 0.0 && (b * b + c * c + d * d - a * a).abs() <= 1e-12 * a * a);
+            // The optical theorem, where what cancels in it leaves digits.
+            let theorem = 4.0 * s.amplitudes(1.0)[0].re / (x * x);
+            prop_assert!((theorem - s.q_ext()).abs() < 1e-9 * s.q_ext(), "{} {}", theorem, s.q_ext());
+        }
+    }
+}
