@@ -15,7 +15,7 @@ use crate::spectrum::Spectral;
 use std::f32::consts::PI;
 
 /// The largest |g|: beyond, single precision does not resolve the peak.
-pub const LARGEST_G: f32 = 0.999;
+pub const LARGEST_G: f64 = 0.999;
 
 /// A Henyey–Greenstein phase function.
 #[derive(Clone, Copy, Debug)]
@@ -33,8 +33,9 @@ impl HenyeyGreenstein {
     #[must_use]
     pub fn new(g: Spectral, linear: f32, circular: f32) -> Self {
         let circular = circular.clamp(0.0, 1.0);
+        let largest = Spectral::splat(LARGEST_G as f32);
         Self {
-            g: g.max(Spectral::splat(-LARGEST_G)).min(Spectral::splat(LARGEST_G)),
+            g: g.max(-largest).min(largest),
             linear: linear.clamp(0.0, 0.5 * (1.0 + circular)),
             circular,
         }
