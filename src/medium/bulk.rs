@@ -7,6 +7,7 @@
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};
+use super::products::Products;
 use super::rayleigh::Rayleigh;
 use super::size_distribution::{SizeDistribution, SizeError};
 use std::f64::consts::PI;
@@ -103,6 +104,8 @@ pub struct Ensemble {
     cosine: f64,
     /// Terms of the longest series.
     terms: usize,
+    /// What stands for the spheres where they are many.
+    products: Option<Products>,
 }
 
 impl Ensemble {
@@ -118,6 +121,7 @@ impl Ensemble {
             absorption: 0.0,
             cosine: 0.0,
             terms: 0,
+            products: None,
         }
     }
 
@@ -145,6 +149,10 @@ impl Ensemble {
             self.spheres
                 .push((share * number / self.wave_number.powi(2), sphere));
         }
+        // The quadratic forms cost as much as this many spheres.
+        let long = 2 * self.terms * self.terms;
+        let many = self.spheres.iter().map(|(_, s)| s.terms()).sum::<usize>() > long;
+        self.products = many.then(|| Products::new(&self.spheres));
         Ok(())
     }
 
@@ -173,6 +181,9 @@ impl Ensemble {
     #[must_use]
     pub fn matrix(&self, cos: f64, scratch: &mut Vec<[f64; 2]>) -> [f64; 4] {
         mie::angular(cos, self.terms, scratch);
+        if let Some(products) = &self.products {
+            return products.matrix(scratch).map(|s| s / self.scattering);
+        }
         let mut sum = [0.0; 4];
         for (weight, sphere) in &self.spheres {
             let matrix = mie::matrix(sphere.amplitudes_with(scratch));

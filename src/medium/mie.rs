@@ -166,6 +166,12 @@ impl Sphere {
         self.sums.len()
     }
 
+    /// (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …: the coefficients of π_n + τ_n and π_n - τ_n in S1.
+    #[must_use]
+    pub fn coefficients(&self) -> &[[C; 2]] {
+        &self.sums
+    }
+
     /// S1 and S2 in a direction whose [`angular`] functions, at least [`Self::terms`] of them, are given.
     #[must_use]
     pub fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {

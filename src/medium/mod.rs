@@ -7,6 +7,7 @@ pub mod bulk;
 pub mod henyey_greenstein;
 pub mod mie;
 pub mod presets;
+pub mod products;
 pub mod rayleigh;
 pub mod scattered;
 pub mod size_distribution;

@@ -8,8 +8,8 @@
 //!   effective radius a and whose area-weighted relative variance is the effective variance b < 1/2.
 //!
 //! Smooth ones are integrated by the trapezoidal rule in ln r, which converges faster than any power for functions that
-//! fall off on both sides; the points are close enough for the ripples of Mie's efficiencies, whose period in
-//! the size parameter is about 0.8 (light going once to and fro in a sphere of index 1.5).
+//! fall off on both sides. What limits it are the resonances of large transparent spheres, narrower than any grid: with
+//! some 60 points to a unit of the size parameter a cloud's coefficients are good to about 10⁻⁵, with 4 to 10⁻³.
 
 use std::f64::consts::PI;
 
@@ -47,7 +47,7 @@ pub enum SizeError {
 }
 
 /// Fewest and most points of a quadrature.
-const POINTS: [f64; 2] = [160.0, 1500.0];
+const POINTS: [f64; 2] = [500.0, 8000.0];
 
 /// What is left out at either end, relative to the largest integrand.
 const NEGLIGIBLE: f64 = 1e-10;
@@ -194,7 +194,7 @@ impl SizeDistribution {
         let (low, _) = ends(&|x| 3.0 * x.ln() - (1.0 + x).ln());
         let (_, high) = ends(&|x| 6.0 * x.ln() - (1.0 + (x / 2.0).powi(4)).ln());
         let range = wave_number * (high.exp() - low.exp());
-        let count = (4.0 * range).clamp(POINTS[0], POINTS[1]) as usize;
+        let count = (64.0 * range).clamp(POINTS[0], POINTS[1]) as usize;
         let step = (high - low) / count as f64;
         let point = |i: usize| {
             let u = low + step * i as f64;

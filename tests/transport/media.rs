@@ -5,6 +5,7 @@ use crate::materials::{elements, pearson};
 use crate::optics::{M, turn};
 use glam::{DVec3, Vec3A};
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 use sunstone::decompose::cloude::is_realizable;
 use sunstone::material::Lanes;
 use sunstone::medium::bulk::{Amount, Bulk, Ensemble, Kind, Optics, PhaseOptics};
@@ -61,7 +62,12 @@ fn mie(radius: f64, n: f64, k: f64) -> Media {
 }
 
 /// Every phase function that the tests below go through.
-fn cases() -> Vec<(&'static str, Media)> {
+fn cases() -> &'static [(&'static str, Media)] {
+    static CASES: OnceLock<Vec<(&'static str, Media)>> = OnceLock::new();
+    CASES.get_or_init(make_cases)
+}
+
+fn make_cases() -> Vec<(&'static str, Media)> {
     let rayleigh = |rho| media(PhaseOptics::Rayleigh(Rayleigh::new(rho)));
     let fog = SizeDistribution::Gamma {
         effective_radius: 2e-6,
@@ -80,7 +86,7 @@ fn cases() -> Vec<(&'static str, Media)> {
         ("small spheres", mie(1e-7, 1.59, 0.0)),
         ("spheres", mie(1e-6, 1.59, 0.0)),
         ("gold spheres", mie(1e-7, 0.5, 2.5)),
-        ("large spheres", mie(1e-5, 1.45, 1e-3)),
+        ("large spheres", mie(5e-6, 1.45, 1e-3)),
         ("fog", media(PhaseOptics::Particles(spheres(&fog, [1.45, 0.0])))),
     ]
 }
@@ -151,7 +157,7 @@ fn mean_cosines_are_known() {
     };
     let g = [-0.9, -0.3, 0.1, 0.95];
     check("HG", &henyey_greenstein(g.map(|g| g as f32), 0.0, 0.0), g);
-    for (radius, n) in [(1e-9, 1.5), (1e-7, 1.59), (1e-6, 1.59), (1e-5, 1.45)] {
+    for (radius, n) in [(1e-9, 1.5), (1e-7, 1.59), (1e-6, 1.59), (3e-6, 1.45)] {
         let ensembles = spheres(&SizeDistribution::Single { radius }, [n, 0.0]);
         let want: Vec<f64> = ensembles.iter().map(|e| e.bulk(0.0).asymmetry).collect();
         let want = [want[0], want[1], want[2], want[3]];
@@ -172,7 +178,7 @@ fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> [[f64; 4]; 4] {
 /// Cloude: no matrix polarizes more than there is, at any angle, for any admitted parameters.
 #[test]
 fn matrices_can_exist() {
-    let mut all_cases = cases();
+    let mut all_cases = cases().to_vec();
     for c in [0.0, 0.2, 0.5, 0.9, 1.0_f32] {
         for share in [0.0, 0.3, 0.7, 1.0] {
             // What is asked for beyond the border is taken back to it.
@@ -273,7 +279,7 @@ fn samples_follow_their_density() {
     const N: usize = 100_000;
     const RINGS: usize = 64;
     const SECTORS: usize = 8;
-    for (case, (name, media)) in cases().into_iter().enumerate() {
+    for (case, (name, media)) in cases().iter().enumerate() {
         for (which, lanes) in [all(), Lanes { mask: 0b0100 }, Lanes { mask: 0b1010 }]
             .into_iter()
             .enumerate()
@@ -321,7 +327,7 @@ fn samples_follow_their_density() {
 /// interpolation of value and of density differ by).
 #[test]
 fn weights_are_values_over_densities() {
-    for (case, (name, media)) in cases().into_iter().enumerate() {
+    for (case, (name, media)) in cases().iter().enumerate() {
         for lanes in [all(), Lanes { mask: 0b0110 }] {
             let mut stream = Stream::new(78, case as u32, 0);
             let wo = at(0.0, 0.0).0;
@@ -407,7 +413,7 @@ fn tables_meet_the_theory() {
         (1e-9, 1.59, 0.0, 2.0),
         (1e-7, 1.59, 0.0, 2.0),
         (1e-6, 1.59, 0.0, 2.0),
-        (5e-6, 1.45, 0.01, 2.0),
+        (5e-6, 1.45, 0.01, 5.0),
         (27e-6, 1.59, 0.0, 30.0),
     ] {
         let mut ensembles = spheres(&SizeDistribution::Single { radius }, [n, k]);
