@@ -72,11 +72,11 @@ type Named = BTreeMap<String, Located<MediumFile>>;
 /// The largest coefficient that makes sense, 1/m.
 const LARGEST_COEFFICIENT: f64 = 1e9;
 
-/// Builds all media; the map gives their numbers, the list their bulk properties.
-pub(super) fn build<'a>(
-    ctx: &Context,
-    files: &'a Named,
-) -> Result<(Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>), SceneError> {
+/// Media, the number of each by name, and the bulk properties of each per wavelength.
+type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
+
+/// Builds all media.
+pub(super) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, SceneError> {
     let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
     for (name, file) in files {
         let optics = optics(ctx, file)?;
