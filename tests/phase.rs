@@ -135,7 +135,7 @@ fn bad_arguments_are_refused() {
         ),
         (
             &["m.toml", "--name", "drink", "--wavelengths", "900"],
-            "380 to 1000 nm",
+            "380 to 770 nm",
         ),
     ] {
         let mut all = vec!["phase", "eval"];

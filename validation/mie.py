@@ -75,10 +75,10 @@ def log_normal(median, sigma, count=600):
     return list(zip(median * np.exp(t), w * density * (high - low) / 2))
 
 
-def gamma(a, b, count=600):
+def gamma(a, b, count=1300):
     """Hansen's gamma distribution, by Gauss-Legendre in r."""
     u, w = np.polynomial.legendre.leggauss(count)
-    r = a * (1 + 12 * np.sqrt(b)) * (u + 1) / 2
+    r = a * (1 + 10 * np.sqrt(b)) * (u + 1) / 2
     weight = w * r ** ((1 - 3 * b) / b) * np.exp(-r / (a * b))
     return list(zip(r, weight / weight.sum()))
 
