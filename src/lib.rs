@@ -13,6 +13,8 @@ pub mod geometry;
 
 pub mod material;
 
+pub mod medium;
+
 pub mod tensor;
 
 pub mod scene;

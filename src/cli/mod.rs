@@ -7,6 +7,7 @@ mod import;
 mod info;
 mod merge;
 mod pbrdf;
+mod phase;
 mod probe;
 mod render;
 
@@ -58,6 +59,7 @@ enum Command {
     Export(export::Arguments),
     Import(import::Arguments),
     Pbrdf(pbrdf::Arguments),
+    Phase(phase::Arguments),
     /// Print the JSON Schema of scene files.
     ///
     /// Editors with a TOML language server complete and check scene files with it: put `#:schema scene.schema.json` on
@@ -98,6 +100,7 @@ pub fn run() -> ExitCode {
         Command::Export(a) => export::run(&a),
         Command::Import(a) => import::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),
+        Command::Phase(a) => phase::run(&a),
         Command::Schema => schema(),
     };
     match result {

@@ -16,7 +16,8 @@ fn sin_cos_octant(x: f32) -> (f32, f32) {
 
 /// sin and cos of `turns` full turns, 0 ≤ turns ≤ 1.
 #[inline]
-fn sin_cos_turns(turns: f32) -> (f32, f32) {
+#[must_use]
+pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     let quarters = (4.0 * turns + 0.5) as u32;
     let (s, c) = sin_cos_octant((4.0 * turns - quarters as f32) * FRAC_PI_2);
     let (s, c) = if quarters & 1 == 1 { (c, -s) } else { (s, c) };

@@ -5,7 +5,7 @@ use super::epipolar::Epipolar;
 use super::file::SceneFile;
 use super::locate::{Located, SceneError};
 use super::values::{SpectrumFile, interpolate};
-use super::{Scene, Settings, materials, shapes, slices};
+use super::{Scene, Settings, materials, media, shapes, slices};
 use crate::geometry::bvh::GeometryBuilder;
 use crate::spectrum::{Spectral, Wavelengths};
 use crate::tensor::slice::{CameraSelect, ProjectorSelect};
@@ -223,6 +223,7 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
         ));
     }
     let (materials, names) = materials::build(ctx, &file.materials)?;
+    let (media, ..) = media::build(ctx, &file.media)?;
     let mut geometry = GeometryBuilder::default();
     for object in &file.objects {
         shapes::add(ctx, object, &names, &mut geometry)?;
@@ -279,6 +280,7 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
         geometry,
         sheets: materials.any_straight(),
         materials,
+        media,
         camera,
         projector,
         points,

@@ -2,6 +2,7 @@
 
 use super::locate::Located;
 use super::material_file::MaterialFile;
+use super::medium_file::MediumFile;
 use super::values::{BinSize, SpectrumFile, TimeFile};
 use crate::tensor::view::Figure;
 use schemars::JsonSchema;
@@ -31,6 +32,9 @@ pub struct SceneFile {
     /// Materials by name.
     #[serde(default)]
     pub materials: BTreeMap<String, Located<MaterialFile>>,
+    /// Participating media by name.
+    #[serde(default)]
+    pub media: BTreeMap<String, Located<MediumFile>>,
     /// What there is to see.
     #[serde(default)]
     pub objects: Vec<Located<ObjectFile>>,

@@ -10,6 +10,8 @@ pub mod file;
 pub mod locate;
 pub mod material_file;
 pub mod materials;
+pub mod media;
+pub mod medium_file;
 pub mod mitsuba;
 pub mod pinhole;
 mod polarizing;
@@ -20,6 +22,7 @@ pub mod values;
 
 use crate::geometry::bvh::Geometry;
 use crate::material::Materials;
+use crate::medium::Media;
 use crate::spectrum::Wavelengths;
 use crate::tensor::{axes::Extents, slice::Slice, view::Figure};
 use emitter::{Environment, PointEmitter};
@@ -34,6 +37,8 @@ pub struct Scene {
     pub geometry: Geometry,
     /// Indexed by `Surface::material`.
     pub materials: Materials,
+    /// Participating media, by number.
+    pub media: Media,
     pub camera: Pinhole,
     pub projector: Option<Projector>,
     pub points: Vec<PointEmitter>,

@@ -12,6 +12,7 @@ mod glass;
 mod indirect;
 mod materials;
 mod measured;
+mod media;
 mod microfacet;
 mod optics;
 mod projector_sheets;

@@ -1,0 +1,175 @@
+//! `sunstone phase`: scattering by participating media.
+
+use super::failure::Failure;
+use clap::Subcommand;
+use glam::Vec3A;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::str::FromStr;
+use sunstone::scene::media::{self, MediumSet};
+use sunstone::spectrum::Wavelengths;
+use sunstone::tensor::store::write_file_with;
+
+/// Look at how participating media scatter.
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Eval(EvalArguments),
+}
+
+/// Print the scattering matrix of a medium over the scattering angle, as CSV.
+///
+/// MEDIUM.toml holds `[media]` as a scene file does, and `wavelengths_nm` if not 450, 550, 660. The matrix is what the
+/// renderer takes: per steradian, the integral of S11 over the sphere being 1, with the perpendicular of the scattering
+/// plane as the first axis of both Stokes frames: S12 = M01 = M10 is positive where light is polarized perpendicular to
+/// that plane, S34 = M23 = -M32. Lines that begin with # give, for each wavelength, the refractive index of the host, the
+/// coefficients of scattering and absorption in 1/m, the mean cosine g, and the mean cross sections of a particle in m²
+/// (0 where no particles were given).
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone phase eval milk.toml
+  sunstone phase eval beads.toml --wavelengths 633 --angles 1801 -o beads.csv
+  sunstone phase eval scene_media.toml --name fog --angles 0,30,90,180")]
+struct EvalArguments {
+    /// File of media.
+    medium: PathBuf,
+    /// Which of them, if there are several.
+    #[arg(long)]
+    name: Option<String>,
+    /// Vacuum wavelengths in nanometres, any number of them; lists of the file are interpolated.
+    #[arg(long, value_name = "NM,…", value_delimiter = ',')]
+    wavelengths: Vec<f64>,
+    /// Scattering angles: how many from 0 to 180°, or a list of degrees.
+    #[arg(long, value_name = "N | DEG,…", default_value = "181")]
+    angles: Angles,
+    /// CSV file to write instead of printing.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Scattering angles in degrees.
+#[derive(Clone, Debug)]
+struct Angles(Vec<f64>);
+
+impl FromStr for Angles {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(count) = text.trim().parse::<usize>() {
+            return match count {
+                2..=1_000_000 => {
+                    let step = 180.0 / (count - 1) as f64;
+                    Ok(Self((0..count).map(|i| i as f64 * step).collect()))
+                }
+                _ => Err(format!(
+                    "{count} angles; give 2 to 1000000, or a list of degrees such as `{count},`"
+                )),
+            };
+        }
+        let items = text.split(',').filter(|t| !t.trim().is_empty());
+        let degrees: Result<Vec<f64>, String> = items
+            .map(|t| match t.trim().parse::<f64>() {
+                Ok(v) if (0.0..=180.0).contains(&v) => Ok(v),
+                _ => Err(format!("`{t}` is not an angle in 0..180")),
+            })
+            .collect();
+        degrees.map(Self)
+    }
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    match &a.command {
+        Command::Eval(a) => eval(a),
+    }
+}
+
+/// The medium that is meant, by name.
+fn choose(a: &EvalArguments) -> Result<String, Failure> {
+    let names = media::names(&a.medium)?;
+    let file = a.medium.display();
+    let known = names.join(", ");
+    match (&a.name, &names[..]) {
+        (_, []) => Err(Failure::input(format!(
+            "{file} has no medium; add [media.NAME.KIND], such as [media.drink.milk]"
+        ))),
+        (Some(name), _) if names.contains(name) => Ok(name.clone()),
+        (Some(name), _) => Err(Failure::input(format!(
+            "{file} has no medium `{name}`; it has: {known}"
+        ))),
+        (None, [name]) => Ok(name.clone()),
+        (None, _) => Err(Failure::input(format!(
+            "{file} holds several media; choose one with --name: {known}"
+        ))),
+    }
+}
+
+fn eval(a: &EvalArguments) -> Result<(), Failure> {
+    // One wavelength at a time, so that there may be any number of them, in any order.
+    let each = |nm: &f64| Wavelengths::new(vec![*nm]).map(Some);
+    let mut wavelengths: Vec<Option<Wavelengths>> =
+        (a.wavelengths.iter().map(each).collect::<Result<_, _>>())
+            .map_err(|e| Failure::input(format!("--wavelengths: {e}")))?;
+    if wavelengths.is_empty() {
+        wavelengths.push(None);
+    }
+    let name = choose(a)?;
+    let mut head = format!(
+        "# medium {name}: wavelength_nm,host_index,scattering_per_m,absorption_per_m,g,scattering_cross_section_m2,\
+         absorption_cross_section_m2\n"
+    );
+    let mut rows = String::new();
+    for wavelengths in wavelengths {
+        let set = MediumSet::load(&a.medium, Some(&name), wavelengths)?;
+        if let Some(id) = set.names.get(&name) {
+            write_rows(&set, *id, &a.angles.0, &mut head, &mut rows);
+        }
+    }
+    let text = format!("{head}angle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n{rows}");
+    let Some(path) = &a.output else {
+        return super::print(text.trim_end());
+    };
+    write_file_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+        .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+    super::print(&path.display().to_string())
+}
+
+/// Appends the lines of a medium at the wavelengths of its set.
+fn write_rows(set: &MediumSet, id: u32, degrees: &[f64], head: &mut String, rows: &mut String) {
+    // Writing to a string cannot fail.
+    for (nm, b) in set.wavelengths.nm().iter().zip(&set.bulk[id as usize]) {
+        let _ = writeln!(
+            head,
+            "# {nm},{},{:e},{:e},{},{:e},{:e}",
+            b.index, b.scattering, b.absorption, b.asymmetry, b.c_sca, b.c_abs
+        );
+    }
+    for (lane, nm) in set.wavelengths.nm().iter().enumerate() {
+        for deg in degrees {
+            // Light travels along +z, and leaves in the plane of z and x, whose perpendicular is y.
+            let (sin, cos) = deg.to_radians().sin_cos();
+            let (wi, wo) = (-Vec3A::Z, Vec3A::new(sin as f32, 0.0, cos as f32));
+            let m = set
+                .media
+                .eval(id, wo, wi)
+                .between(wo, Vec3A::Y, wi, Vec3A::Y)
+                .lane(lane);
+            let [s11, s12, s22, s33, s34, s44] =
+                [m[0][0], m[0][1], m[1][1], m[2][2], m[2][3], m[3][3]].map(|e| plain(e, m[0][0]));
+            let _ = writeln!(rows, "{deg},{nm},{s11},{s12},{s22},{s33},{s34},{s44}");
+        }
+    }
+}
+
+/// The shortest form of an element, rounding noise far below S11 taken off.
+fn plain(element: f32, s11: f32) -> String {
+    if element.abs() <= 1e-9 * s11 {
+        "0".into()
+    } else {
+        format!("{element:e}")
+    }
+}

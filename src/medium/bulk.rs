@@ -1,0 +1,242 @@
+//! Bulk optical properties of a cloud of particles: what a litre does, from what one particle does.
+//!
+//! With N particles per m³ of cross sections C (averaged over their sizes), μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs
+//! over the kinds of particle; the scattering matrix of a mixture is the mean of the kinds' dσ/dΩ = S/k², weighted by N,
+//! over μ_s. Scattering is independent (each particle sees the incident wave alone), which holds up to volume fractions
+//! of a few per cent. Amounts: N = f/⟨V⟩ of a volume fraction f, with f = c/ρ of a mass concentration c.
+
+use super::henyey_greenstein::HenyeyGreenstein;
+use super::mie::{self, C, MieError, Sphere};
+use super::products::Products;
+use super::rayleigh::Rayleigh;
+use super::size_distribution::{SizeDistribution, SizeError};
+use std::f64::consts::PI;
+
+/// Why a medium cannot be computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BulkError {
+    #[error(transparent)]
+    Mie(#[from] MieError),
+    #[error(transparent)]
+    Size(#[from] SizeError),
+    /// A number of particles that is none, or more particles than fit.
+    #[error("particles fill {0} of the volume; it must lie in 0..1")]
+    Amount(f64),
+    /// No optical constants.
+    #[error(transparent)]
+    Constants(#[from] crate::material::constants::ConstantsError),
+}
+
+/// How many particles there are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Amount {
+    /// Share of the volume that they fill.
+    VolumeFraction(f64),
+    /// Per m³.
+    NumberDensity(f64),
+    /// Mass of particles in a volume of medium, and of a volume of particles, both kg/m³ (= g/L).
+    Mass { concentration: f64, density: f64 },
+}
+
+impl Amount {
+    /// Particles per m³.
+    ///
+    /// # Errors
+    /// [`BulkError::Amount`] for what is negative, not a number, or fills more than the whole volume.
+    pub fn number_density(self, sizes: &SizeDistribution) -> Result<f64, BulkError> {
+        let volume = sizes.mean_volume();
+        let n = match self {
+            Self::VolumeFraction(f) => f / volume,
+            Self::NumberDensity(n) => n,
+            Self::Mass {
+                concentration,
+                density,
+            } => concentration / density / volume,
+        };
+        let filled = n * volume;
+        if n.is_finite() && (0.0..=1.0).contains(&filled) {
+            Ok(n)
+        } else {
+            Err(BulkError::Amount(filled))
+        }
+    }
+}
+
+/// One kind of particle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kind {
+    pub sizes: SizeDistribution,
+    /// Index n + i·k in vacuum per wavelength.
+    pub index: Vec<[f64; 2]>,
+    pub amount: Amount,
+}
+
+/// Optical properties of a medium at one wavelength.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bulk {
+    /// Real refractive index of the host.
+    pub index: f64,
+    /// μ_s, 1/m.
+    pub scattering: f64,
+    /// μ_a, 1/m.
+    pub absorption: f64,
+    /// Mean cosine of the scattering angle.
+    pub asymmetry: f64,
+    /// Mean scattering cross section of a particle, m²; 0 where no particles were given.
+    pub c_sca: f64,
+    /// Mean absorption cross section of a particle, m².
+    pub c_abs: f64,
+}
+
+/// Particles at one wavelength: each sphere with its number per m³ over k².
+#[derive(Clone, Debug)]
+pub struct Ensemble {
+    spheres: Vec<(f64, Sphere)>,
+    /// Real refractive index of the host.
+    host: f64,
+    /// Wave number in the host, 1/m.
+    wave_number: f64,
+    /// Particles per m³.
+    number: f64,
+    /// Σ N C_sca and Σ N C_abs, 1/m, and Σ N C_sca g.
+    scattering: f64,
+    absorption: f64,
+    cosine: f64,
+    /// Terms of the longest series.
+    terms: usize,
+    /// What stands for the spheres where they are many.
+    products: Option<Products>,
+}
+
+impl Ensemble {
+    /// No particles yet, in a host of real index `host`, at a vacuum wavelength in nanometres.
+    #[must_use]
+    pub fn new(host: f64, nm: f64) -> Self {
+        Self {
+            spheres: vec![],
+            host,
+            wave_number: 2.0 * PI * host / (nm * 1e-9),
+            number: 0.0,
+            scattering: 0.0,
+            absorption: 0.0,
+            cosine: 0.0,
+            terms: 0,
+            products: None,
+        }
+    }
+
+    /// Adds particles of index `n + i·k` (against vacuum).
+    ///
+    /// # Errors
+    /// [`BulkError`] naming what is out of range.
+    pub fn add(
+        &mut self,
+        sizes: &SizeDistribution,
+        [n, k]: [f64; 2],
+        amount: Amount,
+    ) -> Result<(), BulkError> {
+        sizes.check()?;
+        let number = amount.number_density(sizes)?;
+        let relative = C::new(n, k) / self.host;
+        self.number += number;
+        for [radius, share] in sizes.quadrature(self.wave_number) {
+            let sphere = Sphere::new(self.wave_number * radius, relative)?;
+            let area = PI * radius * radius * share * number;
+            self.scattering += area * sphere.q_sca;
+            self.absorption += area * sphere.q_abs;
+            self.cosine += area * sphere.q_sca * sphere.g;
+            self.terms = self.terms.max(sphere.terms());
+            self.spheres
+                .push((share * number / self.wave_number.powi(2), sphere));
+        }
+        // The quadratic forms cost as much as this many spheres.
+        let long = 2 * self.terms * self.terms;
+        let many = self.spheres.iter().map(|(_, s)| s.terms()).sum::<usize>() > long;
+        self.products = many.then(|| Products::new(&self.spheres));
+        Ok(())
+    }
+
+    /// Bulk properties in a host that absorbs by itself, 1/m.
+    #[must_use]
+    pub fn bulk(&self, host_absorption: f64) -> Bulk {
+        let over = |sum: f64, by: f64| if by > 0.0 { sum / by } else { 0.0 };
+        Bulk {
+            index: self.host,
+            scattering: self.scattering,
+            absorption: self.absorption + host_absorption,
+            asymmetry: over(self.cosine, self.scattering),
+            c_sca: over(self.scattering, self.number),
+            c_abs: over(self.absorption, self.number),
+        }
+    }
+
+    /// True if nothing scatters.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        self.scattering <= 0.0
+    }
+
+    /// S11, S12, S33, S34 per steradian at a cosine of the scattering angle, normalized so that ∫ S11 dω = 1; `scratch`
+    /// is room for the angular functions.
+    #[must_use]
+    pub fn matrix(&self, cos: f64, scratch: &mut Vec<[f64; 2]>) -> [f64; 4] {
+        mie::angular(cos, self.terms, scratch);
+        if let Some(products) = &self.products {
+            return products.matrix(scratch).map(|s| s / self.scattering);
+        }
+        let mut sum = [0.0; 4];
+        for (weight, sphere) in &self.spheres {
+            let matrix = mie::matrix(sphere.amplitudes_with(scratch));
+            for (s, e) in sum.iter_mut().zip(matrix) {
+                *s += weight * e;
+            }
+        }
+        sum.map(|s| s / self.scattering)
+    }
+}
+
+/// How a medium scatters, before it is tabulated.
+#[derive(Clone, Debug)]
+pub enum PhaseOptics {
+    Isotropic,
+    Rayleigh(Rayleigh),
+    HenyeyGreenstein(HenyeyGreenstein),
+    /// One ensemble a wavelength.
+    Particles(Vec<Ensemble>),
+}
+
+/// A medium's optics in full precision, one [`Bulk`] a wavelength.
+#[derive(Clone, Debug)]
+pub struct Optics {
+    pub bulk: Vec<Bulk>,
+    pub phase: PhaseOptics,
+}
+
+impl Optics {
+    /// Particles in a host of real index `host` that absorbs `host_absorption` per metre; all lists have one entry for
+    /// each of the vacuum wavelengths `nm`.
+    ///
+    /// # Errors
+    /// [`BulkError`] naming what is out of range.
+    pub fn particles(
+        nm: &[f64],
+        host: &[f64],
+        host_absorption: &[f64],
+        kinds: &[Kind],
+    ) -> Result<Self, BulkError> {
+        let mut ensembles = Vec::with_capacity(nm.len());
+        let mut bulk = Vec::with_capacity(nm.len());
+        for (i, ((nm, host), absorption)) in nm.iter().zip(host).zip(host_absorption).enumerate() {
+            let mut ensemble = Ensemble::new(*host, *nm);
+            for kind in kinds {
+                ensemble.add(&kind.sizes, kind.index[i], kind.amount)?;
+            }
+            bulk.push(ensemble.bulk(*absorption));
+            ensembles.push(ensemble);
+        }
+        Ok(Self {
+            bulk,
+            phase: PhaseOptics::Particles(ensembles),
+        })
+    }
+}

@@ -1,0 +1,82 @@
+//! Rayleigh scattering: particles much smaller than the wavelength, and molecules.
+//!
+//! Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci. Rev. 16, eq. 2.15, here per steradian
+//! and with the perpendicular of the scattering plane as the first axis. With the depolarization factor ρ (light
+//! scattered through 90° out of unpolarized light: parallel over perpendicular), Δ = (1 - ρ)/(1 + ρ/2),
+//! Δ' = (1 - 2ρ)/(1 - ρ) and μ the cosine of the scattering angle:
+//!
+//! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
+//! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.
+//!
+//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). ρ ≤ 1/2 for molecules without absorption.
+
+use super::scattered::{Angle, Elements};
+use std::f32::consts::PI;
+
+/// The largest depolarization factor: needles.
+pub const LARGEST_DEPOLARIZATION: f32 = 0.5;
+
+/// Rayleigh scattering with a depolarization factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rayleigh {
+    /// Δ of the head of this file: the dipole's share.
+    dipole: f32,
+    /// Δ Δ'.
+    circular: f32,
+}
+
+impl Rayleigh {
+    /// Of a depolarization factor, taken into 0..[`LARGEST_DEPOLARIZATION`].
+    #[must_use]
+    pub fn new(depolarization: f32) -> Self {
+        let rho = depolarization.clamp(0.0, LARGEST_DEPOLARIZATION);
+        let dipole = (1.0 - rho) / (1.0 + 0.5 * rho);
+        Self {
+            dipole,
+            circular: dipole * (1.0 - 2.0 * rho) / (1.0 - rho),
+        }
+    }
+
+    /// True if all scattered light is that of a dipole, so that S22 = S11 and S44 = S33.
+    #[inline]
+    #[must_use]
+    pub fn is_pure(self) -> bool {
+        self.dipole == 1.0
+    }
+
+    /// S11 per steradian: also the density of [`Self::sample`].
+    #[inline]
+    #[must_use]
+    pub fn intensity(self, at: Angle) -> f32 {
+        let mu = at.cos();
+        (3.0 * self.dipole * (1.0 + mu * mu) + 4.0 * (1.0 - self.dipole)) / (16.0 * PI)
+    }
+
+    /// The matrix per steradian.
+    #[inline]
+    #[must_use]
+    pub fn elements(self, at: Angle) -> Elements<f32> {
+        let mu = at.cos();
+        let unit = 3.0 / (16.0 * PI);
+        Elements {
+            s11: self.intensity(at),
+            s12: unit * self.dipole * at.sin2(),
+            s22: unit * self.dipole * (1.0 + mu * mu),
+            s33: 2.0 * unit * self.dipole * mu,
+            s34: 0.0,
+            s44: 2.0 * unit * self.circular * mu,
+        }
+    }
+
+    /// An angle with density [`Self::intensity`], from a uniform number: the cubic μ³ + p μ = q of the distribution
+    /// function, solved by Cardano.
+    #[inline]
+    #[must_use]
+    pub fn sample(self, u: f32) -> Angle {
+        // A third of p = 3 + 4 (1 - Δ)/Δ, and half of q = 8 (u - 1/2)/Δ.
+        let p = 1.0 + 4.0 / 3.0 * (1.0 - self.dipole) / self.dipole;
+        let q = (4.0 * u - 2.0) / self.dipole;
+        let root = (q.abs() + (q * q + p * p * p).sqrt()).cbrt();
+        Angle::of_cos((root - p / root).copysign(q).clamp(-1.0, 1.0))
+    }
+}

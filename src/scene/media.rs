@@ -1,0 +1,340 @@
+//! Media of a file → the flat table of [`Media`].
+
+use super::build::{Context, parse, read};
+use super::locate::{Located, SceneError};
+use super::medium_file::{
+    AmountFile, HomogeneousFile, KindFile, MediumFile, MediumSetFile, MilkFile, ParticlesFile, PhaseFile,
+    PolystyreneFile, SizesFile,
+};
+use super::values::IndexFile;
+use crate::material::constants::{self, ConstantsError};
+use crate::medium::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
+use crate::medium::henyey_greenstein::{HenyeyGreenstein, LARGEST_G};
+use crate::medium::rayleigh::{LARGEST_DEPOLARIZATION, Rayleigh};
+use crate::medium::size_distribution::SizeDistribution;
+use crate::medium::{Media, presets, water};
+use crate::spectrum::Wavelengths;
+use std::collections::BTreeMap;
+use std::ops::{Range, RangeInclusive};
+use std::path::Path;
+
+/// A file of media, built.
+pub struct MediumSet {
+    pub wavelengths: Wavelengths,
+    pub media: Media,
+    /// Number of each medium by name.
+    pub names: BTreeMap<String, u32>,
+    /// Bulk properties in full precision of each medium, per wavelength.
+    pub bulk: Vec<Vec<Bulk>>,
+}
+
+impl MediumSet {
+    /// Reads and builds a file of media: `wavelengths_nm` and `[media]` as in a scene file. With `only`, no other medium
+    /// than that one is built, since tables of large particles take seconds; with `wavelengths`, they take the place of
+    /// the file's own, between which its lists are interpolated.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming file, line, column and mend.
+    pub fn load(
+        path: &Path,
+        only: Option<&str>,
+        wavelengths: Option<Wavelengths>,
+    ) -> Result<Self, SceneError> {
+        let text = read(path, "file of media")?;
+        let file: MediumSetFile = parse(path, &text)?;
+        let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?;
+        if let Some(wavelengths) = wavelengths {
+            ctx.wavelengths = wavelengths;
+        }
+        let mut wanted = file.media;
+        wanted.retain(|name, _| only.is_none_or(|only| only == name));
+        let (media, names, bulk) = build(&ctx, &wanted)?;
+        Ok(Self {
+            wavelengths: ctx.wavelengths,
+            media,
+            names: names.into_iter().map(|(n, id)| (n.to_owned(), id)).collect(),
+            bulk,
+        })
+    }
+}
+
+/// The names of the media of a file, which is read but not built.
+///
+/// # Errors
+/// As [`MediumSet::load`].
+pub fn names(path: &Path) -> Result<Vec<String>, SceneError> {
+    let file: MediumSetFile = parse(path, &read(path, "file of media")?)?;
+    Ok(file.media.into_keys().collect())
+}
+
+type Named = BTreeMap<String, Located<MediumFile>>;
+
+/// The largest coefficient that makes sense, 1/m.
+const LARGEST_COEFFICIENT: f64 = 1e9;
+
+/// Media, the number of each by name, and the bulk properties of each per wavelength.
+type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
+
+/// Builds all media.
+pub(super) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, SceneError> {
+    let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
+    for (name, file) in files {
+        let optics = optics(ctx, file)?;
+        names.insert(name.as_str(), media.push(&optics));
+        bulk.push(optics.bulk);
+    }
+    Ok((media, names, bulk))
+}
+
+fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, SceneError> {
+    match &**m {
+        MediumFile::Homogeneous(h) => homogeneous(ctx, h),
+        MediumFile::Particles(p) => particles(ctx, p),
+        MediumFile::Milk(milk) => self::milk(ctx, milk, m.span()),
+        MediumFile::Polystyrene(p) => polystyrene(ctx, p, m.span()),
+        MediumFile::Marble(t) => Ok(presets::MARBLE.optics(cosine(ctx, &t.g)?, &ctx.wavelengths)),
+        MediumFile::Skin(t) => Ok(presets::SKIN.optics(cosine(ctx, &t.g)?, &ctx.wavelengths)),
+    }
+}
+
+/// A number within a range.
+fn number(
+    ctx: &Context,
+    value: &Located<f64>,
+    what: &str,
+    range: RangeInclusive<f64>,
+) -> Result<f64, SceneError> {
+    if range.contains(value) {
+        return Ok(**value);
+    }
+    Err(ctx.error(
+        value.span(),
+        format!("{what} is {}", **value),
+        format!("it must lie in {}..{}", range.start(), range.end()),
+    ))
+}
+
+/// The range of a mean cosine.
+const COSINES: RangeInclusive<f64> = -LARGEST_G..=LARGEST_G;
+
+fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, SceneError> {
+    number(ctx, g, "g", COSINES)
+}
+
+/// What the theory refuses, at a place.
+fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> SceneError {
+    let mend = match e {
+        BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
+        BulkError::Size(_) => "correct the sizes; `sunstone schema` describes them",
+        BulkError::Amount(_) => "give less of it, or none",
+        BulkError::Constants(ConstantsError::Unknown { .. }) => "use one of these names, or give numbers",
+        BulkError::Constants(ConstantsError::Range { .. }) => "change wavelengths_nm",
+    };
+    ctx.error(span, e.to_string(), mend)
+}
+
+/// n and k on the wavelengths.
+fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f64; 2]>, SceneError> {
+    match &**index {
+        IndexFile::Values(s) => {
+            let n = ctx.values(s, index.span(), what, 0.01..=100.0)?;
+            Ok(n.into_iter().map(|n| [n, 0.0]).collect())
+        }
+        IndexFile::Named(name) => {
+            let at = |nm: &f64| constants::lookup(name, *nm).map(|(n, k)| [n, k]);
+            let rows: Result<_, ConstantsError> = ctx.wavelengths.nm().iter().map(at).collect();
+            rows.map_err(|e| refused(ctx, index.span(), &e.into()))
+        }
+    }
+}
+
+/// The real index of a host, and what the named substance absorbs.
+fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64>; 2], SceneError> {
+    let rows = index(ctx, host, what)?;
+    if let Some([n, k]) = rows.iter().find(|[n, k]| !(1.0..=10.0).contains(n) || *k > 1e-3) {
+        return Err(ctx.error(
+            host.span(),
+            format!("{what} is {n} + {k} i"),
+            "a medium's index lies in 1..10, and its k below 0.001: the host of a medium is transparent",
+        ));
+    }
+    let is_water =
+        matches!(&**host, IndexFile::Named(name) if constants::find(name).is_ok_and(|c| c.name == "water"));
+    let absorption = rows.iter().zip(ctx.wavelengths.nm()).map(|([_, k], nm)| {
+        if is_water {
+            water::absorption(*nm)
+        } else {
+            water::of_extinction(*k, *nm)
+        }
+    });
+    Ok([rows.iter().map(|[n, _]| *n).collect(), absorption.collect()])
+}
+
+fn homogeneous(ctx: &Context, h: &HomogeneousFile) -> Result<Optics, SceneError> {
+    let coefficient = |s, what| {
+        let s: &Located<_> = s;
+        ctx.values(s, s.span(), what, 0.0..=LARGEST_COEFFICIENT)
+    };
+    let absorption = coefficient(&h.absorption, "absorption")?;
+    let scattering = coefficient(&h.scattering, "scattering")?;
+    let [index, _] = host(ctx, &h.index, "index")?;
+    let mut bulk: Vec<Bulk> = (index.iter().zip(&scattering).zip(&absorption))
+        .map(|((index, scattering), absorption)| Bulk {
+            index: *index,
+            scattering: *scattering,
+            absorption: *absorption,
+            ..Bulk::default()
+        })
+        .collect();
+    let phase = match &h.phase {
+        PhaseFile::Isotropic => PhaseOptics::Isotropic,
+        PhaseFile::Rayleigh(r) => {
+            let largest = f64::from(LARGEST_DEPOLARIZATION);
+            let rho = number(ctx, &r.depolarization, "depolarization", 0.0..=largest)?;
+            PhaseOptics::Rayleigh(Rayleigh::new(rho as f32))
+        }
+        PhaseFile::HenyeyGreenstein(f) => {
+            let g = ctx.values(&f.g, f.g.span(), "g", COSINES)?;
+            let circular = number(ctx, &f.circular, "circular", 0.0..=1.0)?;
+            let linear = number(ctx, &f.linear, "linear", 0.0..=0.5 * (1.0 + circular))?;
+            for (b, g) in bulk.iter_mut().zip(g) {
+                b.asymmetry = g;
+            }
+            let g = ctx.located(&f.g, "g", COSINES)?;
+            PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(g, linear as f32, circular as f32))
+        }
+        PhaseFile::Mie(f) => {
+            let particles = mixture(ctx, &f.kinds, &index, &vec![0.0; index.len()])?;
+            for (b, p) in bulk.iter_mut().zip(&particles.bulk) {
+                *b = Bulk {
+                    index: b.index,
+                    scattering: b.scattering,
+                    absorption: b.absorption,
+                    ..*p
+                };
+            }
+            particles.phase
+        }
+    };
+    Ok(Optics { bulk, phase })
+}
+
+fn particles(ctx: &Context, p: &ParticlesFile) -> Result<Optics, SceneError> {
+    let [index, own] = host(ctx, &p.host, "host")?;
+    let absorption = match &p.host_absorption {
+        Some(s) => ctx.values(s, s.span(), "host_absorption", 0.0..=LARGEST_COEFFICIENT)?,
+        None => own,
+    };
+    mixture(ctx, &p.kinds, &index, &absorption)
+}
+
+/// Kinds of particle in a host.
+fn mixture(
+    ctx: &Context,
+    kinds: &Located<Vec<Located<KindFile>>>,
+    host: &[f64],
+    absorption: &[f64],
+) -> Result<Optics, SceneError> {
+    if kinds.is_empty() {
+        return Err(ctx.error(
+            kinds.span(),
+            "there are no particles",
+            "list at least one kind: { index = 1.5, sizes.single = { radius_nm = 100 }, amount.volume_fraction = 0.01 }",
+        ));
+    }
+    let mut list = vec![];
+    for file in kinds.iter() {
+        let mut rows = index(ctx, &file.index, "index")?;
+        if let Some(k) = &file.k {
+            for (row, k) in rows.iter_mut().zip(ctx.values(k, k.span(), "k", 0.0..=100.0)?) {
+                row[1] = k;
+            }
+        }
+        let kind = Kind {
+            sizes: sizes(ctx, &file.sizes)?,
+            index: rows,
+            amount: amount(&file.amount),
+        };
+        kind.amount
+            .number_density(&kind.sizes)
+            .map_err(|e| refused(ctx, file.amount.span(), &e))?;
+        // Each by itself first, so that what is wrong with one is told at its place.
+        let alone = std::slice::from_ref(&kind);
+        let nm = ctx.wavelengths.nm();
+        Optics::particles(nm, host, absorption, alone).map_err(|e| refused(ctx, file.span(), &e))?;
+        list.push(kind);
+    }
+    Optics::particles(ctx.wavelengths.nm(), host, absorption, &list)
+        .map_err(|e| refused(ctx, kinds.span(), &e))
+}
+
+fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, SceneError> {
+    const NM: f64 = 1e-9;
+    let sizes = match &**file {
+        SizesFile::Single(s) => SizeDistribution::Single {
+            radius: s.radius_nm * NM,
+        },
+        SizesFile::LogNormal(s) => SizeDistribution::LogNormal {
+            median: s.median_nm * NM,
+            sigma: s.sigma,
+        },
+        SizesFile::Gamma(s) => SizeDistribution::Gamma {
+            effective_radius: s.effective_radius_nm * NM,
+            effective_variance: s.effective_variance,
+        },
+        SizesFile::List(s) if s.radius_nm.len() != s.weight.len() => {
+            return Err(ctx.error(
+                file.span(),
+                format!("{} radii have {} weights", s.radius_nm.len(), s.weight.len()),
+                "give radius_nm and as many of weight",
+            ));
+        }
+        SizesFile::List(s) => {
+            let pairs = s.radius_nm.iter().zip(&s.weight);
+            SizeDistribution::List(pairs.map(|(r, w)| [r * NM, *w]).collect())
+        }
+    };
+    sizes.check().map_err(|e| refused(ctx, file.span(), &e.into()))?;
+    Ok(sizes)
+}
+
+fn amount(file: &AmountFile) -> Amount {
+    match file {
+        AmountFile::VolumeFraction(f) => Amount::VolumeFraction(*f),
+        AmountFile::PerM3(n) => Amount::NumberDensity(*n),
+        AmountFile::Mass(m) => Amount::Mass {
+            concentration: m.grams_per_litre,
+            density: m.density,
+        },
+    }
+}
+
+fn milk(ctx: &Context, m: &MilkFile, span: Range<usize>) -> Result<Optics, SceneError> {
+    let milk = presets::Milk {
+        fat_percent: number(ctx, &m.fat_percent, "fat_percent", 0.0..=20.0)?,
+        protein_percent: number(ctx, &m.protein_percent, "protein_percent", 0.0..=20.0)?,
+        homogenization_mpa: number(ctx, &m.homogenization_mpa, "homogenization_mpa", 0.0..=100.0)?,
+        concentration: number(ctx, &m.concentration, "concentration", 0.0..=1.0)?,
+    };
+    milk.optics(&ctx.wavelengths).map_err(|e| refused(ctx, span, &e))
+}
+
+fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result<Optics, SceneError> {
+    let mean = 0.5e-9 * number(ctx, &p.diameter_nm, "diameter_nm", 1.0..=1e5)?;
+    let spread = number(ctx, &p.spread, "spread", 0.0..=1.0)?;
+    let sizes = if spread < 1e-3 {
+        SizeDistribution::Single { radius: mean }
+    } else {
+        // The log-normal distribution of that mean and standard deviation.
+        let variance = (spread * spread).ln_1p();
+        SizeDistribution::LogNormal {
+            median: mean * (-0.5 * variance).exp(),
+            sigma: variance.sqrt(),
+        }
+    };
+    let amount = amount(&p.amount);
+    amount
+        .number_density(&sizes)
+        .map_err(|e| refused(ctx, p.amount.span(), &e))?;
+    presets::polystyrene(sizes, amount, &ctx.wavelengths).map_err(|e| refused(ctx, span, &e))
+}

@@ -1,0 +1,280 @@
+//! The syntax of participating media, in scene files and in files of their own.
+
+use super::file::default_wavelengths;
+use super::locate::Located;
+use super::material_file::unit_index;
+use super::values::{IndexFile, SpectrumFile};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// A file of media alone: what `sunstone phase eval` reads.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Sunstone media")]
+pub struct MediumSetFile {
+    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    #[serde(default = "default_wavelengths")]
+    pub wavelengths_nm: Located<Vec<f64>>,
+    /// Media by name.
+    pub media: BTreeMap<String, Located<MediumFile>>,
+}
+
+/// A participating medium.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum MediumFile {
+    /// Coefficients and a phase function as given.
+    Homogeneous(Box<HomogeneousFile>),
+    /// Spheres in a host: everything by Lorenz–Mie theory.
+    Particles(ParticlesFile),
+    /// Milk, or milk in water.
+    Milk(MilkFile),
+    /// Polystyrene spheres in water.
+    Polystyrene(PolystyreneFile),
+    /// Marble as measured by Jensen et al. (2001).
+    Marble(MarbleFile),
+    /// Skin as measured by Jensen et al. (2001).
+    Skin(SkinFile),
+}
+
+/// See [`MediumFile::Homogeneous`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HomogeneousFile {
+    /// Absorption coefficient, 1/m.
+    #[serde(default = "zero")]
+    pub absorption: Located<SpectrumFile>,
+    /// Scattering coefficient, 1/m.
+    #[serde(default = "zero")]
+    pub scattering: Located<SpectrumFile>,
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants.
+    #[serde(default = "unit_index")]
+    pub index: Located<IndexFile>,
+    /// How it scatters.
+    #[serde(default)]
+    pub phase: PhaseFile,
+}
+
+fn zero() -> Located<SpectrumFile> {
+    Located::nowhere(SpectrumFile::Scalar(0.0))
+}
+
+/// A phase function.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum PhaseFile {
+    /// Equally in all directions, depolarizing.
+    #[default]
+    Isotropic,
+    /// As particles much smaller than the wavelength.
+    Rayleigh(RayleighFile),
+    /// Henyey & Greenstein's, depolarizing unless it says otherwise.
+    HenyeyGreenstein(HenyeyGreensteinFile),
+    /// As spheres (Lorenz–Mie) in a host of the medium's index; their amounts count relative to each other.
+    Mie(MieFile),
+}
+
+/// See [`PhaseFile::Rayleigh`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RayleighFile {
+    /// Depolarization factor, 0..0.5: parallel over perpendicular light at 90° from unpolarized light; air: 0.028.
+    #[serde(default = "nothing")]
+    pub depolarization: Located<f64>,
+}
+
+fn nothing() -> Located<f64> {
+    Located::nowhere(0.0)
+}
+
+/// See [`PhaseFile::HenyeyGreenstein`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HenyeyGreensteinFile {
+    /// Mean cosine of the scattering angle, -0.999..0.999.
+    pub g: Located<SpectrumFile>,
+    /// Share of a dipole's linear polarization, 0..(1 + circular)/2.
+    #[serde(default = "nothing")]
+    pub linear: Located<f64>,
+    /// Share of a dipole's circular polarization, 0..1.
+    #[serde(default = "nothing")]
+    pub circular: Located<f64>,
+}
+
+/// See [`PhaseFile::Mie`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MieFile {
+    /// Kinds of particle.
+    pub kinds: Located<Vec<Located<KindFile>>>,
+}
+
+/// See [`MediumFile::Particles`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ParticlesFile {
+    /// Refractive index of the host: a number, one per wavelength, or a name of the optical constants.
+    #[serde(default = "unit_index")]
+    pub host: Located<IndexFile>,
+    /// Absorption coefficient of the host, 1/m; absent: water's for `host = "water"`, else 0.
+    pub host_absorption: Option<Located<SpectrumFile>>,
+    /// Kinds of particle.
+    pub kinds: Located<Vec<Located<KindFile>>>,
+}
+
+/// Spheres of one substance.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct KindFile {
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants (which has its own k).
+    pub index: Located<IndexFile>,
+    /// Extinction coefficient k ≥ 0; 0 if absent.
+    pub k: Option<Located<SpectrumFile>>,
+    /// Their radii.
+    pub sizes: Located<SizesFile>,
+    /// How many there are.
+    pub amount: Located<AmountFile>,
+}
+
+/// Radii of particles, by number.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum SizesFile {
+    /// All alike.
+    Single(SingleFile),
+    /// Log-normal.
+    LogNormal(LogNormalFile),
+    /// Hansen's (1971) gamma distribution.
+    Gamma(GammaFile),
+    /// Radii with weights.
+    List(SizeListFile),
+}
+
+/// See [`SizesFile::Single`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SingleFile {
+    /// Nanometres.
+    pub radius_nm: f64,
+}
+
+/// See [`SizesFile::LogNormal`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LogNormalFile {
+    /// Median radius in nanometres.
+    pub median_nm: f64,
+    /// Standard deviation of the radius' natural logarithm, 0.001..2.
+    pub sigma: f64,
+}
+
+/// See [`SizesFile::Gamma`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GammaFile {
+    /// Area-weighted mean radius in nanometres.
+    pub effective_radius_nm: f64,
+    /// Area-weighted relative variance, 0.001..0.45.
+    pub effective_variance: f64,
+}
+
+/// See [`SizesFile::List`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SizeListFile {
+    /// Nanometres.
+    pub radius_nm: Vec<f64>,
+    /// Relative number of particles of each.
+    pub weight: Vec<f64>,
+}
+
+/// How many particles there are.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum AmountFile {
+    /// Share of the volume that they fill, 0..1.
+    VolumeFraction(f64),
+    /// Particles per cubic metre.
+    PerM3(f64),
+    /// By mass.
+    Mass(MassFile),
+}
+
+/// See [`AmountFile::Mass`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MassFile {
+    /// Grams of particles in a litre of medium.
+    pub grams_per_litre: f64,
+    /// Density of the particles, kg/m³.
+    pub density: f64,
+}
+
+/// See [`MediumFile::Milk`]; whole milk 3.5 % fat, reduced-fat 1.5 %, skimmed 0.1 %.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MilkFile {
+    /// Percentage by weight of fat, 0..20.
+    pub fat_percent: Located<f64>,
+    /// Percentage by weight of protein, 0..20.
+    pub protein_percent: Located<f64>,
+    /// Pressure at which it was homogenized, MPa, 0..100; 0: not at all.
+    pub homogenization_mpa: Located<f64>,
+    /// Share of milk in a mixture with water, by volume, 0..1.
+    pub concentration: Located<f64>,
+}
+
+impl Default for MilkFile {
+    fn default() -> Self {
+        Self {
+            fat_percent: Located::nowhere(3.5),
+            protein_percent: Located::nowhere(3.4),
+            homogenization_mpa: Located::nowhere(20.0),
+            concentration: Located::nowhere(1.0),
+        }
+    }
+}
+
+/// See [`MediumFile::Polystyrene`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PolystyreneFile {
+    /// Mean diameter in nanometres.
+    pub diameter_nm: Located<f64>,
+    /// Standard deviation of the diameter over its mean, 0..1.
+    #[serde(default = "nothing")]
+    pub spread: Located<f64>,
+    /// How much of it.
+    pub amount: Located<AmountFile>,
+}
+
+/// See [`MediumFile::Marble`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MarbleFile {
+    /// Mean cosine of the scattering angle, -0.999..0.999, which the reduced scattering leaves open.
+    pub g: Located<f64>,
+}
+
+impl Default for MarbleFile {
+    fn default() -> Self {
+        Self { g: nothing() }
+    }
+}
+
+/// See [`MediumFile::Skin`].
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SkinFile {
+    /// Mean cosine of the scattering angle, -0.999..0.999; van Gemert et al. (1989) found about 0.8.
+    pub g: Located<f64>,
+}
+
+impl Default for SkinFile {
+    fn default() -> Self {
+        Self {
+            g: Located::nowhere(0.8),
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! `sunstone phase` as a user meets it, and files of media that are wrong.
+
+mod harness;
+
+use harness::{edit, files, run, stderr};
+use std::path::Path;
+
+/// A file that is right; the tests below break one thing in it.
+const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
+
+[media.air.homogeneous]
+scattering = [3e-5, 1e-5, 6e-6]
+phase.rayleigh = { depolarization = 0.028 }
+
+[media.haze.homogeneous]
+scattering = 0.1
+absorption = 0.01
+index = 1.0003
+phase.henyey_greenstein = { g = [0.8, 0.7, 0.6], linear = 0.2 }
+
+[media.beads.polystyrene]
+diameter_nm = 500
+amount.volume_fraction = 0.01
+
+[media.drink.milk]
+fat_percent = 0.1
+concentration = 0.5
+
+[media.dust.particles]
+host = 1.0
+kinds = [
+    { index = 1.5, k = 0.01, sizes.log_normal = { median_nm = 100, sigma = 0.2 }, amount.per_m3 = 1e12 },
+    { index = "Au", sizes.list = { radius_nm = [20, 30], weight = [1, 2] }, amount.mass = { grams_per_litre = 0.001, density = 19300 } },
+]
+
+[media.cloud.homogeneous]
+scattering = 0.02
+phase.mie.kinds = [{ index = "water", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]
+
+[media.stone.marble]
+[media.hand.skin]
+g = 0.7
+"#;
+
+/// What is broken; the passage and what takes its place; where the fault is told; words that the message has.
+type Case = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+);
+
+#[rustfmt::skip]
+const CASES: &[Case] = &[
+    ("an unknown kind", "media.drink.milk", "media.drink.beer", "media.drink.beer", "unknown variant `beer`"),
+    ("an unknown key", "scattering = 0.1", "scatering = 0.1", "scatering", "unknown field `scatering`"),
+    ("an unknown phase", "phase.rayleigh = { depolarization = 0.028 }", "phase.rayley = {}", "rayley", "unknown variant `rayley`"),
+    ("a negative coefficient", "scattering = 0.1", "scattering = -0.1", "-0.1", "scattering is -0.1"),
+    ("two values for three wavelengths", "[0.8, 0.7, 0.6]", "[0.8, 0.7]", "[0.8, 0.7]", "2 values for 3 wavelengths"),
+    ("a mean cosine of 1", "[0.8, 0.7, 0.6]", "1", "1, linear", "g is 1"),
+    ("more polarization than can be", "linear = 0.2", "linear = 0.6", "0.6 }", "linear is 0.6"),
+    ("more depolarization than needles", "0.028", "0.6", "0.6 }", "depolarization is 0.6"),
+    ("an index below 1", "index = 1.0003", "index = 0.9", "0.9\n", "index is 0.9"),
+    ("a host of metal", "host = 1.0", "host = \"Au\"", "\"Au\"\nkinds", "transparent"),
+    ("an unknown substance", "index = \"Au\"", "index = \"Ag2\"", "\"Ag2\"", "`Ag2`"),
+    ("no size", "median_nm = 100", "median_nm = 0", "sizes.log_normal", "radius is 0"),
+    ("a wide distribution", "sigma = 0.2", "sigma = 3", "sizes.log_normal", "sigma is 3"),
+    ("too large a variance", "effective_variance = 0.1", "effective_variance = 0.5", "sizes.gamma", "variance is 0.5"),
+    ("an uneven list", "weight = [1, 2]", "weight = [1]", "sizes.list", "2 radii have 1 weights"),
+    ("more than all", "volume_fraction = 0.01", "volume_fraction = 1.5", "amount.volume_fraction", "fill 1.5"),
+    ("a boulder", "diameter_nm = 500", "diameter_nm = 5e6", "5e6", "diameter_nm is 5000000"),
+    ("a particle that is too large", "effective_radius_nm = 900", "effective_radius_nm = 400000", "{ index = \"water\"", "size parameter"),
+    ("no particles", "phase.mie.kinds = [{ index = \"water\", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]", "phase.mie.kinds = []", "[]", "no particles"),
+    ("cream beyond butter", "fat_percent = 0.1", "fat_percent = 80", "80", "fat_percent is 80"),
+    ("milk in the infrared", "wavelengths_nm = [450, 550, 660]", "wavelengths_nm = [450, 550, 900]", "[media.drink.milk]", "milk_fat cover 380 to 770 nm"),
+    ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "rise"),
+];
+
+/// The line of the first place of a mark, counted anew.
+fn line(text: &str, mark: &str) -> usize {
+    let at = text
+        .find(mark)
+        .unwrap_or_else(|| panic!("`{mark}` is not in the file"));
+    text[..at].matches('\n').count() + 1
+}
+
+#[test]
+fn every_broken_file_is_told_where_and_how_to_mend_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut faults = vec![];
+    for (what, from, to, mark, says) in CASES {
+        let text = edit(MEDIA, from, to);
+        std::fs::write(folder.path().join("m.toml"), &text).expect("a file");
+        // The medium that the fault is in: the last heading above it.
+        let name = MEDIA[..MEDIA.find(from).expect("the passage")]
+            .rfind("[media.")
+            .map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));
+        let name = if from.starts_with("media.") { "drink" } else { name };
+        let shown = stderr(&run(
+            folder.path(),
+            &["phase", "eval", "m.toml", "--name", name, "-o", "out.csv"],
+            2,
+        ));
+        let place = format!("error: m.toml:{}:", line(&text, mark));
+        let mend = shown.lines().find_map(|l| l.trim().strip_prefix("mend: "));
+        if !shown.starts_with(&place) || !shown.contains(says) || mend.is_none_or(|m| m.len() < 8) {
+            faults.push(format!("{what}: not `{place}` and `{says}`:\n{shown}"));
+        }
+        if files(folder.path()).keys().any(|f| f != Path::new("m.toml")) {
+            faults.push(format!("{what}: something was written"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn bad_arguments_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("m.toml"), MEDIA).expect("a file");
+    std::fs::write(folder.path().join("none.toml"), "[media]\n").expect("a file");
+    for (arguments, says) in [
+        (&["missing.toml"][..], "missing.toml"),
+        (&["m.toml"], "choose one with --name"),
+        (&["m.toml", "--name", "beer"], "no medium `beer`"),
+        (&["none.toml"], "no medium"),
+        (&["m.toml", "--name", "air", "--angles", "1"], "1 angles"),
+        (
+            &["m.toml", "--name", "air", "--angles", "0,200"],
+            "`200` is not an angle",
+        ),
+        (
+            &["m.toml", "--name", "air", "--wavelengths", "5"],
+            "outside 100..100000",
+        ),
+        (
+            &["m.toml", "--name", "drink", "--wavelengths", "900"],
+            "380 to 770 nm",
+        ),
+    ] {
+        let mut all = vec!["phase", "eval"];
+        all.extend(arguments);
+        let shown = stderr(&run(folder.path(), &all, 2));
+        assert!(
+            shown.starts_with("error: ") && shown.contains(says),
+            "{arguments:?}: {shown}"
+        );
+    }
+}
+
+/// Comment lines as numbers, then rows as numbers.
+fn numbers(text: &str) -> [Vec<Vec<f64>>; 2] {
+    let parse = |l: &str| -> Vec<f64> {
+        l.split(',')
+            .map(|n| n.trim().parse().expect("a number"))
+            .collect()
+    };
+    let head = text.lines().filter_map(|l| l.strip_prefix("# ")).skip(1);
+    let rows = text
+        .lines()
+        .filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
+    [head.map(parse).collect(), rows.map(parse).collect()]
+}
+
+#[test]
+fn matrices_are_printed_as_csv() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("m.toml"), MEDIA).expect("a file");
+    let eval = |arguments: &str| {
+        let mut all = vec!["phase", "eval", "m.toml", "--name"];
+        all.extend(arguments.split_whitespace());
+        let out = run(folder.path(), &all, 0);
+        String::from_utf8(out.stdout).expect("text")
+    };
+    let text = eval("air --angles 0,90,180");
+    assert!(
+        text.contains("\nangle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n"),
+        "{text}"
+    );
+    let [head, rows] = numbers(&text);
+    assert_eq!((head.len(), rows.len()), (3, 9));
+    assert_eq!(head[1][..4], [550.0, 1.0, 1e-5, 0.0]);
+    // Forward: 3Δ/8π + (1 - Δ)/4π with Δ = 0.972/1.014; at 90° parallel over perpendicular is 0.028.
+    let delta = 0.972 / 1.014;
+    let pi = std::f64::consts::PI;
+    assert!((rows[0][2] - (0.375 * delta / pi + 0.25 * (1.0 - delta) / pi)).abs() < 1e-7);
+    let [s11, s12] = [rows[1][2], rows[1][3]];
+    assert!(((s11 - s12) / (s11 + s12) - 0.028).abs() < 1e-6 && s12 > 0.0);
+    // Lists are interpolated, wavelengths come in any number and order.
+    let [head, rows] = numbers(&eval("haze --wavelengths 605,450,500,550,660 --angles 3"));
+    assert_eq!((head.len(), rows.len()), (5, 15));
+    assert_eq!(head[0][..2], [605.0, 1.0003]);
+    assert!((head[0][4] - 0.65).abs() < 1e-12);
+    assert_eq!(
+        rows.iter().take(3).map(|r| r[0]).collect::<Vec<_>>(),
+        [0.0, 90.0, 180.0]
+    );
+    // Coefficients of what particles make are known with their cross sections; those of `phase.mie` stay as given.
+    let [head, _] = numbers(&eval("dust --angles 2"));
+    assert!(
+        head.iter()
+            .all(|h| h[2] > 0.0 && h[3] > 0.0 && h[5] > 0.0 && h[6] > 0.0)
+    );
+    let [head, rows] = numbers(&eval("cloud --angles 1801"));
+    assert!(
+        head.iter().all(|h| h[2] == 0.02 && h[3] == 0.0 && h[4] > 0.7),
+        "{head:?}"
+    );
+    let sum: f64 = rows[..1801]
+        .iter()
+        .map(|r| r[2] * r[0].to_radians().sin() * 2.0 * pi * (0.1_f64).to_radians())
+        .sum();
+    assert!((sum - 1.0).abs() < 1e-3, "{sum}");
+    for name in ["beads", "drink", "stone", "hand"] {
+        assert_eq!(numbers(&eval(&format!("{name} --angles 2")))[1].len(), 6);
+    }
+    // To a file, which is what would have been printed.
+    let told = eval("air --angles 5 -o air.csv");
+    assert_eq!(told.trim(), "air.csv");
+    let written = std::fs::read_to_string(folder.path().join("air.csv")).expect("a file");
+    assert_eq!(written.trim_end(), eval("air --angles 5").trim_end());
+}

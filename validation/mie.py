@@ -1,0 +1,260 @@
+#!/usr/bin/env python3
+"""Scattering by spheres against independent programs: cross sections and all matrix elements over the angle.
+
+`particles` and `polystyrene` against PyPI `miepython`, the sizes averaged here by other quadratures; and a large gold
+sphere against Mitsuba's reflection by gold, which ties every sign to the program whose conventions we keep. Prints a table and exits with 1 if a row is above its bound: the bounds are 1e-6 of the coefficients, 1e-6 of the
+mean cosine and 1e-4 of S11 at the same angle for the elements, 3e-4 for the largest spheres (what `sunstone phase eval` prints is the renderer's
+table, interpolated, in single precision).
+
+`miepython` takes n - i k and fields exp(+i w t), so its amplitudes are the conjugates of ours: S34 = M23 = Im S1* S2 of
+Bohren & Huffman's amplitudes is Im S1 S2* of its. (Its own `phase_matrix` has S34 with the other sign.)
+
+`--power` plants an error in each of our numbers and checks that every row notices it.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import environment
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import miepython
+    import mitsuba as mi
+    import numpy as np
+
+WAVELENGTHS = [450.0, 550.0, 660.0]
+COEFFICIENT_BOUND = 1e-6
+MATRIX_BOUND = 1e-4
+ELEMENTS = ["S11", "S12", "S22", "S33", "S34", "S44"]
+
+
+@dataclass
+class Spheres:
+    """Spheres of one substance by number: [(radius in metres, number per cubic metre)]."""
+
+    n: list
+    k: list
+    sizes: list
+
+
+@dataclass
+class Case:
+    """A medium in our words, and what it is made of."""
+
+    name: str
+    toml: str
+    host: list
+    kinds: list = field(default_factory=list)
+    host_absorption: list = field(default_factory=lambda: [0.0] * 3)
+    # Largest relative difference of elements that is let pass.
+    bound: float = MATRIX_BOUND
+
+
+def volume(sizes):
+    """Volume that particles fill."""
+    return sum(4 / 3 * np.pi * r**3 * number for r, number in sizes)
+
+
+def scaled(sizes, fraction):
+    """The sizes in such a number that they fill the fraction of the volume."""
+    factor = fraction / volume(sizes)
+    return [(r, number * factor) for r, number in sizes]
+
+
+def log_normal(median, sigma, count=600):
+    """Gauss-Legendre in ln r: unlike ours, which is the trapezoidal rule."""
+    u, w = np.polynomial.legendre.leggauss(count)
+    low, high = -6 * sigma, (6 + 4 * sigma) * sigma
+    t = low + (high - low) * (u + 1) / 2
+    density = np.exp(-(t**2) / (2 * sigma**2)) / (np.sqrt(2 * np.pi) * sigma)
+    return list(zip(median * np.exp(t), w * density * (high - low) / 2))
+
+
+def gamma(a, b, count=1300):
+    """Hansen's gamma distribution, by Gauss-Legendre in r."""
+    u, w = np.polynomial.legendre.leggauss(count)
+    r = a * (1 + 10 * np.sqrt(b)) * (u + 1) / 2
+    weight = w * r ** ((1 - 3 * b) / b) * np.exp(-r / (a * b))
+    return list(zip(r, weight / weight.sum()))
+
+
+def cases():
+    """What is compared."""
+    vacuum, water = [1.0] * 3, [1.33961, 1.33468, 1.33142]
+    beads = [1.5725 + 0.0031080 / l**2 + 0.00034779 / l**4 for l in (0.45, 0.55, 0.66)]
+    absorption = [0.00922, 0.0565, 0.41]
+    for diameter in (20, 200, 1000, 3000):
+        yield Case(
+            f"polystyrene, {diameter} nm",
+            f"polystyrene = {{ diameter_nm = {diameter}, amount.volume_fraction = 0.01 }}",
+            water,
+            [Spheres(beads, [0.0] * 3, scaled([(diameter / 2 * 1e-9, 1.0)], 0.01))],
+            absorption,
+        )
+    single = "sizes.single = {{ radius_nm = {radius} }}, amount.per_m3 = 1e12"
+    for name, radius, n, k, bound in (
+        ("gold, 30 nm", 30, [1.38309, 0.42415, 0.13991], [1.9155, 2.47208, 3.70148], MATRIX_BOUND),
+        ("absorbing, 2 um", 2000, [1.4, 1.5, 1.6], [0.1, 0.01, 0.001], MATRIX_BOUND),
+        ("bubbles, 3 um", 3000, [1.0] * 3, [0.0] * 3, MATRIX_BOUND),
+        ("drops, 12 um", 12000, [1.33961, 1.33468, 1.33142], [1e-9] * 3, MATRIX_BOUND),
+        # Dark fringes between bright ones, a third of a degree apart: directions of single precision tell on them.
+        ("x = 500", 35810, [1.59] * 3, [0.0] * 3, 3e-4),
+    ):
+        host = water if "bubbles" in name else vacuum
+        sizes = single.format(radius=radius)
+        yield Case(
+            name,
+            f"particles = {{ host = {host}, kinds = [{{ index = {n}, k = {k}, {sizes} }}] }}",
+            host,
+            [Spheres(n, k, [(radius * 1e-9, 1e12)])],
+            bound=bound,
+        )
+    yield Case(
+        "log-normal",
+        f"particles = {{ host = {water}, kinds = [{{ index = [1.47, 1.463, 1.459], k = [1e-5, 5e-6, 5e-6],"
+        " sizes.log_normal = { median_nm = 150, sigma = 0.5 }, amount.volume_fraction = 0.03 }] }",
+        water,
+        [Spheres([1.47, 1.463, 1.459], [1e-5, 5e-6, 5e-6], scaled(log_normal(150e-9, 0.5), 0.03))],
+    )
+    # A little absorption damps the resonances that no quadrature of a reasonable length resolves.
+    yield Case(
+        "gamma",
+        "particles = { kinds = [{ index = 1.33, k = 0.01, amount.mass = { grams_per_litre = 0.001, density = 1000 },"
+        " sizes.gamma = { effective_radius_nm = 1500, effective_variance = 0.1 } }] }",
+        vacuum,
+        [Spheres([1.33] * 3, [0.01] * 3, scaled(gamma(1500e-9, 0.1), 1e-6))],
+    )
+    yield Case(
+        "two kinds, one listed",
+        "particles = { host = 1.33, kinds = [{ index = 1.59, sizes.list = { radius_nm = [100, 300], weight = [9, 1] },"
+        " amount.per_m3 = 1e16 }, { index = 1.45, sizes.single = { radius_nm = 800 }, amount.per_m3 = 2e14 }] }",
+        [1.33] * 3,
+        [
+            Spheres([1.59] * 3, [0.0] * 3, [(100e-9, 9e15), (300e-9, 1e15)]),
+            Spheres([1.45] * 3, [0.0] * 3, [(800e-9, 2e14)]),
+        ],
+    )
+
+
+def theirs(case, lane, mu):
+    """Scattering and absorption coefficient, mean cosine, and elements [6, angle] per steradian, by miepython."""
+    wave_number = 2 * np.pi * case.host[lane] / (WAVELENGTHS[lane] * 1e-9)
+    scattering = absorption = cosine = 0.0
+    elements = np.zeros((6, len(mu)))
+    for kind in case.kinds:
+        m = (kind.n[lane] - 1j * kind.k[lane]) / case.host[lane]
+        for radius, number in kind.sizes:
+            x = wave_number * radius
+            if x < 1e-3:
+                continue
+            ext, sca, _, g = miepython.efficiencies_mx(m, x)
+            area = np.pi * radius**2 * number
+            scattering += area * sca
+            absorption += area * (ext - sca)
+            cosine += area * sca * g
+            s1, s2 = miepython.S1_S2(m, x, mu, norm="wiscombe")
+            i1, i2, cross = abs(s1) ** 2, abs(s2) ** 2, s1 * np.conj(s2)
+            # The perpendicular is our first axis: S12 is positive where S1 is the stronger.
+            both = np.array([(i1 + i2) / 2, (i1 - i2) / 2, (i1 + i2) / 2, cross.real, cross.imag, cross.real])
+            elements += number / wave_number**2 * both
+    return scattering, absorption + case.host_absorption[lane], cosine / scattering, elements / scattering
+
+
+def sunstone(toml, angles):
+    """What `sunstone phase eval` prints: the rows of coefficients, and elements [wavelength, element, angle]."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "medium.toml"
+        path.write_text(f"wavelengths_nm = {WAVELENGTHS}\n[media.m]\n{toml}\n")
+        listed = ",".join(f"{a:.9f}" for a in angles)
+        command = [environment.sunstone(), "phase", "eval", str(path), "--angles", listed]
+        run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode:
+        sys.exit(run.stderr)
+    lines = run.stdout.splitlines()
+    # The first line with # says what the others hold.
+    head = np.array([line[1:].split(",") for line in lines if line.startswith("# ")][1:], dtype=float)
+    rows = np.array([line.split(",") for line in lines if line[0].isdigit()], dtype=float)
+    elements = rows[:, 2:].reshape(len(WAVELENGTHS), len(angles), len(ELEMENTS))
+    return head, elements.swapaxes(1, 2)
+
+
+def angles(case):
+    """Degrees: as many near the ends as between, never on a node by design."""
+    s = np.linspace(0, 1, 41 if any(len(k.sizes) > 100 for k in case.kinds) else 301)
+    return 180 * s**2 * (3 - 2 * s)
+
+
+def check(case, sabotage):
+    """Prints the row of a case; false if it is not as it should be."""
+    degrees = np.round(angles(case), 9)
+    ours, matrices = sunstone(case.toml, degrees)
+    worst = np.zeros(3)
+    for lane in range(len(WAVELENGTHS)):
+        scattering, absorption, cosine, elements = theirs(case, lane, np.cos(np.radians(degrees)))
+        _, _, our_scattering, our_absorption, our_cosine, *_ = ours[lane]
+        mine = matrices[lane]
+        if sabotage:
+            our_scattering *= 1 + 2 * COEFFICIENT_BOUND
+            our_cosine += 2 * COEFFICIENT_BOUND
+            mine = mine.copy()
+            mine[4] += 2 * case.bound * mine[0]
+        off = abs(our_scattering / scattering - 1)
+        # Where absorption is a difference of like numbers to them, it is compared next to what they subtract.
+        off = max(off, abs(our_absorption - absorption) / max(absorption, 1e-6 * scattering))
+        found = [off, abs(our_cosine - cosine), (abs(mine - elements) / elements[0]).max()]
+        worst = np.maximum(worst, found)
+    return report(case.name, worst, [COEFFICIENT_BOUND, COEFFICIENT_BOUND, case.bound], sabotage)
+
+
+def report(name, worst, bounds, sabotage):
+    """Prints a row; false if a number is above its bound, or, under sabotage, below it."""
+    good = all((w <= b) != sabotage for w, b in zip(worst, bounds))
+    numbers = " | ".join([f"{'':10}"] * (3 - len(worst)) + [f"{w:10.1e}" for w in worst])
+    print(f"{name:24} | {numbers} | {bounds[-1]:6.0e} |{'' if good else '  FAILED'}", flush=True)
+    return good
+
+
+def gold(sabotage):
+    """A sphere so large that away from the forward direction it is a mirror all over: what it scatters by an angle t is
+    what Mitsuba says gold reflects at an angle of incidence of (180 - t)/2 degrees."""
+    mi.set_variant("scalar_spectral_polarized")
+    # x = 2950 at the longest wavelength.
+    toml = "particles.kinds = [{ index = 0.4242, k = 2.4721, sizes.single = { radius_nm = 2.1e5 }, amount.per_m3 = 1 }]"
+    degrees = np.linspace(60, 170, 23)
+    mine = sunstone(toml, degrees)[1][0]
+    if sabotage:
+        mine = mine.copy()
+        mine[4] *= -1
+    worst = 0.0
+    for column, degree in zip(mine.T, degrees):
+        m = mi.mueller.specular_reflection(float(np.sin(np.radians(degree / 2))), mi.Complex2f(0.4242, 2.4721))
+        m = np.array(m, float).reshape(4, 4)
+        want = np.array([m[0, 1], m[2, 2], m[2, 3], -m[3, 2], m[3, 3]]) / m[0, 0]
+        found = np.array([column[1], column[3], column[4], column[4], column[5]]) / column[0]
+        worst = max(worst, abs(found - want).max())
+    # What is left is the curvature of the sphere, of order x^(-2/3).
+    return report("large gold (Mitsuba)", [worst], [3e-3], sabotage)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", help="rows whose name contains this")
+    parser.add_argument("--power", action="store_true", help="check that a planted error is found in every row")
+    options = parser.parse_args()
+    print(f"miepython {miepython.__version__}, Mitsuba {mi.__version__}")
+    print(f"{'medium':24} | {'mu_s, mu_a':>10} | {'g':>10} | {'|dS|/S11':>10} | {'bound':>6} |")
+    wanted = [case for case in cases() if not options.only or options.only in case.name]
+    failed = sum(not check(case, options.power) for case in wanted)
+    if not options.only:
+        failed += not gold(options.power)
+    if failed:
+        sys.exit(f"{failed} rows failed")
+
+
+if __name__ == "__main__":
+    main()
