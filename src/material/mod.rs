@@ -17,6 +17,7 @@ pub mod double_refraction;
 pub mod facets;
 pub mod measured;
 pub mod normal_map;
+pub mod null;
 pub mod partial_depolarizer;
 pub mod plastic;
 pub mod polarizer;
@@ -54,6 +55,8 @@ pub enum Material {
     ThinDielectric(thin_dielectric::ThinDielectric),
     Crystal(crystal::Crystal),
     Measured(measured::Measured),
+    /// A boundary that light does not notice.
+    Null,
 }
 
 /// All materials of a scene with what they share; a material's number is its place in `list`.
@@ -262,7 +265,8 @@ impl Materials {
             | Material::Polarizer(_)
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
-            | Material::Crystal(_) => false,
+            | Material::Crystal(_)
+            | Material::Null => false,
             other => self.is_smooth_rest(other),
         }
     }
@@ -300,7 +304,8 @@ impl Materials {
             | Material::Polarizer(_)
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
-            | Material::Crystal(_) => None,
+            | Material::Crystal(_)
+            | Material::Null => None,
             other => self.eval_rest(other, at, wo, wi),
         }
     }
@@ -331,7 +336,8 @@ impl Materials {
             | Material::Polarizer(_)
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
-            | Material::Crystal(_) => 0.0,
+            | Material::Crystal(_)
+            | Material::Null => 0.0,
             Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
             Material::Blend(m) => m.pdf(self, at, wo, wi),
             Material::NormalMap(m) => m.pdf(self, at, wo, wi),
@@ -394,6 +400,7 @@ impl Materials {
             Material::ThinDielectric(m) => m.sample(at, wo, *lanes, stream),
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
             Material::Measured(m) => m.sample(self, at, wo, stream),
+            Material::Null => Some(null::straight(wo).chosen(1.0)),
             Material::Diffuse(_)
             | Material::Conductor(_)
             | Material::RoughConductor(_)
@@ -428,7 +435,8 @@ impl Materials {
             (Material::CoatedConductor(_), Lobe::Transmitted) => None,
             (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
             (Material::Retarder(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
-            (Material::Polarizer(_) | Material::Retarder(_), Lobe::Reflected) => None,
+            (Material::Null, Lobe::Transmitted) => Some(null::straight(wo)),
+            (Material::Polarizer(_) | Material::Retarder(_) | Material::Null, Lobe::Reflected) => None,
             (Material::ThinDielectric(m), _) => m.specular(at, wo, lobe),
             (Material::Crystal(m), _) => m.specular(id, at, wo, lobe, lane),
         }
@@ -441,7 +449,7 @@ impl Materials {
         self.list.iter().any(|m| {
             matches!(
                 m,
-                Material::Polarizer(_) | Material::Retarder(_) | Material::ThinDielectric(_)
+                Material::Polarizer(_) | Material::Retarder(_) | Material::ThinDielectric(_) | Material::Null
             )
         })
     }
@@ -474,8 +482,29 @@ impl Materials {
             | Material::CoatedConductor(_)
             | Material::Polarizer(_)
             | Material::Retarder(_)
-            | Material::ThinDielectric(_) => None,
+            | Material::ThinDielectric(_)
+            | Material::Null => None,
         }
+    }
+
+    /// True if some boundary is null.
+    #[must_use]
+    pub fn any_null(&self) -> bool {
+        self.list.iter().any(|m| matches!(m, Material::Null))
+    }
+
+    /// True if the material is a crystal.
+    #[inline]
+    #[must_use]
+    pub fn is_crystal(&self, id: u32) -> bool {
+        matches!(self.list[id as usize], Material::Crystal(_))
+    }
+
+    /// True if the material is a boundary that light does not notice.
+    #[inline]
+    #[must_use]
+    pub fn is_null(&self, id: u32) -> bool {
+        matches!(self.list[id as usize], Material::Null)
     }
 
     /// What a straight way of `length` metres through a medium does to the polarization of light that travels along

@@ -6,6 +6,7 @@
 pub mod bulk;
 pub mod henyey_greenstein;
 pub mod mie;
+pub mod nesting;
 pub mod presets;
 pub mod products;
 pub mod rayleigh;

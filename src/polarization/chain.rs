@@ -86,6 +86,54 @@ impl Scatter {
         m
     }
 
+    /// The transposed matrix, frames exchanged: what a product that grows from the light's side takes on, see
+    /// [`Chain::times_transposed`].
+    #[inline]
+    #[must_use]
+    pub fn transposed(&self) -> Self {
+        match self {
+            Self::Depolarize(f) => Self::Depolarize(*f),
+            Self::Fresnel { block, s } => Self::Fresnel {
+                block: FresnelBlock {
+                    d: -block.d,
+                    ..*block
+                },
+                s: *s,
+            },
+            Self::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => Self::Full {
+                mueller: mueller.transposed(),
+                frame_out: *frame_in,
+                frame_in: *frame_out,
+            },
+        }
+    }
+
+    /// The same interaction for light that runs the other way, from `wo` to `wi`, by reciprocity: D Mᵀ D with
+    /// D = diag(1, 1, -1, 1), since a frame's second axis turns over with the direction of travel (Sekera 1966, "Scattering
+    /// matrices and reciprocity relationships for various representations of the state of polarization").
+    #[inline]
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        match self {
+            // Both signs that change are those of the same two elements.
+            Self::Depolarize(_) | Self::Fresnel { .. } => *self,
+            Self::Full { .. } => {
+                let mut turned = self.transposed();
+                if let Self::Full { mueller, .. } = &mut turned {
+                    for k in [0, 1, 3] {
+                        mueller.m[2][k] = -mueller.m[2][k];
+                        mueller.m[k][2] = -mueller.m[k][2];
+                    }
+                }
+                turned
+            }
+        }
+    }
+
     /// Frame of the light that enters; any where the interaction depolarizes.
     #[inline]
     #[must_use]
@@ -328,6 +376,77 @@ impl Chain {
             }
             Self::Rotation { .. } => *self = Self::Full(self.to_mueller() * *b),
         }
+    }
+
+    /// Multiplies on the right by the transpose of another product: of one that was grown from the emitter, interaction by
+    /// interaction transposed. The frame of the light in between must be the same for both.
+    pub fn times_transposed(&mut self, other: &Self) {
+        let dot =
+            |a: &[Spectral; 4], b: &[Spectral; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+        if let Self::Rotation { f, cos2, sin2 } = other {
+            self.rotate_in(*cos2, -*sin2);
+            self.scale(*f);
+            return;
+        }
+        *self = match (&*self, other) {
+            (
+                Self::RankOne {
+                    column,
+                    row,
+                    column_flat,
+                    ..
+                },
+                Self::RankOne {
+                    column: far,
+                    row: between,
+                    column_flat: far_flat,
+                    ..
+                },
+            ) => {
+                let g = dot(row, between);
+                Self::RankOne {
+                    column: column.map(|c| c * g),
+                    row: *far,
+                    column_flat: *column_flat,
+                    row_flat: *far_flat,
+                }
+            }
+            (
+                Self::RankOne {
+                    column,
+                    row,
+                    column_flat,
+                    ..
+                },
+                other,
+            ) => {
+                let m = other.to_mueller().m;
+                Self::RankOne {
+                    column: *column,
+                    row: std::array::from_fn(|j| dot(row, &m[j])),
+                    column_flat: *column_flat,
+                    row_flat: false,
+                }
+            }
+            (
+                own,
+                Self::RankOne {
+                    column: far,
+                    row: between,
+                    column_flat: far_flat,
+                    ..
+                },
+            ) => {
+                let m = own.to_mueller().m;
+                Self::RankOne {
+                    column: std::array::from_fn(|i| dot(&m[i], between)),
+                    row: *far,
+                    column_flat: false,
+                    row_flat: *far_flat,
+                }
+            }
+            (own, other) => Self::Full(own.to_mueller() * other.to_mueller().transposed()),
+        };
     }
 
     /// Every element times a per-lane factor.
@@ -604,6 +723,69 @@ mod tests {
                 elements.clear();
                 let got = chain.finish_depolarized(gray, &mut elements);
                 check(&elements, got, &(plain * depolarizer().scaled(gray)));
+            }
+        }
+    }
+
+    /// A product grown from both ends is the product grown from one, wherever they meet.
+    #[test]
+    fn products_from_both_ends_meet() {
+        let block = |c: f32| conductor(c, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5));
+        let d = Vec3A::Z;
+        let at = |deg: f32| {
+            let (s, c) = deg.to_radians().sin_cos();
+            Vec3A::new(c, s, 0.0)
+        };
+        let full = Scatter::Full {
+            mueller: crate::polarization::elements::retarder(0.3, 1.1)
+                * crate::polarization::elements::polarizer(1.0)
+                * block(0.6).to_mueller(),
+            frame_out: at(40.0),
+            frame_in: at(-65.0),
+        };
+        let fresnel = |c: f32, deg: f32| Scatter::Fresnel {
+            block: block(c),
+            s: at(deg),
+        };
+        let flat = Scatter::Depolarize(Spectral::splat(0.7));
+        for steps in [
+            vec![fresnel(0.3, 20.0), full, fresnel(0.7, 75.0)],
+            vec![full, flat, fresnel(0.4, 10.0), full],
+            vec![fresnel(0.4, 10.0), flat, full, flat, full],
+            vec![flat, flat],
+            vec![],
+        ] {
+            let (start, end) = (at(5.0), at(-50.0));
+            let whole = {
+                let (mut chain, mut frame) = (Chain::start(Spectral::splat(2.0)), start);
+                for step in &steps {
+                    frame = chain.push(step, d, frame).unwrap_or(frame);
+                }
+                let (c2, s2) = turn(d, end, frame);
+                chain.rotate_in(c2, s2);
+                chain.to_mueller()
+            };
+            for meet in 0..=steps.len() {
+                let (mut chain, mut frame) = (Chain::start(Spectral::splat(2.0)), start);
+                for step in &steps[..meet] {
+                    frame = chain.push(step, d, frame).unwrap_or(frame);
+                }
+                let (mut light, mut far) = (Chain::start(Spectral::ONE), end);
+                for step in steps[meet..].iter().rev() {
+                    far = light.push(&step.transposed(), d, far).unwrap_or(far);
+                }
+                let (c2, s2) = turn(d, far, frame);
+                chain.rotate_in(c2, s2);
+                chain.times_transposed(&light);
+                let got = chain.to_mueller();
+                for i in 0..16 {
+                    let diff = got.m[i / 4][i % 4] - whole.m[i / 4][i % 4];
+                    assert!(
+                        max_lane(diff.abs()) < 2e-6,
+                        "{} steps, meet at {meet}",
+                        steps.len()
+                    );
+                }
             }
         }
     }

@@ -16,6 +16,15 @@ impl Default for Mueller {
 }
 
 impl Mueller {
+    /// Rows and columns exchanged.
+    #[inline]
+    #[must_use]
+    pub fn transposed(&self) -> Self {
+        Self {
+            m: std::array::from_fn(|i| std::array::from_fn(|j| self.m[j][i])),
+        }
+    }
+
     /// No light.
     pub const ZERO: Self = Self {
         m: [[Spectral::ZERO; 4]; 4],

@@ -1,5 +1,6 @@
 //! Next-event estimation: connections from a surface point to the projector and to the point emitters.
 
+use super::bridge::END_GAP;
 use super::path::State;
 use super::sheets;
 use super::views::Views;
@@ -13,12 +14,9 @@ use crate::scene::Scene;
 use crate::scene::pinhole::OUTSIDE;
 use crate::scene::projector::{Arrivals, Projector};
 use crate::spectrum::Spectral;
-use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
+use crate::tensor::accumulate::{Contributions, NO_PIXEL};
 use crate::units::picoseconds;
 use glam::Vec3A;
-
-/// Gap left before a connection's end, relative to its length, so that rounding does not make the end block itself.
-pub(super) const END_GAP: f32 = 1e-5;
 
 /// A surface point on the path.
 pub(super) struct Vertex<'a> {
@@ -173,7 +171,6 @@ fn connect(
     if let Some(ray) = blocked {
         return rays + sheets::connect(scene, state, (scatter, wo), (&ray, medium), at.bounces, to, out);
     }
-    let first = out.elements.len() as u32;
     let extent = if let Scatter::Depolarize(f) = scatter {
         state.chain.finish_depolarized(*f * to.irradiance, out.elements)
     } else if medium.crystal != NO_CRYSTAL {
@@ -185,14 +182,8 @@ fn connect(
             .chain
             .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
-    out.list.push(Contribution {
-        first,
-        extent,
-        time_ps: picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance)),
-        pixel: to.pixel,
-        epipolar_px: 0.0,
-        bounces: at.bounces,
-    });
+    let time_ps = picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance));
+    out.push(extent, time_ps, to.pixel, at.bounces);
     rays
 }
 

@@ -1,8 +1,14 @@
 //! From a scene to stored slices of T. Stops at Mueller matrices: no illumination state is applied here.
 
+pub mod bidirectional;
+mod bridge;
 mod connect;
+mod emission;
 pub mod path;
 pub mod progress;
 mod sheets;
+mod splats;
 pub mod tile;
 mod views;
+mod walk;
+mod weight;

@@ -11,7 +11,7 @@ use super::views::Views;
 use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
-use crate::polarization::chain::Chain;
+use crate::polarization::chain::{Chain, Scatter};
 use crate::polarization::frame::{perpendicular, perpendiculars, turn};
 use crate::sampling::stream::Stream;
 use crate::sampling::warp;
@@ -23,7 +23,6 @@ use glam::Vec3A;
 use std::ops::Range;
 
 /// The state of a path at its current ray.
-#[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
     /// Where the ray really starts (its origin is nudged off the surface).
@@ -47,11 +46,7 @@ impl State {
         if self.medium.crystal == NO_CRYSTAL {
             return;
         }
-        // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off
-        // the surface, which shifts the hit point sideways.
-        let (dir, ng) = (self.ray.dir.as_dvec3(), surface.ng.as_dvec3());
-        let length = (surface.p.as_dvec3() - self.from.as_dvec3()).dot(ng) / dir.dot(ng);
-        if let Some(scatter) = scene.materials.propagate(self.medium, self.ray.dir, length) {
+        if let Some(scatter) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
             self.frame = self
                 .chain
                 .push(&scatter, -self.ray.dir, self.frame)
@@ -60,12 +55,27 @@ impl State {
     }
 }
 
+/// What the medium does to light on the way along ±`dir` between the point `from` and a surface; `None` where it does
+/// nothing.
+pub(super) fn crossed(
+    scene: &Scene,
+    medium: Medium,
+    dir: Vec3A,
+    from: Vec3A,
+    surface: &Surface,
+) -> Option<Scatter> {
+    // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off the
+    // surface, which shifts the hit point sideways.
+    let ng = surface.ng.as_dvec3();
+    let length = (surface.p.as_dvec3() - from.as_dvec3()).dot(ng) / dir.as_dvec3().dot(ng);
+    scene.materials.propagate(medium, dir, length)
+}
+
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
 /// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
 pub const BATCH: usize = 16;
 
 /// One path and what it needs to go on.
-#[derive(Clone)]
 struct Path {
     state: State,
     stream: Stream,
@@ -323,8 +333,7 @@ impl Path {
     fn scatter(&mut self, scene: &Scene, bounces: u32, [diffuse, frame]: [Vec3A; 2]) -> bool {
         let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
         let (materials, id, wo) = (&scene.materials, surface.material, -state.ray.dir);
-        let wi;
-        if let Some(lambert) = materials.lambert(id) {
+        let wi = if let Some(lambert) = materials.lambert(id) {
             if !lambert.passes(surface, wo, diffuse) {
                 return false;
             }
@@ -332,7 +341,7 @@ impl Path {
                 .chain
                 .depolarize(lambert.albedo.at(&materials.textures, surface.uv));
             state.frame = frame;
-            wi = diffuse;
+            diffuse
         } else {
             // Borrowed, not moved: it is large.
             let sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
@@ -342,8 +351,8 @@ impl Path {
             let frame = state.chain.push(&sampled.scatter, wo, state.frame);
             state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
             state.medium = sampled.medium.unwrap_or(state.medium);
-            wi = sampled.wi;
-        }
+            sampled.wi
+        };
         if bounces + 1 >= scene.settings.rr_depth {
             let keep = state.chain.max_m00().clamp(0.0, 0.95);
             if stream.uniform() >= keep {
@@ -372,14 +381,6 @@ fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributio
     let mut chain = state.chain;
     chain.rotate_in(c2, s2);
     chain.scale(environment.radiance);
-    let first = out.elements.len() as u32;
     let extent = chain.finish(out.elements);
-    out.list.push(Contribution {
-        first,
-        extent,
-        time_ps: f64::INFINITY,
-        pixel: NO_PIXEL,
-        epipolar_px: 0.0,
-        bounces,
-    });
+    out.push(extent, f64::INFINITY, NO_PIXEL, bounces);
 }

@@ -2,12 +2,14 @@
 //!
 //! A tile's values depend on scene, seed and sample count alone, so neither threads nor interruptions change a byte.
 
+use super::bidirectional::{Plan, Walks};
 use super::path::{BATCH, Paths};
 use super::progress::{Journal, TileRecord};
 use super::views::Views;
 use crate::scene::Scene;
-use crate::scene::epipolar::Epipolar;
-use crate::tensor::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator};
+use crate::scene::{Integrator, epipolar::Epipolar};
+use crate::spectrum::Spectral;
+use crate::tensor::accumulate::{Contribution, NO_PIXEL, SlicePlan, TileAccumulator};
 use crate::tensor::slice::Slice;
 use crate::tensor::store::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
@@ -108,6 +110,87 @@ fn tile_count(scene: &Scene) -> u32 {
     w.div_ceil(n) * h.div_ceil(n)
 }
 
+/// Makes the paths of one thread.
+enum Tracer {
+    Paths(Paths),
+    Walks(Walks),
+}
+
+/// What [`Tracer`]s work out beforehand, for a part of the image.
+enum Prepared {
+    Paths(Views),
+    Walks(Plan),
+}
+
+/// Walks from the light that are kept in mind at once; more than these and the image is rendered in parts.
+const WALKS_AT_ONCE: u64 = 1 << 24;
+
+/// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
+fn needs_walks(scene: &Scene) -> bool {
+    scene.filled || scene.settings.integrator == Integrator::Bidirectional
+}
+
+/// How many tiles are rendered after one preparation.
+fn tiles_at_once(scene: &Scene) -> usize {
+    let all = tile_count(scene) as usize;
+    if scene.settings.integrator == Integrator::Path {
+        return all;
+    }
+    let [w, h] = scene.camera.resolution.map(u64::from);
+    let walks = w * h * u64::from(scene.settings.spp);
+    all.div_ceil(walks.div_ceil(WALKS_AT_ONCE) as usize)
+}
+
+impl Prepared {
+    fn new(scene: &Scene, tiles: &[u32]) -> Self {
+        if !needs_walks(scene) {
+            return Self::Paths(Views::new(scene));
+        }
+        let mut asked = vec![false; tile_count(scene) as usize];
+        for tile in tiles {
+            asked[*tile as usize] = true;
+        }
+        let ([w, _], n) = (scene.camera.resolution, scene.settings.tile);
+        let across = w.div_ceil(n);
+        Self::Walks(Plan::new(scene, |pixel| {
+            let (x, y) = (pixel % w, pixel / w);
+            asked[(y / n * across + x / n) as usize]
+        }))
+    }
+}
+
+impl Tracer {
+    fn new(scene: &Scene) -> Self {
+        if needs_walks(scene) {
+            Self::Walks(Walks::default())
+        } else {
+            Self::Paths(Paths::default())
+        }
+    }
+
+    /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements.
+    fn trace(
+        &mut self,
+        scene: &Scene,
+        prepared: &Prepared,
+        pixel: [u32; 2],
+        samples: std::ops::Range<u32>,
+    ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
+        match (self, prepared) {
+            (Self::Paths(paths), Prepared::Paths(views)) => {
+                let rays = paths.trace(scene, views, pixel, samples);
+                (rays, &mut paths.lists, &paths.elements)
+            }
+            (Self::Walks(walks), Prepared::Walks(plan)) => {
+                let rays = walks.trace(scene, plan, pixel, samples);
+                (rays, &mut walks.lists, &walks.elements)
+            }
+            // Both were made for the same scene.
+            _ => (0, &mut [], &[]),
+        }
+    }
+}
+
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors
@@ -146,7 +229,6 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         Some(p) if plans.iter().any(SlicePlan::needs_epipolar) => Epipolar::new(&scene.camera, &p.pinhole),
         _ => None,
     };
-    let views = Views::new(scene);
     let tiles = tile_count(scene);
     let mut done = vec![false; tiles as usize];
     // What earlier runs finished, and what this one does.
@@ -173,35 +255,42 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
         plans.len()
     );
     // One a thread, made once: they are large.
-    let idle = Mutex::new(Vec::<(TileAccumulator, Paths)>::new());
+    let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
     let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-    todo.par_iter()
-        .with_max_len(1)
-        .map(|&tile| {
-            if watch.interrupted() {
-                return Ok(());
-            }
-            let spare = idle().pop();
-            let (mut accumulator, mut paths) =
-                spare.unwrap_or_else(|| (TileAccumulator::new(&plans), Paths::default()));
-            let record = render_tile(
-                scene,
-                &views,
-                epipolar.as_ref(),
-                tile,
-                &mut accumulator,
-                &mut paths,
-                &store,
-                &stored,
-            )?;
-            idle().push((accumulator, paths));
-            journal.push(&record).map_err(journal_error)?;
-            tracing::debug!("tile {tile}: {} rays in {:.2} s", record.rays, record.seconds);
-            totals.add(&record);
-            watch.tile_done(&summary());
-            Ok(())
-        })
-        .collect::<Result<(), RenderError>>()?;
+    for tiles in todo.chunks(tiles_at_once(scene)) {
+        if watch.interrupted() {
+            break;
+        }
+        let prepared = Prepared::new(scene, tiles);
+        tiles
+            .par_iter()
+            .with_max_len(1)
+            .map(|&tile| {
+                if watch.interrupted() {
+                    return Ok(());
+                }
+                let spare = idle().pop();
+                let (mut accumulator, mut tracer) =
+                    spare.unwrap_or_else(|| (TileAccumulator::new(&plans), Tracer::new(scene)));
+                let record = render_tile(
+                    scene,
+                    &prepared,
+                    epipolar.as_ref(),
+                    tile,
+                    &mut accumulator,
+                    &mut tracer,
+                    &store,
+                    &stored,
+                )?;
+                idle().push((accumulator, tracer));
+                journal.push(&record).map_err(journal_error)?;
+                tracing::debug!("tile {tile}: {} rays in {:.2} s", record.rays, record.seconds);
+                totals.add(&record);
+                watch.tile_done(&summary());
+                Ok(())
+            })
+            .collect::<Result<(), RenderError>>()?;
+    }
     let result = summary();
     let complete = result.complete;
     let mut attributes = store.attributes();
@@ -359,11 +448,11 @@ fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<Strin
 #[allow(clippy::too_many_arguments)]
 fn render_tile(
     scene: &Scene,
-    views: &Views,
+    prepared: &Prepared,
     epipolar: Option<&Epipolar>,
     tile: u32,
     accumulator: &mut TileAccumulator,
-    paths: &mut Paths,
+    tracer: &mut Tracer,
     store: &TensorStore,
     stored: &[StoredSlice],
 ) -> Result<TileRecord, RenderError> {
@@ -387,10 +476,10 @@ fn render_tile(
         let mut counted = 0;
         for first in (0..scene.settings.spp).step_by(BATCH) {
             let samples = first..(first + BATCH as u32).min(scene.settings.spp);
-            record.rays += u64::from(paths.trace(scene, views, [x, y], samples.clone()));
-            let elements = &paths.elements;
+            let (rays, lists, elements) = tracer.trace(scene, prepared, [x, y], samples.clone());
+            record.rays += u64::from(rays);
             let all_finite = finite(elements);
-            for (sample, list) in samples.zip(&mut paths.lists) {
+            for (sample, list) in samples.zip(lists) {
                 if !all_finite && list.iter().any(|c| !finite(c.of(elements))) {
                     record.discarded += 1;
                     continue;

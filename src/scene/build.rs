@@ -2,14 +2,16 @@
 
 use super::devices::{emitters, pinhole, projector};
 use super::epipolar::Epipolar;
-use super::file::SceneFile;
+use super::file::{ObjectFile, SceneFile};
 use super::locate::{Located, SceneError};
 use super::values::{SpectrumFile, interpolate};
 use super::{Scene, Settings, materials, media, shapes, slices};
 use crate::geometry::bvh::GeometryBuilder;
+use crate::medium::nesting::Boundary;
 use crate::spectrum::{Spectral, Wavelengths};
 use crate::tensor::slice::{CameraSelect, ProjectorSelect};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -222,11 +224,21 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
             "add a [projector], or [[emitters]] with a point or an environment",
         ));
     }
-    let (materials, names) = materials::build(ctx, &file.materials)?;
-    let (media, ..) = media::build(ctx, &file.media)?;
+    let (mut materials, names) = materials::build(ctx, &file.materials)?;
+    let (media, media_names, _) = media::build(ctx, &file.media)?;
+    let mut boundaries = vec![Boundary::NONE; materials.list.len()];
     let mut geometry = GeometryBuilder::default();
     for object in &file.objects {
-        shapes::add(ctx, object, &names, &mut geometry)?;
+        let filling = filling(ctx, object, &media_names)?;
+        for mut placed in shapes::place(ctx, object, &names)? {
+            if let Some(filling) = filling {
+                // A number of its own tells this object's surfaces from others of the same material.
+                materials.list.push(materials.list[placed.material as usize]);
+                boundaries.push(filling);
+                placed.material = boundaries.len() as u32 - 1;
+            }
+            shapes::add(ctx, object, placed, &mut geometry)?;
+        }
     }
     let mut geometry = geometry.build();
     geometry.textured = !materials.textures.images.is_empty();
@@ -279,8 +291,10 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
         wavelengths: ctx.wavelengths.clone(),
         geometry,
         sheets: materials.any_straight(),
+        filled: boundaries.iter().any(|b| *b != Boundary::NONE) || materials.any_null(),
         materials,
         media,
+        boundaries,
         camera,
         projector,
         points,
@@ -294,6 +308,33 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, SceneError> {
             .map(|b| format!("{b:02x}"))
             .collect(),
     })
+}
+
+/// What fills an object.
+fn filling(
+    ctx: &Context,
+    object: &ObjectFile,
+    media: &BTreeMap<&str, u32>,
+) -> Result<Option<Boundary>, SceneError> {
+    let Some(name) = &object.interior else {
+        return Ok(None);
+    };
+    let Some(medium) = media.get(name.as_str()) else {
+        let known = media.keys().copied().collect::<Vec<_>>().join(", ");
+        return Err(ctx.error(
+            name.span(),
+            format!("there is no medium `{}`", **name),
+            if known.is_empty() {
+                format!("add [media.{}]", **name)
+            } else {
+                format!("add [media.{}], or use one of: {known}", **name)
+            },
+        ));
+    };
+    Ok(Some(Boundary {
+        medium: *medium,
+        priority: object.priority,
+    }))
 }
 
 /// The folder's name for `…/NAME/scene.toml`, the file's stem otherwise.
@@ -324,6 +365,8 @@ pub(super) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, Scen
         spp: check(&r.spp, "spp", 1..=1 << 30)?,
         max_depth: check(&r.max_depth, "max_depth", 1..=1024)?,
         rr_depth: r.rr_depth,
+        integrator: r.integrator,
+        strategy: None,
         seed: r.seed,
         tile: check(&r.tile, "tile", 1..=512)?,
     })

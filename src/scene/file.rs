@@ -1,5 +1,6 @@
 //! The syntax of a scene file (TOML). Unknown keys are errors; every value that can be wrong in meaning is [`Located`].
 
+use super::Integrator;
 use super::locate::Located;
 use super::material_file::MaterialFile;
 use super::medium_file::MediumFile;
@@ -56,6 +57,8 @@ pub struct RenderFile {
     pub max_depth: Located<u32>,
     /// Surface interactions before Russian roulette sets in.
     pub rr_depth: u32,
+    /// Which paths are traced.
+    pub integrator: Integrator,
     /// Key of the random streams.
     pub seed: u64,
     /// Edge of a tile in camera pixels.
@@ -68,6 +71,7 @@ impl Default for RenderFile {
             spp: Located::nowhere(64),
             max_depth: Located::nowhere(6),
             rr_depth: 5,
+            integrator: Integrator::Path,
             seed: 0,
             tile: Located::nowhere(32),
         }
@@ -223,6 +227,12 @@ pub struct ObjectFile {
     /// Materials for single parts of a file, by the name that the file gives the part's material.
     #[serde(default)]
     pub part_materials: BTreeMap<String, Located<String>>,
+    /// Name of the medium that fills it: then it must be closed, with normals outward.
+    pub interior: Option<Located<String>>,
+    /// Where objects with an interior overlap, the one of highest priority fills the space, and light does not notice the
+    /// others' boundaries there.
+    #[serde(default)]
+    pub priority: i32,
     /// Scale, then rotate, then translate.
     pub transform: Option<Located<TransformFile>>,
 }

@@ -56,7 +56,14 @@ pub enum MaterialFile {
     Crystal(CrystalFile),
     /// A table of measured Mueller matrices.
     Measured(MeasuredFile),
+    /// Index-matched boundary of a medium: light does not notice it, and it counts as no interaction.
+    Null(NullFile),
 }
+
+/// See [`MaterialFile::Null`].
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NullFile {}
 
 /// See [`MaterialFile::Diffuse`].
 #[derive(Clone, Debug, Deserialize, JsonSchema)]

@@ -167,6 +167,7 @@ impl<'a> Builder<'_, 'a> {
                     roughness: self.roughness(&c.alpha, c.distribution, c.masking)?,
                 })
             }
+            MaterialFile::Null(_) => Material::Null,
             MaterialFile::Dielectric(d) => Material::Dielectric(self.interface(&d.ior, &d.exterior_ior)?),
             MaterialFile::RoughDielectric(d) => {
                 Material::RoughDielectric(rough_dielectric::RoughDielectric {

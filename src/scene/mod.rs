@@ -23,11 +23,14 @@ pub mod values;
 use crate::geometry::bvh::Geometry;
 use crate::material::Materials;
 use crate::medium::Media;
+use crate::medium::nesting::Boundary;
 use crate::spectrum::Wavelengths;
 use crate::tensor::{axes::Extents, slice::Slice, view::Figure};
 use emitter::{Environment, PointEmitter};
 use pinhole::Pinhole;
 use projector::Projector;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// Everything a render needs, as plain tables.
 pub struct Scene {
@@ -39,6 +42,8 @@ pub struct Scene {
     pub materials: Materials,
     /// Participating media, by number.
     pub media: Media,
+    /// What each material's surfaces bound, by the material's number: [`Boundary::NONE`] where nothing fills the object.
+    pub boundaries: Vec<Boundary>,
     pub camera: Pinhole,
     pub projector: Option<Projector>,
     pub points: Vec<PointEmitter>,
@@ -48,8 +53,21 @@ pub struct Scene {
     pub settings: Settings,
     /// Some material lets light straight through, so connections may pass sheets.
     pub sheets: bool,
+    /// Some object is filled with a medium, or some boundary is null: paths must keep account of the media they are in.
+    pub filled: bool,
     /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
     pub sha256: String,
+}
+
+/// Which paths are traced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// From the camera, with connections to the emitters.
+    #[default]
+    Path,
+    /// From the camera and from the emitters, with connections between all of their points.
+    Bidirectional,
 }
 
 /// How to render.
@@ -61,6 +79,10 @@ pub struct Settings {
     pub max_depth: u32,
     /// Surface interactions before Russian roulette sets in.
     pub rr_depth: u32,
+    pub integrator: Integrator,
+    /// Traces bidirectional paths by one strategy alone, unweighted: so many points from the light and from the camera,
+    /// both ends counted. For tests; paths that it cannot make are missing.
+    pub strategy: Option<[u32; 2]>,
     /// Key of the random streams.
     pub seed: u64,
     /// Edge of a square tile in camera pixels.

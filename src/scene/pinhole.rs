@@ -245,11 +245,7 @@ impl Pinhole {
         let mut pixels = [OUTSIDE; N];
         if self.distorts() {
             for i in 0..N {
-                if let Some((at, _)) = self.project(many::get(p, i)) {
-                    // Rounding at the far border must not leave the image.
-                    let (x, y) = ((at.x as u32).min(w - 1), (at.y as u32).min(h - 1));
-                    pixels[i] = y * w + x;
-                }
+                pixels[i] = self.pixel(many::get(p, i)).unwrap_or(OUTSIDE);
             }
             return (pixels, local);
         }
@@ -289,6 +285,30 @@ impl Pinhole {
         let [w, h] = self.resolution.map(f64::from);
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < w && pixel.y < h;
         inside.then_some((pixel, local))
+    }
+
+    /// Row-major number of the pixel that sees a world point; `None` as for [`Self::project`].
+    #[must_use]
+    pub fn pixel(&self, p: Vec3A) -> Option<u32> {
+        let [w, h] = self.resolution;
+        // Rounding at the far border must not leave the image.
+        self.project(p)
+            .map(|(at, _)| (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1))
+    }
+
+    /// Image area in pixels per solid angle around a direction, given in device coordinates (right, down, forward) of any
+    /// length: |∂(x, y)/∂n| / cos³θ, n being normalized coordinates.
+    #[must_use]
+    pub fn pixels_per_steradian(&self, local: Vec3A) -> f32 {
+        let z = f64::from(local.z);
+        let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);
+        let stretch = if self.distorts() {
+            let [[a, b], [c, d]] = self.distortion.jacobian(n);
+            (a * d - b * c).abs()
+        } else {
+            1.0
+        };
+        (self.focal.x * self.focal.y * stretch * (1.0 + n.length_squared()).powf(1.5)) as f32
     }
 
     /// Image right in world coordinates.
@@ -372,6 +392,33 @@ mod tests {
             }
         }
         assert!(seen > 5000, "{seen}");
+    }
+
+    /// The density integrates to the number of pixels: mean over directions that are uniform in a cone around the image.
+    #[test]
+    fn densities_count_the_pixels() {
+        let p = device();
+        let (n, cone) = (400_000, 0.75);
+        let mut stream = Stream::new(9, 0, 0);
+        let (mut sum, mut square) = (0.0, 0.0);
+        for _ in 0..n {
+            let [u, v] = stream.uniform2();
+            let (cos, turn) = (1.0 - u * (1.0 - cone), std::f32::consts::TAU * v);
+            let sin = (1.0 - cos * cos).sqrt();
+            let local = Vec3A::new(sin * turn.cos(), sin * turn.sin(), cos);
+            let x = match p.project(p.origin + p.axes * local) {
+                Some(_) => f64::from(p.pixels_per_steradian(local * 2.0)),
+                None => 0.0,
+            };
+            sum += x;
+            square += x * x;
+        }
+        let solid_angle = std::f64::consts::TAU * (1.0 - f64::from(cone));
+        let (mean, n) = (sum / f64::from(n), f64::from(n));
+        let error = ((square / n - mean * mean) / n).sqrt() * solid_angle;
+        let pixels = mean * solid_angle;
+        assert!((pixels - 320.0 * 240.0).abs() < 5.0 * error, "{pixels} ± {error}");
+        assert!(error < 200.0);
     }
 
     #[test]

@@ -30,20 +30,18 @@ pub(super) enum Form {
     Mesh(Mesh),
 }
 
-/// Adds one object.
+/// Adds a shape of an object.
 pub(super) fn add(
-    ctx: &mut Context,
+    ctx: &Context,
     object: &Located<ObjectFile>,
-    materials: &BTreeMap<&str, u32>,
+    Placed { form, material }: Placed,
     geometry: &mut GeometryBuilder,
 ) -> Result<(), SceneError> {
-    for Placed { form, material } in place(ctx, object, materials)? {
-        match form {
-            Form::Quadric(kind, map) => geometry.quadric(Quadric::new(kind, affine(map), material)),
-            Form::Rectangle(map) => geometry.mesh(&moved(ctx, Mesh::rectangle(), map, object)?, material),
-            Form::Cube(map) => geometry.mesh(&moved(ctx, Mesh::cube(), map, object)?, material),
-            Form::Mesh(mesh) => geometry.mesh(&mesh, material),
-        }
+    match form {
+        Form::Quadric(kind, map) => geometry.quadric(Quadric::new(kind, affine(map), material)),
+        Form::Rectangle(map) => geometry.mesh(&moved(ctx, Mesh::rectangle(), map, object)?, material),
+        Form::Cube(map) => geometry.mesh(&moved(ctx, Mesh::cube(), map, object)?, material),
+        Form::Mesh(mesh) => geometry.mesh(&mesh, material),
     }
     Ok(())
 }

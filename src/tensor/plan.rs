@@ -29,6 +29,21 @@ pub struct Contributions<'a> {
     pub elements: &'a mut Vec<Spectral>,
 }
 
+impl Contributions<'_> {
+    /// Appends the contribution whose elements have just been put at the end of the list of them.
+    #[inline(always)]
+    pub fn push(&mut self, extent: Extent, time_ps: f64, pixel: u32, bounces: u32) {
+        self.list.push(Contribution {
+            first: (self.elements.len() - extent.count()) as u32,
+            extent,
+            time_ps,
+            pixel,
+            epipolar_px: 0.0,
+            bounces,
+        });
+    }
+}
+
 impl Contribution {
     /// Its elements among all, row by row.
     #[inline]

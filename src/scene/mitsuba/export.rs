@@ -138,6 +138,13 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, SceneError> {
     let mut shapes = vec![];
     let mut used = vec![];
     for object in &file.objects {
+        if let Some(name) = &object.interior {
+            return Err(ctx.error(
+                name.span(),
+                "objects filled with a medium are not exported",
+                "remove `interior`, and the medium",
+            ));
+        }
         for placed in place(ctx, object, &names)? {
             used.push(placed.material);
             shapes.push((object, placed));

@@ -143,6 +143,7 @@ impl<'a> MaterialWriter<'a> {
                 let element = self.interface(id, open("roughdielectric"), &d.interface)?;
                 self.roughness(id, element, &d.roughness)?
             }
+            Material::Null => open("null"),
             Material::ThinDielectric(d) => {
                 self.out.note(format!(
                     "material `{}`: Mitsuba's thindielectric is not polarized, and sums the mean of both polarizations, which is not the mean of their sums off the normal",

@@ -1,0 +1,470 @@
+//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994) with surfaces and media, polarized.
+//!
+//! A walk from the camera and one from the light are connected, every point of one to every point of the other:
+//!
+//! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
+//!
+//! M_z and M_y being the interactions at the two points (with their cosines toward each other), S the sheets in between.
+//! The emitters' and the camera's pinholes are points of their walks: a lone emitter is next-event estimation, a lone
+//! camera a splat into whatever pixel sees the point. What several strategies can make is weighted by [`super::weight`].
+//!
+//! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
+
+use super::bridge::{END_GAP, Start, bridge, filling};
+use super::emission::Emission;
+use super::splats::{Splats, WalkNumber};
+use super::walk::{End, From, Place, Point, Walk, mean_transmittance};
+use super::weight::{Densities, Tries, power_heuristic};
+use crate::geometry::ray::Ray;
+use crate::material::{Medium, NO_CRYSTAL};
+use crate::medium::nesting::Nest;
+use crate::polarization::chain::Chain;
+use crate::polarization::frame::{perpendicular, project, turn};
+use crate::sampling::stream::Stream;
+use crate::scene::{Integrator, Scene};
+use crate::spectrum::Spectral;
+use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
+use crate::units::picoseconds;
+use glam::{DVec2, Vec3A};
+use std::ops::Range;
+
+/// Tells the streams of walks from the light from those of camera samples.
+const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
+
+/// What a render by walks works out beforehand.
+pub struct Plan {
+    emission: Emission,
+    splats: Splats,
+    /// Walks from the light per sample.
+    walks: u32,
+}
+
+/// Walks of one camera sample, and what its pixel gets.
+#[derive(Default)]
+pub struct Walks {
+    camera: Walk,
+    light: Walk,
+    densities: [Vec<Densities>; 2],
+    /// What each sample brings, in order, and the Mueller elements of all.
+    pub lists: Vec<Vec<Contribution>>,
+    pub elements: Vec<Spectral>,
+}
+
+/// Interactions that a path may have.
+fn most(scene: &Scene) -> u32 {
+    scene.settings.max_depth - 1
+}
+
+/// True if connections of `s` points from the light to `t` from the camera are asked for.
+fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
+    match scene.settings.strategy {
+        Some([a, b]) => [a as usize, b as usize] == [s, t],
+        None => true,
+    }
+}
+
+impl Plan {
+    /// Prepares a render of the pixels that are `asked` for.
+    #[must_use]
+    pub fn new(scene: &Scene, asked: impl Fn(u32) -> bool + Sync) -> Self {
+        let [w, h] = scene.camera.resolution;
+        let mut plan = Self {
+            emission: Emission::new(scene),
+            splats: Splats::default(),
+            walks: w * h,
+        };
+        let splats = scene.settings.strategy.is_none_or(|[_, t]| t == 1);
+        if scene.settings.integrator == Integrator::Bidirectional && splats && plan.emission.count() > 0 {
+            plan.splats = Splats::new(
+                (scene.settings.spp, plan.walks, w * h),
+                asked,
+                || (Walks::default(), vec![], vec![]),
+                |(walks, list, elements), number, found| {
+                    let camera = |pixel: u32, out: &Contributions| {
+                        if !out.list.is_empty() {
+                            found(pixel);
+                        }
+                    };
+                    walks.splat(
+                        scene,
+                        &plan,
+                        number,
+                        None,
+                        &mut Contributions { list, elements },
+                        camera,
+                    );
+                },
+            );
+        }
+        plan
+    }
+}
+
+impl Walks {
+    /// Traces paths for the `samples` of camera pixel (x, y), each through a uniformly random point of the pixel, and
+    /// leaves what they bring in `lists` and `elements`; the same as [`super::path::Paths::trace`].
+    pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        self.lists.resize_with(samples.len(), Vec::new);
+        let mut elements = std::mem::take(&mut self.elements);
+        elements.clear();
+        let mut rays = 0;
+        for (n, sample) in samples.enumerate() {
+            let mut list = std::mem::take(&mut self.lists[n]);
+            list.clear();
+            let mut out = Contributions {
+                list: &mut list,
+                elements: &mut elements,
+            };
+            rays += self.sample(scene, plan, [x, y], sample, &mut out);
+            self.lists[n] = list;
+        }
+        self.elements = elements;
+        rays
+    }
+
+    /// One camera sample.
+    fn sample(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        [x, y]: [u32; 2],
+        sample: u32,
+        out: &mut Contributions,
+    ) -> u32 {
+        let pixel = y * scene.camera.resolution[0] + x;
+        let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+        let [jx, jy] = stream.uniform2().map(f64::from);
+        let dir = scene
+            .camera
+            .direction(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
+        let end = camera_end(scene, plan, dir);
+        let limits = (most(scene), scene.environment.is_some());
+        self.camera.run(scene, From::Camera, &end, &mut stream, limits);
+        let mut rays = self.camera.rays;
+        environment(scene, &self.camera, out);
+        let mut joiner = Joiner {
+            scene,
+            plan,
+            densities: &mut self.densities,
+            rays: 0,
+        };
+        for t in 2..=self.camera.points.len() {
+            let camera = &self.camera.points[..t];
+            let point = &camera[t - 1];
+            if !point.connects(scene) || !wanted(scene, 1, t) {
+                continue;
+            }
+            for source in 0..plan.emission.count() {
+                let lit = plan.emission.pixel(scene, source, point.surface.p);
+                let coaxial = t == 2 && scene.projector.as_ref().is_some_and(|p| p.coaxial);
+                let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
+                    continue;
+                };
+                if coaxial && lit != NO_PIXEL {
+                    lit = pixel;
+                }
+                if let Some(emitter) = emitter(scene, plan, source, point.surface.p) {
+                    joiner.join(camera, &[emitter], (source, lit), out);
+                }
+            }
+        }
+        rays += joiner.rays;
+        if scene.settings.integrator == Integrator::Path {
+            return rays;
+        }
+        // Any walk from the light will do; which one varies, so that over the samples they are all as likely.
+        let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, sample);
+        let shift = (shift.uniform() * plan.walks as f32) as u32;
+        let number = WalkNumber {
+            sample,
+            walk: ((u64::from(pixel) + u64::from(shift)) % u64::from(plan.walks)) as u32,
+        };
+        if let Some((source, lit)) = self.light_walk(scene, plan, number) {
+            rays += self.light.rays;
+            let mut joiner = Joiner {
+                scene,
+                plan,
+                densities: &mut self.densities,
+                rays: 0,
+            };
+            for s in 2..=self.light.points.len() {
+                if !self.light.points[s - 1].connects(scene) {
+                    continue;
+                }
+                for t in 2..=self.camera.points.len() {
+                    if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
+                        let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
+                        joiner.join(camera, light, (source, lit), out);
+                    }
+                }
+            }
+            rays += joiner.rays;
+        }
+        for number in plan.splats.of(pixel, sample) {
+            rays += self.splat(scene, plan, *number, Some(pixel), out, |_, _| ());
+        }
+        rays
+    }
+
+    /// Makes a walk from the light; the source that it started from and its projector pixel.
+    fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber) -> Option<(usize, u32)> {
+        let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
+        let start = plan.emission.start(scene, &mut stream)?;
+        let limits = (most(scene), false);
+        self.light
+            .run(scene, From::Light, &start.end, &mut stream, limits);
+        Some((start.source, start.pixel))
+    }
+
+    /// Makes a walk from the light and connects its points to the camera; with `only`, those that this pixel sees.
+    /// `after` is called after each with its pixel. Returns the number of rays.
+    fn splat(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        only: Option<u32>,
+        out: &mut Contributions,
+        mut after: impl FnMut(u32, &Contributions),
+    ) -> u32 {
+        let Some((source, lit)) = self.light_walk(scene, plan, number) else {
+            return 0;
+        };
+        let mut joiner = Joiner {
+            scene,
+            plan,
+            densities: &mut self.densities,
+            rays: self.light.rays,
+        };
+        for s in 2..=self.light.points.len() {
+            let light = &self.light.points[..s];
+            let point = &light[s - 1];
+            if !point.connects(scene) || !wanted(scene, s, 1) {
+                continue;
+            }
+            let Some(mut pixel) = scene.camera.pixel(point.surface.p) else {
+                continue;
+            };
+            if s == 2 && scene.projector.as_ref().is_some_and(|p| p.coaxial) && lit != NO_PIXEL {
+                pixel = lit;
+            }
+            if only.is_some_and(|only| only != pixel) {
+                continue;
+            }
+            if only.is_none() {
+                out.list.clear();
+                out.elements.clear();
+            }
+            let dir = (point.surface.p - scene.camera.origin).normalize_or(scene.camera.forward());
+            let mut end = camera_end(scene, plan, dir);
+            end.chain.scale(Spectral::splat(end.density / plan.walks as f32));
+            joiner.join(&[Point::end(scene, &end)], light, (source, lit), out);
+            after(pixel, out);
+        }
+        joiner.rays
+    }
+}
+
+/// The camera's end of walks whose rays start along `dir`.
+fn camera_end(scene: &Scene, plan: &Plan, dir: Vec3A) -> End {
+    let camera = &scene.camera;
+    End {
+        ray: Ray {
+            origin: camera.origin,
+            dir,
+        },
+        chain: Chain::start(scene.wavelengths.ones()),
+        frame: camera.frame(dir),
+        density: camera.pixels_per_steradian(camera.axes.transpose() * dir),
+        medium: filling(scene, &plan.emission.camera, 0),
+        nest: plan.emission.camera,
+    }
+}
+
+/// An emitter as the end of a line from the point `p`; `None` where the two coincide.
+fn emitter(scene: &Scene, plan: &Plan, source: usize, p: Vec3A) -> Option<Point> {
+    let origin = plan.emission.position(scene, source);
+    let dir = (p - origin).try_normalize()?;
+    let (intensity, axis) = plan.emission.intensity(scene, source, dir);
+    Some(Point::end(
+        scene,
+        &End {
+            ray: Ray { origin, dir },
+            chain: Chain::start(intensity),
+            frame: project(axis, dir),
+            density: plan.emission.density(scene, source, dir),
+            // Lines are followed from the camera's side.
+            medium: Medium::VACUUM,
+            nest: Nest::default(),
+        },
+    ))
+}
+
+/// Light of the environment that a walk from the camera escapes to.
+fn environment(scene: &Scene, walk: &Walk, out: &mut Contributions) {
+    let (Some(environment), Some((dir, chain, frame, interactions))) = (&scene.environment, &walk.escape)
+    else {
+        return;
+    };
+    if scene.settings.strategy.is_some() {
+        return;
+    }
+    let (mut chain, travel) = (*chain, -*dir);
+    let (c2, s2) = turn(travel, environment.frame(travel), *frame);
+    chain.rotate_in(c2, s2);
+    chain.scale(environment.radiance);
+    let extent = chain.finish(out.elements);
+    out.push(extent, f64::INFINITY, NO_PIXEL, *interactions);
+}
+
+/// Makes connections.
+struct Joiner<'a> {
+    scene: &'a Scene,
+    plan: &'a Plan,
+    densities: &'a mut [Vec<Densities>; 2],
+    rays: u32,
+}
+
+impl Joiner<'_> {
+    /// Connects the last points of a walk from the camera and of one from the light, both of which may be ends, and appends
+    /// what the path brings; `lit` are the light's source and projector pixel.
+    fn join(
+        &mut self,
+        camera: &[Point],
+        light: &[Point],
+        (source, pixel): (usize, u32),
+        out: &mut Contributions,
+    ) {
+        let scene = self.scene;
+        let ([.., z], [.., y]) = (camera, light) else {
+            return;
+        };
+        if z.lanes.mask & y.lanes.mask == 0 {
+            return;
+        }
+        let inner = |p: &Point| u32::from(p.place != Place::Pinhole);
+        let interactions = z.interactions + y.interactions + inner(z) + inner(y);
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let to = y.surface.p - z.surface.p;
+        let distance2 = to.length_squared();
+        let Some(dir) = to.try_normalize() else {
+            return;
+        };
+        let (mut chain, mut frame) = (z.chain, z.frame);
+        if z.place != Place::Pinhole {
+            let Some(scatter) = z.scatter(scene, z.back, dir) else {
+                return;
+            };
+            frame = chain
+                .push(&scatter, z.back, frame)
+                .unwrap_or_else(|| perpendicular(dir));
+        }
+        let mut last = None;
+        if y.place != Place::Pinhole {
+            last = y.scatter_flux(scene, -dir, y.back);
+            if last.is_none() {
+                return;
+            }
+        }
+        let mut line = z.line(scene, dir);
+        let end = y.leave(scene, -dir);
+        let whole = end - line.ray.origin;
+        line.ray.dir = whole.normalize_or(dir);
+        let Some((optical_m, sheets, passed)) =
+            self.follow(&mut chain, &mut frame, &line, end, (most, z.lanes.nth(0)))
+        else {
+            return;
+        };
+        let weight = self.weight(camera, light, source, (dir, passed / distance2));
+        chain.scale(Spectral::splat(weight / distance2));
+        let travel = match &last {
+            Some(scatter) => {
+                frame = chain
+                    .push(scatter, -dir, frame)
+                    .unwrap_or_else(|| perpendicular(y.back));
+                -y.back
+            }
+            None => -dir,
+        };
+        let (c2, s2) = turn(travel, y.frame, frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&y.chain);
+        let extent = chain.finish(out.elements);
+        let time_ps = picoseconds(z.optical_m + optical_m + y.optical_m);
+        out.push(extent, time_ps, pixel, interactions + sheets);
+    }
+
+    /// Lets light along a line: its optical length in metres, sheets passed and mean transmittance; `None` if it is
+    /// blocked.
+    fn follow(
+        &mut self,
+        chain: &mut Chain,
+        frame: &mut Vec3A,
+        line: &Start,
+        end: Vec3A,
+        limits: (u32, usize),
+    ) -> Option<(f64, u32, f32)> {
+        let scene = self.scene;
+        if scene.sheets || scene.filled || line.medium.crystal != NO_CRYSTAL {
+            let way = bridge(scene, chain, frame, line, end, limits, &mut self.rays)?;
+            return Some((way.optical_m, way.sheets, mean_transmittance(scene, way.depth)));
+        }
+        let length = (end - line.ray.origin).length();
+        self.rays += 1;
+        if scene.geometry.occluded(&line.ray, length * (1.0 - END_GAP)) {
+            return None;
+        }
+        let optical_m = f64::from(line.medium.index) * f64::from((end - line.from).length());
+        Some((optical_m, 0, 1.0))
+    }
+
+    /// The weight of a connection among all strategies that can make its path. `dir` leads from the camera's point to the
+    /// light's, `passed` is the mean transmittance over the squared distance.
+    fn weight(
+        &mut self,
+        camera: &[Point],
+        light: &[Point],
+        source: usize,
+        (dir, passed): (Vec3A, f32),
+    ) -> f32 {
+        let scene = self.scene;
+        if scene.settings.integrator == Integrator::Path || scene.settings.strategy.is_some() {
+            return 1.0;
+        }
+        for (walk, out) in [light, camera].into_iter().zip(self.densities.iter_mut()) {
+            out.clear();
+            out.extend(walk.iter().enumerate().map(|(i, p)| Densities {
+                own: p.forward,
+                other: p.reverse,
+                connects: !p.delta || i + 1 == walk.len(),
+            }));
+        }
+        let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);
+        let [from_light, from_camera] = &mut *self.densities;
+        // Each end of the line as the other's walk would come there, and the points before them.
+        let to_z = match y.place {
+            Place::Pinhole => self.plan.emission.density(scene, source, -dir),
+            _ => y.density(scene, y.back, -dir),
+        };
+        let to_y = match z.place {
+            Place::Pinhole => z.forward,
+            _ => z.density(scene, z.back, dir),
+        };
+        for (walk, out, density, dir) in [(camera, from_camera, to_z, dir), (light, from_light, to_y, -dir)] {
+            let k = walk.len() - 1;
+            let point = &walk[k];
+            out[k].other = density * passed * point.cosine(dir);
+            if k > 0 {
+                out[k - 1].other = point.density(scene, dir, point.back) * point.spread;
+            }
+        }
+        let tries = Tries {
+            light: self.plan.emission.chance(source),
+            splats: self.plan.walks as f32,
+        };
+        let [light, camera] = &*self.densities;
+        power_heuristic(light, camera, tries)
+    }
+}
