@@ -5,11 +5,11 @@
 
 use super::eight::{Eight, Mask};
 use super::mesh::Mesh;
-use super::quadric::Quadric;
+use super::quadric::{Quadric, normalized_slope};
 use super::ray::{Hit, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec3, Vec3A, Vec4};
+use glam::{Mat3A, Vec2, Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 
 /// Set in [`Hit::leaf`] and in [`Primitive::id`] for quadrics.
@@ -587,6 +587,32 @@ impl Geometry {
             tangent,
             uv,
             material: tri.material(),
+        }
+    }
+
+    /// Derivative ∂n/∂p of the unit shading normal by the position along the surface, 1/m.
+    #[must_use]
+    pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
+        if hit.leaf & QUADRIC != 0 {
+            return self.quadrics[(hit.leaf ^ QUADRIC) as usize].bend(surface.p);
+        }
+        let tri = &self.triangles[hit.leaf as usize];
+        let Some(corners) = tri.normals() else {
+            return Mat3A::ZERO;
+        };
+        let [a, b, c] = corners.map(|i| Vec3A::from_array(self.normals[i as usize]));
+        let (e1, e2) = (vector(tri.e1), vector(tri.e2));
+        let n = e1.cross(e2);
+        let area2 = n.length_squared();
+        // Gradients of the barycentric coordinates.
+        let (du, dv) = (e2.cross(n) / area2, n.cross(e1) / area2);
+        let raw = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
+        let column = |k: usize| (b - a) * du[k] + (c - a) * dv[k];
+        let slope = normalized_slope(raw, Mat3A::from_cols(column(0), column(1), column(2)));
+        if raw.dot(surface.ns) < 0.0 {
+            slope * -1.0
+        } else {
+            slope
         }
     }
 

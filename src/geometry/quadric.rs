@@ -185,6 +185,21 @@ impl Quadric {
         )
     }
 
+    /// Derivative of the unit outward normal by the position on the surface.
+    #[must_use]
+    pub fn bend(&self, p: Vec3A) -> Mat3A {
+        let o = self.to_object.transform_point3a(p);
+        let (n, slope) = match self.kind {
+            QuadricKind::Sphere => (o, Mat3A::IDENTITY),
+            QuadricKind::Disk => return Mat3A::ZERO,
+            QuadricKind::Cylinder => (
+                Vec3A::new(o.x, o.y, 0.0),
+                Mat3A::from_diagonal(glam::Vec3::new(1.0, 1.0, 0.0)),
+            ),
+        };
+        normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
+    }
+
     /// Texture coordinates at a point of the surface.
     #[must_use]
     pub fn uv(&self, p: Vec3A) -> [f32; 2] {
@@ -212,6 +227,14 @@ impl Quadric {
         let pad = half * 1e-5 + centre.abs() * 1e-6 + Vec3A::splat(1e-9);
         (centre - half - pad, centre + half + pad)
     }
+}
+
+/// Derivative of a normalized vector, from the vector and its own derivative.
+pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
+    let length = v.length().max(f32::MIN_POSITIVE);
+    let n = v / length;
+    let across = |c: Vec3A| (c - n * n.dot(c)) / length;
+    Mat3A::from_cols(across(slope.x_axis), across(slope.y_axis), across(slope.z_axis))
 }
 
 /// The factor of a map that scales all directions alike, 0 if it does not.
@@ -281,6 +304,36 @@ mod tests {
         }
         let uneven = Affine3A::from_scale(Vec3::new(1.0, 1.0, 1.001));
         assert!(Quadric::new(QuadricKind::Sphere, uneven, 0).ball().is_none());
+    }
+
+    /// The derivative of the normal is what differences of normals say.
+    #[test]
+    fn normals_bend_as_their_derivative_says() {
+        let mut stream = Stream::new(5, 0, 0);
+        let ball = Quadric::new(QuadricKind::Sphere, Affine3A::from_scale(Vec3::splat(0.7)), 0);
+        for q in all().into_iter().chain([ball]) {
+            let mut tried = 0;
+            while tried < 200 {
+                let (lo, hi) = q.bounds();
+                let o = (lo + hi) * 0.5 + warp::sphere(stream.uniform2()) * 3.0;
+                let d = ((lo + hi) * 0.5 + warp::sphere(stream.uniform2()) * 0.3 - o).normalize();
+                let t = q.intersect(o, d, f32::INFINITY);
+                if !t.is_finite() {
+                    continue;
+                }
+                tried += 1;
+                let (p, n, tangent) = q.surface(o + d * t);
+                let along = tangent.normalize() * 1e-2;
+                let (a, b) = (q.surface(p + along), q.surface(p - along));
+                let want = (a.1 - b.1) / 2e-2;
+                let got = q.bend(p) * ((a.0 - b.0) / 2e-2);
+                assert!(
+                    (got - want).length() < 2e-3 * (1.0 + want.length()),
+                    "{got} {want}"
+                );
+                assert!(got.dot(n).abs() < 1e-4);
+            }
+        }
     }
 
     fn all() -> [Quadric; 3] {

@@ -493,6 +493,31 @@ impl Materials {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
+    /// Index on the side of `wo` over that on the other side, of wavelength `lane`, of a smooth interface; `None` for all
+    /// else.
+    #[must_use]
+    pub fn index_ratio(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<f32> {
+        match &self.list[id as usize] {
+            Material::Dielectric(m) => {
+                let (near, far) = m.sides(at, wo);
+                Some(near.to_array()[lane] / far.to_array()[lane])
+            }
+            _ => None,
+        }
+    }
+
+    /// True if some material is a smooth interface that bends light.
+    #[must_use]
+    pub fn any_interface(&self) -> bool {
+        self.list.iter().any(|m| matches!(m, Material::Dielectric(_)))
+    }
+
+    /// True if the material's interface sends wavelengths different ways.
+    #[must_use]
+    pub fn disperses(&self, id: u32) -> bool {
+        matches!(&self.list[id as usize], Material::Dielectric(m) if m.dispersive)
+    }
+
     /// True if the material is a crystal.
     #[inline]
     #[must_use]

@@ -12,11 +12,12 @@
 
 use super::bridge::{END_GAP, Start, bridge, filling};
 use super::emission::Emission;
+use super::manifold::{self, Way};
 use super::splats::{Splats, WalkNumber};
 use super::walk::{End, From, Place, Point, Walk, mean_transmittance};
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::geometry::ray::Ray;
-use crate::material::{Medium, NO_CRYSTAL};
+use crate::material::{Lanes, Medium, NO_CRYSTAL};
 use crate::medium::nesting::Nest;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, project, turn};
@@ -37,6 +38,8 @@ pub struct Plan {
     splats: Splats,
     /// Walks from the light per sample.
     walks: u32,
+    /// Emitters are looked for through interfaces.
+    manifold: bool,
 }
 
 /// Walks of one camera sample, and what its pixel gets.
@@ -45,10 +48,15 @@ pub struct Walks {
     camera: Walk,
     light: Walk,
     densities: [Vec<Densities>; 2],
+    seen: Seen,
     /// What each sample brings, in order, and the Mueller elements of all.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
+
+/// The first point of a walk from the light that lines can end at, by its number, if it lies behind interfaces; and the
+/// density, per area across, with which light comes there, if the way would have been found from the point.
+type Seen = Option<(usize, Option<f32>)>;
 
 /// Interactions that a path may have.
 fn most(scene: &Scene) -> u32 {
@@ -72,6 +80,9 @@ impl Plan {
             emission: Emission::new(scene),
             splats: Splats::default(),
             walks: w * h,
+            manifold: scene.settings.manifold
+                && scene.settings.strategy.is_none()
+                && scene.materials.any_interface(),
         };
         let splats = scene.settings.strategy.is_none_or(|[_, t]| t == 1);
         if scene.settings.integrator == Integrator::Bidirectional && splats && plan.emission.count() > 0 {
@@ -146,6 +157,7 @@ impl Walks {
             scene,
             plan,
             densities: &mut self.densities,
+            seen: &mut self.seen,
             rays: 0,
         };
         for t in 2..=self.camera.points.len() {
@@ -167,6 +179,11 @@ impl Walks {
                     joiner.join(camera, &[emitter], (source, lit), out);
                 }
             }
+            if plan.manifold {
+                for source in 0..plan.emission.count() {
+                    joiner.join_by_manifold(camera, source, out);
+                }
+            }
         }
         rays += joiner.rays;
         if scene.settings.integrator == Integrator::Path {
@@ -185,6 +202,7 @@ impl Walks {
                 scene,
                 plan,
                 densities: &mut self.densities,
+                seen: &mut self.seen,
                 rays: 0,
             };
             for s in 2..=self.light.points.len() {
@@ -213,6 +231,7 @@ impl Walks {
         let limits = (most(scene), false);
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
+        self.seen = None;
         Some((start.source, start.pixel))
     }
 
@@ -234,6 +253,7 @@ impl Walks {
             scene,
             plan,
             densities: &mut self.densities,
+            seen: &mut self.seen,
             rays: self.light.rays,
         };
         for s in 2..=self.light.points.len() {
@@ -322,6 +342,7 @@ struct Joiner<'a> {
     scene: &'a Scene,
     plan: &'a Plan,
     densities: &'a mut [Vec<Densities>; 2],
+    seen: &'a mut Seen,
     rays: u32,
 }
 
@@ -377,7 +398,7 @@ impl Joiner<'_> {
         else {
             return;
         };
-        let weight = self.weight(camera, light, source, (dir, passed / distance2));
+        let weight = self.weight(camera, light, source, (dir, passed / distance2), None);
         chain.scale(Spectral::splat(weight / distance2));
         let travel = match &last {
             Some(scatter) => {
@@ -394,6 +415,129 @@ impl Joiner<'_> {
         let extent = chain.finish(out.elements);
         let time_ps = picoseconds(z.optical_m + optical_m + y.optical_m);
         out.push(extent, time_ps, pixel, interactions + sheets);
+    }
+
+    /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
+    fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let scene = self.scene;
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let to = self.plan.emission.position(scene, source);
+        let mut lane = z.lanes.nth(0);
+        let Some(mut way) = self.way(z, to, lane) else {
+            return;
+        };
+        if !way.disperses(scene) {
+            self.join_way(camera, source, &way, (z.lanes, lane), out);
+            return;
+        }
+        // Every wavelength takes a way of its own.
+        for k in 0..z.lanes.count() {
+            if k > 0 {
+                lane = z.lanes.nth(k);
+                way = match self.way(z, to, lane) {
+                    Some(way) => way,
+                    None => continue,
+                };
+            }
+            self.join_way(camera, source, &way, (Lanes { mask: 1 << lane }, lane), out);
+        }
+    }
+
+    /// The way from a point to an emitter at `to` through interfaces.
+    fn way(&self, z: &Point, to: Vec3A, lane: usize) -> Option<Way> {
+        let dir = (to - z.surface.p).try_normalize()?;
+        manifold::find(self.scene, z.line(self.scene, dir), to, lane)
+    }
+
+    /// Appends what a way brings to the wavelengths `lanes`.
+    fn join_way(
+        &mut self,
+        camera: &[Point],
+        source: usize,
+        way: &Way,
+        (lanes, lane): (Lanes, usize),
+        out: &mut Contributions,
+    ) {
+        let (scene, emission) = (self.scene, &self.plan.emission);
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let interactions = z.interactions + 1 + way.count() as u32;
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let Some(pixel) = emission.pixel(scene, source, way.first) else {
+            return;
+        };
+        let Some(scatter) = z.scatter(scene, z.back, way.dir) else {
+            return;
+        };
+        let mut chain = z.chain;
+        let mut frame = chain
+            .push(&scatter, z.back, z.frame)
+            .unwrap_or_else(|| perpendicular(way.dir));
+        let to = emission.position(scene, source);
+        let limits = (most, lane);
+        let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays) else {
+            return;
+        };
+        let Some(emitter) = emitter(scene, self.plan, source, way.first) else {
+            return;
+        };
+        let arrival = way.density(scene, emission, source, &passed);
+        let weight = self.weight(camera, &[emitter], source, (way.dir, 1.0), Some(arrival));
+        let alive = Spectral::new([0, 1, 2, 3].map(|i| f32::from(lanes.mask >> i & 1)));
+        chain.scale(alive * Spectral::splat(weight / way.spread));
+        let (c2, s2) = turn(way.emitted, emitter.frame, frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&emitter.chain);
+        let extent = chain.finish(out.elements);
+        let time_ps = picoseconds(z.optical_m + passed.optical_m);
+        out.push(extent, time_ps, pixel, interactions + passed.sheets);
+    }
+
+    /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
+    /// and the density per area with which light comes there; `None` where no such way would be found from that point.
+    fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
+        if !self.plan.manifold {
+            return None;
+        }
+        let last = light.len() - 1;
+        let first = (1..=last).find(|i| !light[*i].delta || *i == last)?;
+        if first < 2 {
+            return None;
+        }
+        let point = &light[first];
+        let known = match *self.seen {
+            Some((i, known)) if i == first => known,
+            _ => {
+                let known = self.density_through(point, first - 1, source);
+                *self.seen = Some((first, known));
+                known
+            }
+        };
+        known.map(|density| (first, density * point.cosine(point.back)))
+    }
+
+    /// See [`Seen`].
+    fn density_through(&mut self, point: &Point, count: usize, source: usize) -> Option<f32> {
+        let (scene, emission) = (self.scene, &self.plan.emission);
+        if !point.connects(scene) {
+            return None;
+        }
+        let to = emission.position(scene, source);
+        let lane = point.lanes.nth(0);
+        let way = self.way(point, to, lane)?;
+        // Two ways through the same interfaces do not begin within a few milliradians of one another.
+        if way.count() != count || way.dir.dot(point.back) < 1.0 - 1e-5 {
+            return None;
+        }
+        let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
+        let limits = (most(scene), lane);
+        let passed = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays)?;
+        Some(way.density(scene, emission, source, &passed))
     }
 
     /// Lets light along a line: its optical length in metres, sheets passed and mean transmittance; `None` if it is
@@ -422,17 +566,21 @@ impl Joiner<'_> {
 
     /// The weight of a connection among all strategies that can make its path. `dir` leads from the camera's point to the
     /// light's, `passed` is the mean transmittance over the squared distance.
+    /// `arrival` is the density per area across at the camera's point with which walks from the emitter come there, where
+    /// that is not along the line.
     fn weight(
         &mut self,
         camera: &[Point],
         light: &[Point],
         source: usize,
         (dir, passed): (Vec3A, f32),
+        arrival: Option<f32>,
     ) -> f32 {
         let scene = self.scene;
         if scene.settings.integrator == Integrator::Path || scene.settings.strategy.is_some() {
             return 1.0;
         }
+        let seen = self.seen_through(light, source);
         for (walk, out) in [light, camera].into_iter().zip(self.densities.iter_mut()) {
             out.clear();
             out.extend(walk.iter().enumerate().map(|(i, p)| Densities {
@@ -452,13 +600,22 @@ impl Joiner<'_> {
             Place::Pinhole => z.forward,
             _ => z.density(scene, z.back, dir),
         };
-        for (walk, out, density, dir) in [(camera, from_camera, to_z, dir), (light, from_light, to_y, -dir)] {
+        let to_z = arrival.unwrap_or(to_z * passed);
+        for (walk, out, density, dir) in [
+            (camera, &mut *from_camera, to_z, dir),
+            (light, &mut *from_light, to_y * passed, -dir),
+        ] {
             let k = walk.len() - 1;
             let point = &walk[k];
-            out[k].other = density * passed * point.cosine(dir);
+            out[k].other = density * point.cosine(dir);
             if k > 0 {
                 out[k - 1].other = point.density(scene, dir, point.back) * point.spread;
             }
+        }
+        if let Some((first, density)) = seen {
+            // The way through the interfaces is one step, that walks from the light and manifolds both can make.
+            from_light.drain(1..first);
+            from_light[1].own = density;
         }
         let tries = Tries {
             light: self.plan.emission.chance(source),

@@ -21,6 +21,7 @@ use glam::Vec3A;
 pub(super) const END_GAP: f32 = 1e-5;
 
 /// The end of a line on the camera's side.
+#[derive(Clone, Copy)]
 pub(super) struct Start {
     /// Leads to the other end.
     pub ray: Ray,
@@ -38,6 +39,9 @@ pub(super) struct Bridge {
     pub sheets: u32,
     /// Optical depth τ.
     pub depth: Spectral,
+    /// What is at the end of the line.
+    pub medium: Medium,
+    pub nest: Nest,
 }
 
 /// The medium that surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
@@ -117,5 +121,7 @@ pub(super) fn bridge(
         optical_m,
         sheets,
         depth,
+        medium,
+        nest,
     })
 }

@@ -4,6 +4,7 @@ pub mod bidirectional;
 mod bridge;
 mod connect;
 mod emission;
+mod manifold;
 pub mod path;
 pub mod progress;
 mod sheets;

@@ -127,7 +127,7 @@ const WALKS_AT_ONCE: u64 = 1 << 24;
 
 /// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
 fn needs_walks(scene: &Scene) -> bool {
-    scene.filled || scene.settings.integrator == Integrator::Bidirectional
+    scene.filled || scene.settings.manifold || scene.settings.integrator == Integrator::Bidirectional
 }
 
 /// How many tiles are rendered after one preparation.

@@ -5,7 +5,7 @@ use super::epipolar::Epipolar;
 use super::file::{ObjectFile, SceneFile};
 use super::locate::{Located, SceneError};
 use super::values::{SpectrumFile, interpolate};
-use super::{Scene, Settings, materials, media, shapes, slices};
+use super::{Integrator, Scene, Settings, materials, media, shapes, slices};
 use crate::geometry::bvh::GeometryBuilder;
 use crate::medium::nesting::Boundary;
 use crate::spectrum::{Spectral, Wavelengths};
@@ -366,6 +366,7 @@ pub(super) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, Scen
         max_depth: check(&r.max_depth, "max_depth", 1..=1024)?,
         rr_depth: r.rr_depth,
         integrator: r.integrator,
+        manifold: r.manifold.unwrap_or(r.integrator == Integrator::Bidirectional),
         strategy: None,
         seed: r.seed,
         tile: check(&r.tile, "tile", 1..=512)?,

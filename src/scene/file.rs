@@ -59,6 +59,9 @@ pub struct RenderFile {
     pub rr_depth: u32,
     /// Which paths are traced.
     pub integrator: Integrator,
+    /// Look for emitters through smooth interfaces that bend light, such as glass and water; absent: where `integrator` is
+    /// `bidirectional`.
+    pub manifold: Option<bool>,
     /// Key of the random streams.
     pub seed: u64,
     /// Edge of a tile in camera pixels.
@@ -72,6 +75,7 @@ impl Default for RenderFile {
             max_depth: Located::nowhere(6),
             rr_depth: 5,
             integrator: Integrator::Path,
+            manifold: None,
             seed: 0,
             tile: Located::nowhere(32),
         }

@@ -80,6 +80,8 @@ pub struct Settings {
     /// Surface interactions before Russian roulette sets in.
     pub rr_depth: u32,
     pub integrator: Integrator,
+    /// Emitters are looked for through smooth interfaces that bend light.
+    pub manifold: bool,
     /// Traces bidirectional paths by one strategy alone, unweighted: so many points from the light and from the camera,
     /// both ends counted. For tests; paths that it cannot make are missing.
     pub strategy: Option<[u32; 2]>,

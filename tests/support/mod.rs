@@ -32,14 +32,22 @@ impl Rendered {
 
 /// Renders the scene; panics with the scene's text if it is refused.
 pub fn render_text(text: &str) -> Rendered {
-    let scene = Scene::from_text(Path::new("test.toml"), text)
-        .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"));
+    render_scene(&scene_of(text))
+}
+
+/// The scene; panics with its text if it is refused.
+pub fn scene_of(text: &str) -> Scene {
+    Scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))
+}
+
+/// Renders a scene.
+pub fn render_scene(scene: &Scene) -> Rendered {
     let folder = tempfile::tempdir().unwrap();
     let target = Target {
         path: folder.path().join("store"),
         ..Target::default()
     };
-    let summary = render(&scene, &target, &Unwatched).unwrap();
+    let summary = render(scene, &target, &Unwatched).unwrap();
     assert!(summary.complete);
     assert_eq!(summary.discarded, 0, "samples that are not finite");
     Rendered {

@@ -1,0 +1,310 @@
+//! Connections to an emitter's pinhole through smooth interfaces that bend light: next-event estimation along specular
+//! manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
+//!
+//! From a point x a ray is shot through k interfaces, with its derivatives by the two angles of its direction (Igehy 1999,
+//! "Tracing ray differentials"). Newton's method turns the direction until the ray meets the emitter; it starts from the
+//! straight line, which also says how many interfaces there are. At the solution the derivative says how much area A the
+//! rays of a solid angle cover about the emitter, and so what arrives at x from its intensity I:
+//!
+//! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
+//!
+//! which is 1/d² where nothing bends the ray. Each Sᵢ is the interface's whole transmission with its radiance scaled by
+//! the squared indices. The density with which a walk from the light would have come the same way is
+//! p(ω_L) (n_x/n_L)² / J per area across.
+//!
+//! A start finds at most one of the ways that a curved interface may have. What is found depends on the point alone, so
+//! [`super::weight`] can ask of any path whether it would have been found.
+
+use super::bridge::{Start, bridge};
+use super::emission::Emission;
+use super::walk::mean_transmittance;
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Lobe, Medium};
+use crate::medium::nesting::Nest;
+use crate::polarization::chain::{Chain, Scatter};
+use crate::polarization::frame::{basis, perpendicular};
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+
+/// Most interfaces on the way.
+const INTERFACES: usize = 8;
+
+/// Steps of Newton's method.
+const STEPS: usize = 24;
+
+/// A ray is at the emitter when it passes it this near, relative to its length.
+const NEAR: f32 = 5e-6;
+
+/// Where the way is bent.
+struct Bend {
+    surface: Surface,
+    /// Directions before and after, away from x.
+    before: Vec3A,
+    after: Vec3A,
+    scatter: Scatter,
+    medium: Option<Medium>,
+}
+
+/// A way from a point to an emitter.
+pub(super) struct Way {
+    /// Direction in which it leaves the point, and in which the emitter's light starts out.
+    pub dir: Vec3A,
+    pub emitted: Vec3A,
+    /// The point that the emitter lights first.
+    pub first: Vec3A,
+    /// J, m².
+    pub spread: f32,
+    bends: ArrayVec<Bend, INTERFACES>,
+    start: Start,
+}
+
+/// What a way brings besides its polarization.
+pub(super) struct Passed {
+    pub optical_m: f64,
+    pub sheets: u32,
+    /// Mean transmittance of the media, and the index at the emitter.
+    pub mean: f32,
+    pub index: f32,
+}
+
+/// A ray shot toward an emitter: where it passes by, and the derivatives of that.
+struct Shot {
+    bends: ArrayVec<Bend, INTERFACES>,
+    /// Unit direction at the end; the end minus the emitter, across it; derivatives by the two angles.
+    dir: Vec3A,
+    miss: Vec3A,
+    slopes: [Vec3A; 2],
+    length: f32,
+}
+
+/// True where light goes straight on.
+fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
+    let id = surface.material;
+    scene.materials.is_null(id)
+        || nest.hides(&scene.boundaries, id)
+        || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
+}
+
+/// Number of interfaces on the straight line; `None` if anything else stands in it.
+fn interfaces(scene: &Scene, start: &Start, to: Vec3A, lane: usize) -> Option<usize> {
+    let (mut ray, mut nest, mut count) = (start.ray, start.nest, 0);
+    // Grazing rays must end.
+    for _ in 0..64 {
+        let length = (to - ray.origin).length();
+        let Some(hit) = scene.geometry.intersect(&ray, length) else {
+            return (count > 0).then_some(count);
+        };
+        let surface = scene.geometry.surface(&ray, &hit);
+        if !passes(scene, &nest, &surface, ray.dir) {
+            scene
+                .materials
+                .index_ratio(surface.material, &surface, -ray.dir, lane)?;
+            count += 1;
+            if count > INTERFACES {
+                return None;
+            }
+        }
+        nest.cross(&scene.boundaries, surface.material, surface.ng.dot(ray.dir) < 0.0);
+        ray.origin = scene.geometry.leave(&surface, ray.dir);
+    }
+    None
+}
+
+/// Shoots a ray through `count` interfaces and on to where it passes `to`.
+fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane: usize) -> Option<Shot> {
+    let across = basis(dir);
+    let mut slopes_p = [Vec3A::ZERO; 2];
+    let mut slopes_d = [across.x_axis, across.y_axis];
+    let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
+    let mut origin = start.ray.origin;
+    let mut bends = ArrayVec::new();
+    let mut length = 0.0;
+    for _ in 0..64 {
+        if bends.len() == count {
+            let way = (to - from).dot(dir);
+            if way <= 0.0 {
+                return None;
+            }
+            let end = from + dir * way;
+            let slopes = [0, 1].map(|k| {
+                let s: Vec3A = slopes_p[k] + slopes_d[k] * way;
+                s - dir * dir.dot(s)
+            });
+            return Some(Shot {
+                bends,
+                dir,
+                miss: end - to,
+                slopes,
+                length: length + way,
+            });
+        }
+        let ray = Ray { origin, dir };
+        let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+        let surface = scene.geometry.surface(&ray, &hit);
+        let id = surface.material;
+        let step = (surface.p - from).length();
+        length += step;
+        let straight = passes(scene, &nest, &surface, dir);
+        // On to the surface, along it.
+        for k in 0..2 {
+            let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
+            slopes_p[k] = if straight {
+                s
+            } else {
+                s - dir * (s.dot(surface.ng) / dir.dot(surface.ng))
+            };
+        }
+        nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+        if !straight {
+            let ratio = scene.materials.index_ratio(id, &surface, -dir, lane)?;
+            let bent = scene
+                .materials
+                .specular(id, &surface, -dir, Lobe::Transmitted, lane)?;
+            let bend = scene.geometry.bend(&hit, &surface);
+            let (n, bend) = if dir.dot(surface.ng) > 0.0 {
+                (-surface.ns, bend * -1.0)
+            } else {
+                (surface.ns, bend)
+            };
+            let (cos, cos_far) = (dir.dot(n), bent.wi.dot(n));
+            let pull = ratio * cos - cos_far;
+            for k in 0..2 {
+                let turned = bend * slopes_p[k];
+                let slope = slopes_d[k].dot(n) + dir.dot(turned);
+                let pulled = (ratio - ratio * ratio * cos / cos_far) * slope;
+                slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
+            }
+            bends.push(Bend {
+                surface,
+                before: dir,
+                after: bent.wi,
+                scatter: bent.scatter,
+                medium: bent.medium,
+            });
+            dir = bent.wi;
+        }
+        from = surface.p;
+        origin = scene.geometry.leave(&surface, dir);
+    }
+    None
+}
+
+/// The way from the start of a line to the point `to` through the interfaces in between; `None` if there are none, or no
+/// way is found. `lane` is the wavelength that it is for.
+pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Option<Way> {
+    let count = interfaces(scene, &start, to, lane)?;
+    let mut dir = start.ray.dir;
+    let mut shot = shoot(scene, &start, dir, to, count, lane)?;
+    for _ in 0..STEPS {
+        let miss = shot.miss.length();
+        let q = basis(shot.dir);
+        let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
+        let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
+        let det = a * d - b * c;
+        if !(det.abs() > 0.0) {
+            return None;
+        }
+        if miss < NEAR * shot.length {
+            let last = shot.bends.last()?;
+            return Some(Way {
+                dir,
+                emitted: -last.after,
+                first: last.surface.p,
+                spread: det.abs(),
+                bends: shot.bends,
+                start,
+            });
+        }
+        let across = basis(dir);
+        let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
+        // No leap beyond where the derivative means something, and none that leads away.
+        let mut share = (0.3 / step.length()).min(1.0);
+        let mut better = None;
+        for _ in 0..6 {
+            let next = (dir + step * share).normalize();
+            if let Some(s) = shoot(scene, &start, next, to, count, lane)
+                && s.miss.length() < miss
+            {
+                better = Some((next, s));
+                break;
+            }
+            share *= 0.4;
+        }
+        (dir, shot) = better?;
+    }
+    None
+}
+
+impl Way {
+    /// Number of interfaces.
+    pub fn count(&self) -> usize {
+        self.bends.len()
+    }
+
+    /// True if wavelengths take different ways.
+    pub fn disperses(&self, scene: &Scene) -> bool {
+        self.bends
+            .iter()
+            .any(|b| scene.materials.disperses(b.surface.material))
+    }
+
+    /// Density per area across at the point with which walks from source `source` come along the way.
+    pub fn density(&self, scene: &Scene, emission: &Emission, source: usize, passed: &Passed) -> f32 {
+        let ratio = self.start.medium.index / passed.index;
+        emission.density(scene, source, self.emitted) * ratio * ratio / self.spread * passed.mean
+    }
+
+    /// Multiplies `chain`, whose light is in `frame`, by all that happens on the way to the emitter at `to`; `None` if
+    /// something blocks it or more than `most` sheets stand in it.
+    pub fn follow(
+        &self,
+        scene: &Scene,
+        chain: &mut Chain,
+        frame: &mut Vec3A,
+        to: Vec3A,
+        (most, lane): (u32, usize),
+        rays: &mut u32,
+    ) -> Option<Passed> {
+        let mut start = Start {
+            ray: Ray {
+                origin: self.start.ray.origin,
+                dir: self.dir,
+            },
+            ..self.start
+        };
+        let (mut optical_m, mut sheets, mut depth) = (0.0, 0, crate::spectrum::Spectral::ZERO);
+        for i in 0..=self.bends.len() {
+            let bend = self.bends.get(i);
+            let end = bend.map_or(to, |b| scene.geometry.leave(&b.surface, -b.before));
+            let line = bridge(scene, chain, frame, &start, end, (most - sheets, lane), rays)?;
+            optical_m += line.optical_m;
+            sheets += line.sheets;
+            depth += line.depth;
+            let Some(bend) = bend else {
+                break;
+            };
+            *frame = chain
+                .push(&bend.scatter, -bend.before, *frame)
+                .unwrap_or_else(|| perpendicular(bend.after));
+            let s = &bend.surface;
+            let mut nest = line.nest;
+            nest.cross(&scene.boundaries, s.material, s.ng.dot(bend.after) < 0.0);
+            start = Start {
+                ray: Ray {
+                    origin: scene.geometry.leave(s, bend.after),
+                    dir: bend.after,
+                },
+                from: s.p,
+                medium: bend.medium.unwrap_or(line.medium),
+                nest,
+            };
+        }
+        Some(Passed {
+            optical_m,
+            sheets,
+            mean: mean_transmittance(scene, depth),
+            index: start.medium.index,
+        })
+    }
+}

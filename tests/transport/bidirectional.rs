@@ -1,0 +1,184 @@
+//! Bidirectional paths against paths from the camera, wherever those can do it, and every strategy alone.
+
+use crate::support::{Rendered, render_scene, scene_of};
+use sunstone::scene::{Integrator, Scene};
+use sunstone::tensor::array::Tensor;
+use sunstone::tensor::axes::AxisKind;
+
+/// Camera and projector of 16 x 16 pixels over a box of 2 m, and slices that hold all that a path carries.
+fn devices(spp: u32, depth: u32, seed: u32) -> String {
+    format!(
+        "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 8\n\
+         [camera]\nresolution = [16, 16]\nfov_x_deg = 42\n\
+         pose.look_at = {{ origin = [0.3, 0.4, 3.6], target = [0, 0, 0] }}\n\
+         [projector]\nresolution = [16, 16]\nfov_x_deg = 38\nirradiance = [1.0, 2.0, 1.5]\n\
+         pose.look_at = {{ origin = [-0.7, 0.8, 3.3], target = [0.1, -0.2, 0], up = [0.2, 1, 0.1] }}\n\
+         [[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\ncamera = {{ binned = 8 }}\n\
+         [[slices]]\nname = \"t\"\nbounces = true\ncamera = {{ binned = 16 }}\n\
+         time = {{ start_ps = 20000, bin_ps = 2000, bins = 10 }}\n\
+         [[slices]]\nname = \"p\"\nprojector = {{ binned = 8 }}\ncamera = {{ binned = 8 }}\n"
+    )
+}
+
+/// Three walls, a floor and a ceiling of a box open toward the camera.
+const WALLS: &str = "
+    [[objects]]\nmaterial = \"wall\"\nshape.rectangle = { corner = [-1, -1, -1], u = [2, 0, 0], v = [0, 2, 0] }
+    [[objects]]\nmaterial = \"red\"\nshape.rectangle = { corner = [-1, -1, -1], u = [0, 2, 0], v = [0, 0, 2] }
+    [[objects]]\nmaterial = \"wall\"\nshape.rectangle = { corner = [1, -1, -1], u = [0, 0, 2], v = [0, 2, 0] }
+    [[objects]]\nmaterial = \"floor\"\nshape.rectangle = { corner = [-1, -1, -1], u = [0, 0, 2], v = [2, 0, 0] }
+    ";
+
+fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> Rendered {
+    let mut scene: Scene = scene_of(text);
+    scene.settings.integrator = integrator;
+    scene.settings.strategy = strategy;
+    render_scene(&scene)
+}
+
+/// Asserts that two renders agree in every element of every slice within five standard errors, and that enough of
+/// the elements say something: their errors are below `share` of the largest value. Returns the largest deviation.
+fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32 {
+    let mut most = 0.0_f32;
+    for slice in ["m", "t", "p"] {
+        let (x, y): (Tensor, Tensor) = (a.mean(slice), b.mean(slice));
+        let (dx, dy) = (a.std_error(slice), b.std_error(slice));
+        let top = x.data.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
+        let mut sharp = 0;
+        for i in 0..x.data.len() {
+            let sigma = dx.data[i].hypot(dy.data[i]);
+            let diff = (x.data[i] - y.data[i]).abs();
+            // What both find to be zero, and rounding where nothing varies.
+            if diff > 1e-6 * top {
+                assert!(
+                    diff < 5.0 * sigma,
+                    "{slice}[{i}]: {} ± {} and {} ± {}",
+                    x.data[i],
+                    dx.data[i],
+                    y.data[i],
+                    dy.data[i]
+                );
+                most = most.max(diff / sigma);
+            }
+            sharp += usize::from(sigma < share * top && x.data[i].abs() > 5.0 * sigma);
+        }
+        if slice == "m" {
+            assert!(sharp >= least, "{sharp} elements of {slice} say something");
+        }
+    }
+    most
+}
+
+/// Paths from the camera alone and from both ends.
+fn compare(text: &str, share: f32, least: usize) {
+    let path = with(text, Integrator::Path, None);
+    let both = with(text, Integrator::Bidirectional, None);
+    let most = assert_agree(&path, &both, share, least);
+    println!("largest deviation {most:.2} sigma");
+}
+
+const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
+    floor.diffuse.albedo = 0.5\n";
+
+#[test]
+fn diffuse_box() {
+    compare(&(devices(128, 5, 1) + DIFFUSE + WALLS), 0.02, 20);
+}
+
+/// Each strategy alone is the light of its number of interactions.
+#[test]
+fn every_strategy_alone() {
+    let text = devices(256, 4, 2)
+        + "[materials]\nwall.rough_conductor = { metal = \"Au\", alpha = 0.5 }\n\
+           red.diffuse.albedo = [0.2, 0.3, 0.8]\nfloor.plastic = { albedo = 0.5, alpha = 0.4, ior = 1.5 }\n"
+        + WALLS;
+    let path = with(&text, Integrator::Path, None);
+    let whole = path.mean("m");
+    let bounces = whole.extent(AxisKind::Bounces);
+    for [s, t] in [
+        [1, 2],
+        [2, 1],
+        [1, 3],
+        [2, 2],
+        [3, 1],
+        [1, 4],
+        [2, 3],
+        [3, 2],
+        [4, 1],
+    ] {
+        let alone = with(&text, Integrator::Bidirectional, Some([s, t]));
+        let (mean, error) = (alone.mean("m"), alone.std_error("m"));
+        let errors = path.std_error("m");
+        let mut compared = 0;
+        for i in 0..mean.data.len() {
+            let of = i / (16 * 3) % bounces;
+            let sigma = error.data[i].hypot(errors.data[i]);
+            if of as u32 == s + t - 2 {
+                let diff = (mean.data[i] - whole.data[i]).abs();
+                assert!(
+                    diff < 5.0 * sigma + 1e-7,
+                    "{s}, {t}: {} {} ± {sigma}",
+                    mean.data[i],
+                    whole.data[i]
+                );
+                compared += usize::from(whole.data[i].abs() > 3.0 * sigma);
+            } else {
+                assert_eq!(mean.data[i], 0.0, "{s}, {t} makes paths of {of} interactions");
+            }
+        }
+        assert!(compared > 10, "{s}, {t}: {compared}");
+    }
+}
+
+/// Metal, plastic, rough glass, a mirror, polarizing sheets, a smooth-shaded mesh, a point emitter.
+#[test]
+fn surfaces_of_all_kinds() {
+    let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mirror_room/knot.glb");
+    let text = devices(256, 6, 3)
+        + "[[emitters]]\npoint = { position = [0.2, 0.8, 0.9], intensity = 0.3 }\n\
+           [materials]\nwall.rough_conductor = { metal = \"Au\", alpha = 0.5 }\n\
+           red.plastic = { albedo = [0.2, 0.3, 0.8], alpha = 0.3, ior = 1.5 }\nfloor.diffuse.albedo = 0.6\n\
+           glass.rough_dielectric = { ior = 1.5, alpha = 0.4 }\nmirror.conductor.metal = \"Ag\"\n\
+           sheet.polarizer = { axis = [1, 1, 0] }\nwave.retarder = { retardance_deg = 70, axis = [1, 0, 0] }\n"
+        + WALLS
+        + "[[objects]]\nmaterial = \"mirror\"\nshape.sphere = { center = [0.6, -0.6, -0.4], radius = 0.35 }\n\
+           [[objects]]\nmaterial = \"sheet\"\nshape.rectangle = { corner = [-0.8, -0.3, 0.5], u = [0.7, 0, 0], v = [0, 0.7, 0] }\n\
+           [[objects]]\nmaterial = \"wave\"\nshape.rectangle = { corner = [-0.6, -0.1, 0.6], u = [0.7, 0, 0], v = [0, 0.7, 0] }\n\
+           [[objects]]\nmaterial = \"floor\"\nshape.gltf.file = \""
+        + knot
+        + "\"\ntransform = { scale = 0.8, translate = [0.5, 0.4, -0.3] }\n";
+    compare(&text, 0.05, 40);
+}
+
+/// Rough glass: transmission from both sides, with its squared indices.
+#[test]
+fn rough_glass() {
+    let text = devices(256, 6, 4)
+        + DIFFUSE
+        + "glass.rough_dielectric = { ior = 1.5, alpha = 0.5 }\n"
+        + WALLS
+        + "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0.0, -0.2, 0.1], radius = 0.55 }\n\
+           [[objects]]\nmaterial = \"red\"\nshape.sphere = { center = [0.0, -0.2, 0.1], radius = 0.25 }\n";
+    compare(&text, 0.05, 20);
+}
+
+const FOG: &str = "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
+
+/// A medium in the whole box around a diffuse ball, by Rayleigh's and by a forward-peaked phase function.
+#[test]
+fn media_without_boundary() {
+    for phase in [
+        "phase.rayleigh = {}",
+        "phase.henyey_greenstein = { g = 0.6, linear = 0.5, circular = 0.5 }",
+    ] {
+        let text = devices(256, 6, 5)
+            + DIFFUSE
+            + "none.null = {}\n"
+            + FOG
+            + phase
+            + "\n"
+            + WALLS
+            + "[[objects]]\nmaterial = \"none\"\ninterior = \"fog\"\nshape.cube = { min = [-0.9, -0.9, -0.9], max = [0.9, 0.9, 0.9] }\n\
+               [[objects]]\nmaterial = \"red\"\nshape.sphere = { center = [0.1, -0.2, 0.1], radius = 0.3 }\n";
+        compare(&text, 0.05, 20);
+    }
+}
