@@ -1,6 +1,9 @@
 //! Bidirectional paths against paths from the camera, wherever those can do it, and every strategy alone.
 
+use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_scene, scene_of};
+use glam::DVec3;
+use std::f64::consts::PI;
 use sunstone::scene::{Integrator, Scene};
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
@@ -8,7 +11,7 @@ use sunstone::tensor::axes::AxisKind;
 /// Camera and projector of 16 x 16 pixels over a box of 2 m, and slices that hold all that a path carries.
 fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
-        "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 8\n\
+        "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
          [camera]\nresolution = [16, 16]\nfov_x_deg = 42\n\
          pose.look_at = {{ origin = [0.3, 0.4, 3.6], target = [0, 0, 0] }}\n\
          [projector]\nresolution = [16, 16]\nfov_x_deg = 38\nirradiance = [1.0, 2.0, 1.5]\n\
@@ -47,8 +50,11 @@ fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32 {
         for i in 0..x.data.len() {
             let sigma = dx.data[i].hypot(dy.data[i]);
             let diff = (x.data[i] - y.data[i]).abs();
-            // What both find to be zero, and rounding where nothing varies.
-            if diff > 1e-6 * top {
+            // What both find to be zero, and rounding where nothing varies. Of small elements that few samples reach, the
+            // error is not known.
+            let known = |value: f32, error: f32| error < 0.05 * value.abs();
+            let sampled = known(x.data[i], dx.data[i]) && known(y.data[i], dy.data[i]);
+            if diff > 1e-6 * top && (sampled || diff > 1e-3 * top) {
                 assert!(
                     diff < 5.0 * sigma,
                     "{slice}[{i}]: {} ± {} and {} ± {}",
@@ -129,7 +135,7 @@ fn every_strategy_alone() {
     }
 }
 
-/// Metal, plastic, rough glass, a mirror, polarizing sheets, a smooth-shaded mesh, a point emitter.
+/// Metal, plastic, rough glass, polarizing sheets, a smooth-shaded mesh, a point emitter.
 #[test]
 fn surfaces_of_all_kinds() {
     let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mirror_room/knot.glb");
@@ -137,11 +143,9 @@ fn surfaces_of_all_kinds() {
         + "[[emitters]]\npoint = { position = [0.2, 0.8, 0.9], intensity = 0.3 }\n\
            [materials]\nwall.rough_conductor = { metal = \"Au\", alpha = 0.5 }\n\
            red.plastic = { albedo = [0.2, 0.3, 0.8], alpha = 0.3, ior = 1.5 }\nfloor.diffuse.albedo = 0.6\n\
-           glass.rough_dielectric = { ior = 1.5, alpha = 0.4 }\nmirror.conductor.metal = \"Ag\"\n\
            sheet.polarizer = { axis = [1, 1, 0] }\nwave.retarder = { retardance_deg = 70, axis = [1, 0, 0] }\n"
         + WALLS
-        + "[[objects]]\nmaterial = \"mirror\"\nshape.sphere = { center = [0.6, -0.6, -0.4], radius = 0.35 }\n\
-           [[objects]]\nmaterial = \"sheet\"\nshape.rectangle = { corner = [-0.8, -0.3, 0.5], u = [0.7, 0, 0], v = [0, 0.7, 0] }\n\
+        + "[[objects]]\nmaterial = \"sheet\"\nshape.rectangle = { corner = [-0.8, -0.3, 0.5], u = [0.7, 0, 0], v = [0, 0.7, 0] }\n\
            [[objects]]\nmaterial = \"wave\"\nshape.rectangle = { corner = [-0.6, -0.1, 0.6], u = [0.7, 0, 0], v = [0, 0.7, 0] }\n\
            [[objects]]\nmaterial = \"floor\"\nshape.gltf.file = \""
         + knot
@@ -181,4 +185,81 @@ fn media_without_boundary() {
                [[objects]]\nmaterial = \"red\"\nshape.sphere = { center = [0.1, -0.2, 0.1], radius = 0.3 }\n";
         compare(&text, 0.05, 20);
     }
+}
+
+/// A flat mirror throws the projector's light on a wall that the camera sees: as from the projector's mirror image. Paths
+/// from the camera never find it.
+#[test]
+fn mirror_throws_light_on_a_wall() {
+    let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
+    // Its image behind the mirror in the plane x = 0.
+    let flip = |v: DVec3| DVec3::new(-v.x, v.y, v.z);
+    let image = Device {
+        origin: flip(lamp.origin),
+        forward: flip(lamp.forward),
+        right: flip(lamp.right),
+        down: flip(lamp.down),
+        ..lamp.clone()
+    };
+    // Where its axis meets the wall x = 1.5.
+    let point = image.origin + image.forward * ((1.5 - image.origin.x) / image.forward.x);
+    let camera = Device::look_at([0.4, 1.2, 1.5], point, [1, 1], 60.0);
+    let text = head(120_000, 4, 3)
+        + &camera.keys("camera")
+        + &lamp.keys("projector")
+        + &format!("[materials]\nwhite.diffuse.albedo = 0.5\ngold.conductor = {{ {GOLD_KEYS} }}\n")
+        + &plate(DVec3::new(1.5, point.y, point.z), -DVec3::X, 1.0, "white")
+        + &plate(DVec3::ZERO, DVec3::X, 0.6, "gold")
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
+           [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 100, bins = 200 }\n";
+    let r = with(&text, Integrator::Bidirectional, None);
+    assert_eq!(
+        with(&text, Integrator::Path, None)
+            .mean("m")
+            .at(&[(AxisKind::Bounces, 2)]),
+        0.0
+    );
+    // Over the pixel, everything is as at its centre within a per mille, but the light's own falloff: quadrature.
+    let (mut want, n) = (M::zeros(), 40);
+    for k in 0..n * n {
+        let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n);
+        let d = camera.direction(at(k % n), at(k / n));
+        let p = camera.origin + d * ((1.5 - camera.origin.x) / d.x);
+        let to = (image.origin - p).normalize();
+        let meets = p + to * (-p.x / to.x);
+        let (travel_in, travel_out) = ((meets - lamp.origin).normalize(), -to);
+        let reflected = mirror(
+            travel_in,
+            project(lamp.right, travel_in),
+            travel_out,
+            travel_out.cross(DVec3::X).normalize(),
+            GOLD,
+        );
+        let radiance = 0.5 / PI * image.project(p).1 * to.x.abs();
+        let mut wall = M::zeros();
+        wall[(0, 0)] = radiance;
+        want += wall * reflected / f64::from(n * n);
+    }
+    let (got, error) = (r.mean("m"), r.std_error("m"));
+    let at = [(AxisKind::Bounces, 2)];
+    let (got, error) = (mueller(&got, &at), mueller(&error, &at));
+    assert!(
+        error[(0, 0)] < 0.03 * want[(0, 0)],
+        "{}",
+        error[(0, 0)] / want[(0, 0)]
+    );
+    for j in 0..4 {
+        let sigma = error[(0, j)].max(1e-6 * want[(0, 0)]);
+        assert!(
+            (got[(0, j)] - want[(0, j)]).abs() < 5.0 * sigma,
+            "{j}: {got} is not {want} ± {error}"
+        );
+    }
+    let t = r.mean("t");
+    let whole: f32 = (0..200).map(|i| t.at(&[(AxisKind::T, i), at[0]])).sum();
+    let time = (camera.origin.distance(point) + point.distance(image.origin)) / C / 100.0;
+    let near: f32 = (0..3)
+        .map(|i| t.at(&[(AxisKind::T, time as usize + i - 1), at[0]]))
+        .sum();
+    assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }

@@ -11,6 +11,7 @@ mod energy;
 mod frames;
 mod glass;
 mod indirect;
+mod manifold;
 mod materials;
 mod measured;
 mod media;

@@ -1,0 +1,249 @@
+//! Light through smooth interfaces that bend it, found from behind them: against rays traced in f64, and against walks
+//! from the light.
+
+use crate::optics::{C, Device, head, mueller, plate};
+use crate::support::{Rendered, render_scene, scene_of};
+use glam::DVec3;
+use std::f64::consts::PI;
+use sunstone::scene::Integrator;
+use sunstone::tensor::axes::AxisKind::{Bounces, T};
+
+const ALBEDO: f64 = 0.6;
+const BIN_PS: f64 = 0.5;
+
+/// Half the sum and half the difference of what an interface passes of s and p, at the cosine of incidence, from index 1
+/// to `n`.
+fn transmission(cos: f64, n: f64) -> [f64; 2] {
+    let far = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
+    let s = ((cos - n * far) / (cos + n * far)).powi(2);
+    let p = ((n * cos - far) / (n * cos + far)).powi(2);
+    [1.0 - (s + p) / 2.0, (p - s) / 2.0]
+}
+
+/// A ray in the plane of an axis: how far from the axis it ends, its optical length, and transmission as above.
+struct Meridian {
+    rho: f64,
+    optical: f64,
+    passed: [f64; 2],
+}
+
+/// The radiance, its part that depends on the light's polarization, and the time, of a white wall at height `wall` below
+/// the light and `rho` beside it, `trace` being the ray that starts at an angle to the axis.
+fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
+    let (mut lo, mut hi) = (0.0, 1.2_f64);
+    for _ in 0..200 {
+        let mid = 0.5 * (lo + hi);
+        if trace(mid).rho < rho {
+            lo = mid;
+        } else {
+            hi = mid;
+        }
+    }
+    let theta = 0.5 * (lo + hi);
+    let ray = trace(theta);
+    let h = 1e-5;
+    let slope = (trace(theta + h).rho - trace(theta - h).rho) / (2.0 * h);
+    let e = theta.sin() / (ray.rho * slope);
+    let radiance = ALBEDO / PI * e * ray.passed[0];
+    (radiance, ray.passed[1] / ray.passed[0], ray.optical, theta)
+}
+
+/// Compares a render of the wall's point with the ray, exactly: nothing in it is random.
+fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(f64) -> Meridian) {
+    let lamp_at = DVec3::new(0.0, 0.0, 1.0);
+    let lamp = Device::look_at(lamp_at.to_array(), DVec3::new(0.3, 0.2, 0.0), [64, 48], 40.0);
+    let text = text.to_owned()
+        + &camera.keys("camera")
+        + &lamp.keys("projector")
+        + &format!("[materials]\nwhite.diffuse.albedo = {ALBEDO}\nglass.dielectric.ior = 1.5\n")
+        + &plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 3.0, "white")
+        + glass
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
+           [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 0.5, bins = 30000 }\n\
+           [[slices]]\nname = \"p\"\nprojector = \"all\"\nbounces = true\n";
+    let mut scene = scene_of(&text);
+    scene.settings.manifold = true;
+    assert_eq!(scene.settings.integrator, Integrator::Path);
+    let r = render_scene(&scene);
+    let (radiance, polarized, optical, theta) = expected(trace, point.x.hypot(point.y));
+    let out = DVec3::new(
+        point.x / point.x.hypot(point.y) * theta.sin(),
+        point.y / point.x.hypot(point.y) * theta.sin(),
+        -theta.cos(),
+    );
+    let factor = out.dot(lamp.forward).powi(-3);
+    let m = mueller(&r.mean("m"), &[(Bounces, 3)]);
+    let want = radiance * factor;
+    println!("{:.3e} off; theta {theta:.4}", m[(0, 0)] / want - 1.0);
+    assert!((m[(0, 0)] / want - 1.0).abs() < 2e-4, "{} {want}", m[(0, 0)]);
+    let degree = m[(0, 1)].hypot(m[(0, 2)]) / m[(0, 0)];
+    assert!((degree - polarized.abs()).abs() < 2e-4, "{degree} {polarized}");
+    assert_eq!(m[(0, 3)], 0.0);
+    let error = f64::from(r.std_error("m").select(Bounces, 3).data[0]);
+    assert!(error < 1e-5 * want, "nothing is random but {error}");
+    // Where in the projector's image the light starts, and when it arrives.
+    let ([u, v], _) = lamp.project(lamp_at + out);
+    let p = r.mean("p").select(Bounces, 3);
+    let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
+    let pixel = v as usize * 64 + u as usize;
+    assert_eq!(lit, [pixel]);
+    let time = (optical + camera.origin.distance(point)) / C;
+    let t = r.mean("t").select(Bounces, 3);
+    let bin = (0..30000).find(|i| t.at(&[(T, *i)]) > 0.0).expect("light");
+    assert!(
+        (bin as f64 + 0.5 - time / BIN_PS).abs() < 0.52,
+        "{bin} {}",
+        time / BIN_PS
+    );
+}
+
+/// A plane-parallel slab between light and wall, at several slants.
+#[test]
+fn flat_slab_bends_light_as_snell_says() {
+    for rho in [0.05, 0.5, 1.1] {
+        let point = DVec3::new(0.8 * rho, 0.6 * rho, -0.5);
+        let camera = Device::ray([1.6, -1.2, 0.0], point);
+        let slab = "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-2, -2, 0.1], max = [2, 2, 0.3] }\n\
+                    transform = { translate = [0, 0, 0] }\n";
+        // The camera looks from below the slab.
+        check(&head(4, 8, 1), slab, &camera, point, |theta| {
+            let (sin, cos) = theta.sin_cos();
+            let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
+            let [a, b] = transmission(cos, 1.5);
+            Meridian {
+                rho: 1.3 * sin / cos + 0.2 * (sin / 1.5) / inner,
+                optical: 1.3 / cos + 0.2 * 1.5 / inner,
+                // Both faces pass the same.
+                passed: [a * a + b * b, 2.0 * a * b],
+            }
+        });
+    }
+}
+
+/// A ball of glass on the axis between light and wall, weak enough for a single way.
+#[test]
+fn ball_bends_light_as_rays_say() {
+    let n: f64 = 1.5;
+    let radius = 0.25;
+    let centre = -0.2; // of the ball on the axis
+    let trace = |theta: f64| {
+        // Light at height 1, in the plane (rho, z).
+        let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
+        let (mut optical, mut passed) = (0.0, [1.0, 0.0]);
+        for (index, far) in [(1.0, n), (n, 1.0)] {
+            let o = [p[0], p[1] - centre];
+            let b = o[0] * d[0] + o[1] * d[1];
+            let disc = b * b - (o[0] * o[0] + o[1] * o[1] - radius * radius);
+            if disc < 0.0 {
+                return Meridian {
+                    rho: 9.0,
+                    optical: 0.0,
+                    passed,
+                };
+            }
+            let t = if index == 1.0 {
+                -b - disc.sqrt()
+            } else {
+                -b + disc.sqrt()
+            };
+            p = [p[0] + t * d[0], p[1] + t * d[1]];
+            optical += index * t;
+            let side = if index == 1.0 { 1.0 } else { -1.0 };
+            let normal = [side * p[0] / radius, side * (p[1] - centre) / radius];
+            let cos = -(d[0] * normal[0] + d[1] * normal[1]);
+            let eta = index / far;
+            let cos_far = (1.0 - eta * eta * (1.0 - cos * cos)).sqrt();
+            d = [
+                eta * d[0] + (eta * cos - cos_far) * normal[0],
+                eta * d[1] + (eta * cos - cos_far) * normal[1],
+            ];
+            let [a, b] = transmission(if index == 1.0 { cos } else { cos_far }, n);
+            passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
+        }
+        let t = (-0.5 - p[1]) / d[1];
+        Meridian {
+            rho: (p[0] + t * d[0]).abs(),
+            optical: optical + t,
+            passed,
+        }
+    };
+    let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
+    // The focus of the ball lies beyond the wall, so near the axis there is one way.
+    for rho in [0.01, 0.04, 0.07] {
+        let point = DVec3::new(0.6 * rho, -0.8 * rho, -0.5);
+        let camera = Device::ray([1.5, 0.4, -0.38], point);
+        check(&head(4, 8, 1), ball, &camera, point, trace);
+    }
+}
+
+/// What walks from the light find through the same glass, without manifolds, is the same; and with both, weighted.
+#[test]
+fn manifolds_and_walks_agree() {
+    let text = |depth: u32| {
+        head(3000, depth, 5)
+            + &Device::look_at([1.1, 0.2, -0.2], DVec3::new(0.0, 0.0, -0.5), [2, 2], 4.0).keys("camera")
+            + &Device::look_at([0.1, 0.0, 1.0], DVec3::ZERO, [8, 8], 9.0).keys("projector")
+            + "[materials]\nwhite.diffuse.albedo = 0.6\nglass.dielectric.ior = 1.5\n"
+            + &plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 3.0, "white")
+            + "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-2, -2, 0.1], max = [2, 2, 0.3] }\n\
+               [[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0.1, 0.1, -0.25], radius = 0.2 }\n\
+               [[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\ncamera = { binned = 2 }\n"
+    };
+    let of = |integrator, manifold| {
+        let mut scene = scene_of(&text(8));
+        scene.settings.integrator = integrator;
+        scene.settings.manifold = manifold;
+        render_scene(&scene)
+    };
+    let walks = of(Integrator::Bidirectional, false);
+    let both = of(Integrator::Bidirectional, true);
+    let mut sharp = 0;
+    for (a, b, x, y) in pairs(&walks, &both) {
+        let sigma = x.hypot(y);
+        assert!((a - b).abs() < 5.0 * sigma + 1e-6, "{a} ± {x}, {b} ± {y}");
+        sharp += usize::from(a.abs() > 10.0 * sigma);
+    }
+    assert!(sharp >= 3, "{sharp}");
+}
+
+/// Means and errors of two renders, element by element.
+fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32)> {
+    let (m, n) = (a.mean("m"), b.mean("m"));
+    let (x, y) = (a.std_error("m"), b.std_error("m"));
+    (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
+}
+
+/// Object and light behind the same water: the way back and forth that no walk can connect.
+#[test]
+fn wall_behind_glass_is_seen_and_lit_through_it() {
+    // Camera and lamp above the slab; without glass the same wall.
+    let text = |glass: bool| {
+        head(2000, 8, 6)
+            + &Device::look_at([0.4, 0.0, 1.0], DVec3::new(0.0, 0.0, -0.5), [2, 2], 8.0).keys("camera")
+            + &Device::look_at([-0.3, 0.0, 1.0], DVec3::new(0.0, 0.0, -0.5), [8, 8], 6.0).keys("projector")
+            + "[materials]\nwhite.diffuse.albedo = 0.6\nglass.dielectric.ior = 1.5\n"
+            + &plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 3.0, "white")
+            + if glass {
+                "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-2, -2, 0.1], max = [2, 2, 0.11] }\n"
+            } else {
+                ""
+            }
+            + "[[slices]]\nname = \"b\"\nbounces = true\ncamera = { binned = 2 }\n"
+    };
+    let value = |text: &str| {
+        let mut scene = scene_of(text);
+        scene.settings.manifold = true;
+        let r = render_scene(&scene);
+        let (m, e) = (r.mean("b"), r.std_error("b"));
+        move |k: usize| (f64::from(m.at(&[(Bounces, k)])), f64::from(e.at(&[(Bounces, k)])))
+    };
+    let (clear, glazed) = (value(&text(false)), value(&text(true)));
+    // Two faces on either way, near normal incidence: 0.96⁴, and a thin slab moves little.
+    let (a, b) = (clear(1), glazed(5));
+    let ratio = b.0 / a.0;
+    let sigma = ratio * (b.1 / b.0).hypot(a.1 / a.0);
+    assert!(
+        (ratio - 0.96_f64.powi(4)).abs() < 0.012 + 5.0 * sigma,
+        "{ratio} ± {sigma}"
+    );
+}
