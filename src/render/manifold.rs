@@ -205,23 +205,13 @@ pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Optio
         if !(det.abs() > 0.0) {
             return None;
         }
-        if miss < NEAR * shot.length {
-            let last = shot.bends.last()?;
-            return Some(Way {
-                dir,
-                emitted: -last.after,
-                first: last.surface.p,
-                spread: det.abs(),
-                bends: shot.bends,
-                start,
-            });
-        }
         let across = basis(dir);
         let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
         // No leap beyond where the derivative means something, and none that leads away.
         let mut share = (0.3 / step.length()).min(1.0);
         let mut better = None;
-        for _ in 0..6 {
+        let near = miss < NEAR * shot.length;
+        for _ in 0..if near { 1 } else { 6 } {
             let next = (dir + step * share).normalize();
             if let Some(s) = shoot(scene, &start, next, to, count, lane)
                 && s.miss.length() < miss
@@ -231,7 +221,22 @@ pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Optio
             }
             share *= 0.4;
         }
-        (dir, shot) = better?;
+        match better {
+            Some(next) => (dir, shot) = next,
+            // As near as rounding allows.
+            None if near => {
+                let last = shot.bends.last()?;
+                return Some(Way {
+                    dir,
+                    emitted: -last.after,
+                    first: last.surface.p,
+                    spread: det.abs(),
+                    bends: shot.bends,
+                    start,
+                });
+            }
+            None => return None,
+        }
     }
     None
 }
