@@ -117,7 +117,8 @@ fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane
     let mut slopes_p = [Vec3A::ZERO; 2];
     let mut slopes_d = [across.x_axis, across.y_axis];
     let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
-    let mut origin = start.ray.origin;
+    // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
+    let mut origin = from + dir * (4.0 * (start.ray.origin - from).length());
     let mut bends = ArrayVec::new();
     let mut length = 0.0;
     for _ in 0..64 {
@@ -185,7 +186,8 @@ fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane
             dir = bent.wi;
         }
         from = surface.p;
-        origin = scene.geometry.leave(&surface, dir);
+        let off = (scene.geometry.leave(&surface, dir) - from).length();
+        origin = from + dir * (off / surface.ng.dot(dir).abs().max(0.05));
     }
     None
 }
