@@ -11,7 +11,7 @@
 //! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
 
 use super::bridge::{END_GAP, Start, bridge, filling};
-use super::emission::Emission;
+use super::emission::{Emission, Ends};
 use super::manifold::{self, Way};
 use super::splats::{Splats, WalkNumber};
 use super::walk::{End, From, Place, Point, Walk, mean_transmittance};
@@ -22,6 +22,7 @@ use crate::medium::nesting::Nest;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, project, turn};
 use crate::sampling::stream::Stream;
+use crate::scene::pinhole::Pinhole;
 use crate::scene::{Integrator, Scene};
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
@@ -144,11 +145,12 @@ impl Walks {
     ) -> u32 {
         let pixel = y * scene.camera.resolution[0] + x;
         let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+        let ends = Ends::draw(scene, &mut stream);
         let [jx, jy] = stream.uniform2().map(f64::from);
-        let dir = scene
+        let dir = ends
             .camera
             .direction(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
-        let end = camera_end(scene, plan, dir);
+        let end = camera_end(scene, plan, &ends.camera, dir);
         let limits = (most(scene), scene.environment.is_some());
         self.camera.run(scene, From::Camera, &end, &mut stream, limits);
         let mut rays = self.camera.rays;
@@ -156,6 +158,8 @@ impl Walks {
         let mut joiner = Joiner {
             scene,
             plan,
+            ends: &ends,
+            lit_ends: &ends,
             densities: &mut self.densities,
             seen: &mut self.seen,
             rays: 0,
@@ -167,15 +171,15 @@ impl Walks {
                 continue;
             }
             for source in 0..plan.emission.count() {
-                let lit = plan.emission.pixel(scene, source, point.surface.p);
-                let coaxial = t == 2 && scene.projector.as_ref().is_some_and(|p| p.coaxial);
+                let lit = plan.emission.pixel(&ends, source, point.surface.p);
+                let coaxial = t == 2 && ends.coaxial;
                 let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
                     continue;
                 };
                 if coaxial && lit != NO_PIXEL {
                     lit = pixel;
                 }
-                if let Some(emitter) = emitter(scene, plan, source, point.surface.p) {
+                if let Some(emitter) = emitter(scene, plan, &ends, source, point.surface.p) {
                     joiner.join(camera, &[emitter], (source, lit), out);
                 }
             }
@@ -196,11 +200,13 @@ impl Walks {
             sample,
             walk: ((u64::from(pixel) + u64::from(shift)) % u64::from(plan.walks)) as u32,
         };
-        if let Some((source, lit)) = self.light_walk(scene, plan, number) {
+        if let Some((lit_ends, source, lit)) = self.light_walk(scene, plan, number) {
             rays += self.light.rays;
             let mut joiner = Joiner {
                 scene,
                 plan,
+                ends: &ends,
+                lit_ends: &lit_ends,
                 densities: &mut self.densities,
                 seen: &mut self.seen,
                 rays: 0,
@@ -224,15 +230,16 @@ impl Walks {
         rays
     }
 
-    /// Makes a walk from the light; the source that it started from and its projector pixel.
-    fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber) -> Option<(usize, u32)> {
+    /// Makes a walk from the light; the pinholes, the source that it started from and its projector pixel.
+    fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber) -> Option<(Ends, usize, u32)> {
         let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
-        let start = plan.emission.start(scene, &mut stream)?;
+        let ends = Ends::draw(scene, &mut stream);
+        let start = plan.emission.start(scene, &ends, &mut stream)?;
         let limits = (most(scene), false);
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
         self.seen = None;
-        Some((start.source, start.pixel))
+        Some((ends, start.source, start.pixel))
     }
 
     /// Makes a walk from the light and connects its points to the camera; with `only`, those that this pixel sees.
@@ -246,12 +253,14 @@ impl Walks {
         out: &mut Contributions,
         mut after: impl FnMut(u32, &Contributions),
     ) -> u32 {
-        let Some((source, lit)) = self.light_walk(scene, plan, number) else {
+        let Some((ends, source, lit)) = self.light_walk(scene, plan, number) else {
             return 0;
         };
         let mut joiner = Joiner {
             scene,
             plan,
+            ends: &ends,
+            lit_ends: &ends,
             densities: &mut self.densities,
             seen: &mut self.seen,
             rays: self.light.rays,
@@ -262,10 +271,10 @@ impl Walks {
             if !point.connects(scene) || !wanted(scene, s, 1) {
                 continue;
             }
-            let Some(mut pixel) = scene.camera.pixel(point.surface.p) else {
+            let Some(mut pixel) = ends.camera.pixel(point.surface.p) else {
                 continue;
             };
-            if s == 2 && scene.projector.as_ref().is_some_and(|p| p.coaxial) && lit != NO_PIXEL {
+            if s == 2 && ends.coaxial && lit != NO_PIXEL {
                 pixel = lit;
             }
             if only.is_some_and(|only| only != pixel) {
@@ -275,8 +284,8 @@ impl Walks {
                 out.list.clear();
                 out.elements.clear();
             }
-            let dir = (point.surface.p - scene.camera.origin).normalize_or(scene.camera.forward());
-            let mut end = camera_end(scene, plan, dir);
+            let dir = (point.surface.p - ends.camera.origin).normalize_or(ends.camera.forward());
+            let mut end = camera_end(scene, plan, &ends.camera, dir);
             end.chain.scale(Spectral::splat(end.density / plan.walks as f32));
             joiner.join(&[Point::end(scene, &end)], light, (source, lit), out);
             after(pixel, out);
@@ -286,8 +295,7 @@ impl Walks {
 }
 
 /// The camera's end of walks whose rays start along `dir`.
-fn camera_end(scene: &Scene, plan: &Plan, dir: Vec3A) -> End {
-    let camera = &scene.camera;
+fn camera_end(scene: &Scene, plan: &Plan, camera: &Pinhole, dir: Vec3A) -> End {
     End {
         ray: Ray {
             origin: camera.origin,
@@ -302,17 +310,17 @@ fn camera_end(scene: &Scene, plan: &Plan, dir: Vec3A) -> End {
 }
 
 /// An emitter as the end of a line from the point `p`; `None` where the two coincide.
-fn emitter(scene: &Scene, plan: &Plan, source: usize, p: Vec3A) -> Option<Point> {
-    let origin = plan.emission.position(scene, source);
+fn emitter(scene: &Scene, plan: &Plan, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
+    let origin = plan.emission.position(scene, ends, source);
     let dir = (p - origin).try_normalize()?;
-    let (intensity, axis) = plan.emission.intensity(scene, source, dir);
+    let (intensity, axis) = plan.emission.intensity(scene, ends, source, dir);
     Some(Point::end(
         scene,
         &End {
             ray: Ray { origin, dir },
             chain: Chain::start(intensity),
             frame: project(axis, dir),
-            density: plan.emission.density(scene, source, dir),
+            density: plan.emission.density(ends, source, dir),
             // Lines are followed from the camera's side.
             medium: Medium::VACUUM,
             nest: Nest::default(),
@@ -341,6 +349,9 @@ fn environment(scene: &Scene, walk: &Walk, out: &mut Contributions) {
 struct Joiner<'a> {
     scene: &'a Scene,
     plan: &'a Plan,
+    /// Of the camera's walk, and of the light's.
+    ends: &'a Ends,
+    lit_ends: &'a Ends,
     densities: &'a mut [Vec<Densities>; 2],
     seen: &'a mut Seen,
     rays: u32,
@@ -423,7 +434,7 @@ impl Joiner<'_> {
         let Some(z) = camera.last() else {
             return;
         };
-        let to = self.plan.emission.position(scene, source);
+        let to = self.plan.emission.position(scene, self.ends, source);
         let mut lane = z.lanes.nth(0);
         let Some(mut way) = self.way(z, to, lane) else {
             return;
@@ -468,7 +479,7 @@ impl Joiner<'_> {
         let Some(most) = most(scene).checked_sub(interactions) else {
             return;
         };
-        let Some(pixel) = emission.pixel(scene, source, way.first) else {
+        let Some(pixel) = emission.pixel(self.ends, source, way.first) else {
             return;
         };
         let Some(scatter) = z.scatter(scene, z.back, way.dir) else {
@@ -478,15 +489,15 @@ impl Joiner<'_> {
         let mut frame = chain
             .push(&scatter, z.back, z.frame)
             .unwrap_or_else(|| perpendicular(way.dir));
-        let to = emission.position(scene, source);
+        let to = emission.position(scene, self.ends, source);
         let limits = (most, lane);
         let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays) else {
             return;
         };
-        let Some(emitter) = emitter(scene, self.plan, source, way.first) else {
+        let Some(emitter) = emitter(scene, self.plan, self.ends, source, way.first) else {
             return;
         };
-        let arrival = way.density(scene, emission, source, &passed);
+        let arrival = way.density((emission, self.ends), source, &passed);
         let weight = self.weight(camera, &[emitter], source, (way.dir, 1.0), Some(arrival));
         let alive = Spectral::new([0, 1, 2, 3].map(|i| f32::from(lanes.mask >> i & 1)));
         chain.scale(alive * Spectral::splat(weight / way.spread));
@@ -527,7 +538,7 @@ impl Joiner<'_> {
         if !point.connects(scene) {
             return None;
         }
-        let to = emission.position(scene, source);
+        let to = emission.position(scene, self.lit_ends, source);
         let lane = point.lanes.nth(0);
         let way = self.way(point, to, lane)?;
         // Two ways through the same interfaces do not begin within a few milliradians of one another.
@@ -537,7 +548,7 @@ impl Joiner<'_> {
         let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
         let limits = (most(scene), lane);
         let passed = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays)?;
-        Some(way.density(scene, emission, source, &passed))
+        Some(way.density((emission, self.lit_ends), source, &passed))
     }
 
     /// Lets light along a line: its optical length in metres, sheets passed and mean transmittance; `None` if it is
@@ -593,7 +604,7 @@ impl Joiner<'_> {
         let [from_light, from_camera] = &mut *self.densities;
         // Each end of the line as the other's walk would come there, and the points before them.
         let to_z = match y.place {
-            Place::Pinhole => self.plan.emission.density(scene, source, -dir),
+            Place::Pinhole => self.plan.emission.density(self.ends, source, -dir),
             _ => y.density(scene, y.back, -dir),
         };
         let to_y = match z.place {

@@ -9,6 +9,8 @@ use crate::polarization::frame::project;
 use crate::sampling::stream::Stream;
 use crate::sampling::warp;
 use crate::scene::Scene;
+use crate::scene::pinhole::Pinhole;
+use crate::scene::projector::Projector;
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::NO_PIXEL;
 use glam::{DVec2, Vec3A};
@@ -29,6 +31,42 @@ pub(super) struct Emission {
     /// Filled objects around each source, and around the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
+}
+
+/// The pinholes that a sample looks and shines through: the devices' own, or points of their lenses.
+#[derive(Clone, Copy)]
+pub(super) struct Ends {
+    pub camera: Pinhole,
+    pub projector: Option<Projector>,
+    /// Camera and projector share their pinhole.
+    pub coaxial: bool,
+}
+
+impl Ends {
+    /// The devices' centres.
+    pub fn new(scene: &Scene) -> Self {
+        Self {
+            camera: scene.camera,
+            projector: scene.projector,
+            coaxial: scene.projector.is_some_and(|p| p.coaxial),
+        }
+    }
+
+    /// Uniformly random points of the lenses.
+    pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
+        let mut ends = Self::new(scene);
+        if ends.camera.lens.radius > 0.0 {
+            ends.camera = ends.camera.through_lens(stream.uniform2());
+            // Light that leaves by one point of the lens returns by another.
+            ends.coaxial = false;
+        }
+        if let Some(p) = &mut ends.projector
+            && p.pinhole.lens.radius > 0.0
+        {
+            p.pinhole = p.pinhole.through_lens(stream.uniform2());
+        }
+        ends
+    }
 }
 
 /// A walk's start with what it knows of its light.
@@ -92,7 +130,7 @@ impl Emission {
             camera: surroundings(scene, scene.camera.origin),
         };
         out.nests = (0..out.count())
-            .map(|i| surroundings(scene, out.position(scene, i)))
+            .map(|i| surroundings(scene, out.position(scene, &Ends::new(scene), i)))
             .collect();
         out
     }
@@ -108,8 +146,8 @@ impl Emission {
     }
 
     /// Where a source is.
-    pub fn position(&self, scene: &Scene, source: usize) -> Vec3A {
-        match (self.sources[source].0, &scene.projector) {
+    pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
+        match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => scene.points[i].position,
             (Source::Projector, Some(p)) => p.pinhole.origin,
             (Source::Projector, None) => Vec3A::ZERO,
@@ -118,8 +156,8 @@ impl Emission {
 
     /// Intensity that a source sends along the unit direction `dir`, which it lights, and the horizontal axis of its
     /// Stokes vectors.
-    pub fn intensity(&self, scene: &Scene, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
-        match (self.sources[source].0, &scene.projector) {
+    pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
+        match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => (scene.points[i].intensity, scene.points[i].axis),
             (Source::Projector, Some(p)) => {
                 let cos = dir.dot(p.pinhole.forward());
@@ -132,8 +170,8 @@ impl Emission {
 
     /// The projector pixel through which a source lights the point `p`, [`NO_PIXEL`] for point emitters; `None` if it does
     /// not light it.
-    pub fn pixel(&self, scene: &Scene, source: usize, p: Vec3A) -> Option<u32> {
-        match (self.sources[source].0, &scene.projector) {
+    pub fn pixel(&self, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
+        match (self.sources[source].0, &ends.projector) {
             (Source::Point(_), _) => Some(NO_PIXEL),
             (Source::Projector, Some(projector)) => projector.pinhole.pixel(p),
             (Source::Projector, None) => None,
@@ -141,8 +179,8 @@ impl Emission {
     }
 
     /// Density per steradian with which a walk from a source starts along `dir`.
-    pub fn density(&self, scene: &Scene, source: usize, dir: Vec3A) -> f32 {
-        match (self.sources[source].0, &scene.projector) {
+    pub fn density(&self, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
+        match (self.sources[source].0, &ends.projector) {
             (Source::Point(_), _) => 0.25 / PI,
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution.map(|n| n as f32);
@@ -154,7 +192,7 @@ impl Emission {
     }
 
     /// Begins a walk: a source by its power, a projector pixel uniformly; `None` if the scene has no sources.
-    pub fn start(&self, scene: &Scene, stream: &mut Stream) -> Option<Emitted> {
+    pub fn start(&self, scene: &Scene, ends: &Ends, stream: &mut Stream) -> Option<Emitted> {
         let mut u = stream.uniform();
         let last = self.sources.len().checked_sub(1)?;
         let mut source = 0;
@@ -163,7 +201,7 @@ impl Emission {
             source += 1;
         }
         let at = stream.uniform2();
-        let (dir, pixel) = match (self.sources[source].0, &scene.projector) {
+        let (dir, pixel) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution;
                 let [x, y] = [at[0] * w as f32, at[1] * h as f32];
@@ -172,10 +210,10 @@ impl Emission {
             }
             _ => (warp::sphere(at), NO_PIXEL),
         };
-        let (intensity, axis) = self.intensity(scene, source, dir);
-        let density = self.density(scene, source, dir);
+        let (intensity, axis) = self.intensity(scene, ends, source, dir);
+        let density = self.density(ends, source, dir);
         let flux = intensity * Spectral::splat(1.0 / (density * self.chance(source)));
-        let (origin, nest) = (self.position(scene, source), self.nests[source]);
+        let (origin, nest) = (self.position(scene, ends, source), self.nests[source]);
         Some(Emitted {
             end: End {
                 ray: Ray { origin, dir },

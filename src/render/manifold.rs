@@ -16,7 +16,7 @@
 //! [`super::weight`] can ask of any path whether it would have been found.
 
 use super::bridge::{Start, bridge};
-use super::emission::Emission;
+use super::emission::{Emission, Ends};
 use super::walk::mean_transmittance;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lobe, Medium};
@@ -257,9 +257,9 @@ impl Way {
     }
 
     /// Density per area across at the point with which walks from source `source` come along the way.
-    pub fn density(&self, scene: &Scene, emission: &Emission, source: usize, passed: &Passed) -> f32 {
+    pub fn density(&self, (emission, ends): (&Emission, &Ends), source: usize, passed: &Passed) -> f32 {
         let ratio = self.start.medium.index / passed.index;
-        emission.density(scene, source, self.emitted) * ratio * ratio / self.spread * passed.mean
+        emission.density(ends, source, self.emitted) * ratio * ratio / self.spread * passed.mean
     }
 
     /// Multiplies `chain`, whose light is in `frame`, by all that happens on the way to the emitter at `to`; `None` if

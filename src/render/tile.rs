@@ -127,7 +127,12 @@ const WALKS_AT_ONCE: u64 = 1 << 24;
 
 /// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
 fn needs_walks(scene: &Scene) -> bool {
-    scene.filled || scene.settings.manifold || scene.settings.integrator == Integrator::Bidirectional
+    let lens = |p: &crate::scene::pinhole::Pinhole| p.lens.radius > 0.0;
+    scene.filled
+        || scene.settings.manifold
+        || scene.settings.integrator == Integrator::Bidirectional
+        || lens(&scene.camera)
+        || scene.projector.as_ref().is_some_and(|p| lens(&p.pinhole))
 }
 
 /// How many tiles are rendered after one preparation.

@@ -2,9 +2,11 @@
 
 use super::build::{Context, HUGE};
 use super::emitter::{Environment, PointEmitter};
-use super::file::{DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile, SceneFile};
+use super::file::{
+    ApertureFile, DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile, SceneFile,
+};
 use super::locate::{Located, SceneError};
-use super::pinhole::{Distortion, Pinhole};
+use super::pinhole::{Distortion, Lens, Pinhole};
 use super::projector::Projector;
 use glam::{DVec2, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
@@ -83,8 +85,20 @@ pub(super) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     let distortion = Distortion { k1, k2, k3, p1, p2 };
     let (origin, axes) = pose(ctx, &p.pose)?;
     let at = p.distortion.as_ref().map_or(span, Located::span);
-    Pinhole::new([w, h], focal, principal, distortion, origin, axes)
-        .map_err(|e| ctx.error(at, e, "check the signs and the order of k1, k2, k3, p1, p2"))
+    let mut device = Pinhole::new([w, h], focal, principal, distortion, origin, axes)
+        .map_err(|e| ctx.error(at, e, "check the signs and the order of k1, k2, k3, p1, p2"))?;
+    if let Some(aperture) = &p.aperture {
+        let ApertureFile { radius, focus } = **aperture;
+        if !(0.0..1e3).contains(&radius) || !(1e-6..HUGE).contains(&focus) {
+            return Err(ctx.error(
+                aperture.span(),
+                format!("an aperture of radius {radius} m, in focus at {focus} m, is none"),
+                "give radius, 0 or more, and focus, above 0, in metres",
+            ));
+        }
+        device.lens = Lens { radius, focus };
+    }
+    Ok(device)
 }
 
 fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), SceneError> {
@@ -147,6 +161,7 @@ pub(super) fn projector(
             || p.fy.is_some()
             || p.cx.is_some()
             || p.cy.is_some()
+            || p.aperture.is_some()
             || p.distortion.is_some();
         if own {
             return Err(ctx.error(
@@ -177,6 +192,7 @@ pub(super) fn projector(
         cx: p.cx,
         cy: p.cy,
         distortion: p.distortion.clone(),
+        aperture: p.aperture.clone(),
         pose,
     };
     Ok(Projector {

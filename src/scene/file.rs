@@ -106,8 +106,20 @@ pub struct PinholeFile {
     pub cy: Option<f64>,
     /// Brown–Conrady lens distortion.
     pub distortion: Option<Located<DistortionFile>>,
+    /// A lens of finite aperture instead of a pinhole.
+    pub aperture: Option<Located<ApertureFile>>,
     /// Where it stands.
     pub pose: Located<PoseFile>,
+}
+
+/// A thin lens.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ApertureFile {
+    /// Radius in metres.
+    pub radius: f64,
+    /// Distance of the plane in focus along the axis, metres.
+    pub focus: f64,
 }
 
 /// The projector: a pinhole like the camera, or `coaxial = true` to shine through the camera's own.
@@ -136,6 +148,8 @@ pub struct ProjectorFile {
     pub cy: Option<f64>,
     /// As in the camera.
     pub distortion: Option<Located<DistortionFile>>,
+    /// As in the camera.
+    pub aperture: Option<Located<ApertureFile>>,
     /// As in the camera.
     pub pose: Option<Located<PoseFile>>,
 }

@@ -87,6 +87,26 @@ impl Distortion {
     }
 }
 
+/// A thin lens in place of the pinhole: all light between a pixel and its point of the plane in focus passes the lens, evenly
+/// over its area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture, metres; 0 for a pinhole.
+    pub radius: f64,
+    /// Distance of the plane in focus along the axis, metres.
+    pub focus: f64,
+}
+
+impl Default for Lens {
+    /// A pinhole.
+    fn default() -> Self {
+        Self {
+            radius: 0.0,
+            focus: 1.0,
+        }
+    }
+}
+
 /// A calibrated pinhole device.
 #[derive(Clone, Copy, Debug)]
 pub struct Pinhole {
@@ -101,6 +121,9 @@ pub struct Pinhole {
     pub origin: Vec3A,
     /// Columns: right, down, forward in world coordinates.
     pub axes: Mat3A,
+    pub lens: Lens,
+    /// Normalized coordinates of the image are those of directions plus this: 0 but for a point of a lens.
+    shift: DVec2,
     /// Squared normalized radius past which nothing can fall on the image (where distortion would fold back).
     max_radius2: f64,
 }
@@ -125,6 +148,8 @@ impl Pinhole {
             distortion,
             origin,
             axes,
+            lens: Lens::default(),
+            shift: DVec2::ZERO,
             max_radius2: f64::INFINITY,
         };
         if !distortion.is_none() {
@@ -146,7 +171,22 @@ impl Pinhole {
     /// Ideal normalized coordinates of a continuous pixel position; `None` where distortion has no inverse.
     #[must_use]
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
-        self.distortion.undistort((pixel - self.principal) / self.focal)
+        let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
+        Some(n - self.shift)
+    }
+
+    /// The device seen through one point of its lens, given by two uniforms: a pinhole there, whose image is shifted so that
+    /// the plane in focus stays where it is. A thin lens is the mean over its points.
+    #[must_use]
+    pub fn through_lens(&self, uniforms: [f32; 2]) -> Self {
+        let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);
+        let at = DVec2::new(f64::from(r * turn.cos()), f64::from(r * turn.sin())) * self.lens.radius;
+        let (x, y) = (at.x as f32, at.y as f32);
+        Self {
+            origin: self.origin + self.axes.x_axis * x + self.axes.y_axis * y,
+            shift: at / self.lens.focus,
+            ..*self
+        }
     }
 
     /// True if the lens distorts: then, and only then, the constructor found a bound.
@@ -190,7 +230,7 @@ impl Pinhole {
             self.distortion.undistort(ideal).unwrap_or(ideal)
         } else {
             ideal
-        };
+        } - self.shift;
         (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
     }
 
@@ -273,7 +313,7 @@ impl Pinhole {
             return None;
         }
         let z = f64::from(local.z);
-        let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);
+        let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z) + self.shift;
         let d = if !self.distorts() {
             n
         } else if n.length_squared() > self.max_radius2 {
@@ -303,7 +343,7 @@ impl Pinhole {
         let z = f64::from(local.z);
         let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);
         let stretch = if self.distorts() {
-            let [[a, b], [c, d]] = self.distortion.jacobian(n);
+            let [[a, b], [c, d]] = self.distortion.jacobian(n + self.shift);
             (a * d - b * c).abs()
         } else {
             1.0
@@ -419,6 +459,32 @@ mod tests {
         let pixels = mean * solid_angle;
         assert!((pixels - 320.0 * 240.0).abs() < 5.0 * error, "{pixels} ± {error}");
         assert!(error < 200.0);
+    }
+
+    /// Through every point of the lens a pixel sees the same point of the plane in focus, and no other.
+    #[test]
+    fn the_plane_in_focus_is_sharp() {
+        let mut stream = Stream::new(3, 0, 0);
+        let mut p = device();
+        p.lens = Lens {
+            radius: 0.05,
+            focus: 2.0,
+        };
+        let pixel = DVec2::new(40.0, 200.0);
+        let central = p.direction(pixel);
+        let target = p.origin + central * (2.0 / central.dot(p.forward()));
+        for _ in 0..200 {
+            let seen = p.through_lens(stream.uniform2());
+            assert!((seen.origin - p.origin).length() < 0.0501);
+            assert!((seen.origin - p.origin).dot(p.forward()).abs() < 1e-6);
+            let d = seen.direction(pixel);
+            let hit = seen.origin + d * ((2.0) / d.dot(p.forward()));
+            assert!((hit - target).length() < 1e-5);
+            let (back, _) = seen.project(seen.origin + d * 5.0).unwrap();
+            assert!((back - pixel).length() < 1e-2);
+        }
+        let edge = p.through_lens([1.0, 0.25]);
+        assert!((edge.origin - p.origin).length() > 0.0499);
     }
 
     #[test]

@@ -263,3 +263,37 @@ fn mirror_throws_light_on_a_wall() {
         .sum();
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
+
+/// Lenses of finite aperture, out of focus, on camera and projector.
+#[test]
+fn lenses() {
+    let lens = |focus: f64| format!("aperture = {{ radius = 0.2, focus = {focus} }}\n");
+    let sharp = devices(256, 4, 7) + DIFFUSE + WALLS;
+    let text = sharp
+        .replacen(
+            "fov_x_deg = 42\n",
+            &("fov_x_deg = 42\n".to_owned() + &lens(3.0)),
+            1,
+        )
+        .replacen(
+            "fov_x_deg = 38\n",
+            &("fov_x_deg = 38\n".to_owned() + &lens(5.0)),
+            1,
+        );
+    compare(&text, 0.02, 15);
+    // They do blur: what each projector pixel lights is spread over more of the image.
+    let lit = |text: &str| {
+        let text = text.replace(
+            "projector = { binned = 8 }",
+            "projector = { block = [7, 7, 1, 1] }",
+        );
+        let r = with(
+            &text.replace("camera = { binned = 8 }", "camera = { binned = 1 }"),
+            Integrator::Path,
+            None,
+        );
+        r.mean("p").data.iter().filter(|v| **v > 1e-3).count()
+    };
+    let (blurred, sharp) = (lit(&text), lit(&sharp));
+    assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
+}
