@@ -1,20 +1,27 @@
-//! `sunstone info`.
+//! `sunstone info`: of a store, or of a scene before it is rendered.
 
 use super::failure::Failure;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::PathBuf;
+use sunstone::render::coverage::missing;
+use sunstone::scene::Scene;
+use sunstone::scene::pinhole::Pinhole;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::store::{Field, StoredSlice, TensorStore};
 
-/// Show what a store holds: provenance, slices with their axes, light, errors, and overflow.
+/// Show what a store holds (provenance, slices with their axes, light, errors, and overflow), or what a scene file
+/// describes and what of its light the integrator would not find.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Store written by `render` or `merge`.
+    /// Store written by `render` or `merge`, or a scene file.
     store: PathBuf,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if a.store.is_file() {
+        return super::print(scene(&Scene::load(&a.store)?).trim_end());
+    }
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let attributes = store.attributes();
     let mut text = String::new();
@@ -45,6 +52,43 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         line(describe(&slice)?);
     }
     super::print(text.trim_end())
+}
+
+/// What a scene file describes.
+fn scene(scene: &Scene) -> String {
+    let mut out = format!("{}\n", scene.name);
+    let mut line = |key: &str, value: String| {
+        let _ = writeln!(out, "  {key:18} {value}");
+    };
+    let device = |p: &Pinhole| {
+        let [w, h] = p.resolution;
+        let lens = if p.lens.radius > 0.0 {
+            format!(", lens of {} m in focus at {} m", p.lens.radius, p.lens.focus)
+        } else {
+            String::new()
+        };
+        format!("{w} x {h} pixels at {}{lens}", p.origin)
+    };
+    line("wavelengths_nm", format!("{:?}", scene.wavelengths.nm()));
+    line("camera", device(&scene.camera));
+    if let Some(p) = &scene.projector {
+        let what = if p.coaxial { "coaxial, " } else { "" };
+        line("projector", format!("{what}{}", device(&p.pinhole)));
+    }
+    let (triangles, quadrics) = scene.geometry.counts();
+    line("geometry", format!("{triangles} triangles, {quadrics} quadrics"));
+    line("media", scene.media.list.len().to_string());
+    let s = &scene.settings;
+    line("integrator", format!("{:?}", s.integrator).to_lowercase());
+    line("manifold", s.manifold.to_string());
+    line("max_depth", s.max_depth.to_string());
+    line("samples_per_pixel", s.spp.to_string());
+    let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+    line("slices", slices.join(", "));
+    for warning in missing(scene) {
+        let _ = writeln!(out, "warning: {warning}");
+    }
+    out
 }
 
 fn describe(slice: &StoredSlice) -> Result<String, Failure> {

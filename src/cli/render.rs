@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use sunstone::render::coverage::missing;
 use sunstone::render::tile::{self, RenderError, Summary, Target, Watch};
 use sunstone::scene::Scene;
 
@@ -111,6 +112,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         scene.name,
         begun.elapsed()
     );
+    for warning in missing(&scene) {
+        eprintln!("warning: {warning}");
+    }
     let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
     let target = Target {

@@ -3,6 +3,7 @@
 pub mod bidirectional;
 mod bridge;
 mod connect;
+pub mod coverage;
 mod emission;
 mod manifold;
 pub mod path;

@@ -346,6 +346,10 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
     put("max_depth", json!(scene.settings.max_depth));
+    put(
+        "integrator",
+        json!(format!("{:?}", scene.settings.integrator).to_lowercase()),
+    );
     put("tile", json!(scene.settings.tile));
     put("wavelengths_nm", json!(scene.wavelengths.nm()));
     put("camera", pose(&scene.camera));
