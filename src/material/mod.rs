@@ -263,7 +263,10 @@ impl Materials {
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
             | Material::Crystal(_) => false,
-            other => self.is_smooth_rest(other),
+            composite @ (Material::TwoSided(_)
+            | Material::Blend(_)
+            | Material::NormalMap(_)
+            | Material::PartialDepolarizer(_)) => self.is_smooth_rest(composite),
         }
     }
 
@@ -301,7 +304,11 @@ impl Materials {
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
             | Material::Crystal(_) => None,
-            other => self.eval_rest(other, at, wo, wi),
+            rest @ (Material::TwoSided(_)
+            | Material::Blend(_)
+            | Material::NormalMap(_)
+            | Material::PartialDepolarizer(_)
+            | Material::Measured(_)) => self.eval_rest(rest, at, wo, wi),
         }
     }
 
