@@ -241,14 +241,10 @@ fn mixture(
         kind.amount
             .number_density(&kind.sizes)
             .map_err(|e| refused(ctx, file.amount.span(), &e))?;
-        // Each by itself first, so that what is wrong with one is told at its place.
-        let alone = std::slice::from_ref(&kind);
-        let nm = ctx.wavelengths.nm();
-        Optics::particles(nm, host, absorption, alone).map_err(|e| refused(ctx, file.span(), &e))?;
         list.push(kind);
     }
     Optics::particles(ctx.wavelengths.nm(), host, absorption, &list)
-        .map_err(|e| refused(ctx, kinds.span(), &e))
+        .map_err(|e| refused(ctx, kinds[e.kind].span(), &e.error))
 }
 
 fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, SceneError> {
