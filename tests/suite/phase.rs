@@ -1,8 +1,6 @@
 //! `sunstone phase` as a user meets it, and files of media that are wrong.
 
-mod harness;
-
-use harness::{Case, fault, run, stderr};
+use crate::harness::{Case, fault, run, stderr};
 
 /// A file that is right; the tests below break one thing in it.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]

@@ -1,8 +1,6 @@
 //! Broken input: exit code 2, the place, a mend, and nothing written.
 
-mod harness;
-
-use harness::{Case, edit, fault, files, mirror_room, run, shipped, stderr};
+use crate::harness::{Case, edit, fault, files, mirror_room, run, shipped, stderr};
 
 /// A scene that is right; every test below breaks one thing in it.
 const SCENE: &str = r#"name = "box"
