@@ -44,16 +44,14 @@ SCENE = environment.HERE / "speed/cornell.toml"
 OUT = environment.ROOT / "target/speed"
 RESULTS = environment.HERE / "results/speed.json"
 RESOLUTION, DEPTH, BINS = 256, 6, 256
-OUT.mkdir(parents=True, exist_ok=True)
-STORES = tempfile.TemporaryDirectory(dir=OUT)
 MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 
 
-def sunstone(scene, spp, seed, threads=None):
-    """Seconds and megabytes of a render."""
+def sunstone(stores, scene, spp, seed, threads=None):
+    """Seconds and megabytes of a render, whose store is left in a folder."""
     # Each into a directory of its own, removed when all is done: to replace a store takes its time, and where many files
     # were just removed, ext4 makes new ones slowly.
-    folder = tempfile.mkdtemp(dir=STORES.name)
+    folder = tempfile.mkdtemp(dir=stores)
     program = [environment.sunstone(), "render", scene, "-o", f"{folder}/out.zarr", "--no-figures"]
     program += ["--spp", spp, "--seed", seed] + (["--threads", threads] if threads else [])
     begun = time.perf_counter()
@@ -139,7 +137,7 @@ def interleaved(rows, rounds):
     return seconds
 
 
-def cornell(counts, rounds):
+def cornell(stores, counts, rounds):
     """Seconds of all programs at every sample count, and megabytes."""
     mi.set_variant(SPECTRAL)
     spectral = mi.load_file(export(OUT / "spectral"))
@@ -164,27 +162,27 @@ def cornell(counts, rounds):
         stokes(spp, 1000)
         mueller(spp, 1000)
         rows = {
-            "Sunstone, complete": lambda seed: sunstone(SCENE, spp, seed)[0],
-            "Sunstone, plain": lambda seed: sunstone(plain, spp, seed)[0],
+            "Sunstone, complete": lambda seed: sunstone(stores, SCENE, spp, seed)[0],
+            "Sunstone, plain": lambda seed: sunstone(stores, plain, spp, seed)[0],
             "Mitsuba, full-Mueller integrator": lambda seed: timed(lambda: mueller(spp, seed)),
             "Mitsuba, stokes": lambda seed: timed(lambda: stokes(spp, seed)),
         }
         seconds[spp] = interleaved(rows, rounds)
     memory = {
-        "Sunstone, complete": sunstone(SCENE, counts[0], 0)[1],
+        "Sunstone, complete": sunstone(stores, SCENE, counts[0], 0)[1],
         "both Mitsubas": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
     return seconds, memory
 
 
-def mirror_room(rounds):
+def mirror_room(stores, rounds):
     """Seconds of all slices and of one, on one thread and two."""
     scene = environment.ROOT / "scenes/mirror_room/scene.toml"
     one = scene.with_name("conventional_alone.toml")
     one.write_text(slices_alone(scene, ["conventional"]))
     rows = {
         f"{what}, {threads} thread{'s' * (threads > 1)}":
-            lambda seed, file=file, threads=threads: sunstone(file, 64, seed, threads)[0]
+            lambda seed, file=file, threads=threads: sunstone(stores, file, 64, seed, threads)[0]
         for threads in (1, 2)
         for what, file in (("all nine slices", scene), ("conventional alone", one))
     }
@@ -192,7 +190,7 @@ def mirror_room(rounds):
     def twice(seed):
         """Two renders of one thread each at once, which share nothing but the machine."""
         with ThreadPoolExecutor(2) as both:
-            return max(both.map(lambda k: sunstone(scene, 64, 2 * seed + k, 1)[0], (0, 1)))
+            return max(both.map(lambda k: sunstone(stores, scene, 64, 2 * seed + k, 1)[0], (0, 1)))
 
     rows["all nine slices, twice at once, 1 thread each"] = twice
     try:
@@ -206,8 +204,10 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--spp", type=int, nargs="*", default=[64, 256])
     options = parser.parse_args()
-    room = mirror_room(options.rounds)
-    seconds, memory = cornell(options.spp, options.rounds)
+    OUT.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=OUT) as stores:
+        room = mirror_room(stores, options.rounds)
+        seconds, memory = cornell(stores, options.spp, options.rounds)
     report = {"machine": machine(), "mitsuba": mi.__version__, "cornell_s": seconds, "peak_rss_mb": memory, "mirror_room_s": room}
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(report, indent=1) + "\n")

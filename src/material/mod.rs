@@ -267,7 +267,10 @@ impl Materials {
             | Material::ThinDielectric(_)
             | Material::Crystal(_)
             | Material::Null => false,
-            other => self.is_smooth_rest(other),
+            composite @ (Material::TwoSided(_)
+            | Material::Blend(_)
+            | Material::NormalMap(_)
+            | Material::PartialDepolarizer(_)) => self.is_smooth_rest(composite),
         }
     }
 
@@ -306,7 +309,11 @@ impl Materials {
             | Material::ThinDielectric(_)
             | Material::Crystal(_)
             | Material::Null => None,
-            other => self.eval_rest(other, at, wo, wi),
+            rest @ (Material::TwoSided(_)
+            | Material::Blend(_)
+            | Material::NormalMap(_)
+            | Material::PartialDepolarizer(_)
+            | Material::Measured(_)) => self.eval_rest(rest, at, wo, wi),
         }
     }
 

@@ -27,6 +27,21 @@ pub enum BulkError {
     Constants(#[from] crate::material::constants::ConstantsError),
 }
 
+/// What is wrong with one of several kinds of particle.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{error}")]
+pub struct KindError {
+    /// Its place in the list.
+    pub kind: usize,
+    pub error: BulkError,
+}
+
+impl From<KindError> for BulkError {
+    fn from(of: KindError) -> Self {
+        of.error
+    }
+}
+
 /// How many particles there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
@@ -149,11 +164,16 @@ impl Ensemble {
             self.spheres
                 .push((share * number / self.wave_number.powi(2), sphere));
         }
+        Ok(())
+    }
+
+    /// All particles are there: makes [`Self::matrix`] fast where they are many, and so must follow the last
+    /// [`Self::add`].
+    pub fn finish(&mut self) {
         // The quadratic forms cost as much as this many spheres.
         let long = 2 * self.terms * self.terms;
         let many = self.spheres.iter().map(|(_, s)| s.terms()).sum::<usize>() > long;
         self.products = many.then(|| Products::new(&self.spheres));
-        Ok(())
     }
 
     /// Bulk properties in a host that absorbs by itself, 1/m.
@@ -217,25 +237,26 @@ impl Optics {
     /// each of the vacuum wavelengths `nm`.
     ///
     /// # Errors
-    /// [`BulkError`] naming what is out of range.
+    /// [`KindError`] naming the first kind with something out of range.
     pub fn particles(
         nm: &[f64],
         host: &[f64],
         host_absorption: &[f64],
         kinds: &[Kind],
-    ) -> Result<Self, BulkError> {
-        let mut ensembles = Vec::with_capacity(nm.len());
-        let mut bulk = Vec::with_capacity(nm.len());
-        for (i, ((nm, host), absorption)) in nm.iter().zip(host).zip(host_absorption).enumerate() {
-            let mut ensemble = Ensemble::new(*host, *nm);
-            for kind in kinds {
-                ensemble.add(&kind.sizes, kind.index[i], kind.amount)?;
+    ) -> Result<Self, KindError> {
+        let hosts = nm.iter().zip(host);
+        let mut ensembles: Vec<Ensemble> = hosts.map(|(nm, host)| Ensemble::new(*host, *nm)).collect();
+        for (number, kind) in kinds.iter().enumerate() {
+            for (ensemble, index) in ensembles.iter_mut().zip(&kind.index) {
+                ensemble
+                    .add(&kind.sizes, *index, kind.amount)
+                    .map_err(|error| KindError { kind: number, error })?;
             }
-            bulk.push(ensemble.bulk(*absorption));
-            ensembles.push(ensemble);
         }
+        ensembles.iter_mut().for_each(Ensemble::finish);
+        let with_host = ensembles.iter().zip(host_absorption);
         Ok(Self {
-            bulk,
+            bulk: with_host.map(|(e, absorption)| e.bulk(*absorption)).collect(),
             phase: PhaseOptics::Particles(ensembles),
         })
     }

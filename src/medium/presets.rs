@@ -144,7 +144,7 @@ impl Milk {
                 self.concentration * 0.76 * per_volume(self.protein_percent, CASEIN_DENSITY),
             ),
         });
-        Optics::particles(nm, &host, &absorption, &kinds)
+        Ok(Optics::particles(nm, &host, &absorption, &kinds)?)
     }
 }
 
@@ -175,7 +175,7 @@ pub fn polystyrene(
         index: nm.iter().map(|w| [polystyrene_index(*w), 0.0]).collect(),
         amount,
     };
-    Optics::particles(nm, &host, &absorption, &[kind])
+    Ok(Optics::particles(nm, &host, &absorption, &[kind])?)
 }
 
 /// What Jensen et al. (2001) measured of a translucent substance.

@@ -32,9 +32,7 @@ pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
 #[inline]
 #[must_use]
 pub fn perpendicular(d: Vec3A) -> Vec3A {
-    let sign = 1.0_f32.copysign(d.z);
-    let a = -1.0 / (sign + d.z);
-    Vec3A::new(1.0 + sign * d.x * d.x * a, sign * d.x * d.y * a, -sign * d.x)
+    Vec3A::from_array(perpendiculars(&d.to_array().map(|v| [v])).map(|[v]| v))
 }
 
 /// [`perpendicular`] of several.

@@ -9,7 +9,7 @@
 //!   scattering microfacet BSDFs with the Smith model", §5.2);
 //! - separable (Walter et al. 2007; what Mitsuba 3 has): G2 = G1(o)·G1(i).
 
-use super::{beckmann, warp};
+use super::{beckmann, gamma::ln_gamma, warp};
 use glam::Vec3A;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -118,18 +118,6 @@ fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
 fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
     let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z).max(f32::MIN_POSITIVE);
     ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
-}
-
-/// ln Γ(x) for x ≥ 1: Stirling's series from 8 on, Γ(x + 1) = x Γ(x) below; error 1e-10.
-fn ln_gamma(x: f64) -> f64 {
-    let (mut x, mut product) = (x, 1.0);
-    while x < 8.0 {
-        product *= x;
-        x += 1.0;
-    }
-    let r = 1.0 / (x * x);
-    let series = (1.0 / 12.0 - r * (1.0 / 360.0 - r / 1260.0)) / x;
-    (x - 0.5) * x.ln() - x + 0.918_938_533_204_672_7 + series - product.ln()
 }
 
 /// Euler's B(x, y) for x, y ≥ 1. In f64, since at grazing incidence large logarithms cancel.

@@ -1,6 +1,7 @@
 //! Random numbers that depend only on (seed, pixel, sample), and warps of them with their densities.
 
 pub mod beckmann;
+pub mod gamma;
 pub mod microfacet;
 pub mod stream;
 pub mod warp;

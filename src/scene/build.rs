@@ -12,7 +12,8 @@ use crate::spectrum::{Spectral, Wavelengths};
 use crate::tensor::slice::{CameraSelect, ProjectorSelect};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::ops::Range;
+use std::fmt::Display;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -91,7 +92,7 @@ impl Context {
         s: &SpectrumFile,
         span: Range<usize>,
         what: &str,
-        range: std::ops::RangeInclusive<f64>,
+        range: RangeInclusive<f64>,
     ) -> Result<Vec<f64>, SceneError> {
         let n = self.listed.count();
         let at = |nm: &[f64], values: &[f64]| {
@@ -117,14 +118,38 @@ impl Context {
                 ));
             }
         };
-        if let Some(bad) = list.iter().find(|v| !range.contains(*v)) {
-            return Err(self.error(
-                span,
-                format!("{what} is {bad}"),
-                format!("it must lie in {}..{}", range.start(), range.end()),
-            ));
+        for value in &list {
+            self.within(*value, span.clone(), what, &range)?;
         }
         Ok(list)
+    }
+
+    /// A number of the file, which lies within `range`.
+    pub fn number<T: Copy + PartialOrd + Display>(
+        &self,
+        value: &Located<T>,
+        what: &str,
+        range: RangeInclusive<T>,
+    ) -> Result<T, SceneError> {
+        self.within(**value, value.span(), what, &range)
+    }
+
+    /// [`Self::number`] that stands at a place.
+    pub fn within<T: Copy + PartialOrd + Display>(
+        &self,
+        value: T,
+        span: Range<usize>,
+        what: &str,
+        range: &RangeInclusive<T>,
+    ) -> Result<T, SceneError> {
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.error(
+            span,
+            format!("{what} is {value}"),
+            format!("it must lie in {}..{}", range.start(), range.end()),
+        ))
     }
 
     /// [`Self::values`] in their lanes.
@@ -133,7 +158,7 @@ impl Context {
         s: &SpectrumFile,
         span: Range<usize>,
         what: &str,
-        range: std::ops::RangeInclusive<f64>,
+        range: RangeInclusive<f64>,
     ) -> Result<Spectral, SceneError> {
         let mut lanes = [0.0_f32; 4];
         for (lane, v) in lanes.iter_mut().zip(self.values(s, span, what, range)?) {
@@ -147,7 +172,7 @@ impl Context {
         &self,
         s: &Located<SpectrumFile>,
         what: &str,
-        range: std::ops::RangeInclusive<f64>,
+        range: RangeInclusive<f64>,
     ) -> Result<Spectral, SceneError> {
         self.spectrum(s, s.span(), what, range)
     }
@@ -351,25 +376,15 @@ fn default_name(path: &Path) -> String {
 
 pub(super) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, SceneError> {
     let r = &file.render;
-    let check = |v: &Located<u32>, what: &str, range: std::ops::RangeInclusive<u32>| {
-        if range.contains(v) {
-            return Ok(**v);
-        }
-        Err(ctx.error(
-            v.span(),
-            format!("{what} is {}", **v),
-            format!("it must lie in {}..{}", range.start(), range.end()),
-        ))
-    };
     Ok(Settings {
-        spp: check(&r.spp, "spp", 1..=1 << 30)?,
-        max_depth: check(&r.max_depth, "max_depth", 1..=1024)?,
+        spp: ctx.number(&r.spp, "spp", 1..=1 << 30)?,
+        max_depth: ctx.number(&r.max_depth, "max_depth", 1..=1024)?,
         rr_depth: r.rr_depth,
         integrator: r.integrator,
         manifold: r.manifold.unwrap_or(r.integrator == Integrator::Bidirectional),
         strategy: None,
         seed: r.seed,
-        tile: check(&r.tile, "tile", 1..=512)?,
+        tile: ctx.number(&r.tile, "tile", 1..=512)?,
     })
 }
 

@@ -207,17 +207,11 @@ impl<'a> Builder<'_, 'a> {
                 weight: self.scalar(&b.weight, "weight", 0.0..=1.0)?,
             }),
             MaterialFile::NormalMap(n) => {
-                if !(0.0..=10.0).contains(&*n.strength) {
-                    return Err(self.ctx.error(
-                        n.strength.span(),
-                        format!("strength is {}", *n.strength),
-                        "it must lie in 0..10",
-                    ));
-                }
+                let strength = self.ctx.number(&n.strength, "strength", 0.0..=10.0)?;
                 Material::NormalMap(normal_map::NormalMap {
                     material: self.inner(&n.material)?,
                     texture: self.linear_image(&n.image)?,
-                    strength: *n.strength as f32,
+                    strength: strength as f32,
                 })
             }
             MaterialFile::PartialDepolarizer(p) => {
@@ -285,13 +279,7 @@ impl<'a> Builder<'_, 'a> {
             ScalarFile::Number(v) => (*v, None),
             ScalarFile::Image(ImageAlbedo { image, scale }) => (*scale, Some(image)),
         };
-        if !range.contains(&value) {
-            return Err(self.ctx.error(
-                s.span(),
-                format!("{what} is {value}"),
-                format!("it must lie in {}..{}", range.start(), range.end()),
-            ));
-        }
+        let value = self.ctx.within(value, s.span(), what, &range)?;
         Ok(Scalar {
             value: value as f32,
             texture: image.map(|i| self.linear_image(i)).transpose()?,

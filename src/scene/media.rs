@@ -97,28 +97,11 @@ fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, SceneError> 
     }
 }
 
-/// A number within a range.
-fn number(
-    ctx: &Context,
-    value: &Located<f64>,
-    what: &str,
-    range: RangeInclusive<f64>,
-) -> Result<f64, SceneError> {
-    if range.contains(value) {
-        return Ok(**value);
-    }
-    Err(ctx.error(
-        value.span(),
-        format!("{what} is {}", **value),
-        format!("it must lie in {}..{}", range.start(), range.end()),
-    ))
-}
-
 /// The range of a mean cosine.
 const COSINES: RangeInclusive<f64> = -LARGEST_G..=LARGEST_G;
 
 fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, SceneError> {
-    number(ctx, g, "g", COSINES)
+    ctx.number(g, "g", COSINES)
 }
 
 /// What the theory refuses, at a place.
@@ -190,13 +173,13 @@ fn homogeneous(ctx: &Context, h: &HomogeneousFile) -> Result<Optics, SceneError>
         PhaseFile::Isotropic => PhaseOptics::Isotropic,
         PhaseFile::Rayleigh(r) => {
             let largest = f64::from(LARGEST_DEPOLARIZATION);
-            let rho = number(ctx, &r.depolarization, "depolarization", 0.0..=largest)?;
+            let rho = ctx.number(&r.depolarization, "depolarization", 0.0..=largest)?;
             PhaseOptics::Rayleigh(Rayleigh::new(rho as f32))
         }
         PhaseFile::HenyeyGreenstein(f) => {
             let g = ctx.values(&f.g, f.g.span(), "g", COSINES)?;
-            let circular = number(ctx, &f.circular, "circular", 0.0..=1.0)?;
-            let linear = number(ctx, &f.linear, "linear", 0.0..=0.5 * (1.0 + circular))?;
+            let circular = ctx.number(&f.circular, "circular", 0.0..=1.0)?;
+            let linear = ctx.number(&f.linear, "linear", 0.0..=0.5 * (1.0 + circular))?;
             for (b, g) in bulk.iter_mut().zip(g) {
                 b.asymmetry = g;
             }
@@ -258,14 +241,10 @@ fn mixture(
         kind.amount
             .number_density(&kind.sizes)
             .map_err(|e| refused(ctx, file.amount.span(), &e))?;
-        // Each by itself first, so that what is wrong with one is told at its place.
-        let alone = std::slice::from_ref(&kind);
-        let nm = ctx.wavelengths.nm();
-        Optics::particles(nm, host, absorption, alone).map_err(|e| refused(ctx, file.span(), &e))?;
         list.push(kind);
     }
     Optics::particles(ctx.wavelengths.nm(), host, absorption, &list)
-        .map_err(|e| refused(ctx, kinds.span(), &e))
+        .map_err(|e| refused(ctx, kinds[e.kind].span(), &e.error))
 }
 
 fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, SceneError> {
@@ -311,17 +290,17 @@ fn amount(file: &AmountFile) -> Amount {
 
 fn milk(ctx: &Context, m: &MilkFile, span: Range<usize>) -> Result<Optics, SceneError> {
     let milk = presets::Milk {
-        fat_percent: number(ctx, &m.fat_percent, "fat_percent", 0.0..=20.0)?,
-        protein_percent: number(ctx, &m.protein_percent, "protein_percent", 0.0..=20.0)?,
-        homogenization_mpa: number(ctx, &m.homogenization_mpa, "homogenization_mpa", 0.0..=100.0)?,
-        concentration: number(ctx, &m.concentration, "concentration", 0.0..=1.0)?,
+        fat_percent: ctx.number(&m.fat_percent, "fat_percent", 0.0..=20.0)?,
+        protein_percent: ctx.number(&m.protein_percent, "protein_percent", 0.0..=20.0)?,
+        homogenization_mpa: ctx.number(&m.homogenization_mpa, "homogenization_mpa", 0.0..=100.0)?,
+        concentration: ctx.number(&m.concentration, "concentration", 0.0..=1.0)?,
     };
     milk.optics(&ctx.wavelengths).map_err(|e| refused(ctx, span, &e))
 }
 
 fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result<Optics, SceneError> {
-    let mean = 0.5e-9 * number(ctx, &p.diameter_nm, "diameter_nm", 1.0..=1e5)?;
-    let spread = number(ctx, &p.spread, "spread", 0.0..=1.0)?;
+    let mean = 0.5e-9 * ctx.number(&p.diameter_nm, "diameter_nm", 1.0..=1e5)?;
+    let spread = ctx.number(&p.spread, "spread", 0.0..=1.0)?;
     let sizes = if spread < 1e-3 {
         SizeDistribution::Single { radius: mean }
     } else {

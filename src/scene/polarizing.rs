@@ -16,7 +16,6 @@ use crate::material::varies;
 use crate::polarization::thin_film::Film;
 use crate::spectrum::{MAX_WAVELENGTHS, Spectral};
 use glam::{DVec3, Vec3A};
-use std::ops::RangeInclusive;
 
 /// Uniaxial crystals that the optical constants know: their name there ends in `_o` and `_e`.
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
@@ -64,7 +63,9 @@ impl Builder<'_, '_> {
                     .map_or(Ok(Spectral::ZERO), |k| self.ctx.located(k, "k", 0.0..=100.0))?,
             ),
         };
-        let thickness = self.number(&film.thickness_nm, "thickness_nm", 0.0..=100_000.0)?;
+        let thickness = self
+            .ctx
+            .number(&film.thickness_nm, "thickness_nm", 0.0..=100_000.0)?;
         Ok(Film {
             n: n + unused,
             k,
@@ -107,7 +108,7 @@ impl Builder<'_, '_> {
             (TiltFile::Plate, ior) => {
                 let ior = ior
                     .as_ref()
-                    .map_or(Ok(1.55), |ior| self.number(ior, "ior", 1.0..=10.0))?;
+                    .map_or(Ok(1.55), |ior| self.ctx.number(ior, "ior", 1.0..=10.0))?;
                 Tilt::Plate(ior as f32)
             }
             (_, Some(ior)) => {
@@ -140,7 +141,9 @@ impl Builder<'_, '_> {
             self.index(&file.exterior_ior, "exterior_ior")? + Spectral::ONE - self.ctx.wavelengths.ones();
         let mut interior = [1.0; MAX_WAVELENGTHS];
         let (mut waves_per_m, mut bandwidth) = ([0.0; MAX_WAVELENGTHS], [0.0; MAX_WAVELENGTHS]);
-        let width = self.number(&file.bandwidth_nm, "bandwidth_nm", 0.0..=1000.0)?;
+        let width = self
+            .ctx
+            .number(&file.bandwidth_nm, "bandwidth_nm", 0.0..=1000.0)?;
         for (i, nm) in self.ctx.wavelengths.nm().iter().enumerate() {
             interior[i] = f64::midpoint(n_o[i], n_e[i]) as f32;
             waves_per_m[i] = 1e9 / nm;
@@ -221,7 +224,7 @@ impl Builder<'_, '_> {
         match (angle_deg, axis) {
             (None, None) => Ok(SheetAxis::Angle(0.0)),
             (Some(angle), None) => {
-                let angle = self.number(angle, "angle_deg", -36_000.0..=36_000.0)?;
+                let angle = self.ctx.number(angle, "angle_deg", -36_000.0..=36_000.0)?;
                 Ok(SheetAxis::Angle(angle.to_radians() as f32))
             }
             (None, Some(axis)) => Ok(SheetAxis::World(self.direction(axis)?)),
@@ -245,17 +248,5 @@ impl Builder<'_, '_> {
                     "give three numbers that are not all zero",
                 )
             })
-    }
-
-    /// A number within a range.
-    fn number(&self, v: &Located<f64>, what: &str, range: RangeInclusive<f64>) -> Result<f64, SceneError> {
-        if range.contains(&**v) {
-            return Ok(**v);
-        }
-        Err(self.ctx.error(
-            v.span(),
-            format!("{what} is {}", **v),
-            format!("it must lie in {}..{}", range.start(), range.end()),
-        ))
     }
 }

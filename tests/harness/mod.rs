@@ -1,4 +1,5 @@
-//! What the tests of whole renders share: small scenes as text, and readers of what was rendered.
+//! What the tests of whole renders and of the program share: small scenes as text, readers of what was rendered, and
+//! judges of what is said about broken files.
 
 #![allow(dead_code)]
 
@@ -133,4 +134,60 @@ pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
 /// What a run wrote to standard error.
 pub fn stderr(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+/// A broken file: what is broken; the passage and what takes its place; where the fault is (the first line with this
+/// text; with a leading `^` the column of the text too); words that the message must have.
+pub type Case = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+);
+
+/// Line and column of a fault as a case writes it, counted here anew.
+fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
+    let wanted = mark.strip_prefix('^');
+    let at = text
+        .find(wanted.unwrap_or(mark))
+        .unwrap_or_else(|| panic!("`{mark}` is not in the file"));
+    let line = text[..at].matches('\n').count() + 1;
+    let column = text[..at].chars().rev().take_while(|c| *c != '\n').count() + 1;
+    (line, wanted.map(|_| column))
+}
+
+/// Breaks the sound file `text` as a case says, into `name` in an empty folder; runs the program on it, which must refuse
+/// it, and returns what is wrong with its report, if anything.
+pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&str]) -> Option<String> {
+    let &(what, from, to, mark, says) = case;
+    let text = edit(text, from, to);
+    std::fs::write(folder.join(name), &text).expect("a file");
+    let shown = stderr(&run(folder, arguments, 2));
+    let left: Vec<_> = files(folder).into_keys().collect();
+    let complain = |why: String| Some(format!("{what}: {why}\n{shown}"));
+    if left != [Path::new(name)] || std::fs::read_dir(folder).expect("a folder").count() != 1 {
+        return complain(format!("left {left:?}"));
+    }
+    let first = shown.lines().next().unwrap_or("");
+    let Some(rest) = first.strip_prefix(&format!("error: {name}:")) else {
+        return complain("the first line names no place".into());
+    };
+    let mut parts = rest.splitn(3, ':');
+    let mut number = || parts.next().and_then(|p| p.parse::<usize>().ok());
+    let (Some(line), Some(column)) = (number(), number()) else {
+        return complain("no line and column".into());
+    };
+    let (want_line, want_column) = place(&text, mark);
+    if line != want_line || want_column.is_some_and(|c| c != column) {
+        return complain(format!("at {line}:{column}, not {want_line}:{want_column:?}"));
+    }
+    if !shown.contains(says) {
+        return complain(format!("does not say `{says}`"));
+    }
+    let mend = shown.lines().find_map(|l| l.trim().strip_prefix("mend: "));
+    if mend.is_none_or(|m| m.len() < 8) {
+        return complain("no mend".into());
+    }
+    None
 }

@@ -23,5 +23,6 @@ mod specular;
 mod stand_ins;
 #[path = "../support/mod.rs"]
 mod support;
+mod textures;
 mod thin_plates;
 mod wishes;

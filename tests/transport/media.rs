@@ -49,6 +49,7 @@ fn spheres(sizes: &SizeDistribution, [n, k]: [f64; 2]) -> Vec<Ensemble> {
         let mut e = Ensemble::new(1.33, nm);
         e.add(sizes, [n, k], Amount::VolumeFraction(0.01))
             .expect("admitted particles");
+        e.finish();
         e
     };
     [450.0, 550.0, 660.0, 800.0].map(ensemble).to_vec()

@@ -59,8 +59,8 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>
     } else {
         (bytes, None)
     };
-    let root: Root = gltf::json::deserialize::from_slice(json)
-        .map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
+    // Not `deserialize::from_slice`, which would be compiled for `Root` here, optimized, once more.
+    let root = Root::from_slice(json).map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
     if !root.asset.version.starts_with("2.") {
         let what = format!("the glTF version is {}", root.asset.version);
         return Err(ImportError::unsupported(what, "export as glTF 2.0"));

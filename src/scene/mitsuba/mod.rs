@@ -25,8 +25,6 @@ mod import_materials;
 mod import_shapes;
 mod ply;
 mod reader;
-#[cfg(test)]
-mod tests;
 mod toml_text;
 mod tree;
 mod xml;

@@ -1,9 +1,6 @@
 //! `sunstone phase` as a user meets it, and files of media that are wrong.
 
-mod harness;
-
-use harness::{edit, files, run, stderr};
-use std::path::Path;
+use crate::harness::{Case, fault, run, stderr};
 
 /// A file that is right; the tests below break one thing in it.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
@@ -42,15 +39,6 @@ phase.mie.kinds = [{ index = "water", sizes.gamma = { effective_radius_nm = 900,
 g = 0.7
 "#;
 
-/// What is broken; the passage and what takes its place; where the fault is told; words that the message has.
-type Case = (
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-);
-
 #[rustfmt::skip]
 const CASES: &[Case] = &[
     ("an unknown kind", "media.drink.milk", "media.drink.beer", "media.drink.beer", "unknown variant `beer`"),
@@ -71,46 +59,28 @@ const CASES: &[Case] = &[
     ("more than all", "volume_fraction = 0.01", "volume_fraction = 1.5", "amount.volume_fraction", "fill 1.5"),
     ("a boulder", "diameter_nm = 500", "diameter_nm = 5e6", "5e6", "diameter_nm is 5000000"),
     ("a particle that is too large", "effective_radius_nm = 900", "effective_radius_nm = 400000", "{ index = \"water\"", "size parameter"),
+    ("a second kind that is too large", "radius_nm = [20, 30]", "radius_nm = [20, 900000]", "{ index = \"Au\"", "size parameter"),
     ("no particles", "phase.mie.kinds = [{ index = \"water\", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]", "phase.mie.kinds = []", "[]", "no particles"),
     ("cream beyond butter", "fat_percent = 0.1", "fat_percent = 80", "80", "fat_percent is 80"),
     ("milk in the infrared", "wavelengths_nm = [450, 550, 660]", "wavelengths_nm = [450, 550, 900]", "[media.drink.milk]", "milk_fat cover 380 to 770 nm"),
     ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "rise"),
 ];
 
-/// The line of the first place of a mark, counted anew.
-fn line(text: &str, mark: &str) -> usize {
-    let at = text
-        .find(mark)
-        .unwrap_or_else(|| panic!("`{mark}` is not in the file"));
-    text[..at].matches('\n').count() + 1
-}
-
 #[test]
 fn every_broken_file_is_told_where_and_how_to_mend_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut faults = vec![];
-    for (what, from, to, mark, says) in CASES {
-        let text = edit(MEDIA, from, to);
-        std::fs::write(folder.path().join("m.toml"), &text).expect("a file");
+    let told = |case: &Case| {
+        let from = case.1;
         // The medium that the fault is in: the last heading above it.
-        let name = MEDIA[..MEDIA.find(from).expect("the passage")]
+        let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
+        let name = above
             .rfind("[media.")
             .map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));
         let name = if from.starts_with("media.") { "drink" } else { name };
-        let shown = stderr(&run(
-            folder.path(),
-            &["phase", "eval", "m.toml", "--name", name, "-o", "out.csv"],
-            2,
-        ));
-        let place = format!("error: m.toml:{}:", line(&text, mark));
-        let mend = shown.lines().find_map(|l| l.trim().strip_prefix("mend: "));
-        if !shown.starts_with(&place) || !shown.contains(says) || mend.is_none_or(|m| m.len() < 8) {
-            faults.push(format!("{what}: not `{place}` and `{says}`:\n{shown}"));
-        }
-        if files(folder.path()).keys().any(|f| f != Path::new("m.toml")) {
-            faults.push(format!("{what}: something was written"));
-        }
-    }
+        let arguments = ["phase", "eval", "m.toml", "--name", name, "-o", "out.csv"];
+        fault(folder.path(), "m.toml", MEDIA, case, &arguments)
+    };
+    let faults: Vec<String> = CASES.iter().filter_map(told).collect();
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 

@@ -1,8 +1,6 @@
 //! `export --mitsuba` and `import` as commands: what they write, and that they write nothing when they refuse.
 
-mod harness;
-
-use harness::{MIRROR_ROOM, edit, files, mirror_room, run, stderr};
+use crate::harness::{MIRROR_ROOM, edit, files, mirror_room, run, stderr};
 
 #[test]
 fn a_scene_goes_to_mitsuba_and_back() {

@@ -2,9 +2,7 @@
 //!
 //! Slices of one render are filled by the same samples, so sums over their axes agree to rounding.
 
-mod harness;
-
-use harness::{mirror_room, read, rendered, scene};
+use crate::harness::{mirror_room, read, rendered, scene};
 use std::path::Path;
 use std::sync::LazyLock;
 use sunstone::decompose::cloude::{Matrix, eigenvalues};

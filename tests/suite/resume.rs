@@ -1,8 +1,6 @@
 //! A render's bytes depend neither on threads nor on interruptions.
 
-mod harness;
-
-use harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
+use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};

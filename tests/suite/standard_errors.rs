@@ -1,8 +1,6 @@
 //! Standard errors are honest: over many seeds, deviations from the mean over seeds are as large as they say.
 
-mod harness;
-
-use harness::{mirror_room, read, rendered, scene};
+use crate::harness::{mirror_room, read, rendered, scene};
 use sunstone::tensor::store::Field;
 
 const SEEDS: u64 = 64;

@@ -1,9 +1,7 @@
 //! Albedo images: orientation, sRGB decoding, channel for each wavelength, bilinear filtering with repetition.
 
-mod support;
-
+use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;
-use support::render_text;
 
 /// A 4 × 4 picture with no symmetry.
 fn picture() -> image::RgbImage {

@@ -1,20 +1,20 @@
 //! There and back again: what is expressible comes back the same, what is not is refused by name.
 
-use super::export::Export;
-use super::import::Import;
-use crate::geometry::ray::Ray;
-use crate::material::Lobe;
-use crate::material::measured::axes::Axes;
-use crate::material::measured::write::write as write_table;
-use crate::sampling::{stream::Stream, warp};
-use crate::scene::Scene;
-use crate::scene::locate::SceneError;
-use crate::scene::pinhole::Pinhole;
-use crate::spectrum::Spectral;
 use glam::Vec3A;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
+use sunstone::geometry::ray::Ray;
+use sunstone::material::Lobe;
+use sunstone::material::measured::axes::Axes;
+use sunstone::material::measured::write::write as write_table;
+use sunstone::sampling::{stream::Stream, warp};
+use sunstone::scene::Scene;
+use sunstone::scene::locate::SceneError;
+use sunstone::scene::mitsuba::export::Export;
+use sunstone::scene::mitsuba::import::Import;
+use sunstone::scene::pinhole::Pinhole;
+use sunstone::spectrum::Spectral;
 
 /// Every material and every shape that Mitsuba has too.
 const ALL: &str = r#"
@@ -224,7 +224,7 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
         assert!((sa.ng - sb.ng).length() < 1e-4 && (sa.ns - sb.ns).length() < 1e-4);
         assert!((sa.tangent_frame().x_axis - sb.tangent_frame().x_axis).length() < 1e-3);
         let (wo, wi) = (-ray.dir, warp::sphere(stream.uniform2()));
-        let x = crate::polarization::frame::perpendicular;
+        let x = sunstone::polarization::frame::perpendicular;
         for way in [wi, -wi] {
             let values = [(a, &sa), (b, &sb)].map(|(scene, at)| {
                 let m = scene.materials.eval(at.material, at, wo, way);

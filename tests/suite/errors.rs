@@ -1,9 +1,6 @@
 //! Broken input: exit code 2, the place, a mend, and nothing written.
 
-mod harness;
-
-use harness::{edit, files, mirror_room, run, shipped, stderr};
-use std::path::Path;
+use crate::harness::{Case, edit, fault, files, mirror_room, run, shipped, stderr};
 
 /// A scene that is right; every test below breaks one thing in it.
 const SCENE: &str = r#"name = "box"
@@ -55,16 +52,6 @@ time = { start_ps = 0, bin_ps = 100, bins = 10 }
 name = "picture"
 view.photo = { slice = "photo" }
 "#;
-
-/// What is broken; the passage and what takes its place; where the fault is (the first line with this text; with a
-/// leading `^` the column of the text too); words that the message must have.
-type Case = (
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-);
 
 #[rustfmt::skip]
 const CASES: &[Case] = &[
@@ -149,57 +136,20 @@ const CASES: &[Case] = &[
     ("a flattening transform", "u = [2, 0, 0]", "u = [0, 2, 0]", "^shape.rectangle", "no size"),
 ];
 
-/// Line and column of a fault as a case writes it, counted here anew.
-fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
-    let wanted = mark.strip_prefix('^');
-    let at = text
-        .find(wanted.unwrap_or(mark))
-        .unwrap_or_else(|| panic!("`{mark}` is not in the scene"));
-    let line = text[..at].matches('\n').count() + 1;
-    let column = text[..at].chars().rev().take_while(|c| *c != '\n').count() + 1;
-    (line, wanted.map(|_| column))
-}
-
-/// Runs a broken scene and returns what is wrong with its report, if anything.
-fn fault(folder: &Path, case: &Case) -> Option<String> {
-    let &(what, from, to, mark, says) = case;
-    let text = edit(SCENE, from, to);
-    std::fs::write(folder.join("scene.toml"), &text).expect("a scene");
-    let shown = stderr(&run(folder, &["render", "scene.toml"], 2));
-    let left: Vec<_> = files(folder).into_keys().collect();
-    let complain = |why: String| Some(format!("{what}: {why}\n{shown}"));
-    if left != [Path::new("scene.toml")] || std::fs::read_dir(folder).expect("a folder").count() != 1 {
-        return complain(format!("left {left:?}"));
-    }
-    let first = shown.lines().next().unwrap_or("");
-    let Some(rest) = first.strip_prefix("error: scene.toml:") else {
-        return complain("the first line names no place".into());
-    };
-    let mut parts = rest.splitn(3, ':');
-    let mut number = || parts.next().and_then(|p| p.parse::<usize>().ok());
-    let (Some(line), Some(column)) = (number(), number()) else {
-        return complain("no line and column".into());
-    };
-    let (want_line, want_column) = place(&text, mark);
-    if line != want_line || want_column.is_some_and(|c| c != column) {
-        return complain(format!("at {line}:{column}, not {want_line}:{want_column:?}"));
-    }
-    if !shown.contains(says) {
-        return complain(format!("does not say `{says}`"));
-    }
-    let mend = shown.lines().find_map(|l| l.trim().strip_prefix("mend: "));
-    if mend.is_none_or(|m| m.len() < 8) {
-        return complain("no mend".into());
-    }
-    None
-}
-
 #[test]
 fn every_broken_scene_is_told_where_and_how_to_mend_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let faults: Vec<String> = CASES
         .iter()
-        .filter_map(|case| fault(folder.path(), case))
+        .filter_map(|case| {
+            fault(
+                folder.path(),
+                "scene.toml",
+                SCENE,
+                case,
+                &["render", "scene.toml"],
+            )
+        })
         .collect();
     assert!(
         faults.is_empty(),

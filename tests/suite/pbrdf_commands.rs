@@ -1,8 +1,6 @@
 //! `sunstone pbrdf` as a user meets it: evaluate a material, make tables, look at them, cut them, draw them.
 
-mod harness;
-
-use harness::{files, run, stderr};
+use crate::harness::{files, run, stderr};
 use serde_json::Value;
 use std::path::Path;
 

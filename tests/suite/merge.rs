@@ -1,8 +1,6 @@
 //! Stores of two seeds pool into the one that all their samples would have made.
 
-mod harness;
-
-use harness::{mirror_room, read, run, stderr};
+use crate::harness::{mirror_room, read, run, stderr};
 use std::path::Path;
 use sunstone::tensor::store::{Field, TensorStore};
 

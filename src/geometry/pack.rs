@@ -1,0 +1,134 @@
+//! Eight triangles or parallelograms that a ray meets at once: the intersection of Möller & Trumbore (1997, "Fast,
+//! minimum storage ray/triangle intersection", J. Graphics Tools 2), lane by lane.
+//!
+//! With e1, e2 the edges from the corner v0, p = d × e2, s = o - v0 and q = s × e1,
+//! (t, u, v) = (q·e2, p·s, q·d) / (p·e1); inside are u, v ≥ 0 with u + v ≤ 1, of a parallelogram max(u, v) ≤ 1.
+
+use super::eight::{Eight, Mask};
+use super::ray::Ray;
+use glam::Vec3A;
+
+/// A triangle, a parallelogram or a quadric, before the tree is built.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Primitive {
+    pub(super) v0: Vec3A,
+    pub(super) e1: Vec3A,
+    pub(super) e2: Vec3A,
+    /// Covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, not just half of it.
+    pub(super) parallelogram: bool,
+    /// Index into the builder's `triangles`, or `QUADRIC | index` into `quadrics`.
+    pub(super) id: u32,
+}
+
+impl Primitive {
+    /// How far barycentric coordinates may overshoot so that the triangle widens by `width` metres: they run over its
+    /// heights.
+    fn skin(&self, width: f32) -> f32 {
+        let (e1, e2) = (self.e1, self.e2);
+        let longest = e1.length().max(e2.length()).max((e2 - e1).length());
+        let height = e1.cross(e2).length() / longest;
+        // A sliver thinner than its skin gets no more than its own width.
+        if height > 0.0 {
+            (width / height).min(0.5)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Eight triangles or parallelograms, lane by lane; unused lanes are zero and are never hit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pack {
+    v0: [Eight; 3],
+    e1: [Eight; 3],
+    e2: [Eight; 3],
+    skin: Eight,
+    /// Set in the lanes of parallelograms.
+    pub(super) parallelogram: Mask,
+}
+
+/// A ray in all lanes.
+pub(super) struct Wide {
+    o: [Eight; 3],
+    d: [Eight; 3],
+}
+
+impl Wide {
+    #[inline(always)]
+    pub(super) fn new(ray: &Ray) -> Self {
+        Self {
+            o: ray.origin.to_array().map(Eight::splat),
+            d: ray.dir.to_array().map(Eight::splat),
+        }
+    }
+}
+
+#[inline(always)]
+fn cross(a: &[Eight; 3], b: &[Eight; 3]) -> [Eight; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+#[inline(always)]
+fn dot(a: &[Eight; 3], b: &[Eight; 3]) -> Eight {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Pack {
+    pub(super) fn new(primitives: &[Primitive], width: f32) -> Self {
+        let lanes = |f: &dyn Fn(&Primitive) -> f32| {
+            let mut out = Eight::splat(0.0);
+            for (lane, p) in out.0.iter_mut().zip(primitives) {
+                *lane = f(p);
+            }
+            out
+        };
+        let mut parallelogram = Mask([0; 8]);
+        for (lane, p) in parallelogram.0.iter_mut().zip(primitives) {
+            *lane = if p.parallelogram { u32::MAX } else { 0 };
+        }
+        let vector = |f: fn(&Primitive) -> Vec3A| [0, 1, 2].map(|k| lanes(&|p: &Primitive| f(p)[k]));
+        Self {
+            v0: vector(|p| p.v0),
+            e1: vector(|p| p.e1),
+            e2: vector(|p| p.e2),
+            skin: lanes(&|p: &Primitive| p.skin(width)),
+            parallelogram,
+        }
+    }
+
+    /// Möller & Trumbore (1997): bits of the lanes that are hit before `end`; distances and barycentric coordinates of
+    /// the second and third vertex.
+    #[inline(always)]
+    pub(super) fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
+        let p = cross(&ray.d, &self.e2);
+        let inverse = dot(&self.e1, &p).recip();
+        let s = [
+            ray.o[0] - self.v0[0],
+            ray.o[1] - self.v0[1],
+            ray.o[2] - self.v0[2],
+        ];
+        let u = dot(&s, &p) * inverse;
+        let q = cross(&s, &self.e1);
+        let v = dot(&ray.d, &q) * inverse;
+        let t = dot(&self.e2, &q) * inverse;
+        let most = self.parallelogram.select(u.max(v), u + v);
+        // A zero determinant makes these infinite or NaN, and every comparison with NaN is false.
+        let least = self.skin.neg();
+        let inside = least.le(u) & least.le(v) & most.le(Eight::splat(1.0) + self.skin);
+        let hit = inside & Eight::splat(0.0).lt(t) & t.lt(Eight::splat(end));
+        (hit.bits(), t, u, v)
+    }
+
+    /// Corner and edges of one lane.
+    #[inline]
+    pub(super) fn lane(&self, lane: usize) -> [Vec3A; 3] {
+        [&self.v0, &self.e1, &self.e2].map(|v| {
+            let at = |k: usize| v[k].0[lane & 7];
+            Vec3A::new(at(0), at(1), at(2))
+        })
+    }
+}

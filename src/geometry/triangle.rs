@@ -1,0 +1,86 @@
+//! What shading needs of a triangle beside its hit: corner, edges, normal and tangent in rows that load at once.
+//!
+//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with their steps (u, v) of texture coordinates.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Vec3A, Vec4};
+
+/// One triangle. Its vectors are rows of four, which load at once; the fourth number of each is an index, see
+/// [`INDEX`].
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Triangle {
+    /// First corner; material.
+    pub(super) v0: [f32; 4],
+    /// Edges to the others; indices of the first two corners into `normals`, `u32::MAX` in the first for a flat triangle.
+    pub(super) e1: [f32; 4],
+    pub(super) e2: [f32; 4],
+    /// Unit normal; index of the third corner into `normals`.
+    pub(super) normal: [f32; 4],
+    /// ∂p/∂u up to a factor; index of the first corner into `uvs`, `u32::MAX` where there are none.
+    pub(super) tangent: [f32; 4],
+    /// Indices of the others into `uvs`.
+    uvs: [u32; 2],
+}
+
+/// Bits that are turned in an index beside a vector: arithmetic on the vector takes the index along, and small integers
+/// would be denormal numbers, which are slow.
+const INDEX: u32 = 0x4000_0000;
+
+#[inline(always)]
+fn index(row: &[f32; 4]) -> u32 {
+    row[3].to_bits() ^ INDEX
+}
+
+/// The vector of a row.
+#[inline(always)]
+pub(super) fn vector(row: [f32; 4]) -> Vec3A {
+    Vec3A::from_vec4(Vec4::from_array(row))
+}
+
+impl Triangle {
+    /// `uvs` are the texture coordinates of the corners, if there are any; `normals` and `uv_indices` as the methods of
+    /// these names say.
+    pub(super) fn new(
+        corners: [Vec3A; 3],
+        uvs: Option<[[f32; 2]; 3]>,
+        normals: [u32; 3],
+        uv_indices: [u32; 3],
+        material: u32,
+    ) -> Self {
+        let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
+        let tangent = uvs.map_or(e1, |[a, b, c]| {
+            let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges; only the direction is wanted, so the size of det is not.
+            (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
+        });
+        let row = |v: Vec3A, index: u32| v.extend(f32::from_bits(index ^ INDEX)).to_array();
+        Self {
+            v0: row(v0, material),
+            e1: row(e1, normals[0]),
+            e2: row(e2, normals[1]),
+            normal: row(e1.cross(e2).normalize(), normals[2]),
+            tangent: row(tangent, uv_indices[0]),
+            uvs: [uv_indices[1], uv_indices[2]],
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn material(&self) -> u32 {
+        index(&self.v0)
+    }
+
+    /// Indices into `normals`; `None` for a flat triangle.
+    #[inline(always)]
+    pub(super) fn normals(&self) -> Option<[u32; 3]> {
+        let [a, b, c] = [index(&self.e1), index(&self.e2), index(&self.normal)];
+        (a != u32::MAX).then_some([a, b, c])
+    }
+
+    /// Indices into `uvs`; `None` where there are none.
+    #[inline(always)]
+    pub(super) fn uvs(&self) -> Option<[u32; 3]> {
+        let a = index(&self.tangent);
+        (a != u32::MAX).then_some([a, self.uvs[0], self.uvs[1]])
+    }
+}

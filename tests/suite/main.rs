@@ -1,0 +1,18 @@
+//! The program and its files as a user meets them, whole renders, and the order of the sources.
+//!
+//! One program, not one a file: each would link the library again and compile anew what it uses of it. Those that watch
+//! the memory of their process stay apart.
+
+mod commands;
+mod errors;
+mod exchange;
+#[path = "../harness/mod.rs"]
+mod harness;
+mod invariants;
+mod merge;
+mod mitsuba;
+mod pbrdf_commands;
+mod phase;
+mod resume;
+mod rooms;
+mod standard_errors;
