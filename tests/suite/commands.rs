@@ -94,6 +94,27 @@ fn a_chain_of_commands() {
         "{info}"
     );
 
+    // Of the scene: what it holds, and nothing to warn of; a mirror that the projector shines on is something.
+    let about = run(d, &["info", "room/scene.toml"]);
+    assert!(
+        about.contains("integrator         path") && about.contains("1 quadrics"),
+        "{about}"
+    );
+    assert!(!about.contains("warning"), "{about}");
+    let mirror = SCENE
+        .replace("gold.rough_conductor", "gold.conductor")
+        .replace(", alpha = 0.3 }", " }");
+    std::fs::write(d.join("mirror.toml"), &mirror).unwrap();
+    let about = run(d, &["info", "mirror.toml"]);
+    assert!(
+        about.contains("warning: ") && about.contains("bidirectional"),
+        "{about}"
+    );
+    let both = mirror.replace("[render]", "[render]\nintegrator = \"bidirectional\"");
+    std::fs::write(d.join("both.toml"), both).unwrap();
+    let about = run(d, &["info", "both.toml"]);
+    assert!(about.contains("stay dark"), "{about}");
+
     // T_p printed by the program is the sum over the image.
     let printed = run(
         d,

@@ -3,8 +3,9 @@
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;
 use std::process::{Child, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use sunstone::render::tile::{Target, Unwatched, render};
+use sunstone::render::tile::{Summary, Target, Unwatched, Watch, render};
 
 const SLICES: &str = r#"
 [[slices]]
@@ -32,10 +33,52 @@ fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
+/// With paths from the camera, and with walks from both ends, whose light falls into any tile.
 #[test]
 fn threads_change_no_byte() {
+    threads_change_nothing(&text(8));
+    let both = mirror_room(24, 16, 4, 4, SLICES).replace("[10, 30]", "[3, 20]");
+    threads_change_nothing(&both.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1));
+}
+
+/// Stops after a few tiles.
+struct Impatient(AtomicU32);
+
+impl Watch for Impatient {
+    fn tile_done(&self, _: &Summary) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+    fn interrupted(&self) -> bool {
+        self.0.load(Ordering::Relaxed) >= 7
+    }
+}
+
+/// What an earlier run finished is not asked for again, and no light is lost or counted twice.
+#[test]
+fn walks_from_the_light_survive_an_interruption() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = scene(&text(8));
+    let text = mirror_room(24, 16, 4, 4, SLICES).replace("[10, 30]", "[3, 20]");
+    let scene = scene(&text.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1));
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    let target = |path: &Path, resume| Target {
+        path: path.to_owned(),
+        resume,
+        ..Target::default()
+    };
+    render(&scene, &target(&whole, false), &Unwatched).expect("a render");
+    let first = render(&scene, &target(&parts, false), &Impatient(AtomicU32::new(0))).expect("a part");
+    assert!(!first.complete && first.tiles_done >= 7, "{first:?}");
+    assert!(
+        render(&scene, &target(&parts, true), &Unwatched)
+            .expect("the rest")
+            .complete
+    );
+    assert_same_store(&whole, &parts);
+}
+
+fn threads_change_nothing(text: &str) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = scene(text);
     let paths = [1, 2, 3].map(|threads| {
         let path = folder.path().join(format!("{threads}.zarr"));
         let pool = rayon::ThreadPoolBuilder::new()
