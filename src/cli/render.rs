@@ -51,10 +51,12 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
+    /// To be said once the render is under way: not to bury why it cannot be.
+    warnings: Mutex<Vec<String>>,
 }
 
 impl Progress {
-    fn new() -> Self {
+    fn new(warnings: Vec<String>) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template("{bar:32} {pos}/{len} tiles  {msg}  {eta} left")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -63,12 +65,24 @@ impl Progress {
         Self {
             bar,
             last: Mutex::new(Instant::now()),
+            warnings: Mutex::new(warnings),
         }
     }
 }
 
 impl Watch for Progress {
     fn tile_done(&self, s: &Summary) {
+        let mut warnings = self
+            .warnings
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        for warning in warnings.drain(..) {
+            match &self.bar {
+                Some(bar) => bar.println(format!("warning: {warning}")),
+                None => eprintln!("warning: {warning}"),
+            }
+        }
+        drop(warnings);
         let rate = s.samples as f64 / s.wall_s / 1e6;
         if let Some(bar) = &self.bar {
             bar.set_length(u64::from(s.tiles));
@@ -112,9 +126,6 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         scene.name,
         begun.elapsed()
     );
-    for warning in missing(&scene) {
-        eprintln!("warning: {warning}");
-    }
     let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
     let target = Target {
@@ -136,7 +147,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .num_threads(a.threads.unwrap_or(0))
         .build()
         .map_err(Failure::failed)?;
-    let progress = Progress::new();
+    let progress = Progress::new(missing(&scene));
     let summary = pool
         .install(|| tile::render(&scene, &target, &progress))
         .map_err(|e| match e {

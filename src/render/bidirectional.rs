@@ -193,13 +193,8 @@ impl Walks {
         if scene.settings.integrator == Integrator::Path {
             return rays;
         }
-        // Any walk from the light will do; which one varies, so that over the samples they are all as likely.
-        let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, sample);
-        let shift = (shift.uniform() * plan.walks as f32) as u32;
-        let number = WalkNumber {
-            sample,
-            walk: ((u64::from(pixel) + u64::from(shift)) % u64::from(plan.walks)) as u32,
-        };
+        // Over the samples, any walk starts anywhere.
+        let number = WalkNumber { sample, walk: pixel };
         if let Some((lit_ends, source, lit)) = self.light_walk(scene, plan, number) {
             rays += self.light.rays;
             let mut joiner = Joiner {
@@ -234,7 +229,9 @@ impl Walks {
     fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber) -> Option<(Ends, usize, u32)> {
         let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
         let ends = Ends::draw(scene, &mut stream);
-        let start = plan.emission.start(scene, &ends, &mut stream)?;
+        let start = plan
+            .emission
+            .start(scene, &ends, spread(scene, number), &mut stream)?;
         let limits = (most(scene), false);
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
@@ -292,6 +289,18 @@ impl Walks {
         }
         joiner.rays
     }
+}
+
+/// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
+/// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
+fn spread(scene: &Scene, number: WalkNumber) -> [f32; 2] {
+    let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, number.sample);
+    let k = f64::from(number.walk);
+    [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| {
+        let at = (f64::from(shift.uniform()) + k * step).fract() as f32;
+        // Rounding to single precision must not reach 1.
+        at.min(1.0 - f32::EPSILON / 2.0)
+    })
 }
 
 /// The camera's end of walks whose rays start along `dir`.

@@ -191,8 +191,9 @@ impl Emission {
         }
     }
 
-    /// Begins a walk: a source by its power, a projector pixel uniformly; `None` if the scene has no sources.
-    pub fn start(&self, scene: &Scene, ends: &Ends, stream: &mut Stream) -> Option<Emitted> {
+    /// Begins a walk: a source by its power, a point of the projector's image by the two uniforms `at`; `None` if the scene
+    /// has no sources.
+    pub fn start(&self, scene: &Scene, ends: &Ends, at: [f32; 2], stream: &mut Stream) -> Option<Emitted> {
         let mut u = stream.uniform();
         let last = self.sources.len().checked_sub(1)?;
         let mut source = 0;
@@ -200,7 +201,6 @@ impl Emission {
             u -= self.sources[source].1;
             source += 1;
         }
-        let at = stream.uniform2();
         let (dir, pixel) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution;
