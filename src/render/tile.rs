@@ -123,7 +123,7 @@ enum Prepared {
 }
 
 /// Walks from the light that are kept in mind at once; more than these and the image is rendered in parts.
-const WALKS_AT_ONCE: u64 = 1 << 24;
+const WALKS_AT_ONCE: u64 = 1 << 22;
 
 /// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
 fn needs_walks(scene: &Scene) -> bool {

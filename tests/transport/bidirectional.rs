@@ -297,3 +297,70 @@ fn lenses() {
     let (blurred, sharp) = (lit(&text), lit(&sharp));
     assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
 }
+
+/// Light that the projector sends through something is what a camera in its place would see of a projector in the camera's:
+/// T(s, s') f'² = D T'(s', s)ᵀ D f². What the light's walk finds against what the camera's walk finds.
+#[test]
+fn exchanged_devices_find_the_same() {
+    let wall = DVec3::new(0.0, 0.0, -0.6);
+    let behind = Device::look_at([0.25, 0.1, 1.2], wall, [1, 1], 9.0);
+    let beside = Device::look_at([1.4, -0.7, 0.5], wall, [1, 1], 3.0);
+    for (material, shape) in [
+        (
+            "dielectric = { ior = 1.5 }",
+            "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.4] }",
+        ),
+        (
+            "dielectric = { ior = [1.4, 1.5, 1.6] }",
+            "sphere = { center = [0.1, 0, 0.2], radius = 0.3 }",
+        ),
+        (
+            "rough_dielectric = { ior = [1.4, 1.5, 1.6], alpha = 0.2 }",
+            "sphere = { center = [0.1, 0, 0.2], radius = 0.3 }",
+        ),
+        (
+            "crystal = { name = \"calcite\", axis = [0.3, 0.5, 0.8], split = true }",
+            "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.4] }",
+        ),
+        (
+            "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1] }",
+            "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.11] }",
+        ),
+        (
+            "retarder = { retardance_deg = 70, angle_deg = 20 }",
+            "rectangle = { corner = [-1, -1, 0.1], u = [2, 0.1, 0], v = [0, 2, 0.3] }",
+        ),
+    ] {
+        let text = |camera: &Device, projector: &Device| {
+            head(40_000, 6, 12).replace("[550]", "[450, 550, 660]")
+                + &camera.keys("camera")
+                + &projector.keys("projector")
+                + &format!(
+                    "[materials]\ngold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.6 }}\nx.{material}\n"
+                )
+                + &plate(wall, DVec3::new(0.3, -0.1, 1.0), 0.5, "gold")
+                + &format!("[[objects]]\nmaterial = \"x\"\nshape.{shape}\n")
+                + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n"
+        };
+        let there = with(&text(&beside, &behind), Integrator::Bidirectional, None);
+        let back = with(&text(&behind, &beside), Integrator::Path, None);
+        for lane in 0..3 {
+            let at = [(AxisKind::Wavelength, lane)];
+            let [a, da] =
+                [there.mean("m"), there.std_error("m")].map(|t| mueller(&t, &at) * behind.focal.powi(2));
+            let [b, db] =
+                [back.mean("m"), back.std_error("m")].map(|t| mueller(&t, &at) * beside.focal.powi(2));
+            let d = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
+            let (b, db) = (d * b.transpose() * d, db.transpose());
+            let sharp = da[(0, 0)].hypot(db[(0, 0)]) / b[(0, 0)];
+            assert!(sharp < 0.03, "{material}: {sharp}");
+            for k in 0..16 {
+                let (sigma, diff) = (da[k].hypot(db[k]), (a[k] - b[k]).abs());
+                assert!(
+                    diff < 5.0 * sigma + 1e-6 * b[0],
+                    "{material}, lane {lane}, {k}:\n{a}is not\n{b}±\n{da}{db}"
+                );
+            }
+        }
+    }
+}
