@@ -80,7 +80,7 @@ def facets():
 
 # --- coins_mirror/sun.ply, star.ply -----------------------------------------------------------------------------------
 
-COIN_RADIUS, COIN_HEIGHT, COIN_RELIEF = 0.020, 0.0024, 0.0006
+COIN_RADIUS, COIN_HEIGHT, COIN_RELIEF = 0.020, 0.003, 0.0011
 COIN_SIDES, COIN_RINGS = 120, 32
 
 
@@ -92,23 +92,23 @@ def step(low, high, x):
 
 def rim(r, a):
     """Relief common to all coins: a raised edge, and a ring of beads."""
-    beads = math.hypot(r - 0.80, 0.80 * (((a * 36 / TAU) % 1.0) - 0.5) * TAU / 36)
-    return max(step(0.87, 0.92, r), 0.6 * (1.0 - step(0.025, 0.05, beads)))
+    beads = math.hypot(r - 0.79, 0.79 * (((a * 24 / TAU) % 1.0) - 0.5) * TAU / 24)
+    return max(step(0.87, 0.92, r), 0.6 * (1.0 - step(0.035, 0.065, beads)))
 
 
 def sun(r, a):
-    """Height, 0..1, at radius r (0..1) and angle a: a face of three bosses in a disc, and sixteen rays."""
+    """Height, 0..1, at radius r (0..1) and angle a: a face of three bosses in a disc, and twelve rays."""
     x, y = r * math.cos(a), r * math.sin(a)
-    disc = 0.55 * math.sqrt(max(0.0, 1.0 - (r / 0.36) ** 2)) if r < 0.36 else 0.0
+    disc = 0.75 * math.sqrt(max(0.0, 1.0 - (r / 0.36) ** 2)) if r < 0.36 else 0.0
     features = [((-0.12, 0.07), 0.05, -0.3), ((0.12, 0.07), 0.05, -0.3), ((0.0, -0.02), 0.045, 0.35)]
     for (cx, cy), size, height in features:
         disc += height * (1.0 - step(0.0, 1.6 * size, math.hypot(x - cx, y - cy)))
     if r < 0.36 and y < -0.08:
         disc -= 0.3 * (1.0 - step(0.015, 0.05, abs(math.hypot(x, y - 0.05) - 0.20))) * step(0.0, 0.1, 0.18 - abs(x))
-    turn = ((a * 16 / TAU) % 1.0) - 0.5
-    length = 0.70 if int(a * 16 / TAU) % 2 else 0.58
-    width = 0.42 * max(0.0, (length - r) / (length - 0.38))
-    rays = 0.5 * (1.0 - step(0.5 * width, width + 1e-6, abs(turn))) if 0.38 < r < length else 0.0
+    turn = ((a * 12 / TAU) % 1.0) - 0.5
+    length = 0.72 if int(a * 12 / TAU) % 2 else 0.60
+    width = 0.48 * max(0.0, (length - r) / (length - 0.38))
+    rays = 0.7 * (1.0 - step(0.4 * width, width + 1e-6, abs(turn))) if 0.38 < r < length else 0.0
     return max(disc, rays, rim(r, a))
 
 
@@ -258,7 +258,7 @@ def ruler_image():
 
 # Plane angle of the faces of calcite's cleavage rhombohedron, at its two blunt corners.
 CALCITE_ANGLE = math.radians(101.92)
-CALCITE_EDGES = (0.026, 0.026, 0.020)
+CALCITE_EDGES = (0.026, 0.026, 0.026)
 
 
 def calcite():
