@@ -3,8 +3,9 @@
 
 The dragon is the zero set of a signed distance: tubes of changing radius and thin triangles, joined by a smooth minimum
 (Quilez, "smooth minimum", polynomial form). The surface is cut out of a grid of cells by surface nets (Gibson 1998,
-"Constrained elastic surface nets"): a vertex in every cell that the surface crosses, a quadrilateral round every grid
-edge that it crosses. Vertices are then moved onto the zero set along its gradient, which also is the normal.
+"Constrained elastic surface nets"), smoothed first so that no detail is finer than the cells: a vertex in every cell that
+the surface crosses, a quadrilateral round every grid edge that it crosses. Vertices are then moved onto the zero set along
+its gradient, which also is the normal.
 
 One unit is the height of the statue, +y is up, it stands on y = 0. Needs numpy (2.4 made the shipped file).
 
@@ -113,7 +114,7 @@ def spikes(p):
         out /= np.linalg.norm(out)
         at, tall = np.array(at), 0.030 + 0.35 * radius
         root, tip = at + 0.85 * radius * out, at + (radius + tall) * out + 0.35 * tall * along
-        best = np.minimum(best, tube(p, [(*root, 0.36 * tall + 0.006), (*tip, 0.009)]))
+        best = np.minimum(best, tube(p, [(*root, 0.36 * tall + 0.006), (*tip, 0.013)]))
     return best
 
 
@@ -172,7 +173,7 @@ def dragon(p):
     return smooth_min(body, plinth(p), 0.03)
 
 
-def unambiguous(field, cell):
+def unambiguous(field):
     """The values with narrow gaps filled: no square of four grid points is inside at two opposite corners alone.
 
     Round such a square the surface would touch itself: four faces would share an edge.
@@ -192,11 +193,11 @@ def unambiguous(field, cell):
         fill &= ~inside
         if not fill.any():
             return field
-        field[fill] = -0.1 * cell
+        field[fill] = -0.1
 
 
-def surface_net(field, low, cell):
-    """(vertices, quadrilaterals) of the zero set of values on a grid; the outside is where they are positive."""
+def surface_net(field):
+    """(vertices in cells, quadrilaterals) of the zero set of values on a grid; they are positive outside."""
     inside = field < 0.0
     corners = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     shape = tuple(n - 1 for n in field.shape)
@@ -219,7 +220,7 @@ def surface_net(field, low, cell):
             point = np.array(a) + t[:, None] * (np.array(b) - np.array(a))
             total += point * crossed[:, None]
             weight += crossed
-    vertices = low + cell * (cells + total / weight[:, None])
+    vertices = cells + total / weight[:, None]
     faces = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -234,11 +235,25 @@ def surface_net(field, low, cell):
     return vertices, np.vstack(faces)
 
 
-def gradient(p):
-    """Unit gradient of the distance, by central differences."""
-    e = 1e-4
-    g = np.stack([dragon(p + e * d) - dragon(p - e * d) for d in np.eye(3)], axis=1) / (2 * e)
-    return g, np.linalg.norm(g, axis=1)
+def blurred(field):
+    """Values on a grid without what is finer than its cells: a binomial filter along each axis."""
+    for axis in range(3):
+        padded = np.pad(field, [(1, 1) if k == axis else (0, 0) for k in range(3)], mode="edge")
+        part = lambda i: np.take(padded, np.arange(i, i + field.shape[axis]), axis)  # noqa: B023, E731
+        field = 0.25 * part(0) + 0.5 * part(1) + 0.25 * part(2)
+    return field
+
+
+def sample(field, p):
+    """Values of a grid between its points, p in cells: trilinear."""
+    whole = np.clip(np.floor(p).astype(int), 0, np.array(field.shape[:3]) - 2)
+    t = p - whole
+    out = 0.0
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, t, 1.0 - t), axis=1)
+        value = field[tuple((whole + corner).T)]
+        out = out + (weight if value.ndim == 1 else weight[:, None]) * value
+    return out
 
 
 def check_closed(faces):
@@ -257,22 +272,34 @@ def main():
     axes = [np.arange(a, b, CELL) for a, b in zip(LOW, HIGH)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     field = np.concatenate([dragon(slab) for slab in grid.reshape(len(axes[0]), -1, 3)]).reshape(grid.shape[:3])
-    vertices, quads = surface_net(unambiguous(field, CELL), LOW, CELL)
-    for _ in range(3):
-        g, length = gradient(vertices)
-        move = -np.clip(dragon(vertices) / length, -0.25 * CELL, 0.25 * CELL)
-        vertices = vertices + (move / length)[:, None] * g
-    g, length = gradient(vertices)
+    field = unambiguous(blurred(field / CELL))
+    vertices, quads = surface_net(field)
+    slopes = np.stack(np.gradient(field), axis=-1)
+    for _ in range(4):
+        g = sample(slopes, vertices)
+        move = np.clip(sample(field, vertices) / (g * g).sum(axis=1), -0.2, 0.2)
+        vertices = vertices - move[:, None] * g
+    normals = sample(slopes, vertices)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    vertices = LOW + CELL * vertices
     # The shorter diagonal cuts a quadrilateral.
     a, b, c, d = (vertices[quads[:, k]] for k in range(4))
     straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
     pairs = [np.where(straight[:, None], quads[:, one], quads[:, two]) for one, two in (([0, 1, 2], [0, 1, 3]), ([0, 2, 3], [1, 2, 3]))]
     triangles = np.vstack(pairs)
     check_closed(triangles)
+    # In narrow gaps the field is too coarse for its gradient: there the mean of the faces' normals serves.
+    p, q, r = (vertices[triangles[:, k]] for k in range(3))
+    fronts = np.cross(q - p, r - p)
+    means = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(means, triangles[:, k], fronts)
+    means /= np.linalg.norm(means, axis=1)[:, None]
+    normals = np.where(((normals * means).sum(axis=1) < 0.8)[:, None], means, normals)
     # Stand on y = 0, one unit high.
     vertices[:, 1] -= vertices[:, 1].min()
     vertices /= vertices[:, 1].max()
-    write_ply(folder / "dragon.ply", vertices.tolist(), triangles.tolist(), (g / length[:, None]).tolist())
+    write_ply(folder / "dragon.ply", vertices.tolist(), triangles.tolist(), normals.tolist())
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     print(f"{len(vertices)} vertices, {len(triangles)} triangles, from {low.round(3)} to {high.round(3)}")
 
