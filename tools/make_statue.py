@@ -112,16 +112,16 @@ def spikes(p):
         out = np.array([0.0, 0.35, -1.0]) if k < 22 else np.array([0.0, 1.0, 0.0])
         out -= (out @ along) * along
         out /= np.linalg.norm(out)
-        at, tall = np.array(at), 0.030 + 0.35 * radius
+        at, tall = np.array(at), 0.045 + 0.42 * radius
         root, tip = at + 0.85 * radius * out, at + (radius + tall) * out + 0.35 * tall * along
-        best = np.minimum(best, tube(p, [(*root, 0.36 * tall + 0.006), (*tip, 0.013)]))
+        best = np.minimum(best, tube(p, [(*root, 0.34 * tall + 0.010), (*tip, 0.015)]))
     return best
 
 
 def plinth(p):
     """Distance to a round base with a fluted side and a moulded edge."""
     r, y = np.hypot(p[:, 0], p[:, 2]), p[:, 1]
-    radius = 0.485 + 0.010 * np.cos(36 * np.arctan2(p[:, 2], p[:, 0])) * np.clip(1.0 - (np.abs(y - 0.055) / 0.03) ** 4, 0.0, 1.0)
+    radius = 0.485 + 0.014 * np.cos(32 * np.arctan2(p[:, 2], p[:, 0])) * np.clip(1.0 - (np.abs(y - 0.055) / 0.03) ** 4, 0.0, 1.0)
     q = np.stack([r - radius + 0.02, np.abs(y - 0.055) - 0.035], axis=1)
     body = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0) - 0.02
     mould = np.hypot(r - 0.485, y - 0.105) - 0.022
@@ -139,17 +139,17 @@ def dragon(p):
     body = smooth_min(body, limbs, 0.05)
     # Scales: bumps in rows, less on the belly.
     x, y, z = p.T
-    bump = np.sin(46 * y + 14 * z) * np.sin(40 * np.arctan2(x, z + 0.25) * 0.5) * np.clip(0.6 - 2.5 * z, 0.15, 1.0)
-    body = body - 0.0055 * bump
+    bump = np.sin(42 * y + 14 * z) * np.sin(36 * np.arctan2(x, z + 0.25) * 0.5) * np.clip(0.6 - 2.5 * z, 0.15, 1.0)
+    body = body - 0.010 * bump
     # Plates across the belly and the throat.
     front = np.clip((z - 0.13) / 0.05, 0.0, 1.0) * np.clip(1.0 - np.abs(x) / 0.11, 0.0, 1.0) * (y < 0.95)
-    body = body - 0.010 * front * np.sin(70 * y)
+    body = body - 0.015 * front * np.sin(62 * y)
     for n, part in enumerate(HEAD):
         body = smooth_min(body, tube(side, part), 0.012 if n > 2 else 0.03)
     for part, k in ((spline(HORN, 3), 0.02), (spline(EAR, 3), 0.03)):
         # Rings round the horns.
         d = tube(side, part)
-        body = smooth_min(body, d - 0.003 * np.sin(140 * y) if k == 0.02 else d, k)
+        body = smooth_min(body, d - 0.006 * np.sin(105 * y) if k == 0.02 else d, k)
     for toes in (claws(0.150, 0.150, 0.265), claws(0.270, 0.145, 0.165)):
         for toe in toes:
             body = smooth_min(body, tube(side, toe), 0.015)
@@ -236,11 +236,11 @@ def surface_net(field):
 
 
 def blurred(field):
-    """Values on a grid without what is finer than its cells: a binomial filter along each axis."""
+    """Values on a grid without what is finer than its cells: a narrow filter along each axis."""
     for axis in range(3):
         padded = np.pad(field, [(1, 1) if k == axis else (0, 0) for k in range(3)], mode="edge")
         part = lambda i: np.take(padded, np.arange(i, i + field.shape[axis]), axis)  # noqa: B023, E731
-        field = 0.25 * part(0) + 0.5 * part(1) + 0.25 * part(2)
+        field = 0.125 * part(0) + 0.75 * part(1) + 0.125 * part(2)
     return field
 
 
