@@ -257,7 +257,7 @@ fn check_closed(folder: &str, shape: &Table) -> Result<(), String> {
                     return Err(format!("it is inside out: {volume} m³"));
                 }
                 let worst = worst_normal(&part.mesh);
-                if worst < -0.2 {
+                if worst < 0.0 {
                     return Err(format!("a shading normal points inward: {worst}"));
                 }
             }

@@ -256,6 +256,29 @@ def sample(field, p):
     return out
 
 
+def unfolded(vertices, normals, triangles):
+    """Vertices and normals mended where the surface is folded: in narrow gaps the field is too coarse for its gradient.
+
+    There a vertex goes to the mean of its triangles' centres, and the mean of their normals becomes its own.
+    """
+    ends = triangles.ravel()
+    for _ in range(30):
+        a, b, c = (vertices[triangles[:, k]] for k in range(3))
+        fronts = np.cross(b - a, c - a)
+        means, centres = np.zeros_like(vertices), np.zeros_like(vertices)
+        np.add.at(means, ends, np.repeat(fronts, 3, axis=0))
+        np.add.at(centres, ends, np.repeat((a + b + c) / 3, 3, axis=0))
+        means /= np.linalg.norm(means, axis=1)[:, None]
+        normals = np.where(((normals * means).sum(axis=1) < 0.8)[:, None], means, normals)
+        fronts /= np.linalg.norm(fronts, axis=1)[:, None]
+        bad = np.unique(triangles[(fronts[:, None] * normals[triangles]).sum(axis=2).min(axis=1) < 0.25])
+        if len(bad) == 0:
+            break
+        vertices = vertices.copy()
+        vertices[bad] = centres[bad] / np.bincount(ends, minlength=len(vertices))[bad, None]
+    return vertices, normals
+
+
 def check_closed(faces):
     """Every edge must join two faces that run along it in opposite directions."""
     edges = np.concatenate([faces[:, [a, (a + 1) % faces.shape[1]]] for a in range(faces.shape[1])])
@@ -288,14 +311,7 @@ def main():
     pairs = [np.where(straight[:, None], quads[:, one], quads[:, two]) for one, two in (([0, 1, 2], [0, 1, 3]), ([0, 2, 3], [1, 2, 3]))]
     triangles = np.vstack(pairs)
     check_closed(triangles)
-    # In narrow gaps the field is too coarse for its gradient: there the mean of the faces' normals serves.
-    p, q, r = (vertices[triangles[:, k]] for k in range(3))
-    fronts = np.cross(q - p, r - p)
-    means = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(means, triangles[:, k], fronts)
-    means /= np.linalg.norm(means, axis=1)[:, None]
-    normals = np.where(((normals * means).sum(axis=1) < 0.8)[:, None], means, normals)
+    vertices, normals = unfolded(vertices, normals, triangles)
     # Stand on y = 0, one unit high.
     vertices[:, 1] -= vertices[:, 1].min()
     vertices /= vertices[:, 1].max()
