@@ -95,7 +95,9 @@ fn name<'a>(object: &'a Table, key: &str) -> &'a str {
 #[test]
 fn every_scene_is_known_here() {
     let all = std::fs::read_dir(path("", "")).unwrap();
-    let mut found: Vec<_> = all.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut found: Vec<_> = all
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
     found.sort();
     let mut known: Vec<_> = SHIPPED.iter().map(|s| s.folder).chain(["mirror_room"]).collect();
     known.sort_unstable();
@@ -188,7 +190,11 @@ fn twins_differ_in_materials_and_media_alone() {
             shipped.folder
         );
         assert!(twin.get("media").is_none(), "{}", shipped.folder);
-        assert!(objects(&twin).all(|o| o.get("interior").is_none()), "{}", shipped.folder);
+        assert!(
+            objects(&twin).all(|o| o.get("interior").is_none()),
+            "{}",
+            shipped.folder
+        );
         assert_eq!(
             without_materials(scene),
             without_materials(twin),
