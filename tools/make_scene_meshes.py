@@ -62,7 +62,8 @@ def facets():
         count = max(3, round(TAU * math.cos(latitude) / edge))
         for k in range(count):
             longitude = TAU * (k + 0.5 * (row % 2)) / count
-            out = (math.cos(latitude) * math.cos(longitude), math.sin(latitude), math.cos(latitude) * math.sin(longitude))
+            across = math.cos(latitude)
+            out = (across * math.cos(longitude), math.sin(latitude), across * math.sin(longitude))
             east = (-math.sin(longitude), 0.0, math.cos(longitude))
             north = cross(east, out)
             centre = tuple(BALL_RADIUS * x for x in out)

@@ -3,13 +3,14 @@
 
 The dragon is the zero set of a signed distance: tubes of changing radius and thin triangles, joined by a smooth minimum
 (Quilez, "smooth minimum", polynomial form). The surface is cut out of a grid of cells by surface nets (Gibson 1998,
-"Constrained elastic surface nets"), smoothed first so that no detail is finer than the cells: a vertex in every cell that
-the surface crosses, a quadrilateral round every grid edge that it crosses. Vertices are then moved onto the zero set along
-its gradient, which also is the normal.
+"Constrained elastic surface nets"), smoothed first so that no detail is finer than the cells: a vertex in every cell
+that the surface crosses, a quadrilateral round every grid edge that it crosses. Vertices are then moved onto the zero
+set along its gradient, which also is the normal.
 
-One unit is the height of the statue, +y is up, it stands on y = 0. Needs numpy (2.4 made the shipped file).
+One unit is the height of the statue, +y is up, it stands on y = 0. Needs numpy (2.4.6 made the shipped file), which the
+checks' environment has.
 
-    tools/make_statue.py [folder]      (default: scenes/sss_statue beside this script's folder)
+    .venv/bin/python tools/make_statue.py [folder]      (default: scenes/sss_statue beside this script's folder)
 """
 
 import sys
@@ -64,7 +65,8 @@ def spline(joints, steps):
     for k in range(len(joints) - 1):
         p0, p1, p2, p3 = ends[k : k + 4]
         for t in np.arange(steps) / steps:
-            out.append(0.5 * (2 * p1 + (p2 - p0) * t + (2 * p0 - 5 * p1 + 4 * p2 - p3) * t**2 + (3 * p1 - p0 - 3 * p2 + p3) * t**3))
+            square, cube = 2 * p0 - 5 * p1 + 4 * p2 - p3, 3 * p1 - p0 - 3 * p2 + p3
+            out.append(0.5 * (2 * p1 + (p2 - p0) * t + square * t**2 + cube * t**3))
     return [*map(tuple, out), tuple(joints[-1])]
 
 
@@ -85,9 +87,13 @@ HEAD = [
     ((0.055, 1.09, 0.18, 0.030), (0.058, 1.09, 0.182, 0.030)),
     ((0.030, 1.045, 0.335, 0.020), (0.026, 1.030, 0.345, 0.020)),
 ]
-HORN = [(0.050, 1.13, 0.06, 0.036), (0.095, 1.22, -0.03, 0.030), (0.115, 1.31, -0.09, 0.022), (0.100, 1.38, -0.06, 0.011)]
+HORN = [
+    (0.050, 1.13, 0.06, 0.036), (0.095, 1.22, -0.03, 0.030), (0.115, 1.31, -0.09, 0.022), (0.100, 1.38, -0.06, 0.011),
+]  # fmt: skip
 EAR = [(0.085, 1.08, 0.05, 0.028), (0.150, 1.12, -0.01, 0.024), (0.190, 1.15, -0.07, 0.009)]
-FORELEG = [(0.12, 0.58, 0.08, 0.085), (0.165, 0.42, 0.12, 0.065), (0.150, 0.27, 0.20, 0.050), (0.150, 0.165, 0.235, 0.050)]
+FORELEG = [
+    (0.12, 0.58, 0.08, 0.085), (0.165, 0.42, 0.12, 0.065), (0.150, 0.27, 0.20, 0.050), (0.150, 0.165, 0.235, 0.050),
+]  # fmt: skip
 THIGH = [(0.12, 0.30, -0.14, 0.130), (0.22, 0.28, -0.02, 0.115), (0.26, 0.24, 0.05, 0.080)]
 SHIN = [(0.26, 0.24, 0.05, 0.075), (0.25, 0.17, 0.02, 0.050), (0.27, 0.155, 0.14, 0.045)]
 SHOULDER, WRIST = (0.10, 0.66, -0.04), (0.27, 1.02, -0.20)
@@ -96,13 +102,13 @@ FINGERS = [(0.47, 0.78, -0.10), (0.46, 0.56, -0.28), (0.31, 0.44, -0.37), (0.10,
 
 def claws(x, y, z):
     """Three toes before a paw."""
-    return [[(x + s, y, z, 0.030), (x + 1.6 * s, y - 0.012, z + 0.055, 0.026), (x + 2.0 * s, y - 0.02, z + 0.095, 0.010)]
-            for s in (-0.032, 0.0, 0.032)]  # fmt: skip
+    joints = [(1.0, 0.0, 0.0, 0.030), (1.6, -0.012, 0.055, 0.026), (2.0, -0.02, 0.095, 0.010)]
+    return [[(x + a * s, y + b, z + c, r) for a, b, c, r in joints] for s in (-0.032, 0.0, 0.032)]
 
 
 def spikes(p):
     """Distance to a comb of spikes along the back, the neck and the tail."""
-    chain = np.array(spline(SPINE, 4)[2:] [::-1] + spline(TAIL, 3)[1:])
+    chain = np.array(spline(SPINE, 4)[:1:-1] + spline(TAIL, 3)[1:])
     best = np.full(len(p), np.inf)
     for k in range(1, len(chain) - 2):
         *at, radius = chain[k]
@@ -121,7 +127,8 @@ def spikes(p):
 def plinth(p):
     """Distance to a round base with a fluted side and a moulded edge."""
     r, y = np.hypot(p[:, 0], p[:, 2]), p[:, 1]
-    radius = 0.485 + 0.014 * np.cos(32 * np.arctan2(p[:, 2], p[:, 0])) * np.clip(1.0 - (np.abs(y - 0.055) / 0.03) ** 4, 0.0, 1.0)
+    flutes = np.cos(32 * np.arctan2(p[:, 2], p[:, 0])) * np.clip(1.0 - (np.abs(y - 0.055) / 0.03) ** 4, 0.0, 1.0)
+    radius = 0.485 + 0.014 * flutes
     q = np.stack([r - radius + 0.02, np.abs(y - 0.055) - 0.035], axis=1)
     body = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0) - 0.02
     mould = np.hypot(r - 0.485, y - 0.105) - 0.022
@@ -308,7 +315,8 @@ def main():
     # The shorter diagonal cuts a quadrilateral.
     a, b, c, d = (vertices[quads[:, k]] for k in range(4))
     straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
-    pairs = [np.where(straight[:, None], quads[:, one], quads[:, two]) for one, two in (([0, 1, 2], [0, 1, 3]), ([0, 2, 3], [1, 2, 3]))]
+    halves = (([0, 1, 2], [0, 1, 3]), ([0, 2, 3], [1, 2, 3]))
+    pairs = [np.where(straight[:, None], quads[:, one], quads[:, two]) for one, two in halves]
     triangles = np.vstack(pairs)
     check_closed(triangles)
     vertices, normals = unfolded(vertices, normals, triangles)
