@@ -100,7 +100,7 @@ def rim(r, a):
 def sun(r, a):
     """Height, 0..1, at radius r (0..1) and angle a: a face of three bosses in a disc, and twelve rays."""
     x, y = r * math.cos(a), r * math.sin(a)
-    disc = 0.75 * math.sqrt(max(0.0, 1.0 - (r / 0.36) ** 2)) if r < 0.36 else 0.0
+    disc = 0.8 * (1.0 - (r / 0.36) ** 4) if r < 0.36 else 0.0
     features = [((-0.12, 0.07), 0.05, -0.3), ((0.12, 0.07), 0.05, -0.3), ((0.0, -0.02), 0.045, 0.35)]
     for (cx, cy), size, height in features:
         disc += height * (1.0 - step(0.0, 1.6 * size, math.hypot(x - cx, y - cy)))
@@ -109,7 +109,7 @@ def sun(r, a):
     turn = ((a * 12 / TAU) % 1.0) - 0.5
     length = 0.72 if int(a * 12 / TAU) % 2 else 0.60
     width = 0.48 * max(0.0, (length - r) / (length - 0.38))
-    rays = 0.7 * (1.0 - step(0.4 * width, width + 1e-6, abs(turn))) if 0.38 < r < length else 0.0
+    rays = 0.7 * (1.0 - step(0.4 * width, width + 0.08, abs(turn))) * step(0.0, 0.08, min(r - 0.38, length - r))
     return max(disc, rays, rim(r, a))
 
 
@@ -133,7 +133,7 @@ def coin(relief):
         return COIN_HEIGHT - COIN_RELIEF + COIN_RELIEF * relief(min(r, 0.95), a)
 
     def normal(x, z):
-        e = 0.004 * COIN_RADIUS
+        e = 0.015 * COIN_RADIUS
         return unit((height(x - e, z) - height(x + e, z), 2 * e, height(x, z - e) - height(x, z + e)))
 
     # The middle and rings of the relief, then the upper and the lower end of the edge, then the rim of the lower face.
