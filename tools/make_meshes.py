@@ -159,44 +159,46 @@ def spline(points, u):
     return (r, y), unit((dy, -dr))
 
 
-def vase_curve():
-    """Points and outward normals (radius, height) along the uniform cubic B-spline of the profile, axis to axis."""
-    control = VASE_PROFILE
+def outline(control, turn):
+    """Points and outward normals (radius, height) along the uniform cubic B-spline of a profile, axis to axis.
+
+    `turn` is the largest angle, in radians, by which neighbouring normals differ.
+    """
     mirror = [(-control[1][0], control[1][1]), *control, (-control[-2][0], control[-2][1])]
     out = []
     for k in range(len(control) - 1):
         points = mirror[k : k + 4]
         (_, start), (_, end) = spline(points, 0.0), spline(points, 1.0)
-        turn = math.acos(max(-1.0, min(1.0, dot(start, end))))
+        angle = math.acos(max(-1.0, min(1.0, dot(start, end))))
         # Sharp bends get more steps; 1e-9 keeps the count the same whatever the last digit of the angle.
-        steps = max(2, math.ceil(turn / VASE_TURN - 1e-9))
+        steps = max(2, math.ceil(angle / turn - 1e-9))
         last = k == len(control) - 2
         out += [spline(points, step / steps) for step in range(steps + last)]
     return out
 
 
-def vase():
-    """(positions, normals, triangles) of the profile turned about the y axis."""
-    curve = vase_curve()
+def turned(profile, sides, turn, height):
+    """(positions, normals, triangles) of a profile turned about the y axis, of the given height."""
+    curve = outline(profile, turn)
     top = max(y for (_, y), _ in curve)
     low = min(y for (_, y), _ in curve)
-    scale = 0.45 / (top - low)
-    circle = [(math.cos(TAU * j / VASE_SIDES), math.sin(TAU * j / VASE_SIDES)) for j in range(VASE_SIDES)]
+    scale = height / (top - low)
+    circle = [(math.cos(TAU * j / sides), math.sin(TAU * j / sides)) for j in range(sides)]
     points, normals, rings = [], [], []
     for k, ((r, y), (nr, ny)) in enumerate(curve):
         first, y = len(points), scale * (y - low)
         if k in (0, len(curve) - 1):
             points.append((0.0, f32(y), 0.0))
             normals.append((0.0, f32(ny), 0.0))
-            rings.append([first] * VASE_SIDES)
+            rings.append([first] * sides)
         else:
             points += [(f32(scale * r * c), f32(y), f32(scale * r * s)) for c, s in circle]
             normals += [(f32(nr * c), f32(ny), f32(nr * s)) for c, s in circle]
-            rings.append(list(range(first, first + VASE_SIDES)))
+            rings.append(list(range(first, first + sides)))
     triangles = []
     for lower, upper in zip(rings, rings[1:]):
-        for j in range(VASE_SIDES):
-            i = (j + 1) % VASE_SIDES
+        for j in range(sides):
+            i = (j + 1) % sides
             p, q, r, s = lower[j], upper[j], upper[i], lower[i]
             triangles += [t for t in ((p, q, r), (p, r, s)) if len(set(t)) == 3]
     return points, normals, triangles
@@ -258,7 +260,7 @@ def main():
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
     folder.mkdir(parents=True, exist_ok=True)
     write_glb(folder / "knot.glb", "knot", *knot())
-    write_ply(folder / "vase.ply", *vase())
+    write_ply(folder / "vase.ply", *turned(VASE_PROFILE, VASE_SIDES, VASE_TURN, 0.45))
     write_pedestal(folder / "pedestal.obj")
 
 

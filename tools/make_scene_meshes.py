@@ -1,0 +1,386 @@
+#!/usr/bin/env python3
+"""Writes the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals and fruits.
+
+Lengths are metres and +y is up. But for the facets of the disco ball every mesh is closed and faces outward. Needs
+Python 3 alone; the same script gives the same files.
+
+    tools/make_scene_meshes.py [folder]      (default: scenes/ beside this script's folder)
+"""
+
+import math
+import random
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+from make_meshes import TAU, add, cross, dot, f32, turned, unit
+
+
+def write_ply(path, positions, faces, normals=None, uvs=None):
+    """A binary PLY file of polygons with at most 65 536 vertices, with normals and texture coordinates if given."""
+    tables = [t for t in (positions, normals, uvs) if t is not None]
+    names = ["x", "y", "z"] + (["nx", "ny", "nz"] if normals else []) + (["s", "t"] if uvs else [])
+    header = ["ply", "format binary_little_endian 1.0", "comment made by tools/" + Path(sys.argv[0]).name]
+    header += [f"element vertex {len(positions)}", *(f"property float {name}" for name in names)]
+    header += [f"element face {len(faces)}", "property list uchar ushort vertex_indices", "end_header", ""]
+    with open(path, "wb") as out:
+        out.write("\n".join(header).encode())
+        for row in zip(*tables):
+            values = [f32(x) for part in row for x in part]
+            out.write(struct.pack(f"<{len(values)}f", *values))
+        for face in faces:
+            out.write(struct.pack(f"<B{len(face)}H", len(face), *face))
+
+
+def write_png(path, rows):
+    """An 8-bit PNG file of rows of (r, g, b), top row first."""
+
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">2I5B", len(rows[0]), len(rows), 8, 2, 0, 0, 0)
+    data = b"".join(b"\0" + bytes(x for pixel in row for x in pixel) for row in rows)
+    parts = [(b"IHDR", header), (b"IDAT", zlib.compress(data, 9)), (b"IEND", b"")]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts))
+
+
+# --- disco_ball/facets.ply --------------------------------------------------------------------------------------------
+
+BALL_RADIUS, BALL_ROWS = 0.15, 18
+# Share of its row that a facet fills, and the spread of its tilt: no one glues 400 mirrors perfectly.
+FACET_FILL, FACET_TILT = 0.92, math.radians(0.7)
+
+
+def facets():
+    """(positions, faces) of square mirrors in rows round a ball about the origin, each turned a little at random."""
+    chance = random.Random(18)
+    edge = math.pi / BALL_ROWS
+    points, faces = [], []
+    for row in range(BALL_ROWS):
+        latitude = -math.pi / 2 + edge * (row + 0.5)
+        count = max(3, round(TAU * math.cos(latitude) / edge))
+        for k in range(count):
+            longitude = TAU * (k + 0.5 * (row % 2)) / count
+            across = math.cos(latitude)
+            out = (across * math.cos(longitude), math.sin(latitude), across * math.sin(longitude))
+            east = (-math.sin(longitude), 0.0, math.cos(longitude))
+            north = cross(east, out)
+            centre = tuple(BALL_RADIUS * x for x in out)
+            out = unit(add(add(out, east, chance.gauss(0.0, FACET_TILT)), north, chance.gauss(0.0, FACET_TILT)))
+            east = unit(add(east, out, -dot(east, out)))
+            north = cross(east, out)
+            # Rows near the poles hold fewer facets than would fit: all are squares.
+            half = 0.5 * FACET_FILL * BALL_RADIUS * min(edge, TAU * math.cos(latitude) / count)
+            first = len(points)
+            for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1)):
+                points.append(add(add(centre, east, a * half), north, b * half))
+            faces.append(tuple(range(first, first + 4)))
+    return points, faces
+
+
+# --- coins_mirror/sun.ply, star.ply -----------------------------------------------------------------------------------
+
+COIN_RADIUS, COIN_HEIGHT, COIN_RELIEF = 0.020, 0.003, 0.0011
+COIN_SIDES, COIN_RINGS = 120, 32
+
+
+def step(low, high, x):
+    """A smooth step from 0 at `low` to 1 at `high`."""
+    t = max(0.0, min(1.0, (x - low) / (high - low)))
+    return t * t * (3.0 - 2.0 * t)
+
+
+def rim(r, a):
+    """Relief common to all coins: a raised edge, and a ring of beads."""
+    beads = math.hypot(r - 0.79, 0.79 * (((a * 24 / TAU) % 1.0) - 0.5) * TAU / 24)
+    return max(step(0.87, 0.92, r), 0.6 * (1.0 - step(0.035, 0.065, beads)))
+
+
+def sun(r, a):
+    """Height, 0..1, at radius r (0..1) and angle a: a face of three bosses in a disc, and twelve rays."""
+    x, y = r * math.cos(a), r * math.sin(a)
+    disc = 0.8 * (1.0 - (r / 0.36) ** 4) if r < 0.36 else 0.0
+    features = [((-0.12, 0.07), 0.05, -0.3), ((0.12, 0.07), 0.05, -0.3), ((0.0, -0.02), 0.045, 0.35)]
+    for (cx, cy), size, height in features:
+        disc += height * (1.0 - step(0.0, 1.6 * size, math.hypot(x - cx, y - cy)))
+    if r < 0.36 and y < -0.08:
+        disc -= 0.3 * (1.0 - step(0.015, 0.05, abs(math.hypot(x, y - 0.05) - 0.20))) * step(0.0, 0.1, 0.18 - abs(x))
+    turn = ((a * 12 / TAU) % 1.0) - 0.5
+    length = 0.72 if int(a * 12 / TAU) % 2 else 0.60
+    width = 0.48 * max(0.0, (length - r) / (length - 0.38))
+    rays = 0.7 * (1.0 - step(0.4 * width, width + 0.08, abs(turn))) * step(0.0, 0.08, min(r - 0.38, length - r))
+    return max(disc, rays, rim(r, a))
+
+
+def star(r, a):
+    """A five-pointed star with ridges from its middle, in a wreath."""
+    wedge = abs(((a * 5 / TAU) % 1.0) - 0.5) * TAU / 5
+    # The edge of a wedge runs from its tip at radius 0.6 and angle 36° to the notch at radius 0.25 and angle 0.
+    tip, notch = (0.60 * math.cos(TAU / 10), 0.60 * math.sin(TAU / 10)), (0.25, 0.0)
+    normal = unit((tip[1] - notch[1], notch[0] - tip[0]))
+    inside = dot(normal, notch) - dot(normal, (r * math.cos(wedge), r * math.sin(wedge)))
+    body = min(1.0, 4.5 * inside) * 0.9 if inside > 0.0 else 0.0
+    leaf = 0.45 * (1.0 - step(0.0, 0.05, abs(r - 0.68 - 0.03 * math.sin(20 * a)))) * (0.7 + 0.3 * math.cos(40 * a))
+    return max(body, leaf, rim(r, a))
+
+
+def coin(relief):
+    """(positions, faces, normals) of a coin that lies on y = 0; its lower face is plain."""
+
+    def height(x, z):
+        r, a = math.hypot(x, z) / COIN_RADIUS, math.atan2(-z, x) % TAU
+        return COIN_HEIGHT - COIN_RELIEF + COIN_RELIEF * relief(min(r, 0.95), a)
+
+    def normal(x, z):
+        e = 0.015 * COIN_RADIUS
+        return unit((height(x - e, z) - height(x + e, z), 2 * e, height(x, z - e) - height(x, z + e)))
+
+    # The middle and rings of the relief, then the upper and the lower end of the edge, then the rim of the lower face.
+    rings = [(COIN_RADIUS * k / COIN_RINGS, None, None) for k in range(1, COIN_RINGS + 1)]
+    rings += [(COIN_RADIUS, COIN_HEIGHT, 0.0), (COIN_RADIUS, 0.0, 0.0), (COIN_RADIUS, 0.0, -1.0)]
+    points, normals, faces = [(0.0, height(0.0, 0.0), 0.0)], [(0.0, 1.0, 0.0)], []
+    for r, y, up in rings:
+        for j in range(COIN_SIDES):
+            c, s = math.cos(TAU * j / COIN_SIDES), math.sin(TAU * j / COIN_SIDES)
+            points.append((r * c, height(r * c, r * s) if y is None else y, r * s))
+            normals.append(normal(r * c, r * s) if up is None else (c * (1.0 - abs(up)), up, s * (1.0 - abs(up))))
+    ring = lambda k, j: 1 + k * COIN_SIDES + j % COIN_SIDES  # noqa: E731
+    faces = [(0, ring(0, j + 1), ring(0, j)) for j in range(COIN_SIDES)]
+    for k in (*range(COIN_RINGS - 1), COIN_RINGS):
+        for j in range(COIN_SIDES):
+            p, q, r, s = ring(k, j), ring(k, j + 1), ring(k + 1, j + 1), ring(k + 1, j)
+            faces += [(p, q, r), (p, r, s)]
+    first = len(points)
+    points.append((0.0, 0.0, 0.0))
+    normals.append((0.0, -1.0, 0.0))
+    faces += [(first, ring(COIN_RINGS + 2, j), ring(COIN_RINGS + 2, j + 1)) for j in range(COIN_SIDES)]
+    return points, faces, normals
+
+
+# --- milky_tank/doll.ply, doll.png, ruler.png -------------------------------------------------------------------------
+
+DOLL_SIDES = 64
+
+# Control points (radius, height) of a nesting doll: foot, body, neck, head.
+DOLL_PROFILE = [
+    (0.000, 0.00), (0.100, 0.00), (0.200, 0.00), (0.262, 0.01), (0.285, 0.05), (0.310, 0.14), (0.345, 0.28),
+    (0.355, 0.42), (0.320, 0.56), (0.245, 0.65), (0.215, 0.69), (0.240, 0.74), (0.275, 0.82), (0.265, 0.92),
+    (0.190, 1.01), (0.090, 1.05), (0.000, 1.05),
+]  # fmt: skip
+
+
+def doll():
+    """(positions, faces, normals, uvs); u runs once round from +x over +z, v is the height."""
+    points, normals, triangles = turned(DOLL_PROFILE, DOLL_SIDES, math.radians(12), 1.0)
+    # Texture coordinates jump at u = 0, so the vertices there are doubled; at the poles there is one for each triangle.
+    out = {}
+    faces = []
+    for face in triangles:
+        angles = []
+        for i in face:
+            x, _, z = points[i]
+            angles.append(None if math.hypot(x, z) < 1e-9 else round(DOLL_SIDES * (math.atan2(z, x) % TAU) / TAU))
+        known = [a for a in angles if a is not None]
+        if max(known) - min(known) > DOLL_SIDES / 2:
+            angles = [a if a is None or a > DOLL_SIDES / 2 else a + DOLL_SIDES for a in angles]
+            known = [a for a in angles if a is not None]
+        corners = [(i, sum(known) / len(known) if a is None else a) for i, a in zip(face, angles)]
+        faces.append(tuple(out.setdefault(corner, len(out)) for corner in corners))
+    uvs = [(a / DOLL_SIDES, points[i][1]) for i, a in out]
+    return [points[i] for i, _ in out], faces, [normals[i] for i, _ in out], uvs
+
+
+RED, CREAM, GREEN, BLUE, BLACK, YELLOW = (
+    (190, 40, 36), (236, 214, 180), (60, 120, 62), (48, 76, 150), (30, 26, 26), (228, 178, 60),
+)  # fmt: skip
+
+
+def doll_paint(u, v):
+    """Colour of the doll at (u, v); its face looks along +z, where u = 1/4."""
+    x, y = (u - 0.25) * TAU * 0.27, v - 0.80
+    around = abs(u - 0.25)
+    if v > 0.66:
+        if math.hypot(x, y) < 0.16:
+            for eye in (-0.06, 0.06):
+                if math.hypot(x - eye, y - 0.03) < 0.022:
+                    return BLACK
+                if math.hypot(x - 1.6 * eye, y + 0.05) < 0.03:
+                    return (224, 140, 120)
+            if abs(y + 0.075) < 0.014 and abs(x) < 0.035:
+                return RED
+            if y > 0.095 + 0.6 * x * x:
+                return YELLOW
+            return CREAM
+        return RED if (int(u * 24) + int(v * 18)) % 4 else YELLOW
+    if v > 0.60:
+        return YELLOW
+    if around < 0.13 and v > 0.08:
+        flower = math.hypot(x, v - 0.36)
+        if flower < 0.05:
+            return YELLOW
+        petals = 0.10 + 0.03 * math.cos(6 * math.atan2(v - 0.36, x))
+        return RED if flower < petals else CREAM
+    if v < 0.08:
+        return BLACK
+    return GREEN if (v * 12) % 1.0 < 0.5 else BLUE
+
+
+def ruler_image():
+    """A ruler of 16 cm: centimetres in turn black and white, each with a number, over ticks of 5 mm; 20 pixels a cm."""
+    # Rows of a 3 × 5 font, each digit as five octal numbers.
+    font = ["75557", "26227", "71747", "71717", "55711", "74717", "74757", "71111", "75757", "75717"]
+    width, height = 16 * 20, 60
+    rows = []
+    for y in range(height):
+        row = []
+        for x in range(width):
+            cm, inner = divmod(x, 20)
+            dark = cm % 2 == 1
+            if y < 20:
+                # Ticks along the upper edge, in the other colour.
+                if inner < 2 or (inner in (10, 11) and y < 12):
+                    dark = not dark
+            else:
+                text = str(cm)
+                scale, top = 4 if len(text) == 1 else 2, 28
+                left = 10 - (4 * len(text) - 1) * scale // 2
+                column, line = (inner - left) // scale, (y - top) // scale
+                if 0 <= line < 5 and 0 <= column < 4 * len(text) and column % 4 < 3:
+                    bits = int(font[int(text[column // 4])][line])
+                    if bits >> (2 - column % 4) & 1:
+                        dark = not dark
+            row.append((20, 20, 22) if dark else (235, 232, 220))
+        rows.append(row)
+    return rows
+
+
+# --- crystals/calcite.ply, pattern.png --------------------------------------------------------------------------------
+
+# Plane angle of the faces of calcite's cleavage rhombohedron, at its two blunt corners.
+CALCITE_ANGLE = math.radians(101.92)
+CALCITE_EDGES = (0.026, 0.026, 0.026)
+
+
+def calcite():
+    """(positions, faces, optic axis) of a cleavage rhombohedron that lies on y = 0, its blunt corner below.
+
+    The three edges at the blunt corner are at the same angle to each other, and the optic axis is at the same angle to
+    all of them: their sum.
+    """
+    c, s = math.cos(CALCITE_ANGLE), math.sin(CALCITE_ANGLE)
+    a, b = (1.0, 0.0, 0.0), (c, 0.0, -s)
+    # The third edge e has e·a = e·b = c and unit length.
+    z = (c * c - c) / s
+    e = (c, math.sqrt(1.0 - c * c - z * z), z)
+    axis = unit(add(add(a, b), e))
+    a, b, e = (tuple(length * x for x in v) for v, length in zip((a, b, e), CALCITE_EDGES))
+    middle = tuple(0.5 * (x + y + w) for x, y, w in zip(a, b, e))
+    corners = []
+    for k in range(8):
+        p = (-middle[0], 0.0, -middle[2])
+        for bit, edge in enumerate((a, b, e)):
+            if k >> bit & 1:
+                p = add(p, edge)
+        corners.append(p)
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    return corners, outward(corners, faces), axis
+
+
+def outward(points, faces):
+    """Faces of a convex body about the mean of its points, turned to run counter-clockwise seen from outside."""
+    centre = tuple(sum(p[k] for p in points) / len(points) for k in range(3))
+    out = []
+    for face in faces:
+        p, q, r = (points[i] for i in face[:3])
+        normal = cross(add(q, p, -1.0), add(r, p, -1.0))
+        out.append(face if dot(normal, add(p, centre, -1.0)) > 0.0 else face[::-1])
+    return out
+
+
+def pattern_image():
+    """Squares with crosses: double images and bent lines show, whichever way they go."""
+    size, cell = 256, 32
+    rows = []
+    for y in range(size):
+        row = []
+        for x in range(size):
+            (i, u), (j, v) = divmod(x, cell), divmod(y, cell)
+            dark = (i + j) % 2 == 1
+            mark = (abs(u - 15.5) < 2.5 and abs(v - 15.5) < 10) or (abs(v - 15.5) < 2.5 and abs(u - 15.5) < 10)
+            row.append((40, 44, 60) if dark != mark else (232, 226, 214))
+        rows.append(row)
+    return rows
+
+
+# --- fruits/apple.ply, pear.ply, stem.ply -----------------------------------------------------------------------------
+
+FRUIT_SIDES = 56
+
+# Control points (radius, height) from the hollow of the blossom round to that of the stem.
+APPLE_PROFILE = [
+    (0.000, 0.120), (0.040, 0.105), (0.090, 0.040), (0.190, 0.000), (0.300, 0.030), (0.400, 0.130), (0.470, 0.280),
+    (0.505, 0.450), (0.500, 0.610), (0.440, 0.760), (0.330, 0.850), (0.200, 0.865), (0.100, 0.800), (0.045, 0.710),
+    (0.000, 0.690),
+]  # fmt: skip
+
+PEAR_PROFILE = [
+    (0.000, 0.070), (0.040, 0.055), (0.090, 0.010), (0.180, 0.000), (0.290, 0.050), (0.375, 0.160), (0.410, 0.300),
+    (0.395, 0.440), (0.330, 0.580), (0.250, 0.710), (0.205, 0.830), (0.190, 0.930), (0.160, 1.020), (0.100, 1.060),
+    (0.050, 1.045), (0.000, 1.030),
+]  # fmt: skip
+
+
+def stem():
+    """(positions, faces, normals) of a bent, tapered twig of unit length, from the origin upward."""
+    rings, sides = 10, 12
+    points, normals, faces = [], [], []
+    for k in range(rings + 1):
+        t = k / rings
+        centre, radius = (0.22 * t * t, t, 0.0), 0.045 + 0.035 * abs(t - 0.4) ** 1.5 * 2.0
+        along = unit((0.44 * t, 1.0, 0.0))
+        side = unit((along[1], -along[0], 0.0))
+        other = cross(side, along)
+        for j in range(sides):
+            a = TAU * j / sides
+            n = add(tuple(math.cos(a) * x for x in side), other, math.sin(a))
+            points.append(add(centre, n, radius))
+            normals.append(n)
+    for k in range(rings):
+        for j in range(sides):
+            i = (j + 1) % sides
+            faces.append((k * sides + j, (k + 1) * sides + j, (k + 1) * sides + i, k * sides + i))
+    for k, direction in ((0, -1.0), (rings, 1.0)):
+        first = len(points)
+        points += points[k * sides : (k + 1) * sides]
+        normals += [unit((0.44 * k / rings * direction, direction, 0.0))] * sides
+        cap = list(range(first, first + sides))
+        faces.append(tuple(cap if direction < 0 else reversed(cap)))
+    return points, faces, normals
+
+
+def main():
+    default = Path(__file__).resolve().parent.parent / "scenes"
+    root = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    for name in ("disco_ball", "coins_mirror", "milky_tank", "crystals", "fruits"):
+        (root / name).mkdir(parents=True, exist_ok=True)
+    write_ply(root / "disco_ball/facets.ply", *facets())
+    for name, relief in (("sun", sun), ("star", star)):
+        write_ply(root / f"coins_mirror/{name}.ply", *coin(relief))
+    write_ply(root / "milky_tank/doll.ply", *doll())
+    size = 192
+    paint = [[doll_paint((x + 0.5) / size, 1.0 - (y + 0.5) / size) for x in range(size)] for y in range(size)]
+    write_png(root / "milky_tank/doll.png", paint)
+    write_png(root / "milky_tank/ruler.png", ruler_image())
+    corners, faces, axis = calcite()
+    write_ply(root / "crystals/calcite.ply", corners, faces)
+    print("calcite's optic axis, for crystals/scene.toml:", [round(x, 6) for x in axis])
+    write_png(root / "crystals/pattern.png", pattern_image())
+    for name, profile, height in (("apple", APPLE_PROFILE, 0.065), ("pear", PEAR_PROFILE, 0.095)):
+        points, normals, triangles = turned(profile, FRUIT_SIDES, math.radians(10), height)
+        write_ply(root / f"fruits/{name}.ply", points, triangles, normals)
+    write_ply(root / "fruits/stem.ply", *stem())
+
+
+if __name__ == "__main__":
+    main()
