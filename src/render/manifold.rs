@@ -204,7 +204,8 @@ pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Optio
         let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
         let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
         let det = a * d - b * c;
-        if !(det.abs() > 0.0) {
+        // Also where something is not a number.
+        if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
             return None;
         }
         let across = basis(dir);

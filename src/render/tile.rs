@@ -113,7 +113,7 @@ fn tile_count(scene: &Scene) -> u32 {
 /// Makes the paths of one thread.
 enum Tracer {
     Paths(Paths),
-    Walks(Walks),
+    Walks(Box<Walks>),
 }
 
 /// What [`Tracer`]s work out beforehand, for a part of the image.
@@ -167,7 +167,7 @@ impl Prepared {
 impl Tracer {
     fn new(scene: &Scene) -> Self {
         if needs_walks(scene) {
-            Self::Walks(Walks::default())
+            Self::Walks(Box::default())
         } else {
             Self::Paths(Paths::default())
         }

@@ -15,4 +15,5 @@ mod pbrdf_commands;
 mod phase;
 mod resume;
 mod rooms;
+mod scenes;
 mod standard_errors;

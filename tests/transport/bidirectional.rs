@@ -304,7 +304,7 @@ fn lenses() {
 fn exchanged_devices_find_the_same() {
     let wall = DVec3::new(0.0, 0.0, -0.6);
     let behind = Device::look_at([0.25, 0.1, 1.2], wall, [1, 1], 9.0);
-    let beside = Device::look_at([1.4, -0.7, 0.5], wall, [1, 1], 3.0);
+    let beside = Device::look_at([1.4, -0.7, -0.1], wall, [1, 1], 3.0);
     for (material, shape) in [
         (
             "dielectric = { ior = 1.5 }",
