@@ -166,6 +166,13 @@ impl Lanes {
         self.mask.count_ones()
     }
 
+    /// 1 in living lanes, 0 in the others.
+    #[inline]
+    #[must_use]
+    pub fn ones(self) -> Spectral {
+        Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
+    }
+
     /// The `k`-th living lane.
     #[inline]
     #[must_use]

@@ -109,7 +109,7 @@ impl Media {
     #[inline]
     #[must_use]
     pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
-        self.density(self.list[id as usize].phase, Angle::between(wo, wi), lanes)
+        lanes.mean(self.densities(self.list[id as usize].phase, Angle::between(wo, wi)))
     }
 
     /// Samples where light that leaves along `wo` comes from: the direction, and [`Self::eval`] over [`Self::pdf`].
@@ -117,24 +117,41 @@ impl Media {
     /// One of the living lanes is drawn and its S11 sampled, so no lane's weight is above their number.
     #[inline]
     pub fn sample(&self, id: u32, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
+        let lane = draw(lanes, stream);
+        let (wi, scatter, densities) = self.sample_lane(id, wo, lane, stream);
+        (wi, scatter.scaled(reciprocal(lanes.mean(densities))))
+    }
+
+    /// Samples as lane `lane` scatters: the direction, [`Self::eval`] there, and the density per steradian with which each
+    /// lane would have given it.
+    #[inline]
+    pub fn sample_lane(
+        &self,
+        id: u32,
+        wo: Vec3A,
+        lane: usize,
+        stream: &mut Stream,
+    ) -> (Vec3A, Scatter, Spectral) {
         let phase = self.list[id as usize].phase;
         let at = match phase {
             Phase::Isotropic => {
+                let density = Spectral::splat(ISOTROPIC);
                 return (
                     warp::sphere(stream.uniform2()),
-                    Scatter::Depolarize(Spectral::ONE),
+                    Scatter::Depolarize(density),
+                    density,
                 );
             }
             Phase::Rayleigh(p) => p.sample(stream.uniform()),
-            Phase::HenyeyGreenstein(p) => p.sample(draw(lanes, stream), stream.uniform()),
-            Phase::Table(t) => {
-                let lane = draw(lanes, stream);
-                self.tables[t as usize].sample(lane, stream)
-            }
+            Phase::HenyeyGreenstein(p) => p.sample(lane, stream.uniform()),
+            Phase::Table(t) => self.tables[t as usize].sample(lane, stream),
         };
         let (wi, s) = at.direction(wo, stream.uniform());
-        let factor = reciprocal(self.density(phase, at, lanes));
-        (wi, self.scatter(phase, at, || s, factor))
+        (
+            wi,
+            self.scatter(phase, at, || s, Spectral::ONE),
+            self.densities(phase, at),
+        )
     }
 
     /// The interaction times a factor; `s` gives the perpendicular of the scattering plane where it matters.
@@ -168,13 +185,14 @@ impl Media {
         }
     }
 
+    /// Density of each lane per steradian.
     #[inline]
-    fn density(&self, phase: Phase, at: Angle, lanes: Lanes) -> f32 {
+    fn densities(&self, phase: Phase, at: Angle) -> Spectral {
         match phase {
-            Phase::Isotropic => ISOTROPIC,
-            Phase::Rayleigh(p) => p.intensity(at),
-            Phase::HenyeyGreenstein(p) => lanes.mean(p.intensity(at)),
-            Phase::Table(t) => self.tables[t as usize].pdf(at, lanes),
+            Phase::Isotropic => Spectral::splat(ISOTROPIC),
+            Phase::Rayleigh(p) => Spectral::splat(p.intensity(at)),
+            Phase::HenyeyGreenstein(p) => p.intensity(at),
+            Phase::Table(t) => self.tables[t as usize].densities(at),
         }
     }
 }

@@ -252,7 +252,14 @@ impl Table {
     #[inline]
     #[must_use]
     pub fn pdf(&self, at: Angle, lanes: Lanes) -> f32 {
-        lanes.mean(self.density_at(self.place(at)))
+        lanes.mean(self.densities(at))
+    }
+
+    /// Density per steradian of each lane's [`Self::sample`].
+    #[inline]
+    #[must_use]
+    pub fn densities(&self, at: Angle) -> Spectral {
+        self.density_at(self.place(at))
     }
 
     #[inline]

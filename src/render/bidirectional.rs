@@ -508,8 +508,7 @@ impl Joiner<'_> {
         };
         let arrival = way.density((emission, self.ends), source, &passed);
         let weight = self.weight(camera, &[emitter], source, (way.dir, 1.0), Some(arrival));
-        let alive = Spectral::new([0, 1, 2, 3].map(|i| f32::from(lanes.mask >> i & 1)));
-        chain.scale(alive * Spectral::splat(weight / way.spread));
+        chain.scale(lanes.ones() * Spectral::splat(weight / way.spread));
         let (c2, s2) = turn(way.emitted, emitter.frame, frame);
         chain.rotate_in(c2, s2);
         chain.times_transposed(&emitter.chain);

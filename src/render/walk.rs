@@ -100,6 +100,52 @@ struct Flight {
     medium: Medium,
     nest: Nest,
     lanes: Lanes,
+    hero: Hero,
+}
+
+/// The wavelength that draws all distances and directions of a walk in media, and how likely each living one would have
+/// drawn the same, relative to each other.
+///
+/// Weights are over the mean density of all living wavelengths of the *whole* walk (Wilkie et al. 2014, "Hero wavelength
+/// spectral sampling"). Means event by event would let them grow with the number of events.
+struct Hero {
+    lane: usize,
+    likely: Spectral,
+}
+
+impl Hero {
+    /// Any of the living lanes.
+    fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
+        let alive = lanes.count().max(1);
+        let lane = lanes.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1));
+        Self {
+            lane,
+            likely: lanes.ones(),
+        }
+    }
+
+    /// A dispersive interface leaves one lane.
+    fn only(lanes: Lanes) -> Self {
+        Self {
+            lane: lanes.nth(0),
+            likely: lanes.ones(),
+        }
+    }
+
+    /// Takes on that an event has happened whose density is `densities` by lane; returns what to divide by, `None` where the
+    /// event is too unlikely for numbers.
+    fn event(&mut self, densities: Spectral) -> Option<f32> {
+        let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
+        let all = sum(self.likely);
+        self.likely *= densities;
+        let now = sum(self.likely);
+        if !(now > 0.0 && now.is_finite()) {
+            return None;
+        }
+        // Kept near 1: only ratios count.
+        self.likely *= Spectral::splat(1.0 / now);
+        Some(now / all)
+    }
 }
 
 /// What ends a flight.
@@ -285,7 +331,7 @@ impl Flight {
 
     /// Goes `way` metres through a medium, or less if the light is scattered or absorbed there.
     ///
-    /// One of the living wavelengths draws the distance; weights are over the mean density of all of them.
+    /// The hero wavelength draws the distance.
     fn through(&mut self, scene: &Scene, id: u32, way: f32, stream: &mut Stream) -> Option<Landing> {
         let medium = &scene.media.list[id as usize];
         let extinction = medium.absorption + medium.scattering;
@@ -299,20 +345,15 @@ impl Flight {
             self.chain.scale((-passed(way)).exp());
             return None;
         }
-        let alive = self.lanes.count().max(1);
-        let lane = self
-            .lanes
-            .nth(((stream.uniform() * alive as f32) as u32).min(alive - 1));
         // Never 0.
         let u = 1.0 - stream.uniform();
-        let length = -u.ln() / extinction.to_array()[lane];
+        let length = -u.ln() / extinction.to_array()[self.hero.lane];
         if length < way {
             let depth = passed(length);
             let transmittance = (-depth).exp();
-            let density = self.lanes.mean(extinction * transmittance);
-            if density <= 0.0 {
+            let Some(density) = self.hero.event(extinction * transmittance) else {
                 return Some(Landing::Absorbed);
-            }
+            };
             self.chain
                 .scale(medium.scattering * transmittance * Spectral::splat(1.0 / density));
             self.depth += depth;
@@ -328,10 +369,9 @@ impl Flight {
         }
         let depth = passed(way);
         let transmittance = (-depth).exp();
-        let chance = self.lanes.mean(transmittance);
-        if chance <= 0.0 {
+        let Some(chance) = self.hero.event(transmittance) else {
             return Some(Landing::Absorbed);
-        }
+        };
         self.chain.scale(transmittance * Spectral::splat(1.0 / chance));
         self.depth += depth;
         None
@@ -415,6 +455,7 @@ impl Walk {
         self.points.clear();
         self.escape = None;
         self.rays = 0;
+        let all = Lanes::first(scene.wavelengths.count());
         let mut flight = Flight {
             ray: end.ray,
             from: end.ray.origin,
@@ -424,7 +465,12 @@ impl Walk {
             depth: Spectral::ZERO,
             medium: end.medium,
             nest: end.nest,
-            lanes: Lanes::first(scene.wavelengths.count()),
+            lanes: all,
+            hero: if scene.filled {
+                Hero::draw(all, stream)
+            } else {
+                Hero::only(all)
+            },
         };
         let full = end.chain.max_m00();
         self.points.push(Point::end(scene, end));
@@ -448,6 +494,9 @@ impl Walk {
                 let mut lanes = flight.lanes;
                 next = onward(scene, from, &surface, back, &mut lanes, stream);
                 if let Some(n) = &next {
+                    if lanes != flight.lanes {
+                        flight.hero = Hero::only(lanes);
+                    }
                     flight.lanes = lanes;
                     flight.push(&n.scatter, from);
                     if scene.sheets && n.delta && n.wi == -back && n.medium.is_none() {
@@ -487,11 +536,15 @@ impl Walk {
             interactions += 1;
             let wi = match (place, next) {
                 (Place::Volume(id), _) => {
-                    let (wi, scatter) = scene.media.sample(id, back, flight.lanes, stream);
+                    let lane = flight.hero.lane;
+                    let (wi, scatter, densities) = scene.media.sample_lane(id, back, lane, stream);
+                    let Some(drawn) = flight.hero.event(densities) else {
+                        self.points.push(point);
+                        return;
+                    };
                     // The same from both sides: particles are their own mirror images.
-                    flight.push(&scatter, from);
-                    let all = Lanes::first(scene.wavelengths.count());
-                    density = scene.media.pdf(id, all, back, wi);
+                    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)), from);
+                    density = all.mean(densities);
                     self.points[k].reverse = density * point.spread;
                     wi
                 }
