@@ -7,6 +7,7 @@ mod combined;
 mod crystals;
 mod direct;
 mod double_images;
+mod doubling;
 mod energy;
 mod frames;
 mod glass;
@@ -19,6 +20,7 @@ mod microfacet;
 mod optics;
 mod projector_sheets;
 mod sheets;
+mod slab;
 mod specular;
 mod stand_ins;
 #[path = "../support/mod.rs"]

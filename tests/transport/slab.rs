@@ -1,0 +1,222 @@
+//! Multiple scattering in plane-parallel slabs: the tracer against doubling, all 16 elements.
+//!
+//! The slab is a wide cube of null boundary, z = -τ to 0 with a mean free path of 1 m, lit by a projector so far away
+//! that its light is parallel, and seen along one ray. Media have index 1; spheres have the relative index and the
+//! wavelength in water that Ramella-Roman, Prahl & Jacques (2005, Opt. Express 13, 4420) use: 1.59 in 1.33, 632.8 nm.
+
+use crate::doubling::{Slab, direction, horizontal, rayleigh};
+use crate::optics::{Device, M, head, mueller, project, turn};
+use crate::support::render_text;
+use glam::DVec3;
+use sunstone::medium::bulk::{Amount, Ensemble};
+use sunstone::medium::scattered::Elements;
+use sunstone::medium::size_distribution::SizeDistribution;
+
+const WATER: f64 = 1.33;
+const NM: f64 = 632.8;
+
+/// Half width of the slab, m: light that went so far does not come back.
+const HALF: f64 = 40.0;
+/// Distance of the projector, m.
+const FAR: f64 = 2e4;
+
+fn spheres(diameter_nm: f64) -> Ensemble {
+    let mut ensemble = Ensemble::new(WATER, NM);
+    let sizes = SizeDistribution::Single {
+        radius: 0.5e-9 * diameter_nm,
+    };
+    ensemble
+        .add(&sizes, [1.59, 0.0], Amount::VolumeFraction(1e-4))
+        .expect("admitted spheres");
+    ensemble
+}
+
+/// The matrix of spheres per steradian.
+fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
+    |mu| {
+        let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
+        Elements {
+            s11,
+            s12,
+            s22: s11,
+            s33,
+            s34,
+            s44: s33,
+        }
+    }
+}
+
+/// The phase function of a medium file: spheres of a diameter, or Rayleigh's.
+fn phase(diameter_nm: Option<f64>) -> String {
+    match diameter_nm {
+        None => "phase.rayleigh = {}\n".to_owned(),
+        Some(d) => format!(
+            "phase.mie.kinds = [{{ index = {:?}, sizes.single.radius_nm = {:?}, amount.per_m3 = 1e9 }}]\n",
+            1.59 / WATER,
+            d / 2.0
+        ),
+    }
+}
+
+/// How the slab is lit and seen: signed cosines against z of the directions of travel, and azimuths in degrees.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    mu_in: f64,
+    phi_in: f64,
+    /// Negative: seen from below.
+    mu: f64,
+    phi: f64,
+}
+
+/// Radiance per unit irradiance as the tracer has it, in the frames of the meridian planes, and its standard errors.
+fn traced(phase: &str, [tau, albedo]: [f64; 2], view: View, spp: u32, seed: u32) -> [M; 2] {
+    let [phi, phi_in] = [view.phi, view.phi_in].map(f64::to_radians);
+    let (out, into) = (direction(view.mu, phi), direction(-view.mu_in, phi_in));
+    let seen = DVec3::new(0.0, 0.0, if view.mu > 0.0 { 0.0 } else { -tau });
+    let camera = Device::ray((seen + out * 3.0).to_array(), seen).rolled(0.4);
+    let lamp = Device::look_at((into * -FAR).to_array(), DVec3::ZERO, [1, 1], 0.5 * FAR / HALF).rolled(-0.7);
+    let text = head(spp, 1000, seed).replace("[550]", &format!("[{:?}]", NM / WATER))
+        + &camera.keys("camera")
+        + &lamp.keys("projector")
+        + &format!(
+            "irradiance = {:?}\n[media.m.homogeneous]\nscattering = {albedo:?}\nabsorption = {:?}\n",
+            FAR * FAR,
+            1.0 - albedo
+        )
+        + phase
+        + "[materials.b.null]\n[[objects]]\nmaterial = \"b\"\ninterior = \"m\"\n"
+        + &format!(
+            "shape.cube = {{ min = [-{HALF:?}, -{HALF:?}, -{tau:?}], max = [{HALF:?}, {HALF:?}, 0.0] }}\n"
+        )
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
+    let r = render_text(&text);
+    let after = turn(out, project(camera.right, out), horizontal(phi));
+    let before = turn(into, horizontal(phi_in), project(lamp.right, into));
+    let [mean, error] = [r.mean("m"), r.std_error("m")].map(|t| mueller(&t, &[]));
+    // Variances turn as products of the squares, but for correlations; the largest is as good within a factor of two.
+    let squares = |m: M| m.map(|e| e * e);
+    let turned = squares(after) * squares(error) * squares(before);
+    [after * mean * before, turned.map(f64::sqrt)]
+}
+
+/// As doubling has it.
+fn expected(slab: &Slab, view: View) -> M {
+    let phi = (view.phi - view.phi_in).to_radians();
+    if view.mu > 0.0 {
+        slab.reflected(view.mu, view.mu_in, phi)
+    } else {
+        slab.transmitted(-view.mu, view.mu_in, phi)
+    }
+}
+
+/// Light is scattered a mean of several times; what is left out (the slab's sides, light that is not quite parallel) is
+/// below 2·10⁻⁴.
+fn check(what: &str, phase: &str, slab: &Slab, optics: [f64; 2], views: &[View], spp: u32) {
+    let (mut gain, mut weights) = (0.0, 0.0);
+    for (seed, view) in views.iter().enumerate() {
+        let [got, sigma] = traced(phase, optics, *view, spp, 50 + seed as u32);
+        let want = expected(slab, *view);
+        let m00 = want[(0, 0)];
+        let z = M::from_fn(|i, j| {
+            (got[(i, j)] - want[(i, j)]) / (sigma[(i, j)].powi(2) + (2e-4 * m00).powi(2)).sqrt()
+        });
+        let error = sigma[(0, 0)] / m00;
+        assert!(
+            z.abs().max() < 5.0,
+            "{what}, {view:?}: differences in standard errors\n{z}\n{got}\nis not\n{want}"
+        );
+        assert!(
+            error < 0.03,
+            "{what}, {view:?}: too few samples to mean anything: {error}"
+        );
+        gain += (got[(0, 0)] / m00 - 1.0) / (error * error);
+        weights += 1.0 / (error * error);
+        println!(
+            "{what}, {view:?}: {:.4} of {:.4} ± {error:.4}, max |z| {:.1}",
+            got[(0, 0)],
+            m00,
+            z.abs().max()
+        );
+    }
+    let (gain, sigma) = (gain / weights, 1.0 / f64::sqrt(weights));
+    assert!(
+        gain.abs() < 5.0 * sigma.hypot(2e-4),
+        "{what}: all views are off by {gain} ± {sigma}"
+    );
+}
+
+fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
+    View {
+        mu_in,
+        phi_in,
+        mu,
+        phi,
+    }
+}
+
+/// Oblique light on Rayleigh slabs, lossless and not, seen from both sides.
+#[test]
+fn rayleigh_slabs_are_as_doubling_says() {
+    let light = [0.6, 25.0];
+    let mus = [0.6, 0.8, 0.3, 0.5];
+    for (optics, spp, views) in [
+        ([1.0, 1.0], 60_000, [[0.8, 85.0], [0.3, 10.0], [-0.5, -40.0]]),
+        ([3.0, 0.9], 40_000, [[0.3, -150.0], [-0.8, 60.0], [-0.3, 205.0]]),
+    ] {
+        let slab = Slab::new(&rayleigh, optics, 12, &mus, &[0, 1, 2], 16);
+        let views = views.map(|v| view(light, v));
+        check("Rayleigh", &phase(None), &slab, optics, &views, spp);
+    }
+}
+
+/// Spheres of 1 and 2 µm: circular light is made and kept, most light goes on forward.
+#[test]
+fn mie_slabs_are_as_doubling_says() {
+    let light = [1.0, 0.0];
+    for (diameter, optics, spp, views) in [
+        (1000.0, [2.0, 1.0], 60_000, [[0.6, 30.0], [-0.8, 75.0]]),
+        (2000.0, [4.0, 0.99], 40_000, [[0.8, -60.0], [-0.6, 110.0]]),
+    ] {
+        let ensemble = spheres(diameter);
+        let scattering = mie(&ensemble);
+        let slab = Slab::new(&scattering, optics, 14, &[1.0, 0.6, 0.8], &[0, 2], 15);
+        let views = views.map(|v| view(light, v));
+        let what = format!("spheres of {diameter} nm");
+        check(&what, &phase(Some(diameter)), &slab, optics, &views, spp);
+    }
+}
+
+#[test]
+fn explore() {
+    let e = spheres(2000.0);
+    let big = mie(&e);
+    for tau in [1.0, 2.0, 4.0, 8.0, 16.0] {
+        for (name, s) in [("ray", &rayleigh as &dyn Fn(f64) -> Elements<f64>), ("mie", &big)] {
+            let slab = Slab::new(s, [tau, 1.0], 9, &[1.0, 0.95, 0.8], &[0, 2], 10);
+            for mu in [0.95, 0.8] {
+                let m = slab.transmitted(mu, 1.0, 0.0);
+                eprintln!(
+                    "{name} {tau} {mu}: {:.5} {:.4?}",
+                    m[(0, 0)],
+                    [
+                        m[(1, 1)] / m[(0, 0)],
+                        m[(2, 2)] / m[(0, 0)],
+                        m[(3, 3)] / m[(0, 0)],
+                        m[(0, 1)] / m[(0, 0)]
+                    ]
+                );
+                let m = slab.reflected(mu, 1.0, 0.0);
+                eprintln!(
+                    "   refl {name} {tau} {mu}: {:.5} {:.4?}",
+                    m[(0, 0)],
+                    [
+                        m[(1, 1)] / m[(0, 0)],
+                        m[(2, 2)] / m[(0, 0)],
+                        m[(3, 3)] / m[(0, 0)],
+                        m[(0, 1)] / m[(0, 0)]
+                    ]
+                );
+            }
+        }
+    }
+}
