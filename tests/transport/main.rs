@@ -19,6 +19,7 @@ mod media;
 mod microfacet;
 mod optics;
 mod projector_sheets;
+mod scattering;
 mod sheets;
 mod slab;
 mod specular;

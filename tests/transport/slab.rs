@@ -4,7 +4,7 @@
 //! that its light is parallel, and seen along one ray. Media have index 1; spheres have the relative index and the
 //! wavelength in water that Ramella-Roman, Prahl & Jacques (2005, Opt. Express 13, 4420) use: 1.59 in 1.33, 632.8 nm.
 
-use crate::doubling::{Slab, direction, horizontal, rayleigh};
+use crate::doubling::{Scattering, Slab, direction, horizontal, rayleigh};
 use crate::optics::{Device, M, head, mueller, project, turn};
 use crate::support::render_text;
 use glam::DVec3;
@@ -20,7 +20,7 @@ const HALF: f64 = 40.0;
 /// Distance of the projector, m.
 const FAR: f64 = 2e4;
 
-fn spheres(diameter_nm: f64) -> Ensemble {
+pub fn spheres(diameter_nm: f64) -> Ensemble {
     let mut ensemble = Ensemble::new(WATER, NM);
     let sizes = SizeDistribution::Single {
         radius: 0.5e-9 * diameter_nm,
@@ -32,7 +32,7 @@ fn spheres(diameter_nm: f64) -> Ensemble {
 }
 
 /// The matrix of spheres per steradian.
-fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
+pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     |mu| {
         let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
         Elements {
@@ -47,7 +47,7 @@ fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
 }
 
 /// The phase function of a medium file: spheres of a diameter, or Rayleigh's.
-fn phase(diameter_nm: Option<f64>) -> String {
+pub fn phase(diameter_nm: Option<f64>) -> String {
     match diameter_nm {
         None => "phase.rayleigh = {}\n".to_owned(),
         Some(d) => format!(
@@ -68,13 +68,17 @@ struct View {
     phi: f64,
 }
 
-/// Radiance per unit irradiance as the tracer has it, in the frames of the meridian planes, and its standard errors.
-fn traced(phase: &str, [tau, albedo]: [f64; 2], view: View, spp: u32, seed: u32) -> [M; 2] {
+/// Mean radiance per unit irradiance and its standard errors as the tracer has them, and the same as doubling has it,
+/// all in the frames of camera and projector, which are turned by `rolls`.
+fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samples: [u32; 2]) -> [M; 3] {
     let [phi, phi_in] = [view.phi, view.phi_in].map(f64::to_radians);
     let (out, into) = (direction(view.mu, phi), direction(-view.mu_in, phi_in));
+    let tau = slab.tau;
     let seen = DVec3::new(0.0, 0.0, if view.mu > 0.0 { 0.0 } else { -tau });
-    let camera = Device::ray((seen + out * 3.0).to_array(), seen).rolled(0.4);
-    let lamp = Device::look_at((into * -FAR).to_array(), DVec3::ZERO, [1, 1], 0.5 * FAR / HALF).rolled(-0.7);
+    let camera = Device::ray((seen + out * 3.0).to_array(), seen).rolled(rolls[0]);
+    let lamp =
+        Device::look_at((into * -FAR).to_array(), DVec3::ZERO, [1, 1], 0.5 * FAR / HALF).rolled(rolls[1]);
+    let [spp, seed] = samples;
     let text = head(spp, 1000, seed).replace("[550]", &format!("[{:?}]", NM / WATER))
         + &camera.keys("camera")
         + &lamp.keys("projector")
@@ -90,37 +94,32 @@ fn traced(phase: &str, [tau, albedo]: [f64; 2], view: View, spp: u32, seed: u32)
         )
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
     let r = render_text(&text);
-    let after = turn(out, project(camera.right, out), horizontal(phi));
-    let before = turn(into, horizontal(phi_in), project(lamp.right, into));
     let [mean, error] = [r.mean("m"), r.std_error("m")].map(|t| mueller(&t, &[]));
-    // Variances turn as products of the squares, but for correlations; the largest is as good within a factor of two.
-    let squares = |m: M| m.map(|e| e * e);
-    let turned = squares(after) * squares(error) * squares(before);
-    [after * mean * before, turned.map(f64::sqrt)]
-}
-
-/// As doubling has it.
-fn expected(slab: &Slab, view: View) -> M {
-    let phi = (view.phi - view.phi_in).to_radians();
-    if view.mu > 0.0 {
-        slab.reflected(view.mu, view.mu_in, phi)
+    let want = if view.mu > 0.0 {
+        slab.reflected(view.mu, view.mu_in, phi - phi_in)
     } else {
-        slab.transmitted(-view.mu, view.mu_in, phi)
-    }
+        slab.transmitted(-view.mu, view.mu_in, phi - phi_in)
+    };
+    let after = turn(out, horizontal(phi), project(camera.right, out));
+    let before = turn(into, project(lamp.right, into), horizontal(phi_in));
+    [mean, error, after * want * before]
 }
 
-/// Light is scattered a mean of several times; what is left out (the slab's sides, light that is not quite parallel) is
-/// below 2·10⁻⁴.
-fn check(what: &str, phase: &str, slab: &Slab, optics: [f64; 2], views: &[View], spp: u32) {
+/// What the scene leaves out (the slab's sides, light that is not quite parallel) is below 2·10⁻⁴.
+fn check(what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
     let (mut gain, mut weights) = (0.0, 0.0);
     for (seed, view) in views.iter().enumerate() {
-        let [got, sigma] = traced(phase, optics, *view, spp, 50 + seed as u32);
-        let want = expected(slab, *view);
+        let [got, sigma, want] = both(phase, slab, albedo, *view, [0.4, -0.7], [spp, 50 + seed as u32]);
         let m00 = want[(0, 0)];
         let z = M::from_fn(|i, j| {
             (got[(i, j)] - want[(i, j)]) / (sigma[(i, j)].powi(2) + (2e-4 * m00).powi(2)).sqrt()
         });
         let error = sigma[(0, 0)] / m00;
+        println!(
+            "{what}, {view:?}: {:.4} of {m00:.4} ± {error:.4}, max |z| {:.1}",
+            got[(0, 0)],
+            z.abs().max()
+        );
         assert!(
             z.abs().max() < 5.0,
             "{what}, {view:?}: differences in standard errors\n{z}\n{got}\nis not\n{want}"
@@ -131,12 +130,6 @@ fn check(what: &str, phase: &str, slab: &Slab, optics: [f64; 2], views: &[View],
         );
         gain += (got[(0, 0)] / m00 - 1.0) / (error * error);
         weights += 1.0 / (error * error);
-        println!(
-            "{what}, {view:?}: {:.4} of {:.4} ± {error:.4}, max |z| {:.1}",
-            got[(0, 0)],
-            m00,
-            z.abs().max()
-        );
     }
     let (gain, sigma) = (gain / weights, 1.0 / f64::sqrt(weights));
     assert!(
@@ -165,7 +158,7 @@ fn rayleigh_slabs_are_as_doubling_says() {
     ] {
         let slab = Slab::new(&rayleigh, optics, 12, &mus, &[0, 1, 2], 16);
         let views = views.map(|v| view(light, v));
-        check("Rayleigh", &phase(None), &slab, optics, &views, spp);
+        check("Rayleigh", &phase(None), &slab, optics[1], &views, spp);
     }
 }
 
@@ -174,47 +167,63 @@ fn rayleigh_slabs_are_as_doubling_says() {
 fn mie_slabs_are_as_doubling_says() {
     let light = [1.0, 0.0];
     for (diameter, optics, spp, views) in [
-        (1000.0, [2.0, 1.0], 60_000, [[0.6, 30.0], [-0.8, 75.0]]),
-        (2000.0, [4.0, 0.99], 40_000, [[0.8, -60.0], [-0.6, 110.0]]),
+        (1000.0, [2.0, 1.0], 150_000, [[0.6, 30.0], [-0.8, 75.0]]),
+        (2000.0, [4.0, 0.99], 60_000, [[0.8, -60.0], [-0.6, 110.0]]),
     ] {
         let ensemble = spheres(diameter);
         let scattering = mie(&ensemble);
         let slab = Slab::new(&scattering, optics, 14, &[1.0, 0.6, 0.8], &[0, 2], 15);
         let views = views.map(|v| view(light, v));
         let what = format!("spheres of {diameter} nm");
-        check(&what, &phase(Some(diameter)), &slab, optics, &views, spp);
+        check(&what, &phase(Some(diameter)), &slab, optics[1], &views, spp);
     }
 }
 
+/// How much linear (s1) and circular (s3) polarization light keeps that enters along the normal and leaves 37° off it,
+/// below slabs of growing depth: mean and standard error, as the tracer has them, and as doubling has them.
+fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64, spp: u32) -> [[f64; 3]; 2] {
+    let slab = Slab::new(scattering, [tau, 1.0], 12, &[1.0, 0.8], &[0, 2], 13);
+    let seen = view([1.0, 0.0], [-0.8, 0.0]);
+    let [got, sigma, want] = both(&phase(diameter), &slab, 1.0, seen, [0.0, 0.0], [spp, 70]);
+    [1, 3].map(|i| {
+        let ratio = got[(i, i)] / got[(0, 0)];
+        // Numerator and denominator rise together: this is too large rather than too small.
+        let error = sigma[(i, i)].hypot(ratio * sigma[(0, 0)]) / got[(0, 0)];
+        [ratio, error, want[(i, i)] / want[(0, 0)]]
+    })
+}
+
+/// Depolarization grows with depth. Dipoles lose circular polarization first; large spheres, which scatter forward, lose
+/// linear polarization first (MacKintosh, Zhu, Pine & Weitz 1989, Phys. Rev. B 40, 9342).
 #[test]
-fn explore() {
-    let e = spheres(2000.0);
-    let big = mie(&e);
-    for tau in [1.0, 2.0, 4.0, 8.0, 16.0] {
-        for (name, s) in [("ray", &rayleigh as &dyn Fn(f64) -> Elements<f64>), ("mie", &big)] {
-            let slab = Slab::new(s, [tau, 1.0], 9, &[1.0, 0.95, 0.8], &[0, 2], 10);
-            for mu in [0.95, 0.8] {
-                let m = slab.transmitted(mu, 1.0, 0.0);
-                eprintln!(
-                    "{name} {tau} {mu}: {:.5} {:.4?}",
-                    m[(0, 0)],
-                    [
-                        m[(1, 1)] / m[(0, 0)],
-                        m[(2, 2)] / m[(0, 0)],
-                        m[(3, 3)] / m[(0, 0)],
-                        m[(0, 1)] / m[(0, 0)]
-                    ]
+fn helicity_outlives_linear_polarization_among_large_spheres() {
+    let ensemble = spheres(2000.0);
+    let large = mie(&ensemble);
+    for (diameter, scattering, depths) in [
+        (None, &rayleigh as Scattering, [1.0, 2.0, 4.0]),
+        (Some(2000.0), &large, [4.0, 8.0, 16.0]),
+    ] {
+        let curve = depths.map(|tau| kept(diameter, scattering, tau, 20_000));
+        for (tau, point) in depths.iter().zip(&curve) {
+            for (what, [got, sigma, want]) in ["linear", "circular"].iter().zip(point) {
+                println!("{diameter:?} nm, depth {tau}: {what} {got:.4} ± {sigma:.4}, doubling {want:.4}");
+                assert!(
+                    (got - want).abs() < 5.0 * sigma,
+                    "depth {tau}, {what}: {got} ± {sigma}, not {want}"
                 );
-                let m = slab.reflected(mu, 1.0, 0.0);
-                eprintln!(
-                    "   refl {name} {tau} {mu}: {:.5} {:.4?}",
-                    m[(0, 0)],
-                    [
-                        m[(1, 1)] / m[(0, 0)],
-                        m[(2, 2)] / m[(0, 0)],
-                        m[(3, 3)] / m[(0, 0)],
-                        m[(0, 1)] / m[(0, 0)]
-                    ]
+            }
+            let [[linear, a, _], [circular, b, _]] = point;
+            let lead = (circular - linear) * if diameter.is_some() { 1.0 } else { -1.0 };
+            assert!(
+                lead > 3.0 * a.hypot(*b) || *tau == depths[0],
+                "depth {tau}: {linear} ± {a}, {circular} ± {b}"
+            );
+        }
+        for pair in curve.windows(2) {
+            for ([more, a, _], [less, b, _]) in pair[0].iter().zip(&pair[1]) {
+                assert!(
+                    more - less > 3.0 * a.hypot(*b),
+                    "{diameter:?}: {more} ± {a}, then {less} ± {b}"
                 );
             }
         }
