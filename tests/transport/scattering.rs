@@ -349,42 +349,42 @@ fn refractive_boundaries_are_those_of_glass() {
     );
 }
 
-/// In a furnace a lossless medium is not there, at any wavelength and behind any boundary, and unpolarized light stays so.
+/// In a furnace a lossless medium is not there, behind whatever boundary, and unpolarized light stays so: at one wavelength
+/// in every sample (but where facets lose light), at three, which share their paths, in the mean.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);
-    for (material, media, spp) in [
-        ("null = {}", "phase.rayleigh = { depolarization = 0.03 }", 4000),
-        (
-            "null = {}",
-            "phase.henyey_greenstein = { g = [0.9, 0.5, -0.3], linear = 0.6, circular = 0.8 }",
-            4000,
-        ),
-        (
-            "dielectric.ior = 1.33",
-            "index = 1.33\nphase.isotropic = {}",
-            4000,
-        ),
-        (
-            "rough_dielectric = { ior = 1.4, alpha = 0.3 }",
-            "index = 1.4\nphase.henyey_greenstein.g = 0.5",
-            4000,
-        ),
+    let dipoles = "phase.rayleigh = { depolarization = 0.03 }";
+    let polarizing = "phase.henyey_greenstein = { g = 0.8, linear = 0.6, circular = 0.8 }";
+    let spheres = phase(Some(1000.0));
+    let forward = "index = 1.33\nphase.henyey_greenstein.g = 0.5";
+    let colours = "phase.henyey_greenstein = { g = [0.6, 0.5, 0.4], linear = 0.6, circular = 0.8 }";
+    let rough = "rough_dielectric = { ior = 1.33, alpha = 0.1 }";
+    for (material, media, three, spp) in [
+        ("null = {}", dipoles, false, 250),
+        ("null = {}", polarizing, false, 250),
+        ("null = {}", spheres.as_str(), false, 250),
+        ("dielectric.ior = 1.33", forward, false, 1000),
+        (rough, forward, false, 1000),
+        ("null = {}", colours, true, 4000),
+        ("dielectric.ior = 1.33", forward, true, 4000),
     ] {
-        // GGX facets lose what would be reflected twice (below 3 % at this roughness): only a bound.
-        let rough = material.starts_with("rough");
-        let media = media.replace("phase.isotropic = {}", "phase = \"isotropic\"");
-        let text = head(spp, 1000, 33).replace("[550]", "[450, 550, 650]")
+        let [nm, scattering] = if three {
+            ["[450, 550, 650]", "[1.2, 1.0, 0.8]"]
+        } else {
+            ["[550]", "2"]
+        };
+        let text = head(spp, 1000, 33).replace("[550]", nm)
             + &camera.keys("camera")
             + &format!(
-                "[media.m.homogeneous]\nscattering = [3, 1.5, 0.7]\n{media}\n[materials.m]\n{material}\n"
+                "[media.m.homogeneous]\nscattering = {scattering}\n{media}\n[materials.m]\n{material}\n"
             )
             + &ball([0.0, 0.0, 0.0], 1.0).object("m", "interior = \"m\"")
             + "[[emitters]]\nenvironment = { radiance = 1 }\n"
             + MUELLER;
         let r = render_text(&text);
         let (mean, error) = (r.mean("m"), r.std_error("m"));
-        for (lane, i) in (0..3).flat_map(|lane| (0..4).map(move |i| (lane, i))) {
+        for (lane, i) in (0..if three { 3 } else { 1 }).flat_map(|lane| (0..4).map(move |i| (lane, i))) {
             let (mut off, mut variance) = (0.0, 0.0);
             for (x, y) in (0..4).flat_map(|y| (0..4).map(move |x| (x, y))) {
                 let at = [(Wavelength, lane), (Y, y), (X, x), (StokesOut, i), (StokesIn, 0)];
@@ -393,12 +393,19 @@ fn lossless_media_vanish_in_the_furnace() {
             }
             let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
             println!("{material}, {media}, wavelength {lane}, s{i}: off by {off:.5} ± {sigma:.5}");
-            let lost = if rough && i == 0 { 0.03 } else { 0.0 };
+            // Facets lose what they would reflect twice.
+            let lost = if material == rough && i == 0 { 0.01 } else { 0.0 };
             assert!(
                 off < 5.0 * sigma + 1e-4 && off > -5.0 * sigma - 1e-4 - lost,
                 "{material}, {media}, wavelength {lane}, s{i}: off by {off} ± {sigma}"
             );
             assert!(sigma < 0.01, "too few samples to mean anything: {sigma}");
+            if i == 0 && !three && material != rough {
+                assert!(
+                    sigma < 1e-3,
+                    "every sample is 1, but for the table's interpolation: {sigma}"
+                );
+            }
         }
     }
 }
