@@ -236,3 +236,31 @@ fn helicity_outlives_linear_polarization_among_large_spheres() {
         }
     }
 }
+
+#[test]
+fn explore() {
+    for (d, tau, a, mu, phi) in [(2000.0, 4.0, 0.99, 0.8, -60.0_f64), (1000.0, 2.0, 1.0, 0.6, 30.0)] {
+        let e = spheres(d);
+        let s = mie(&e);
+        for (n, h) in [
+            (12, 13),
+            (14, 15),
+            (14, 18),
+            (20, 15),
+            (28, 16),
+            (36, 16),
+            (48, 16),
+        ] {
+            let slab = Slab::new(&s, [tau, a], n, &[1.0, 0.6, 0.8], &[0, 2], h);
+            let m = slab.reflected(mu, 1.0, phi.to_radians());
+            let t = slab.transmitted(mu, 1.0, phi.to_radians());
+            println!(
+                "{d} {n} {h}: {:?} {:?} {} {}",
+                m[(0, 0)],
+                t[(0, 0)],
+                m[(1, 0)],
+                m[(3, 3)]
+            );
+        }
+    }
+}
