@@ -360,7 +360,7 @@ fn lossless_media_vanish_in_the_furnace() {
     let spheres = phase(Some(1000.0));
     let forward = "index = 1.33\nphase.henyey_greenstein.g = 0.5";
     let colours = "phase.henyey_greenstein = { g = [0.6, 0.5, 0.4], linear = 0.6, circular = 0.8 }";
-    let rough = "rough_dielectric = { ior = 1.33, alpha = 0.1 }";
+    let rough = "rough_dielectric = { ior = 1.33, alpha = 0.03 }";
     for (material, media, three, spp) in [
         ("null = {}", plain, false, 10),
         ("null = {}", dipoles, false, 2000),
@@ -396,7 +396,7 @@ fn lossless_media_vanish_in_the_furnace() {
             let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
             println!("{material}, {media}, wavelength {lane}, s{i}: off by {off:.5} ± {sigma:.5}");
             // Facets lose what they would reflect twice.
-            let lost = if material == rough && i == 0 { 0.01 } else { 0.0 };
+            let lost = if material == rough && i == 0 { 0.02 } else { 0.0 };
             assert!(
                 off < 5.0 * sigma + 1e-4 && off > -5.0 * sigma - 1e-4 - lost,
                 "{material}, {media}, wavelength {lane}, s{i}: off by {off} ± {sigma}"
