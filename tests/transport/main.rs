@@ -19,6 +19,7 @@ mod media;
 mod microfacet;
 mod optics;
 mod projector_sheets;
+mod published_slabs;
 mod scattering;
 mod sheets;
 mod slab;
