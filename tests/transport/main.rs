@@ -7,6 +7,7 @@ mod combined;
 mod crystals;
 mod direct;
 mod double_images;
+mod doubling;
 mod energy;
 mod frames;
 mod glass;
@@ -18,7 +19,10 @@ mod media;
 mod microfacet;
 mod optics;
 mod projector_sheets;
+mod published_slabs;
+mod scattering;
 mod sheets;
+mod slab;
 mod specular;
 mod stand_ins;
 #[path = "../support/mod.rs"]

@@ -1,0 +1,240 @@
+//! Multiple scattering in plane-parallel slabs: the tracer against doubling, all 16 elements.
+//!
+//! The slab is a wide cube of null boundary, z = -τ to 0 with a mean free path of 1 m, lit by a projector so far away
+//! that its light is parallel, and seen along one ray. Media have index 1; spheres have the relative index and the
+//! wavelength in water that Ramella-Roman, Prahl & Jacques (2005, Opt. Express 13, 4420) use: 1.59 in 1.33, 632.8 nm.
+
+use crate::doubling::{Scattering, Slab, direction, horizontal, rayleigh};
+use crate::optics::{Device, M, head, mueller, project, turn};
+use crate::support::render_text;
+use glam::DVec3;
+use sunstone::medium::bulk::{Amount, Ensemble};
+use sunstone::medium::scattered::Elements;
+use sunstone::medium::size_distribution::SizeDistribution;
+
+const WATER: f64 = 1.33;
+const NM: f64 = 632.8;
+
+/// Half width of the slab, m: light that went so far does not come back.
+const HALF: f64 = 40.0;
+/// Distance of the projector, m.
+const FAR: f64 = 2e4;
+
+pub fn spheres(diameter_nm: f64) -> Ensemble {
+    let mut ensemble = Ensemble::new(WATER, NM);
+    let sizes = SizeDistribution::Single {
+        radius: 0.5e-9 * diameter_nm,
+    };
+    ensemble
+        .add(&sizes, [1.59, 0.0], Amount::VolumeFraction(1e-4))
+        .expect("admitted spheres");
+    ensemble
+}
+
+/// The matrix of spheres per steradian.
+pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
+    |mu| {
+        let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
+        Elements {
+            s11,
+            s12,
+            s22: s11,
+            s33,
+            s34,
+            s44: s33,
+        }
+    }
+}
+
+/// The phase function of a medium file: spheres of a diameter, or Rayleigh's.
+pub fn phase(diameter_nm: Option<f64>) -> String {
+    match diameter_nm {
+        None => "phase.rayleigh = {}\n".to_owned(),
+        Some(d) => format!(
+            "phase.mie.kinds = [{{ index = {:?}, sizes.single.radius_nm = {:?}, amount.per_m3 = 1e9 }}]\n",
+            1.59 / WATER,
+            d / 2.0
+        ),
+    }
+}
+
+/// How the slab is lit and seen: signed cosines against z of the directions of travel, and azimuths in degrees.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    mu_in: f64,
+    phi_in: f64,
+    /// Negative: seen from below.
+    mu: f64,
+    phi: f64,
+}
+
+/// Mean radiance per unit irradiance and its standard errors as the tracer has them, and the same as doubling has it,
+/// all in the frames of camera and projector, which are turned by `rolls`.
+fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samples: [u32; 2]) -> [M; 3] {
+    let [phi, phi_in] = [view.phi, view.phi_in].map(f64::to_radians);
+    let (out, into) = (direction(view.mu, phi), direction(-view.mu_in, phi_in));
+    let tau = slab.tau;
+    let seen = DVec3::new(0.0, 0.0, if view.mu > 0.0 { 0.0 } else { -tau });
+    let camera = Device::ray((seen + out * 3.0).to_array(), seen).rolled(rolls[0]);
+    let lamp =
+        Device::look_at((into * -FAR).to_array(), DVec3::ZERO, [1, 1], 0.5 * FAR / HALF).rolled(rolls[1]);
+    let [spp, seed] = samples;
+    let text = head(spp, 1000, seed).replace("[550]", &format!("[{:?}]", NM / WATER))
+        + &camera.keys("camera")
+        + &lamp.keys("projector")
+        + &format!(
+            "irradiance = {:?}\n[media.m.homogeneous]\nscattering = {albedo:?}\nabsorption = {:?}\n",
+            FAR * FAR,
+            1.0 - albedo
+        )
+        + phase
+        + "[materials.b.null]\n[[objects]]\nmaterial = \"b\"\ninterior = \"m\"\n"
+        + &format!(
+            "shape.cube = {{ min = [-{HALF:?}, -{HALF:?}, -{tau:?}], max = [{HALF:?}, {HALF:?}, 0.0] }}\n"
+        )
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
+    let r = render_text(&text);
+    let [mean, error] = [r.mean("m"), r.std_error("m")].map(|t| mueller(&t, &[]));
+    let want = if view.mu > 0.0 {
+        slab.reflected(view.mu, view.mu_in, phi - phi_in)
+    } else {
+        slab.transmitted(-view.mu, view.mu_in, phi - phi_in)
+    };
+    let after = turn(out, horizontal(phi), project(camera.right, out));
+    let before = turn(into, project(lamp.right, into), horizontal(phi_in));
+    [mean, error, after * want * before]
+}
+
+/// What the scene leaves out (the slab's sides, light that is not quite parallel) is below 2·10⁻⁴.
+fn check(what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
+    let (mut gain, mut weights) = (0.0, 0.0);
+    for (seed, view) in views.iter().enumerate() {
+        let [got, sigma, want] = both(phase, slab, albedo, *view, [0.4, -0.7], [spp, 50 + seed as u32]);
+        let m00 = want[(0, 0)];
+        let z = M::from_fn(|i, j| {
+            (got[(i, j)] - want[(i, j)]) / (sigma[(i, j)].powi(2) + (2e-4 * m00).powi(2)).sqrt()
+        });
+        let error = sigma[(0, 0)] / m00;
+        println!(
+            "{what}, {view:?}: {:.4} of {m00:.4} ± {error:.4}, max |z| {:.1}",
+            got[(0, 0)],
+            z.abs().max()
+        );
+        assert!(
+            z.abs().max() < 5.0,
+            "{what}, {view:?}: differences in standard errors\n{z}\n{got}\nis not\n{want}"
+        );
+        assert!(
+            error < 0.04,
+            "{what}, {view:?}: too few samples to mean anything: {error}"
+        );
+        gain += (got[(0, 0)] / m00 - 1.0) / (error * error);
+        weights += 1.0 / (error * error);
+    }
+    let (gain, sigma) = (gain / weights, 1.0 / f64::sqrt(weights));
+    assert!(
+        gain.abs() < 5.0 * sigma.hypot(2e-4),
+        "{what}: all views are off by {gain} ± {sigma}"
+    );
+}
+
+fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
+    View {
+        mu_in,
+        phi_in,
+        mu,
+        phi,
+    }
+}
+
+/// Oblique light on Rayleigh slabs, lossless and not, seen from both sides.
+#[test]
+fn rayleigh_slabs_are_as_doubling_says() {
+    let light = [0.6, 25.0];
+    let mus = [0.6, 0.8, 0.3, 0.5];
+    for (optics, spp, views) in [
+        ([1.0, 1.0], 60_000, [[0.8, 85.0], [0.3, 10.0], [-0.5, -40.0]]),
+        ([3.0, 0.9], 40_000, [[0.3, -150.0], [-0.8, 60.0], [-0.3, 205.0]]),
+    ] {
+        let slab = Slab::new(&rayleigh, optics, 12, &mus, &[0, 1, 2], 16);
+        let views = views.map(|v| view(light, v));
+        check("Rayleigh", &phase(None), &slab, optics[1], &views, spp);
+    }
+}
+
+/// Spheres of 1 and 2 µm: circular light is made and kept, most light goes on forward.
+#[test]
+fn mie_slabs_are_as_doubling_says() {
+    let light = [1.0, 0.0];
+    // The larger the spheres, the finer the structure of what they scatter back.
+    for (diameter, nodes, optics, spp, views) in [
+        (1000.0, 12, [2.0, 1.0], 150_000, [[0.6, 30.0], [-0.8, 75.0]]),
+        (2000.0, 20, [4.0, 0.99], 120_000, [[0.8, -60.0], [-0.6, 110.0]]),
+    ] {
+        let ensemble = spheres(diameter);
+        let scattering = mie(&ensemble);
+        let slab = Slab::new(&scattering, optics, nodes, &[1.0, 0.6, 0.8], &[0, 2], 14);
+        let views = views.map(|v| view(light, v));
+        let what = format!("spheres of {diameter} nm");
+        check(&what, &phase(Some(diameter)), &slab, optics[1], &views, spp);
+    }
+}
+
+/// How much linear (s1) and circular (s3) polarization light keeps that enters along the normal and leaves 37° off it:
+/// mean and standard error as the tracer has them, and as doubling has them.
+fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2] {
+    const BATCHES: u32 = 16;
+    let nodes = if diameter.is_some() { 20 } else { 12 };
+    let slab = Slab::new(scattering, [tau, 1.0], nodes, &[1.0, 0.8], &[0, 2], 13);
+    let seen = view([1.0, 0.0], [-0.8, 0.0]);
+    let one = |seed| both(&phase(diameter), &slab, 1.0, seen, [0.0, 0.0], [2500, 70 + seed]);
+    let batches: Vec<_> = (0..BATCHES).map(one).collect();
+    let total: M = batches.iter().map(|[got, ..]| got).sum();
+    let want = batches[0][2];
+    [1, 3].map(|i| {
+        let ratio = |m: &M| m[(i, i)] / m[(0, 0)];
+        // Numerator and denominator rise and fall together, so that their own errors say little: jackknife.
+        let without = |[got, ..]: &[M; 3]| (ratio(&(total - got)) - ratio(&total)).powi(2);
+        let n = f64::from(BATCHES);
+        let variance = (n - 1.0) / n * batches.iter().map(without).sum::<f64>();
+        [ratio(&total), variance.sqrt(), ratio(&want)]
+    })
+}
+
+/// Depolarization grows with depth. Dipoles lose circular polarization first; large spheres, which scatter forward, lose
+/// linear polarization first (MacKintosh, Zhu, Pine & Weitz 1989, Phys. Rev. B 40, 9342).
+#[test]
+fn helicity_outlives_linear_polarization_among_large_spheres() {
+    let ensemble = spheres(2000.0);
+    let large = mie(&ensemble);
+    for (diameter, scattering, depths) in [
+        (None, &rayleigh as Scattering, [1.0, 2.0, 4.0]),
+        (Some(2000.0), &large, [4.0, 8.0, 16.0]),
+    ] {
+        let curve = depths.map(|tau| kept(diameter, scattering, tau));
+        for (tau, point) in depths.iter().zip(&curve) {
+            for (what, [got, sigma, want]) in ["linear", "circular"].iter().zip(point) {
+                println!("{diameter:?} nm, depth {tau}: {what} {got:.4} ± {sigma:.4}, doubling {want:.4}");
+                // Sixteen batches know their error to a fifth: Student's t is wider than Gauss.
+                assert!(
+                    (got - want).abs() < 6.5 * sigma,
+                    "depth {tau}, {what}: {got} ± {sigma}, not {want}"
+                );
+            }
+            let [[linear, a, _], [circular, b, _]] = point;
+            let lead = (circular - linear) * if diameter.is_some() { 1.0 } else { -1.0 };
+            assert!(
+                lead > 4.0 * a.hypot(*b),
+                "depth {tau}: linear {linear} ± {a}, circular {circular} ± {b}"
+            );
+        }
+        for pair in curve.windows(2) {
+            for ([more, a, _], [less, b, _]) in pair[0].iter().zip(&pair[1]) {
+                assert!(
+                    more - less > 4.0 * a.hypot(*b),
+                    "{diameter:?}: {more} ± {a}, then {less} ± {b}"
+                );
+            }
+        }
+    }
+}

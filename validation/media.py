@@ -1,0 +1,229 @@
+#!/usr/bin/env python3
+"""Participating media against Mitsuba 3's `volpath` (intensity) and mitransient's `transient_prbvolpath` (over time).
+
+The same clouds in both, compared pixel by pixel and bin by bin as in crosscheck.py. Exit code 0: they agree. 1: they do
+not. 3: trouble on the way. `--power` plants mistakes on our side in the last run's results; every one must be found.
+
+Mitsuba's phase functions are scalars: it has no polarization by scattering. So phase functions that depolarize are
+compared at any depth, and Rayleigh's after one scattering of unpolarized light, where polarization does not matter.
+Behind a boundary that refracts, light in Sunstone is polarized from interface to interface; the cloud there is so dense
+that hardly any meets two in a row. Without LLVM everything is skipped.
+"""
+
+import argparse
+import os
+import sys
+import time
+
+import environment
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import mitsuba as mi
+    import numpy as np
+
+    import comparison
+    import images
+    import pairs
+    import programs
+    import scenes
+
+CACHE = environment.ROOT / "target/media"
+BATCHES = 16
+BLOCK = 4
+LIGHT_M_PER_PS = 299_792_458e-12
+
+
+def make_scenes():
+    """Functions that make the scenes (with `times` the scattering), our samples a pixel, and their bins of time, if any:
+    start and width in picoseconds, number."""
+
+    class Cloudy(scenes.Scene):
+        """Adds clouds to scenes.py's two languages."""
+
+        def null(self, name):
+            self._material(name, "null = {}", {"type": "null"})
+
+        def cloud(self, shape, material, scattering, absorption, phase, index=1.0):
+            """A ball (center, radius) or a box (min, max) of a medium; phase: "isotropic", "rayleigh" or a number g."""
+            keys = {"isotropic": 'phase = "isotropic"', "rayleigh": "phase.rayleigh = {}"}
+            toml = keys.get(phase, f"phase.henyey_greenstein.g = {phase}")
+            theirs = {"type": phase} if phase in keys else {"type": "hg", "g": phase}
+            self._toml += (f"[media.cloud.homogeneous]\nscattering = {scattering}\nabsorption = {absorption}\n"
+                           f"index = {index}\n{toml}\n")
+            total = scattering + absorption
+            medium = {"type": "homogeneous", "sigma_t": total, "albedo": scattering / total, "phase": theirs}
+            a, b = shape
+            if np.isscalar(b):
+                self._object(f'sphere = {{ center = {list(a)}, radius = {b} }}\ninterior = "cloud"', material,
+                             {"type": "sphere", "center": list(a), "radius": b, "interior": medium})
+            else:
+                a, b = np.array(a, float), np.array(b, float)
+                matrix = np.diag([*(b - a) / 2, 1.0])
+                matrix[:3, 3] = (a + b) / 2
+                self._object(f'cube = {{ min = {list(map(float, a))}, max = {list(map(float, b))} }}\n'
+                             'interior = "cloud"', material,
+                             {"type": "cube", "to_world": matrix, "interior": medium})
+
+        def dictionary(self, mi):
+            out = super().dictionary(mi)
+            depths = {"max_depth": self.max_depth, "rr_depth": 1000}
+            out["integrator"] = {"type": "volpath", **depths}
+            if self.time:
+                start, width, bins = self.time
+                out["integrator"] = {"type": "transient_prbvolpath", **depths, "temporal_filter": "box"}
+                out["sensor"]["film"] |= {
+                    "type": "transient_hdr_film", "temporal_bins": bins, "start_opl": start * LIGHT_M_PER_PS,
+                    "bin_width_opl": width * LIGHT_M_PER_PS}
+                out["sensor"]["near_clip"] = 1e-5
+            return out
+
+    def ball(times=1, time=None):
+        scene = Cloudy("ball, isotropic", True, (0.2, 0.9, 4), (0, 0, 0), 40, time)
+        scene.null("none")
+        scene.cloud(((0.1, 0, 0), 0.8), "none", 2.0 * times, 0.2, "isotropic")
+        scene.point((0.4, 1.8, 1.5), 10.0)
+        return scene
+
+    def slab(times=1, time=None):
+        scene = Cloudy("slab, g = 0.7", True, (0.2, 1.9, 3.5), (0, 0, 0), 60, time)
+        scene.null("none")
+        scene.cloud(((-0.9, -0.3, -0.9), (0.9, 0.3, 0.9)), "none", 6.0 * times, 0.1, 0.7)
+        scene.projector((-1.5, 2.7, 1), (0, 0, 0), 40.0, 30.0)
+        return scene
+
+    def rayleigh(times=1, time=None):
+        scene = Cloudy("slab, Rayleigh once", True, (0.2, 1.2, 4), (0, 0, 0), 2, time)
+        scene.null("none")
+        scene.cloud(((-0.9, -0.6, -0.9), (0.9, 0.6, 0.9)), "none", 0.8 * times, 0.0, "rayleigh")
+        scene.point((-1.4, 1.8, 0.5), 10.0)
+        return scene
+
+    def glass(times=1, time=None):
+        scene = Cloudy("ball in a box", True, (0.2, 0.9, 4), (0, -0.2, 0), 40, time)
+        for name, albedo in [("grey", 0.5), ("dark", 0.2)]:
+            scene.diffuse(name, albedo)
+        scene.dielectric("water", 1.33)
+        scenes.box(scene, "grey", "dark", "grey", "dark")
+        scene.cloud(((0.1, -0.3, 0.1), 0.6), "water", 12.0 * times, 1.0, 0.3, 1.33)
+        scene.point((0.4, 0.8, 1.5), 10.0)
+        return scene
+
+    def sky(times=1, time=None):
+        scene = Cloudy("ball, sky", True, (0.2, 0.9, 4), (0, 0, 0), 60, time)
+        scene.dielectric("water", 1.33)
+        scene.cloud(((0.1, 0, 0), 0.8), "water", 9.0 * times, 0.9, -0.2, 1.33)
+        scene.environment(1.0)
+        return scene
+
+    # Samples a pixel of ours, bins of time.
+    early = (16000, 500, 24)
+    return [(ball, 1024, early), (slab, 2048, early), (rayleigh, 2048, None), (glass, 512, early), (sky, 512, None)]
+
+
+def ours(scene, what, spp, seed):
+    """Mean and standard error of T00, [y, x, (t,) 1]."""
+    toml = CACHE / f"{'_'.join(what.replace(',', '').split())}.toml"
+    toml.write_text(scene.toml())
+    [(mean, error)] = programs.render(toml, spp, seed)
+    return mean[0, ..., :1, 0], error[0, ..., :1, 0]
+
+
+def theirs(scene, spp, seed):
+    """Renders of seeds of their own, [seed, y, x, (t,) 1]."""
+    loaded = mi.load_dict(scene.dictionary(mi))
+    renders = []
+    for i in range(BATCHES):
+        done = mi.render(loaded, spp=spp, seed=seed * BATCHES + i)
+        renders.append(np.array(done[1] if scene.time else done)[..., :1])
+    return np.stack(renders)
+
+
+def run_all(seed):
+    """Renders everything with both programs, into the cache."""
+    # Registers its integrators and films with the variant that is set, so not before that.
+    import mitransient  # noqa: F401
+
+    names, begun = [], time.monotonic()
+    for make, spp, over_time in make_scenes():
+        for window in dict.fromkeys([None, over_time]):
+            scene = make(time=window)
+            what = "over time" if window else ""
+            mean, error = ours(scene, f"{scene.name} {what}", spp, seed)
+            pair = pairs.Pair(scene.name, what, ["s0"], mean, error, theirs(scene, 64, seed), block=BLOCK)
+            if not window:
+                pair.wrong["medium"] = ours(make(1.5), f"{scene.name} wrong", spp, seed + 1000)[0]
+            pair.save(CACHE)
+            names.append(pair.name)
+            print(f"rendered {pair.title}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
+    (CACHE / "pairs.txt").write_text("\n".join(names))
+
+
+def compare_all(results, mistake=None):
+    """Rows: scene, quantity, outcome; of the pairs in which a mistake can be planted, if one is."""
+    return [row for pair in results for row in pair.compare(mistake) or []]
+
+
+def verdicts(rows, total):
+    """Whether each of `total` rows passes, at SIGNIFICANCE over all together."""
+    return [outcome.p >= comparison.SIGNIFICANCE / total for *_, outcome in rows]
+
+
+def print_table(rows):
+    print(f"{'scene':28} {'values':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>18} {'p-value':>8}  verdict")
+    for (scene, quantity, c), passed in zip(rows, verdicts(rows, len(rows)), strict=True):
+        what = scene + quantity.removeprefix("s0")
+        print(f"{what:28} {c.pixels:6} {c.max_z:7.2f} {c.chi2_per_dof:8.3f} {c.gain:+.4f} ± {c.gain_error:.4f} {c.p:8.2g}"
+              f"  {'agree' if passed else 'DIFFER'}")
+
+
+# As changes of our image: all brighter, all later, half more scattering.
+MISTAKES = {
+    "brightness": lambda pair: 1.06 * pair.ours,
+    "bin": lambda pair: np.roll(pair.ours, 1, axis=2) if pair.timed else None,
+    "medium": lambda pair: pair.wrong.get("medium"),
+}
+
+
+def power(results):
+    """Every mistake must be found in every scene that has room for it."""
+    total, good = len(compare_all(results)), True
+    pairs.MISTAKES.update(MISTAKES)
+    for mistake in MISTAKES:
+        for pair in results:
+            rows = pair.compare(mistake)
+            if rows is not None:
+                found = not all(verdicts(rows, total))
+                good &= found
+                print(f"{mistake:10} {pair.title:28} {'found' if found else 'NOT FOUND'}")
+    return 0 if good else 1
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1, help="other random numbers in both programs")
+    parser.add_argument("--cached", action="store_true", help="compare the last run's results, render nothing")
+    parser.add_argument("--power", action="store_true", help="with the last run's results: every mistake must be found")
+    options = parser.parse_args()
+    begun = time.monotonic()
+    CACHE.mkdir(parents=True, exist_ok=True)
+    if "DRJIT_LIBLLVM_PATH" not in os.environ:
+        print("media: skipped, no LLVM")
+        return 0
+    if options.power:
+        return power(pairs.load_all(CACHE))
+    mi.set_variant("llvm_ad_mono")
+    mi.set_log_level(mi.LogLevel.Error)
+    if not options.cached:
+        run_all(options.seed)
+    results = pairs.load_all(CACHE)
+    rows = compare_all(results)
+    print_table(rows)
+    good = all(verdicts(rows, len(rows)))
+    images.write(results, CACHE)
+    print(f"\n{'agreement' if good else 'DISAGREEMENT'}, {time.monotonic() - begun:.0f} s; pictures in {CACHE}")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
