@@ -5,7 +5,7 @@ Every scene of scenes/ that is meant for bidirectional paths is rendered by both
 The relative standard error of a pixel falls with the square root of time, so a short render says how long a longer one
 takes. A pixel is lit if the bidirectional render finds at least 1 % of the image's bright light there (99th percentile).
 An integrator that does not find all light never gets there, however small its errors: the lit pixels' light together must
-be the bidirectional image's within 2 %, and the median pixel's within 10 %, or "never" is said.
+be the bidirectional image's within 2 % (and five standard errors), and the median pixel's within 10 %, or "never" is said.
 
     python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60]
 """
@@ -83,15 +83,18 @@ def main():
                 image = mean.mean(axis=-1)
                 if integrator == "bidirectional":
                     lit = image > 0.01 * np.percentile(image, 99)
-                    reference = mean
+                    reference, unsure = mean, error
                 relative = np.median(error[lit] / np.maximum(mean[lit], 1e-30))
                 share = float(np.median(mean[lit] / reference[lit]))
                 whole = float(mean[lit].sum() / reference[lit].sum())
-                complete = integrator == "bidirectional" or (abs(share - 1) < 0.1 and abs(whole - 1) < 0.02)
+                spread = float(np.hypot(np.linalg.norm(error[lit]), np.linalg.norm(unsure[lit])))
+                uncertain = spread / float(reference[lit].sum())
+                missing = abs(whole - 1) - 5 * uncertain
+                complete = bool(integrator == "bidirectional" or (abs(share - 1) < 0.1 and missing < 0.02))
                 seconds = took * (relative / GOAL) ** 2 if complete else None
                 row = dict(scene=name, integrator=integrator, spp=spp, took_s=took, median_relative_error=float(relative))
                 row.update(seconds_to_goal=seconds, median_share_of_light=share, share_of_all_light=whole)
-                rows.append(row)
+                rows.append({key: value.item() if hasattr(value, "item") else value for key, value in row.items()})
                 found[integrator] = seconds
                 goal = f"{seconds:10.1f}" if seconds is not None else f"{'never':>10}"
                 print(f"{name:14} {integrator:14} {spp:6} {took:8.1f} {relative:8.4f} {goal} {whole:12.4f}", flush=True)
