@@ -124,10 +124,7 @@ impl Scatter {
             Self::Full { .. } => {
                 let mut turned = self.transposed();
                 if let Self::Full { mueller, .. } = &mut turned {
-                    for k in [0, 1, 3] {
-                        mueller.m[2][k] = -mueller.m[2][k];
-                        mueller.m[k][2] = -mueller.m[k][2];
-                    }
+                    mueller.mirror();
                 }
                 turned
             }
@@ -447,6 +444,22 @@ impl Chain {
             }
             (own, other) => Self::Full(own.to_mueller() * other.to_mueller().transposed()),
         };
+    }
+
+    /// D · self · D with D = diag(1, 1, -1, 1): the transpose of the product for light that runs the other way, see
+    /// [`Scatter::reversed`].
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let mut out = *self;
+        match &mut out {
+            Self::Rotation { sin2, .. } => *sin2 = -*sin2,
+            Self::Full(m) => m.mirror(),
+            Self::RankOne { column, row, .. } => {
+                column[2] = -column[2];
+                row[2] = -row[2];
+            }
+        }
+        out
     }
 
     /// Every element times a per-lane factor.

@@ -16,6 +16,15 @@ impl Default for Mueller {
 }
 
 impl Mueller {
+    /// D · self · D with D = diag(1, 1, -1, 1): the second axes of both frames turned over.
+    #[inline]
+    pub fn mirror(&mut self) {
+        for k in [0, 1, 3] {
+            self.m[2][k] = -self.m[2][k];
+            self.m[k][2] = -self.m[k][2];
+        }
+    }
+
     /// Rows and columns exchanged.
     #[inline]
     #[must_use]

@@ -1,8 +1,9 @@
 //! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
 
 use super::bridge::filling;
-use super::walk::End;
+use super::walk::{End, Point};
 use crate::geometry::ray::Ray;
+use crate::material::Medium;
 use crate::medium::nesting::Nest;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::project;
@@ -226,5 +227,39 @@ impl Emission {
             source,
             pixel,
         })
+    }
+
+    /// The camera's end of walks whose rays start along `dir`.
+    pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
+        End {
+            ray: Ray {
+                origin: camera.origin,
+                dir,
+            },
+            chain: Chain::start(scene.wavelengths.ones()),
+            frame: camera.frame(dir),
+            density: camera.pixels_per_steradian(camera.axes.transpose() * dir),
+            medium: filling(scene, &self.camera, 0),
+            nest: self.camera,
+        }
+    }
+
+    /// A source as the end of a line from the point `p`; `None` where the two coincide.
+    pub fn emitter(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
+        let origin = self.position(scene, ends, source);
+        let dir = (p - origin).try_normalize()?;
+        let (intensity, axis) = self.intensity(scene, ends, source, dir);
+        Some(Point::end(
+            scene,
+            &End {
+                ray: Ray { origin, dir },
+                chain: Chain::start(intensity),
+                frame: project(axis, dir),
+                density: self.density(ends, source, dir),
+                // Lines are followed from the camera's side.
+                medium: Medium::VACUUM,
+                nest: Nest::default(),
+            },
+        ))
     }
 }

@@ -16,7 +16,6 @@
 //! [`super::weight`] can ask of any path whether it would have been found.
 
 use super::bridge::{Start, bridge};
-use super::emission::{Emission, Ends};
 use super::walk::mean_transmittance;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lobe, Medium};
@@ -257,10 +256,16 @@ impl Way {
             .any(|b| scene.materials.disperses(b.surface.material))
     }
 
-    /// Density per area across at the point with which walks from source `source` come along the way.
-    pub fn density(&self, (emission, ends): (&Emission, &Ends), source: usize, passed: &Passed) -> f32 {
+    /// Density per area across at the point with which walks from the other end come along the way, `density` being that
+    /// of their direction there per steradian.
+    pub fn density(&self, density: f32, passed: &Passed) -> f32 {
+        density * self.squared_indices(passed) / self.spread * passed.mean
+    }
+
+    /// (n_x/n_L)²: what radiance gains on the way from the other end.
+    pub fn squared_indices(&self, passed: &Passed) -> f32 {
         let ratio = self.start.medium.index / passed.index;
-        emission.density(ends, source, self.emitted) * ratio * ratio / self.spread * passed.mean
+        ratio * ratio
     }
 
     /// Multiplies `chain`, whose light is in `frame`, by all that happens on the way to the emitter at `to`; `None` if

@@ -5,6 +5,8 @@ mod bridge;
 mod connect;
 pub mod coverage;
 mod emission;
+mod join;
+mod join_manifold;
 mod manifold;
 pub mod path;
 pub mod progress;

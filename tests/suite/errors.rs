@@ -250,7 +250,7 @@ fn bad_arguments_are_refused_before_anything_is_written() {
         (&["render"], "SCENE"),
         (&["rendr", "s.toml"], "render"),
         (&["info", "missing.zarr"], "missing.zarr"),
-        (&["info", "s.toml"], "s.toml"),
+        (&["info", "bytes.toml"], "bytes.toml"),
         (&["figure", "missing.zarr"], "missing.zarr"),
     ] {
         let shown = stderr(&run(at, arguments, 2));

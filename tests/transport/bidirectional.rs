@@ -344,12 +344,25 @@ fn exchanged_devices_find_the_same() {
         };
         let there = with(&text(&beside, &behind), Integrator::Bidirectional, None);
         let back = with(&text(&behind, &beside), Integrator::Path, None);
+        // The camera looked for through the interface, from the light's side, and weighed against the camera's own walks.
+        let mut scene = scene_of(&text(&behind, &beside));
+        (scene.settings.integrator, scene.settings.manifold) = (Integrator::Bidirectional, true);
+        let weighed = render_scene(&scene);
         for lane in 0..3 {
             let at = [(AxisKind::Wavelength, lane)];
             let [a, da] =
                 [there.mean("m"), there.std_error("m")].map(|t| mueller(&t, &at) * behind.focal.powi(2));
             let [b, db] =
                 [back.mean("m"), back.std_error("m")].map(|t| mueller(&t, &at) * beside.focal.powi(2));
+            let [c, dc] =
+                [weighed.mean("m"), weighed.std_error("m")].map(|t| mueller(&t, &at) * beside.focal.powi(2));
+            for k in 0..16 {
+                let (sigma, diff) = (dc[k].hypot(db[k]), (c[k] - b[k]).abs());
+                assert!(
+                    diff < 5.0 * sigma + 1e-6 * b[0],
+                    "{material}, lane {lane}, {k}, weighed:\n{c}is not\n{b}±\n{dc}{db}"
+                );
+            }
             let d = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
             let (b, db) = (d * b.transpose() * d, db.transpose());
             let sharp = da[(0, 0)].hypot(db[(0, 0)]) / b[(0, 0)];

@@ -1,0 +1,273 @@
+//! Connections through smooth interfaces, of a walk from the camera to an emitter and of a walk from the light to the
+//! camera ([`super::manifold`]).
+
+use super::join::{Joiner, Line, most};
+use super::manifold::{self, Way};
+use super::walk::Point;
+use crate::material::Lanes;
+use crate::polarization::chain::Chain;
+use crate::polarization::frame::{perpendicular, turn};
+use crate::spectrum::Spectral;
+use crate::tensor::accumulate::Contributions;
+use crate::units::picoseconds;
+use glam::Vec3A;
+
+impl Joiner<'_> {
+    /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
+    pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let scene = self.scene;
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let to = self.setup.emission.position(scene, self.ends[0], source);
+        let mut lane = z.lanes.nth(0);
+        let Some(mut way) = self.way(z, to, lane) else {
+            return;
+        };
+        if !way.disperses(scene) {
+            self.join_way(camera, source, &way, (z.lanes, lane), out);
+            return;
+        }
+        // Every wavelength takes a way of its own.
+        for k in 0..z.lanes.count() {
+            if k > 0 {
+                lane = z.lanes.nth(k);
+                way = match self.way(z, to, lane) {
+                    Some(way) => way,
+                    None => continue,
+                };
+            }
+            self.join_way(camera, source, &way, (Lanes { mask: 1 << lane }, lane), out);
+        }
+    }
+
+    /// The way from a point to an emitter at `to` through interfaces.
+    fn way(&self, z: &Point, to: Vec3A, lane: usize) -> Option<Way> {
+        let dir = (to - z.surface.p).try_normalize()?;
+        manifold::find(self.scene, z.line(self.scene, dir), to, lane)
+    }
+
+    /// Appends what a way brings to the wavelengths `lanes`.
+    fn join_way(
+        &mut self,
+        camera: &[Point],
+        source: usize,
+        way: &Way,
+        (lanes, lane): (Lanes, usize),
+        out: &mut Contributions,
+    ) {
+        let (scene, emission) = (self.scene, &self.setup.emission);
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let interactions = z.interactions + 1 + way.count() as u32;
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let Some(pixel) = emission.pixel(self.ends[0], source, way.first) else {
+            return;
+        };
+        let Some(scatter) = z.scatter(scene, z.back, way.dir) else {
+            return;
+        };
+        let mut chain = z.chain;
+        let mut frame = chain
+            .push(&scatter, z.back, z.frame)
+            .unwrap_or_else(|| perpendicular(way.dir));
+        let to = emission.position(scene, self.ends[0], source);
+        let limits = (most, lane);
+        let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays) else {
+            return;
+        };
+        let Some(emitter) = emission.emitter(scene, self.ends[0], source, way.first) else {
+            return;
+        };
+        let density = emission.density(self.ends[0], source, way.emitted);
+        let line = Line {
+            dirs: [way.dir, way.emitted],
+            passed: 1.0,
+            arrivals: [Some(way.density(density, &passed)), None],
+        };
+        let weight = self.weight(camera, &[emitter], source, line);
+        chain.scale(lanes.ones() * Spectral::splat(weight / way.spread));
+        let (c2, s2) = turn(way.emitted, emitter.frame, frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&emitter.chain);
+        let extent = chain.finish(out.elements);
+        let time_ps = picoseconds(z.optical_m + passed.optical_m);
+        out.push(extent, time_ps, pixel, interactions + passed.sheets);
+    }
+
+    /// Connects the last point of a walk from the light to the camera through interfaces, and appends what that brings to
+    /// pixels that `keep` admits; `after` is called with each.
+    pub fn splat_by_manifold(
+        &mut self,
+        light: &[Point],
+        lit: (usize, u32),
+        keep: &mut dyn FnMut(u32) -> bool,
+        out: &mut Contributions,
+        after: &mut dyn FnMut(u32, &mut Contributions),
+    ) {
+        let Some(y) = light.last() else {
+            return;
+        };
+        let to = self.ends[0].camera.origin;
+        let mut lane = y.lanes.nth(0);
+        let Some(mut way) = self.way(y, to, lane) else {
+            return;
+        };
+        let disperses = way.disperses(self.scene);
+        for k in 0..if disperses { y.lanes.count() } else { 1 } {
+            let mut lanes = y.lanes;
+            if disperses {
+                lane = y.lanes.nth(k);
+                lanes = Lanes { mask: 1 << lane };
+                if k > 0 {
+                    way = match self.way(y, to, lane) {
+                        Some(way) => way,
+                        None => continue,
+                    };
+                }
+            }
+            if let Some(pixel) = self.ends[0].camera.pixel(way.first)
+                && keep(pixel)
+            {
+                self.splat_way(light, lit, &way, (lanes, lane), out);
+                after(pixel, out);
+            }
+        }
+    }
+
+    /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.
+    ///
+    /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
+    /// D Kᵀ D, its radiance scaled the other way.
+    fn splat_way(
+        &mut self,
+        light: &[Point],
+        (source, pixel): (usize, u32),
+        way: &Way,
+        (lanes, lane): (Lanes, usize),
+        out: &mut Contributions,
+    ) {
+        let (scene, camera) = (self.scene, &self.ends[0].camera);
+        let Some(y) = light.last() else {
+            return;
+        };
+        let interactions = y.interactions + 1 + way.count() as u32;
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let Some(scatter) = y.scatter_flux(scene, way.dir, y.back) else {
+            return;
+        };
+        let across = perpendicular(way.dir);
+        let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
+        let limits = (most, lane);
+        let Some(passed) = way.follow(
+            scene,
+            &mut back,
+            &mut frame,
+            camera.origin,
+            limits,
+            &mut self.rays,
+        ) else {
+            return;
+        };
+        let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
+        // Lines end at the camera's pinhole from outside.
+        let factor = end.density / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
+        end.chain.scale(lanes.ones() * Spectral::splat(factor));
+        let line = Line {
+            dirs: [way.emitted, way.dir],
+            passed: 1.0,
+            arrivals: [None, Some(way.density(end.density, &passed))],
+        };
+        let weight = self.weight(&[Point::end(scene, &end)], light, source, line);
+        let mut chain = end.chain;
+        chain.scale(Spectral::splat(weight));
+        let (c2, s2) = turn(-way.emitted, frame, end.frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&back.mirrored());
+        let frame = chain
+            .push(&scatter, way.dir, across)
+            .unwrap_or_else(|| perpendicular(y.back));
+        let (c2, s2) = turn(-y.back, y.frame, frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&y.chain);
+        let extent = chain.finish(out.elements);
+        let time_ps = picoseconds(y.optical_m + passed.optical_m);
+        out.push(extent, time_ps, pixel, interactions + passed.sheets);
+    }
+
+    /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
+    /// and the density per area with which light comes there; `None` where no such way would be found from that point.
+    pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
+        let to = self.setup.emission.position(self.scene, self.ends[1], source);
+        self.seen(light, 1, to, |joiner, dir| {
+            joiner.setup.emission.density(joiner.ends[1], source, dir)
+        })
+    }
+
+    /// The same of a walk from the camera.
+    pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
+        let to = self.ends[0].camera.origin;
+        self.seen(camera, 0, to, |joiner, dir| {
+            let camera = &joiner.ends[0].camera;
+            camera.pixels_per_steradian(camera.axes.transpose() * dir)
+        })
+    }
+
+    /// Of a walk from the camera (0) or the light (1), whose end is at `to` and sends rays with density `start`.
+    fn seen(
+        &mut self,
+        walk: &[Point],
+        side: usize,
+        to: Vec3A,
+        start: impl Fn(&Self, Vec3A) -> f32,
+    ) -> Option<(usize, f32)> {
+        if !self.setup.manifold {
+            return None;
+        }
+        let last = walk.len() - 1;
+        let first = (1..=last).find(|i| !walk[*i].delta || *i == last)?;
+        if first < 2 {
+            return None;
+        }
+        let point = &walk[first];
+        let known = match self.scratch.seen[side] {
+            Some((i, known)) if i == first => known,
+            _ => {
+                let known = self.density_through(point, first - 1, to, start);
+                self.scratch.seen[side] = Some((first, known));
+                known
+            }
+        };
+        known.map(|density| (first, density * point.cosine(point.back)))
+    }
+
+    /// The density per area across with which a walk from the end at `to` comes to a point behind `count` interfaces;
+    /// `None` if the way would not be found from the point.
+    fn density_through(
+        &mut self,
+        point: &Point,
+        count: usize,
+        to: Vec3A,
+        start: impl Fn(&Self, Vec3A) -> f32,
+    ) -> Option<f32> {
+        let scene = self.scene;
+        if !point.connects(scene) {
+            return None;
+        }
+        let lane = point.lanes.nth(0);
+        let way = self.way(point, to, lane)?;
+        // Two ways through the same interfaces do not begin within a few milliradians of one another.
+        if way.count() != count || way.dir.dot(point.back) < 1.0 - 1e-5 {
+            return None;
+        }
+        let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
+        let limits = (most(scene), lane);
+        let passed = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays)?;
+        Some(way.density(start(self, way.emitted), &passed))
+    }
+}
