@@ -3,9 +3,10 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
 use std::hint::black_box;
-use sunstone::polarization::chain::{Chain, Scatter};
+use sunstone::polarization::chain::Chain;
 use sunstone::polarization::fresnel;
 use sunstone::polarization::mueller::Mueller;
+use sunstone::polarization::scatter::Scatter;
 use sunstone::spectrum::Spectral;
 
 fn mueller(c: &mut Criterion) {

@@ -13,7 +13,7 @@ use sunstone::material::measured::error::PbsdfError;
 use sunstone::material::measured::table::{Options, Table};
 use sunstone::material::measured::write::write;
 use sunstone::material::{Lanes, Material, Materials};
-use sunstone::polarization::chain::Scatter;
+use sunstone::polarization::scatter::Scatter;
 use sunstone::sampling::stream::Stream;
 use sunstone::scene::Scene;
 use sunstone::scene::materials::MaterialSet;

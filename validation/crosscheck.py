@@ -58,21 +58,10 @@ def run_all(seed, llvm, full):
     (CACHE / "pairs.txt").write_text("\n".join(names))
 
 
-def compare_all(results, mistake=None):
-    """Rows of the table: scene, quantity, outcome; of the pairs in which a mistake can be planted, if one is."""
-    return [row for pair in results for row in pair.compare(mistake) or []]
-
-
-def verdicts(rows, total=None):
-    """Whether each row passes, at SIGNIFICANCE over all rows (or `total`) together."""
-    limit = comparison.SIGNIFICANCE / (total or len(rows))
-    return [row.p >= limit for *_, row in rows]
-
-
 def print_table(rows):
     print(f"{'scene':17} {'quantity':19} {'pixels':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>19} {'p-value':>8}  "
           "verdict")
-    for (scene, quantity, c), passed in zip(rows, verdicts(rows), strict=True):
+    for (scene, quantity, c), passed in zip(rows, pairs.verdicts(rows), strict=True):
         gain = f"{c.gain:+.4f} ± {c.gain_error:.4f}" if abs(c.gain) < 10 else "(no signal)"
         print(f"{scene:17} {quantity:19} {c.pixels:6} {c.max_z:7.2f} {c.chi2_per_dof:8.3f} {gain:>19} {c.p:8.2g}  "
               f"{'agree' if passed else 'DIFFER'}")
@@ -117,7 +106,7 @@ def record(rows, seconds):
     table = [
         {"scene": scene, "quantity": quantity, "pixels": c.pixels, "max_z": c.max_z, "chi2_per_dof": c.chi2_per_dof,
          "gain": c.gain, "gain_error": finite(c.gain_error), "p": c.p, "verdict": "agree" if passed else "differ"}
-        for (scene, quantity, c), passed in zip(rows, verdicts(rows), strict=True)
+        for (scene, quantity, c), passed in zip(rows, pairs.verdicts(rows), strict=True)
     ]
     versions = {name: metadata.version(name) for name in packages}
     versions["sunstone"] = programs.sunstone("--version").stdout.split()[-1]
@@ -153,13 +142,13 @@ def main():
     if not options.cached:
         run_all(options.seed, llvm, options.full)
     results = pairs.load_all(CACHE)
-    rows = compare_all(results)
+    rows = pairs.compare_all(results)
     print()
     print_table(rows)
     if not llvm:
         print("16 elements, and light over time: skipped, no LLVM")
     images.write(results, CACHE)
-    good &= all(verdicts(rows))
+    good &= all(pairs.verdicts(rows))
     seconds = time.monotonic() - begun
     if options.record:
         record(rows, seconds)
@@ -174,7 +163,7 @@ def power():
     Every mistake must be found somewhere, and every scene must find one: otherwise it would be a test that cannot fail.
     """
     results = pairs.load_all(CACHE)
-    total = len(compare_all(results))
+    total = len(pairs.compare_all(results))
     blind = {pair.name for pair in results}
     good = True
     for mistake in pairs.MISTAKES:
@@ -184,7 +173,7 @@ def power():
             if rows is None:
                 continue
             tried += 1
-            if not all(verdicts(rows, total)):
+            if not all(pairs.verdicts(rows, total)):
                 found.append(pair.name)
         blind -= set(found)
         if tried:

@@ -22,7 +22,6 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import mitsuba as mi
     import numpy as np
 
-    import comparison
     import images
     import pairs
     import programs
@@ -159,19 +158,9 @@ def run_all(seed):
     (CACHE / "pairs.txt").write_text("\n".join(names))
 
 
-def compare_all(results, mistake=None):
-    """Rows: scene, quantity, outcome; of the pairs in which a mistake can be planted, if one is."""
-    return [row for pair in results for row in pair.compare(mistake) or []]
-
-
-def verdicts(rows, total):
-    """Whether each of `total` rows passes, at SIGNIFICANCE over all together."""
-    return [outcome.p >= comparison.SIGNIFICANCE / total for *_, outcome in rows]
-
-
 def print_table(rows):
     print(f"{'scene':28} {'values':>6} {'max |z|':>7} {'chi2/dof':>8} {'gain':>18} {'p-value':>8}  verdict")
-    for (scene, quantity, c), passed in zip(rows, verdicts(rows, len(rows)), strict=True):
+    for (scene, quantity, c), passed in zip(rows, pairs.verdicts(rows, len(rows)), strict=True):
         what = scene + quantity.removeprefix("s0")
         print(f"{what:28} {c.pixels:6} {c.max_z:7.2f} {c.chi2_per_dof:8.3f} {c.gain:+.4f} ± {c.gain_error:.4f} {c.p:8.2g}"
               f"  {'agree' if passed else 'DIFFER'}")
@@ -187,13 +176,13 @@ MISTAKES = {
 
 def power(results):
     """Every mistake must be found in every scene that has room for it."""
-    total, good = len(compare_all(results)), True
+    total, good = len(pairs.compare_all(results)), True
     pairs.MISTAKES.update(MISTAKES)
     for mistake in MISTAKES:
         for pair in results:
             rows = pair.compare(mistake)
             if rows is not None:
-                found = not all(verdicts(rows, total))
+                found = not all(pairs.verdicts(rows, total))
                 good &= found
                 print(f"{mistake:10} {pair.title:28} {'found' if found else 'NOT FOUND'}")
     return 0 if good else 1
@@ -217,9 +206,9 @@ def main():
     if not options.cached:
         run_all(options.seed)
     results = pairs.load_all(CACHE)
-    rows = compare_all(results)
+    rows = pairs.compare_all(results)
     print_table(rows)
-    good = all(verdicts(rows, len(rows)))
+    good = all(pairs.verdicts(rows, len(rows)))
     images.write(results, CACHE)
     print(f"\n{'agreement' if good else 'DISAGREEMENT'}, {time.monotonic() - begun:.0f} s; pictures in {CACHE}")
     return 0 if good else 1

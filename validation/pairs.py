@@ -133,3 +133,14 @@ def load_all(folder: Path):
     """The last run's results, in the order of that run."""
     listing = folder / "pairs.txt"
     return [Pair.load(folder / f"{name}.npz") for name in listing.read_text().split()] if listing.exists() else []
+
+
+def compare_all(results, mistake=None):
+    """Rows of the table: scene, quantity, outcome; of the pairs in which a mistake can be planted, if one is."""
+    return [row for pair in results for row in pair.compare(mistake) or []]
+
+
+def verdicts(rows, total=None):
+    """Whether each row passes, at SIGNIFICANCE over all rows (or `total`) together."""
+    limit = comparison.SIGNIFICANCE / (total or len(rows))
+    return [row.p >= limit for *_, row in rows]

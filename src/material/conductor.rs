@@ -3,8 +3,8 @@
 use super::facets::reflect;
 use super::{Specular, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::fresnel::{self, FresnelBlock};
+use crate::polarization::scatter::Scatter;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
 

@@ -28,8 +28,8 @@
 use super::dielectric::Dielectric;
 use super::{Lanes, Lobe, Medium, NO_CRYSTAL, Sampled, Specular};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::fresnel::FresnelBlock;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::spectrum::{MAX_WAVELENGTHS, Spectral};
 use glam::Vec3A;

@@ -7,8 +7,8 @@
 use super::facets::{reflect, refract};
 use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::fresnel::{self, DielectricFresnel};
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 use glam::Vec3A;

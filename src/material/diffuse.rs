@@ -3,8 +3,8 @@
 use super::texture::{Spectrum, Textures};
 use super::{Sampled, facing, same_side};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::frame::basis;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::{stream::Stream, warp};
 use crate::spectrum::Spectral;
 use glam::Vec3A;

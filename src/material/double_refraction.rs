@@ -20,11 +20,11 @@
 use super::crystal::Crystal;
 use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::elements::polarizer;
 use crate::polarization::frame::{perpendicular, project, turn};
 use crate::polarization::fresnel::{self, FresnelBlock};
 use crate::polarization::mueller::Mueller;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 use glam::Vec3A;

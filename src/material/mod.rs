@@ -30,7 +30,7 @@ pub mod thin_dielectric;
 pub mod two_sided;
 
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
@@ -199,12 +199,19 @@ impl Lanes {
         (0..alive).map(|k| values[self.nth(k)]).sum::<f32>() / alive as f32
     }
 
+    /// One of the living lanes, each as likely.
+    #[inline]
+    pub fn draw(self, stream: &mut Stream) -> usize {
+        let alive = self.count().max(1);
+        self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
+    }
+
     /// Draws one living lane uniformly, which alone goes on; returns it with the weight that makes it stand for all
     /// (Wilkie et al. 2014, "Hero wavelength spectral sampling").
     #[inline]
     pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
         let alive = self.count().max(1);
-        let lane = self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1));
+        let lane = self.draw(stream);
         self.mask = 1 << lane;
         let mut weight = [0.0; 4];
         weight[lane] = alive as f32;

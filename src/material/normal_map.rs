@@ -5,7 +5,7 @@
 
 use super::{Lanes, Lobe, Materials, Sampled, Specular};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use glam::Vec3A;
 

@@ -6,7 +6,7 @@
 
 use super::{Lanes, Lobe, Materials, Sampled, Specular, texture::Scalar};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 use glam::Vec3A;

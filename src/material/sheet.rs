@@ -5,9 +5,9 @@
 
 use super::Specular;
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::frame::project;
 use crate::polarization::fresnel::FresnelBlock;
+use crate::polarization::scatter::Scatter;
 use glam::Vec3A;
 
 /// A line in a sheet.

@@ -2,7 +2,7 @@
 
 use super::Materials;
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
+use crate::polarization::scatter::Scatter;
 use glam::Vec3A;
 
 /// Different materials on the two sides.

@@ -16,8 +16,8 @@ pub mod table;
 pub mod water;
 
 use crate::material::Lanes;
-use crate::polarization::chain::Scatter;
 use crate::polarization::fresnel::FresnelBlock;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::sampling::warp;
 use crate::spectrum::Spectral;
@@ -59,10 +59,13 @@ pub struct Media {
     pub tables: Vec<table::Table>,
 }
 
-/// A density that more than rounding stands behind, to divide by.
-#[inline]
-fn reciprocal(density: f32) -> Spectral {
-    Spectral::splat(1.0 / density.max(f32::MIN_POSITIVE))
+impl Homogeneous {
+    /// μ_t = μ_a + μ_s, 1/m.
+    #[inline]
+    #[must_use]
+    pub fn extinction(&self) -> Spectral {
+        self.absorption + self.scattering
+    }
 }
 
 impl Media {
@@ -105,25 +108,15 @@ impl Media {
         )
     }
 
-    /// Density of [`Self::sample`] per steradian of `wi`.
+    /// Density of [`Self::sample_lane`] per steradian of `wi`, over living lanes drawn uniformly.
     #[inline]
     #[must_use]
     pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
         lanes.mean(self.densities(self.list[id as usize].phase, Angle::between(wo, wi)))
     }
 
-    /// Samples where light that leaves along `wo` comes from: the direction, and [`Self::eval`] over [`Self::pdf`].
-    ///
-    /// One of the living lanes is drawn and its S11 sampled, so no lane's weight is above their number.
-    #[inline]
-    pub fn sample(&self, id: u32, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
-        let lane = draw(lanes, stream);
-        let (wi, scatter, densities) = self.sample_lane(id, wo, lane, stream);
-        (wi, scatter.scaled(reciprocal(lanes.mean(densities))))
-    }
-
-    /// Samples as lane `lane` scatters: the direction, [`Self::eval`] there, and the density per steradian with which each
-    /// lane would have given it.
+    /// Samples where light that leaves along `wo` comes from, as lane `lane` scatters: the direction, [`Self::eval`] there, and
+    /// the density per steradian with which each lane would have given it.
     #[inline]
     pub fn sample_lane(
         &self,
@@ -195,11 +188,4 @@ impl Media {
             Phase::Table(t) => self.tables[t as usize].densities(at),
         }
     }
-}
-
-/// One of the living lanes, each as likely.
-#[inline]
-fn draw(lanes: Lanes, stream: &mut Stream) -> usize {
-    let alive = lanes.count().max(1);
-    lanes.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
 }

@@ -10,9 +10,9 @@
 //!      0   0  S33 S34
 //!      0   0 -S34 S44
 
-use crate::polarization::chain::Scatter;
 use crate::polarization::frame::perpendicular;
 use crate::polarization::mueller::Mueller;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::warp::sin_cos_turns;
 use crate::spectrum::Spectral;
 use glam::Vec3A;

@@ -10,4 +10,5 @@ pub mod elements;
 pub mod frame;
 pub mod fresnel;
 pub mod mueller;
+pub mod scatter;
 pub mod thin_film;

@@ -11,10 +11,11 @@
 //! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
 
 use super::emission::{Emission, Ends};
+use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, most};
+use super::path::environment;
 use super::splats::{Splats, WalkNumber};
-use super::walk::{From, Walk};
-use crate::polarization::frame::turn;
+use super::walk::Walk;
 use crate::sampling::stream::Stream;
 use crate::scene::{Integrator, Scene};
 use crate::spectrum::Spectral;
@@ -138,7 +139,11 @@ impl Walks {
         self.camera.run(scene, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
-        environment(scene, &self.camera, out);
+        if let (Some((dir, chain, frame, interactions)), None) =
+            (&self.camera.escape, scene.settings.strategy)
+        {
+            environment(scene, chain, (*dir, *frame), *interactions, out);
+        }
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, 0);
         for t in 2..=self.camera.points.len() {
             let camera = &self.camera.points[..t];
@@ -208,8 +213,8 @@ impl Walks {
         Some((ends, start.source, start.pixel))
     }
 
-    /// Makes a walk from the light and connects its points to the camera; with `only`, those that this pixel sees.
-    /// `after` is called after each with its pixel. Returns the number of rays.
+    /// Makes a walk from the light and connects its points to the camera; with `only`, those that this pixel sees, without,
+    /// all of them, unweighted. `after` is called after each with its pixel. Returns the number of rays.
     fn splat(
         &mut self,
         scene: &Scene,
@@ -229,6 +234,7 @@ impl Walks {
             &mut self.scratch,
             self.light.rays,
         );
+        joiner.weighs &= only.is_some();
         for s in 2..=self.light.points.len() {
             let light = &self.light.points[..s];
             let point = &light[s - 1];
@@ -263,21 +269,4 @@ fn spread(scene: &Scene, number: WalkNumber) -> [f32; 2] {
         // Rounding to single precision must not reach 1.
         at.min(1.0 - f32::EPSILON / 2.0)
     })
-}
-
-/// Light of the environment that a walk from the camera escapes to.
-fn environment(scene: &Scene, walk: &Walk, out: &mut Contributions) {
-    let (Some(environment), Some((dir, chain, frame, interactions))) = (&scene.environment, &walk.escape)
-    else {
-        return;
-    };
-    if scene.settings.strategy.is_some() {
-        return;
-    }
-    let (mut chain, travel) = (*chain, -*dir);
-    let (c2, s2) = turn(travel, environment.frame(travel), *frame);
-    chain.rotate_in(c2, s2);
-    chain.scale(environment.radiance);
-    let extent = chain.finish(out.elements);
-    out.push(extent, f64::INFINITY, NO_PIXEL, *interactions);
 }

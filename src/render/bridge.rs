@@ -8,7 +8,7 @@
 //! S₁ being the sheet next to the camera's side and τ = Σ μ_t d over the media on the way. Each sheet counts as an
 //! interaction, as where a path meets it; boundaries that light does not notice do not. Anything else blocks the line.
 
-use crate::geometry::ray::Ray;
+use crate::geometry::ray::{Ray, Surface};
 use crate::material::Medium;
 use crate::medium::nesting::Nest;
 use crate::polarization::chain::Chain;
@@ -51,6 +51,28 @@ pub(super) fn filling(scene: &Scene, nest: &Nest, lane: usize) -> Medium {
         .map_or(Medium::VACUUM, |id| Medium::clear(index(id)))
 }
 
+/// True if light does not notice the surfaces of material `id`: boundaries between media of one index, and those that lie in
+/// an object of higher priority.
+pub(super) fn unnoticed(scene: &Scene, nest: &Nest, id: u32) -> bool {
+    scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
+}
+
+/// Takes light that travels along `dir` straight through a surface, into what is behind it.
+pub(super) fn pass(
+    scene: &Scene,
+    nest: &mut Nest,
+    medium: &mut Medium,
+    at: &Surface,
+    dir: Vec3A,
+    lane: usize,
+) {
+    let before = nest.medium(&scene.boundaries);
+    nest.cross(&scene.boundaries, at.material, at.ng.dot(dir) < 0.0);
+    if nest.medium(&scene.boundaries) != before {
+        *medium = filling(scene, nest, lane);
+    }
+}
+
 /// Follows the line to the point `to`, through at most `most` sheets; `None` if something blocks it. Multiplies `chain`,
 /// whose light is in `frame`, by what is in the way; counts the rays traced. `lane` is the wavelength whose indices count.
 // Out of line: scenes without sheets shall not carry its code through their inner loop.
@@ -82,8 +104,7 @@ pub(super) fn bridge(
             *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
         }
         if let Some(id) = nest.medium(&scene.boundaries) {
-            let inside = &scene.media.list[id as usize];
-            depth += (inside.absorption + inside.scattering) * Spectral::splat(step);
+            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step);
         }
         optical_m += f64::from(medium.index) * f64::from(step);
         let Some(hit) = hit else {
@@ -91,19 +112,14 @@ pub(super) fn bridge(
         };
         let surface = scene.geometry.surface(&ray, &hit);
         let id = surface.material;
-        let hidden = nest.hides(&scene.boundaries, id);
-        if !hidden && !scene.materials.is_null(id) {
+        if !unnoticed(scene, &nest, id) {
             let passed = scene.materials.straight(id, &surface, -ray.dir);
             let passed = passed.filter(|_| sheets < most)?;
             *frame = chain.push(&passed, -ray.dir, *frame).unwrap_or(any);
             sheets += 1;
         }
         if scene.filled {
-            let before = nest.medium(&scene.boundaries);
-            nest.cross(&scene.boundaries, id, surface.ng.dot(ray.dir) < 0.0);
-            if nest.medium(&scene.boundaries) != before {
-                medium = filling(scene, &nest, lane);
-            }
+            pass(scene, &mut nest, &mut medium, &surface, ray.dir, lane);
         }
         way -= step;
         from = surface.p;

@@ -1,7 +1,7 @@
 //! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
 
 use super::bridge::filling;
-use super::walk::{End, Point};
+use super::point::{End, Point};
 use crate::geometry::ray::Ray;
 use crate::material::Medium;
 use crate::medium::nesting::Nest;
@@ -185,8 +185,7 @@ impl Emission {
             (Source::Point(_), _) => 0.25 / PI,
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution.map(|n| n as f32);
-                let local = p.pinhole.axes.transpose() * dir;
-                p.pinhole.pixels_per_steradian(local) / (w * h)
+                p.pinhole.pixels_per_steradian(dir) / (w * h)
             }
             (Source::Projector, None) => 0.0,
         }
@@ -205,9 +204,9 @@ impl Emission {
         let (dir, pixel) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution;
-                let [x, y] = [at[0] * w as f32, at[1] * h as f32];
-                let dir = p.pinhole.direction(DVec2::new(f64::from(x), f64::from(y)));
-                (dir, (y as u32).min(h - 1) * w + (x as u32).min(w - 1))
+                let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
+                let at = DVec2::from_array(at);
+                (p.pinhole.direction(at), p.pinhole.number(at))
             }
             _ => (warp::sphere(at), NO_PIXEL),
         };
@@ -238,7 +237,7 @@ impl Emission {
             },
             chain: Chain::start(scene.wavelengths.ones()),
             frame: camera.frame(dir),
-            density: camera.pixels_per_steradian(camera.axes.transpose() * dir),
+            density: camera.pixels_per_steradian(dir),
             medium: filling(scene, &self.camera, 0),
             nest: self.camera,
         }

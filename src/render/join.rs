@@ -2,7 +2,8 @@
 
 use super::bridge::{END_GAP, Start, bridge};
 use super::emission::{Emission, Ends};
-use super::walk::{Place, Point, mean_transmittance};
+use super::flight::mean_transmittance;
+use super::point::{Place, Point};
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::material::NO_CRYSTAL;
 use crate::polarization::chain::Chain;
@@ -29,8 +30,8 @@ type Seen = Option<(usize, Option<f32>)>;
 /// What a thread keeps from one connection to the next.
 #[derive(Default)]
 pub(super) struct Scratch {
-    densities: [Vec<Densities>; 2],
     /// Of the present walks from the camera and from the light.
+    densities: [Vec<Densities>; 2],
     pub seen: [Seen; 2],
 }
 
@@ -60,6 +61,23 @@ impl Line {
     }
 }
 
+/// Joins a product that was grown from the camera, whose light travels along `travel` in frame `frame`, to that of the light's
+/// walk at the point `y`, and appends the path with its time, projector pixel and number of interactions.
+pub(super) fn meet(
+    mut chain: Chain,
+    (frame, travel): (Vec3A, Vec3A),
+    y: &Point,
+    time_ps: f64,
+    (pixel, interactions): (u32, u32),
+    out: &mut Contributions,
+) {
+    let (c2, s2) = turn(travel, y.frame, frame);
+    chain.rotate_in(c2, s2);
+    chain.times_transposed(&y.chain);
+    let extent = chain.finish(out.elements);
+    out.push(extent, time_ps, pixel, interactions);
+}
+
 /// Makes connections.
 pub(super) struct Joiner<'a> {
     pub scene: &'a Scene,
@@ -67,6 +85,8 @@ pub(super) struct Joiner<'a> {
     /// Of the camera's walk, and of the light's.
     pub ends: [&'a Ends; 2],
     pub scratch: &'a mut Scratch,
+    /// False where no other strategy makes the same paths, or nobody asks how much they bring.
+    pub weighs: bool,
     /// Rays traced.
     pub rays: u32,
 }
@@ -85,6 +105,8 @@ impl<'a> Joiner<'a> {
             setup,
             ends,
             scratch,
+            weighs: scene.settings.integrator == Integrator::Bidirectional
+                && scene.settings.strategy.is_none(),
             rays,
         }
     }
@@ -164,12 +186,15 @@ impl<'a> Joiner<'a> {
             }
             None => -dir,
         };
-        let (c2, s2) = turn(travel, y.frame, frame);
-        chain.rotate_in(c2, s2);
-        chain.times_transposed(&y.chain);
-        let extent = chain.finish(out.elements);
         let time_ps = picoseconds(z.optical_m + optical_m + y.optical_m);
-        out.push(extent, time_ps, pixel, interactions + sheets);
+        meet(
+            chain,
+            (frame, travel),
+            y,
+            time_ps,
+            (pixel, interactions + sheets),
+            out,
+        );
     }
 
     /// Lets light along a line: its optical length in metres, sheets passed and mean transmittance; `None` if it is
@@ -199,11 +224,11 @@ impl<'a> Joiner<'a> {
     /// The weight of a connection among all strategies that can make its path.
     pub fn weight(&mut self, camera: &[Point], light: &[Point], source: usize, line: Line) -> f32 {
         let scene = self.scene;
-        if scene.settings.integrator == Integrator::Path || scene.settings.strategy.is_some() {
+        if !self.weighs {
             return 1.0;
         }
         let seen = [self.seen_from(camera), self.seen_through(light, source)];
-        for (walk, out) in [light, camera].into_iter().zip(self.scratch.densities.iter_mut()) {
+        for (walk, out) in [camera, light].into_iter().zip(self.scratch.densities.iter_mut()) {
             out.clear();
             out.extend(walk.iter().enumerate().map(|(i, p)| Densities {
                 own: p.forward,
@@ -212,7 +237,7 @@ impl<'a> Joiner<'a> {
             }));
         }
         let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);
-        let [from_light, from_camera] = &mut self.scratch.densities;
+        let [from_camera, from_light] = &mut self.scratch.densities;
         // Each end of the line as the other's walk would come there, and the points before them.
         let [toward_light, toward_camera] = line.dirs;
         let to_z = line.arrivals[0].unwrap_or_else(|| {
@@ -230,8 +255,8 @@ impl<'a> Joiner<'a> {
                 }
         });
         let sides = [
-            (camera, &mut *from_camera, to_z, toward_light, seen[0]),
-            (light, &mut *from_light, to_y, toward_camera, seen[1]),
+            (camera, from_camera, to_z, toward_light, seen[0]),
+            (light, from_light, to_y, toward_camera, seen[1]),
         ];
         for (walk, out, density, dir, seen) in sides {
             let k = walk.len() - 1;
@@ -250,7 +275,7 @@ impl<'a> Joiner<'a> {
             light: self.setup.emission.chance(source),
             splats: self.setup.walks as f32,
         };
-        let [light, camera] = &self.scratch.densities;
+        let [camera, light] = &self.scratch.densities;
         power_heuristic(light, camera, tries)
     }
 }

@@ -1,9 +1,9 @@
 //! Connections through smooth interfaces, of a walk from the camera to an emitter and of a walk from the light to the
 //! camera ([`super::manifold`]).
 
-use super::join::{Joiner, Line, most};
+use super::join::{Joiner, Line, meet, most};
 use super::manifold::{self, Way};
-use super::walk::Point;
+use super::point::Point;
 use crate::material::Lanes;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
@@ -15,33 +15,37 @@ use glam::Vec3A;
 impl Joiner<'_> {
     /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
     pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
-        let scene = self.scene;
         let Some(z) = camera.last() else {
             return;
         };
-        let to = self.setup.emission.position(scene, self.ends[0], source);
-        let mut lane = z.lanes.nth(0);
-        let Some(mut way) = self.way(z, to, lane) else {
+        let to = self.setup.emission.position(self.scene, self.ends[0], source);
+        self.each_way(z, to, |joiner, way, lanes| {
+            joiner.join_way(camera, source, way, lanes, out)
+        });
+    }
+
+    /// Calls back with the way from a point to an end at `to` through interfaces, if there is one, the wavelengths that take
+    /// it and the one whose indices count; where the interfaces disperse, every wavelength takes a way of its own.
+    fn each_way(&mut self, p: &Point, to: Vec3A, mut f: impl FnMut(&mut Self, &Way, (Lanes, usize))) {
+        let first = p.lanes.nth(0);
+        let Some(way) = self.way(p, to, first) else {
             return;
         };
-        if !way.disperses(scene) {
-            self.join_way(camera, source, &way, (z.lanes, lane), out);
+        if !way.disperses(self.scene) {
+            f(self, &way, (p.lanes, first));
             return;
         }
-        // Every wavelength takes a way of its own.
-        for k in 0..z.lanes.count() {
-            if k > 0 {
-                lane = z.lanes.nth(k);
-                way = match self.way(z, to, lane) {
-                    Some(way) => way,
-                    None => continue,
-                };
+        let only = |lane: usize| (Lanes { mask: 1 << lane }, lane);
+        f(self, &way, only(first));
+        for k in 1..p.lanes.count() {
+            let lane = p.lanes.nth(k);
+            if let Some(way) = self.way(p, to, lane) {
+                f(self, &way, only(lane));
             }
-            self.join_way(camera, source, &way, (Lanes { mask: 1 << lane }, lane), out);
         }
     }
 
-    /// The way from a point to an emitter at `to` through interfaces.
+    /// The way from a point to an end at `to` through interfaces.
     fn way(&self, z: &Point, to: Vec3A, lane: usize) -> Option<Way> {
         let dir = (to - z.surface.p).try_normalize()?;
         manifold::find(self.scene, z.line(self.scene, dir), to, lane)
@@ -90,12 +94,9 @@ impl Joiner<'_> {
         };
         let weight = self.weight(camera, &[emitter], source, line);
         chain.scale(lanes.ones() * Spectral::splat(weight / way.spread));
-        let (c2, s2) = turn(way.emitted, emitter.frame, frame);
-        chain.rotate_in(c2, s2);
-        chain.times_transposed(&emitter.chain);
-        let extent = chain.finish(out.elements);
         let time_ps = picoseconds(z.optical_m + passed.optical_m);
-        out.push(extent, time_ps, pixel, interactions + passed.sheets);
+        let found = (pixel, interactions + passed.sheets);
+        meet(chain, (frame, way.emitted), &emitter, time_ps, found, out);
     }
 
     /// Connects the last point of a walk from the light to the camera through interfaces, and appends what that brings to
@@ -111,31 +112,15 @@ impl Joiner<'_> {
         let Some(y) = light.last() else {
             return;
         };
-        let to = self.ends[0].camera.origin;
-        let mut lane = y.lanes.nth(0);
-        let Some(mut way) = self.way(y, to, lane) else {
-            return;
-        };
-        let disperses = way.disperses(self.scene);
-        for k in 0..if disperses { y.lanes.count() } else { 1 } {
-            let mut lanes = y.lanes;
-            if disperses {
-                lane = y.lanes.nth(k);
-                lanes = Lanes { mask: 1 << lane };
-                if k > 0 {
-                    way = match self.way(y, to, lane) {
-                        Some(way) => way,
-                        None => continue,
-                    };
-                }
-            }
-            if let Some(pixel) = self.ends[0].camera.pixel(way.first)
+        let camera = self.ends[0].camera;
+        self.each_way(y, camera.origin, |joiner, way, lanes| {
+            if let Some(pixel) = camera.pixel(way.first)
                 && keep(pixel)
             {
-                self.splat_way(light, lit, &way, (lanes, lane), out);
+                joiner.splat_way(light, lit, way, lanes, out);
                 after(pixel, out);
             }
-        }
+        });
     }
 
     /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.
@@ -192,12 +177,9 @@ impl Joiner<'_> {
         let frame = chain
             .push(&scatter, way.dir, across)
             .unwrap_or_else(|| perpendicular(y.back));
-        let (c2, s2) = turn(-y.back, y.frame, frame);
-        chain.rotate_in(c2, s2);
-        chain.times_transposed(&y.chain);
-        let extent = chain.finish(out.elements);
         let time_ps = picoseconds(y.optical_m + passed.optical_m);
-        out.push(extent, time_ps, pixel, interactions + passed.sheets);
+        let found = (pixel, interactions + passed.sheets);
+        meet(chain, (frame, -y.back), y, time_ps, found, out);
     }
 
     /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
@@ -213,8 +195,7 @@ impl Joiner<'_> {
     pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
         self.seen(camera, 0, to, |joiner, dir| {
-            let camera = &joiner.ends[0].camera;
-            camera.pixels_per_steradian(camera.axes.transpose() * dir)
+            joiner.ends[0].camera.pixels_per_steradian(dir)
         })
     }
 

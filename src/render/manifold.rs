@@ -15,13 +15,14 @@
 //! A start finds at most one of the ways that a curved interface may have. What is found depends on the point alone, so
 //! [`super::weight`] can ask of any path whether it would have been found.
 
-use super::bridge::{Start, bridge};
-use super::walk::mean_transmittance;
+use super::bridge::{Start, bridge, unnoticed};
+use super::flight::mean_transmittance;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lobe, Medium};
 use crate::medium::nesting::Nest;
-use crate::polarization::chain::{Chain, Scatter};
+use crate::polarization::chain::Chain;
 use crate::polarization::frame::{basis, perpendicular};
+use crate::polarization::scatter::Scatter;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
@@ -80,9 +81,7 @@ struct Shot {
 /// True where light goes straight on.
 fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
     let id = surface.material;
-    scene.materials.is_null(id)
-        || nest.hides(&scene.boundaries, id)
-        || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
+    unnoticed(scene, nest, id) || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
 }
 
 /// Number of interfaces on the straight line; `None` if anything else stands in it.

@@ -11,8 +11,9 @@ use super::views::Views;
 use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
-use crate::polarization::chain::{Chain, Scatter};
+use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, perpendiculars, turn};
+use crate::polarization::scatter::Scatter;
 use crate::sampling::stream::Stream;
 use crate::sampling::warp;
 use crate::scene::Scene;
@@ -170,7 +171,14 @@ impl Paths {
                         list: &mut self.lists[i as usize],
                         elements: &mut self.elements,
                     };
-                    environment(scene, &path.state, bounces, &mut out);
+                    let state = &path.state;
+                    environment(
+                        scene,
+                        &state.chain,
+                        (state.ray.dir, state.frame),
+                        bounces,
+                        &mut out,
+                    );
                 } else if bounces < last {
                     path.arrive(scene, goes_on, kept, &mut rows);
                     alive[kept] = i;
@@ -233,7 +241,7 @@ impl Paths {
             streams.push(stream);
         }
         let dirs = camera.directions(&at);
-        let (ones, lanes) = (scene.wavelengths.ones(), Lanes::first(scene.wavelengths.count()));
+        let (ones, lanes) = (scene.wavelengths.ones(), scene.lanes());
         // Written in place, since paths are large.
         self.paths.resize_with(BATCH, Path::default);
         for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
@@ -371,14 +379,20 @@ impl Path {
     }
 }
 
-/// Light of the environment seen along the current ray.
-fn environment(scene: &Scene, state: &State, bounces: u32, out: &mut Contributions) {
+/// Light of the environment that is seen along `dir`, in frame `frame`, after `bounces` interactions.
+pub(super) fn environment(
+    scene: &Scene,
+    chain: &Chain,
+    (dir, frame): (Vec3A, Vec3A),
+    bounces: u32,
+    out: &mut Contributions,
+) {
     let Some(environment) = &scene.environment else {
         return;
     };
-    let travel = -state.ray.dir;
-    let (c2, s2) = turn(travel, environment.frame(travel), state.frame);
-    let mut chain = state.chain;
+    let travel = -dir;
+    let (c2, s2) = turn(travel, environment.frame(travel), frame);
+    let mut chain = *chain;
     chain.rotate_in(c2, s2);
     chain.scale(environment.radiance);
     let extent = chain.finish(out.elements);

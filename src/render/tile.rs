@@ -2,14 +2,12 @@
 //!
 //! A tile's values depend on scene, seed and sample count alone, so neither threads nor interruptions change a byte.
 
-use super::bidirectional::{Plan, Walks};
-use super::path::{BATCH, Paths};
+use super::path::BATCH;
 use super::progress::{Journal, TileRecord};
-use super::views::Views;
+use super::tracer::{Prepared, Tracer, tiles_at_once};
 use crate::scene::Scene;
-use crate::scene::{Integrator, epipolar::Epipolar};
-use crate::spectrum::Spectral;
-use crate::tensor::accumulate::{Contribution, NO_PIXEL, SlicePlan, TileAccumulator};
+use crate::scene::epipolar::Epipolar;
+use crate::tensor::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator};
 use crate::tensor::slice::Slice;
 use crate::tensor::store::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
@@ -105,95 +103,9 @@ fn tile_pixels(scene: &Scene, tile: u32) -> ([u32; 2], [u32; 2]) {
 }
 
 /// Number of tiles.
-fn tile_count(scene: &Scene) -> u32 {
+pub(super) fn tile_count(scene: &Scene) -> u32 {
     let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
     w.div_ceil(n) * h.div_ceil(n)
-}
-
-/// Makes the paths of one thread.
-enum Tracer {
-    Paths(Paths),
-    Walks(Box<Walks>),
-}
-
-/// What [`Tracer`]s work out beforehand, for a part of the image.
-enum Prepared {
-    Paths(Views),
-    Walks(Plan),
-}
-
-/// Walks from the light that are kept in mind at once; more than these and the image is rendered in parts.
-const WALKS_AT_ONCE: u64 = 1 << 22;
-
-/// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
-fn needs_walks(scene: &Scene) -> bool {
-    let lens = |p: &crate::scene::pinhole::Pinhole| p.lens.radius > 0.0;
-    scene.filled
-        || scene.settings.manifold
-        || scene.settings.integrator == Integrator::Bidirectional
-        || lens(&scene.camera)
-        || scene.projector.as_ref().is_some_and(|p| lens(&p.pinhole))
-}
-
-/// How many tiles are rendered after one preparation.
-fn tiles_at_once(scene: &Scene) -> usize {
-    let all = tile_count(scene) as usize;
-    if scene.settings.integrator == Integrator::Path {
-        return all;
-    }
-    let [w, h] = scene.camera.resolution.map(u64::from);
-    let walks = w * h * u64::from(scene.settings.spp);
-    all.div_ceil(walks.div_ceil(WALKS_AT_ONCE) as usize)
-}
-
-impl Prepared {
-    fn new(scene: &Scene, tiles: &[u32]) -> Self {
-        if !needs_walks(scene) {
-            return Self::Paths(Views::new(scene));
-        }
-        let mut asked = vec![false; tile_count(scene) as usize];
-        for tile in tiles {
-            asked[*tile as usize] = true;
-        }
-        let ([w, _], n) = (scene.camera.resolution, scene.settings.tile);
-        let across = w.div_ceil(n);
-        Self::Walks(Plan::new(scene, |pixel| {
-            let (x, y) = (pixel % w, pixel / w);
-            asked[(y / n * across + x / n) as usize]
-        }))
-    }
-}
-
-impl Tracer {
-    fn new(scene: &Scene) -> Self {
-        if needs_walks(scene) {
-            Self::Walks(Box::default())
-        } else {
-            Self::Paths(Paths::default())
-        }
-    }
-
-    /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements.
-    fn trace(
-        &mut self,
-        scene: &Scene,
-        prepared: &Prepared,
-        pixel: [u32; 2],
-        samples: std::ops::Range<u32>,
-    ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
-        match (self, prepared) {
-            (Self::Paths(paths), Prepared::Paths(views)) => {
-                let rays = paths.trace(scene, views, pixel, samples);
-                (rays, &mut paths.lists, &paths.elements)
-            }
-            (Self::Walks(walks), Prepared::Walks(plan)) => {
-                let rays = walks.trace(scene, plan, pixel, samples);
-                (rays, &mut walks.lists, &walks.elements)
-            }
-            // Both were made for the same scene.
-            _ => (0, &mut [], &[]),
-        }
-    }
 }
 
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
@@ -276,7 +188,7 @@ pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summa
                 }
                 let spare = idle().pop();
                 let (mut accumulator, mut tracer) =
-                    spare.unwrap_or_else(|| (TileAccumulator::new(&plans), Tracer::new(scene)));
+                    spare.unwrap_or_else(|| (TileAccumulator::new(&plans), Tracer::new(&prepared)));
                 let record = render_tile(
                     scene,
                     &prepared,

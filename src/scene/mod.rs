@@ -21,7 +21,7 @@ pub mod slices;
 pub mod values;
 
 use crate::geometry::bvh::Geometry;
-use crate::material::Materials;
+use crate::material::{Lanes, Materials};
 use crate::medium::Media;
 use crate::medium::nesting::Boundary;
 use crate::spectrum::Wavelengths;
@@ -92,6 +92,13 @@ pub struct Settings {
 }
 
 impl Scene {
+    /// The lanes of all wavelengths.
+    #[inline]
+    #[must_use]
+    pub fn lanes(&self) -> Lanes {
+        Lanes::first(self.wavelengths.count())
+    }
+
     /// The sizes that lay slices out.
     #[must_use]
     pub fn extents(&self) -> Extents {

@@ -330,16 +330,22 @@ impl Pinhole {
     /// Row-major number of the pixel that sees a world point; `None` as for [`Self::project`].
     #[must_use]
     pub fn pixel(&self, p: Vec3A) -> Option<u32> {
-        let [w, h] = self.resolution;
-        // Rounding at the far border must not leave the image.
-        self.project(p)
-            .map(|(at, _)| (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1))
+        self.project(p).map(|(at, _)| self.number(at))
     }
 
-    /// Image area in pixels per solid angle around a direction, given in device coordinates (right, down, forward) of any
-    /// length: |∂(x, y)/∂n| / cos³θ, n being normalized coordinates.
+    /// Row-major number of the pixel that holds a continuous position of the image.
     #[must_use]
-    pub fn pixels_per_steradian(&self, local: Vec3A) -> f32 {
+    pub fn number(&self, at: DVec2) -> u32 {
+        let [w, h] = self.resolution;
+        // Rounding at the far border must not leave the image.
+        (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1)
+    }
+
+    /// Image area in pixels per solid angle around a world direction of any length: |∂(x, y)/∂n| / cos³θ, n being
+    /// normalized coordinates.
+    #[must_use]
+    pub fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
+        let local = self.axes.transpose() * dir;
         let z = f64::from(local.z);
         let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z);
         let stretch = if self.distorts() {
@@ -447,7 +453,7 @@ mod tests {
             let sin = (1.0 - cos * cos).sqrt();
             let local = Vec3A::new(sin * turn.cos(), sin * turn.sin(), cos);
             let x = match p.project(p.origin + p.axes * local) {
-                Some(_) => f64::from(p.pixels_per_steradian(local * 2.0)),
+                Some(_) => f64::from(p.pixels_per_steradian(p.axes * local * 2.0)),
                 None => 0.0,
             };
             sum += x;

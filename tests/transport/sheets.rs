@@ -351,7 +351,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
             .specular(0, &at, wo, Lobe::Transmitted, 0)
             .expect("a lobe")
             .scatter;
-        let sunstone::polarization::chain::Scatter::Fresnel { block, s } = m else {
+        let sunstone::polarization::scatter::Scatter::Fresnel { block, s } = m else {
             panic!("a retarder has block form");
         };
         let got = f64::from(block.d.to_array()[1]).atan2(f64::from(block.c.to_array()[1]));

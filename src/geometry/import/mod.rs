@@ -14,8 +14,6 @@ mod ply;
 mod fuzz;
 #[cfg(test)]
 mod gltf_tests;
-#[cfg(test)]
-mod shipped;
 
 use std::path::{Path, PathBuf};
 

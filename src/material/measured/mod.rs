@@ -15,8 +15,8 @@ pub mod write;
 
 use super::{Materials, Sampled, facing, same_side};
 use crate::geometry::ray::Surface;
-use crate::polarization::chain::Scatter;
 use crate::polarization::frame::project;
+use crate::polarization::scatter::Scatter;
 use crate::sampling::{stream::Stream, warp};
 use crate::spectrum::Spectral;
 use glam::{Mat3A, Vec3A};

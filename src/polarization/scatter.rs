@@ -1,0 +1,200 @@
+//! What one interaction does to light, as a Mueller matrix in the cheapest form that is exact.
+
+use super::frame::turn;
+use super::fresnel::FresnelBlock;
+use super::mueller::Mueller;
+use crate::spectrum::Spectral;
+use glam::Vec3A;
+
+/// What one interaction does to light, from light travelling along `-wi` to light travelling along `wo`.
+// A box would allocate on every bounce; the small variants are written without touching the rest.
+#[expect(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug)]
+pub enum Scatter {
+    /// f·e₀e₀ᵀ: all polarization is lost; frames do not matter.
+    Depolarize(Spectral),
+    /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence. Wave
+    /// plates and polarizers that do not bend light have this form too, in the frame `s` of their axis.
+    Fresnel { block: FresnelBlock, s: Vec3A },
+    /// Any matrix, from Stokes vectors in frame `frame_in` (⟂ `wi`) to frame `frame_out` (⟂ `wo`).
+    Full {
+        mueller: Mueller,
+        frame_out: Vec3A,
+        frame_in: Vec3A,
+    },
+}
+
+impl Scatter {
+    /// Intensity transfer M00 per lane.
+    #[inline]
+    #[must_use]
+    pub fn m00(&self) -> Spectral {
+        match self {
+            Self::Depolarize(f) => *f,
+            Self::Fresnel { block, .. } => block.a,
+            Self::Full { mueller, .. } => mueller.m[0][0],
+        }
+    }
+
+    /// Every element times a per-lane factor.
+    #[inline]
+    #[must_use]
+    pub fn scaled(self, f: Spectral) -> Self {
+        match self {
+            Self::Depolarize(x) => Self::Depolarize(x * f),
+            Self::Fresnel { block, s } => Self::Fresnel {
+                block: block.scaled(f),
+                s,
+            },
+            Self::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => Self::Full {
+                mueller: mueller.scaled(f),
+                frame_out,
+                frame_in,
+            },
+        }
+    }
+
+    /// The full matrix between the given frames of the light that leaves along `wo` and of that which comes along
+    /// `-wi`.
+    #[must_use]
+    pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {
+        let (mut m, out, inn) = match self {
+            Self::Depolarize(f) => {
+                let mut m = Mueller::ZERO;
+                m.m[0][0] = *f;
+                return m;
+            }
+            Self::Fresnel { block, s } => (block.to_mueller(), *s, *s),
+            Self::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => (*mueller, *frame_out, *frame_in),
+        };
+        let (c2, s2) = turn(wo, out, frame_out);
+        m.rotate_out(c2, s2);
+        let (c2, s2) = turn(-wi, frame_in, inn);
+        m.rotate_in(c2, s2);
+        m
+    }
+
+    /// The transposed matrix, frames exchanged: what a product that grows from the light's side takes on, see
+    /// [`times_transposed`](super::chain::Chain::times_transposed).
+    #[inline]
+    #[must_use]
+    pub fn transposed(&self) -> Self {
+        match self {
+            Self::Depolarize(f) => Self::Depolarize(*f),
+            Self::Fresnel { block, s } => Self::Fresnel {
+                block: FresnelBlock {
+                    d: -block.d,
+                    ..*block
+                },
+                s: *s,
+            },
+            Self::Full {
+                mueller,
+                frame_out,
+                frame_in,
+            } => Self::Full {
+                mueller: mueller.transposed(),
+                frame_out: *frame_in,
+                frame_in: *frame_out,
+            },
+        }
+    }
+
+    /// The same interaction for light that runs the other way, from `wo` to `wi`, by reciprocity: D Mᵀ D with
+    /// D = diag(1, 1, -1, 1), since a frame's second axis turns over with the direction of travel (Sekera 1966, "Scattering
+    /// matrices and reciprocity relationships for various representations of the state of polarization").
+    #[inline]
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        match self {
+            // Both signs that change are those of the same two elements.
+            Self::Depolarize(_) | Self::Fresnel { .. } => *self,
+            Self::Full { .. } => {
+                let mut turned = self.transposed();
+                if let Self::Full { mueller, .. } = &mut turned {
+                    mueller.mirror();
+                }
+                turned
+            }
+        }
+    }
+
+    /// Frame of the light that enters; any where the interaction depolarizes.
+    #[inline]
+    #[must_use]
+    pub fn frame_in(&self) -> Vec3A {
+        match self {
+            Self::Depolarize(_) => Vec3A::X,
+            Self::Fresnel { s, .. } => *s,
+            Self::Full { frame_in, .. } => *frame_in,
+        }
+    }
+
+    /// This interaction and another between the same two directions, side by side.
+    #[must_use]
+    pub fn plus(&self, other: &Self, wo: Vec3A, wi: Vec3A) -> Self {
+        let (frame_out, frame_in) = match (self, other) {
+            (Self::Depolarize(f), Self::Depolarize(g)) => return Self::Depolarize(*f + *g),
+            (Self::Fresnel { s, .. }, _) | (Self::Depolarize(_), Self::Fresnel { s, .. }) => (*s, *s),
+            (
+                Self::Full {
+                    frame_out, frame_in, ..
+                },
+                _,
+            )
+            | (
+                _,
+                Self::Full {
+                    frame_out, frame_in, ..
+                },
+            ) => (*frame_out, *frame_in),
+        };
+        let mueller = self.between(wo, frame_out, wi, frame_in) + other.between(wo, frame_out, wi, frame_in);
+        Self::Full {
+            mueller,
+            frame_out,
+            frame_in,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarization::fresnel::conductor;
+    use crate::spectrum::max_lane;
+
+    /// A sum of interactions is the sum of their matrices in any frames.
+    #[test]
+    fn sums_of_interactions_are_sums_of_matrices() {
+        let block = conductor(0.4, Spectral::splat(0.4), Spectral::splat(2.5));
+        let (wo, wi) = (Vec3A::Z, Vec3A::new(0.6, 0.0, 0.8));
+        let a = Scatter::Fresnel { block, s: Vec3A::Y };
+        let b = Scatter::Full {
+            mueller: crate::polarization::elements::retarder(0.3, 1.1),
+            frame_out: Vec3A::X,
+            frame_in: Vec3A::new(0.8, 0.0, -0.6),
+        };
+        let c = Scatter::Depolarize(Spectral::splat(0.3));
+        let (x, y) = (
+            Vec3A::new(0.6, 0.8, 0.0),
+            crate::polarization::frame::project(Vec3A::new(0.3, 1.0, 0.2), wi),
+        );
+        for (p, q) in [(a, b), (b, a), (a, c), (c, b), (c, c)] {
+            let sum = p.plus(&q, wo, wi).between(wo, x, wi, y);
+            let want = p.between(wo, x, wi, y) + q.between(wo, x, wi, y);
+            for i in 0..16 {
+                let diff = sum.m[i / 4][i % 4] - want.m[i / 4][i % 4];
+                assert!(max_lane(diff.abs()) < 1e-6);
+            }
+        }
+    }
+}
