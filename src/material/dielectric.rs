@@ -86,6 +86,20 @@ impl Dielectric {
         Medium::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
+    /// The direction on the other side whose light leaves along `wo`, and the ratio of the indices, that on the side of `wo`
+    /// over the other; `None` under total reflection, or if shading and geometry disagree.
+    pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
+        let side = at.ng.dot(wo);
+        let n = if side > 0.0 { at.ns } else { -at.ns };
+        let (near, far) = self.sides(at, wo);
+        let (near, far) = (near.to_array()[lane], far.to_array()[lane]);
+        if n.dot(wo) <= 0.0 {
+            return None;
+        }
+        let wi = refract(wo, n, far / near)?.normalize();
+        (at.ng.dot(wi) * side < 0.0).then_some((wi, near / far))
+    }
+
     /// What light that leaves along `wo` met; `None` if shading and geometry disagree about the side.
     #[inline]
     pub(super) fn interface(&self, at: &Surface, wo: Vec3A) -> Option<Interface> {

@@ -514,15 +514,20 @@ impl Materials {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
-    /// Index on the side of `wo` over that on the other side, of wavelength `lane`, of a smooth interface; `None` for all
-    /// else.
+    /// True if the material is a smooth interface that bends light.
+    #[inline]
     #[must_use]
-    pub fn index_ratio(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<f32> {
+    pub fn is_interface(&self, id: u32) -> bool {
+        matches!(self.list[id as usize], Material::Dielectric(_))
+    }
+
+    /// Where light comes from through a smooth interface, of wavelength `lane`, that leaves along `wo`, and the index on the
+    /// side of `wo` over that on the other; `None` under total reflection, and for all other materials.
+    #[inline]
+    #[must_use]
+    pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         match &self.list[id as usize] {
-            Material::Dielectric(m) => {
-                let (near, far) = m.sides(at, wo);
-                Some(near.to_array()[lane] / far.to_array()[lane])
-            }
+            Material::Dielectric(m) => m.refracted(at, wo, lane),
             _ => None,
         }
     }
@@ -530,7 +535,7 @@ impl Materials {
     /// True if some material is a smooth interface that bends light.
     #[must_use]
     pub fn any_interface(&self) -> bool {
-        self.list.iter().any(|m| matches!(m, Material::Dielectric(_)))
+        (0..self.list.len()).any(|id| self.is_interface(id as u32))
     }
 
     /// True if the material's interface sends wavelengths different ways.

@@ -13,14 +13,17 @@
 use super::emission::{Emission, Ends};
 use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, most};
+use super::join_manifold::behind;
+use super::manifold::Way;
 use super::path::environment;
-use super::splats::{Splats, WalkNumber};
-use super::walk::Walk;
+use super::splats::{Splat, Splats, WalkNumber};
+use super::walk::{Limits, Walk};
+use crate::material::Lanes;
 use crate::sampling::stream::Stream;
 use crate::scene::{Integrator, Scene};
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
-use glam::DVec2;
+use glam::{DVec2, Vec3A};
 use std::ops::Range;
 
 /// Tells the streams of walks from the light from those of camera samples.
@@ -74,21 +77,7 @@ impl Plan {
                 asked,
                 || (Walks::default(), vec![], vec![]),
                 |(walks, list, elements), number, found| {
-                    let camera = |pixel: u32, out: &mut Contributions| {
-                        if !out.list.is_empty() {
-                            found(pixel);
-                        }
-                        out.list.clear();
-                        out.elements.clear();
-                    };
-                    walks.splat(
-                        scene,
-                        &plan,
-                        number,
-                        None,
-                        &mut Contributions { list, elements },
-                        camera,
-                    );
+                    walks.look(scene, &plan, number, &mut Contributions { list, elements }, found);
                 },
             );
         }
@@ -135,7 +124,11 @@ impl Walks {
             .camera
             .direction(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
         let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
-        let limits = (most(scene), scene.environment.is_some());
+        let limits = Limits {
+            interactions: most(scene),
+            point: usize::MAX,
+            escapes: scene.environment.is_some(),
+        };
         self.camera.run(scene, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
@@ -176,7 +169,7 @@ impl Walks {
         }
         // Over the samples, any walk starts anywhere.
         let number = WalkNumber { sample, walk: pixel };
-        if let Some((lit_ends, source, lit)) = self.light_walk(scene, plan, number) {
+        if let Some((lit_ends, source, lit)) = self.light_walk(scene, plan, number, usize::MAX) {
             rays += self.light.rays;
             let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &lit_ends], &mut self.scratch, 0);
             for s in 2..=self.light.points.len() {
@@ -192,67 +185,120 @@ impl Walks {
             }
             rays += joiner.rays;
         }
-        for number in plan.splats.of(pixel, sample) {
-            rays += self.splat(scene, plan, *number, Some(pixel), out, |_, _| ());
+        for splat in plan.splats.of(pixel, sample) {
+            rays += self.splat(scene, plan, splat, out);
         }
         rays
     }
 
-    /// Makes a walk from the light; the pinholes, the source that it started from and its projector pixel.
-    fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber) -> Option<(Ends, usize, u32)> {
+    /// Makes a walk from the light up to a point; the pinholes, the source that it started from and its projector pixel.
+    fn light_walk(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        point: usize,
+    ) -> Option<(Ends, usize, u32)> {
         let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
         let ends = Ends::draw(scene, &mut stream);
         let start = plan
             .setup
             .emission
             .start(scene, &ends, spread(scene, number), &mut stream)?;
-        let limits = (most(scene), false);
+        let limits = Limits {
+            interactions: most(scene),
+            point,
+            escapes: false,
+        };
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
         self.scratch.seen[1] = None;
         Some((ends, start.source, start.pixel))
     }
 
-    /// Makes a walk from the light and connects its points to the camera; with `only`, those that this pixel sees, without,
-    /// all of them, unweighted. `after` is called after each with its pixel. Returns the number of rays.
-    fn splat(
+    /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
+    fn look(
         &mut self,
         scene: &Scene,
         plan: &Plan,
         number: WalkNumber,
-        only: Option<u32>,
         out: &mut Contributions,
-        mut after: impl FnMut(u32, &mut Contributions),
-    ) -> u32 {
-        let Some((ends, source, lit)) = self.light_walk(scene, plan, number) else {
-            return 0;
+        found: &mut dyn FnMut(u32, Splat),
+    ) {
+        let Some((ends, source, lit)) = self.light_walk(scene, plan, number, usize::MAX) else {
+            return;
         };
-        let mut joiner = Joiner::new(
-            scene,
-            &plan.setup,
-            [&ends, &ends],
-            &mut self.scratch,
-            self.light.rays,
-        );
-        joiner.weighs &= only.is_some();
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, 0);
+        let weighs = std::mem::take(&mut joiner.weighs);
         for s in 2..=self.light.points.len() {
             let light = &self.light.points[..s];
             let point = &light[s - 1];
             if !point.connects(scene) || !wanted(scene, s, 1) {
                 continue;
             }
+            let mut keep =
+                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, out: &mut Contributions| {
+                    // Nothing comes where something is in the way.
+                    if out.list.is_empty() {
+                        return;
+                    }
+                    out.list.clear();
+                    out.elements.clear();
+                    if weighs {
+                        joiner.seen_through(light, source);
+                    }
+                    let seen = joiner.scratch.seen[1].and_then(|(_, density)| density);
+                    let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, lanes)| {
+                        (way.dir, way.count() as u8, lanes.mask)
+                    });
+                    found(
+                        pixel,
+                        Splat {
+                            walk: number,
+                            seen: seen.unwrap_or(f32::NAN),
+                            dir: dir.to_array(),
+                            point: (s - 1) as u16,
+                            interfaces,
+                            lanes,
+                        },
+                    );
+                };
             if let Some(mut pixel) = ends.camera.pixel(point.surface.p) {
                 if s == 2 && ends.coaxial && lit != NO_PIXEL {
                     pixel = lit;
                 }
-                if only.is_none_or(|only| only == pixel) {
-                    joiner.splat(light, (source, lit), out);
-                    after(pixel, out);
-                }
+                joiner.splat(light, (source, lit), out);
+                keep(&mut joiner, pixel, None, out);
             }
             if plan.setup.manifold {
-                let mut keep = |pixel: u32| only.is_none_or(|only| only == pixel);
-                joiner.splat_by_manifold(light, (source, lit), &mut keep, out, &mut after);
+                joiner.views_by_manifold(light, |joiner, pixel, way, lanes| {
+                    joiner.splat_way(light, (source, lit), way, lanes, out);
+                    keep(joiner, pixel, Some((way, lanes.0)), out);
+                });
+            }
+        }
+    }
+
+    /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
+    fn splat(&mut self, scene: &Scene, plan: &Plan, splat: &Splat, out: &mut Contributions) -> u32 {
+        let last = usize::from(splat.point);
+        let Some((ends, source, lit)) = self.light_walk(scene, plan, splat.walk, last) else {
+            return 0;
+        };
+        let Some(light) = self.light.points.get(..=last) else {
+            return 0;
+        };
+        let known = (!splat.seen.is_nan()).then_some(splat.seen);
+        self.scratch.seen[1] = behind(light).map(|first| (first, known));
+        let rays = self.light.rays;
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, rays);
+        if splat.interfaces == 0 {
+            joiner.splat(light, (source, lit), out);
+        } else {
+            let lanes = Lanes { mask: splat.lanes };
+            let many = (usize::from(splat.interfaces), lanes.nth(0));
+            if let Some(way) = joiner.known_view(&light[last], Vec3A::from_array(splat.dir), many) {
+                joiner.splat_way(light, (source, lit), &way, (lanes, many.1), out);
             }
         }
         joiner.rays

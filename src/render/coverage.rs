@@ -43,7 +43,7 @@ fn meets(scene: &Scene, device: &Pinhole) -> Meets {
                 ray.origin = scene.geometry.leave(&surface, ray.dir);
                 continue;
             }
-            if scene.materials.index_ratio(id, &surface, -ray.dir, 0).is_some() {
+            if scene.materials.is_interface(id) {
                 meets.interface += one;
             } else if !scene.materials.is_smooth(id) {
                 meets.mirror += one;

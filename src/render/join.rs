@@ -25,7 +25,7 @@ pub(super) struct Setup {
 
 /// Where a walk begins with interfaces: the first point behind them that lines can end at, by its number, and the density,
 /// per area across, with which walks come there, if the way would have been found from the point.
-type Seen = Option<(usize, Option<f32>)>;
+pub(super) type Seen = Option<(usize, Option<f32>)>;
 
 /// What a thread keeps from one connection to the next.
 #[derive(Default)]

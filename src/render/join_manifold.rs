@@ -12,6 +12,12 @@ use crate::tensor::accumulate::Contributions;
 use crate::units::picoseconds;
 use glam::Vec3A;
 
+/// The first point of a walk that lines can end at.
+pub(super) fn behind(walk: &[Point]) -> Option<usize> {
+    let last = walk.len() - 1;
+    (1..=last).find(|i| !walk[*i].delta || *i == last)
+}
+
 impl Joiner<'_> {
     /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
     pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
@@ -99,35 +105,42 @@ impl Joiner<'_> {
         meet(chain, (frame, way.emitted), &emitter, time_ps, found, out);
     }
 
-    /// Connects the last point of a walk from the light to the camera through interfaces, and appends what that brings to
-    /// pixels that `keep` admits; `after` is called with each.
-    pub fn splat_by_manifold(
+    /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
+    /// pixel of each, the way and the wavelengths that take it.
+    pub fn views_by_manifold(
         &mut self,
         light: &[Point],
-        lit: (usize, u32),
-        keep: &mut dyn FnMut(u32) -> bool,
-        out: &mut Contributions,
-        after: &mut dyn FnMut(u32, &mut Contributions),
+        mut f: impl FnMut(&mut Self, u32, &Way, (Lanes, usize)),
     ) {
         let Some(y) = light.last() else {
             return;
         };
         let camera = self.ends[0].camera;
         self.each_way(y, camera.origin, |joiner, way, lanes| {
-            if let Some(pixel) = camera.pixel(way.first)
-                && keep(pixel)
-            {
-                joiner.splat_way(light, lit, way, lanes, out);
-                after(pixel, out);
+            if let Some(pixel) = camera.pixel(way.first) {
+                f(joiner, pixel, way, lanes);
             }
         });
+    }
+
+    /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
+    pub fn known_view(&self, y: &Point, dir: Vec3A, (interfaces, lane): (usize, usize)) -> Option<Way> {
+        let to = self.ends[0].camera.origin;
+        let straight = (to - y.surface.p).try_normalize()?;
+        manifold::along(
+            self.scene,
+            y.line(self.scene, straight),
+            dir,
+            to,
+            (interfaces, lane),
+        )
     }
 
     /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.
     ///
     /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
     /// D Kᵀ D, its radiance scaled the other way.
-    fn splat_way(
+    pub fn splat_way(
         &mut self,
         light: &[Point],
         (source, pixel): (usize, u32),
@@ -210,8 +223,7 @@ impl Joiner<'_> {
         if !self.setup.manifold {
             return None;
         }
-        let last = walk.len() - 1;
-        let first = (1..=last).find(|i| !walk[*i].delta || *i == last)?;
+        let first = behind(walk)?;
         if first < 2 {
             return None;
         }

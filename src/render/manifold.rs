@@ -69,8 +69,8 @@ pub(super) struct Passed {
 }
 
 /// A ray shot toward an emitter: where it passes by, and the derivatives of that.
+#[derive(Clone, Copy)]
 struct Shot {
-    bends: ArrayVec<Bend, INTERFACES>,
     /// Unit direction at the end; the end minus the emitter, across it; derivatives by the two angles.
     dir: Vec3A,
     miss: Vec3A,
@@ -85,7 +85,7 @@ fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
 }
 
 /// Number of interfaces on the straight line; `None` if anything else stands in it.
-fn interfaces(scene: &Scene, start: &Start, to: Vec3A, lane: usize) -> Option<usize> {
+fn interfaces(scene: &Scene, start: &Start, to: Vec3A) -> Option<usize> {
     let (mut ray, mut nest, mut count) = (start.ray, start.nest, 0);
     // Grazing rays must end.
     for _ in 0..64 {
@@ -95,11 +95,8 @@ fn interfaces(scene: &Scene, start: &Start, to: Vec3A, lane: usize) -> Option<us
         };
         let surface = scene.geometry.surface(&ray, &hit);
         if !passes(scene, &nest, &surface, ray.dir) {
-            scene
-                .materials
-                .index_ratio(surface.material, &surface, -ray.dir, lane)?;
             count += 1;
-            if count > INTERFACES {
+            if !scene.materials.is_interface(surface.material) || count > INTERFACES {
                 return None;
             }
         }
@@ -109,18 +106,26 @@ fn interfaces(scene: &Scene, start: &Start, to: Vec3A, lane: usize) -> Option<us
     None
 }
 
-/// Shoots a ray through `count` interfaces and on to where it passes `to`.
-fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane: usize) -> Option<Shot> {
+/// Shoots a ray through `count` interfaces and on to where it passes `to`; calls back with each, and the directions before
+/// and after it.
+fn shoot(
+    scene: &Scene,
+    start: &Start,
+    dir: Vec3A,
+    to: Vec3A,
+    (count, lane): (usize, usize),
+    mut bent: impl FnMut(&Surface, Vec3A, Vec3A),
+) -> Option<Shot> {
     let across = basis(dir);
     let mut slopes_p = [Vec3A::ZERO; 2];
     let mut slopes_d = [across.x_axis, across.y_axis];
     let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
     // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
     let mut origin = from + dir * (4.0 * (start.ray.origin - from).length());
-    let mut bends = ArrayVec::new();
+    let mut left = count;
     let mut length = 0.0;
     for _ in 0..64 {
-        if bends.len() == count {
+        if left == 0 {
             let way = (to - from).dot(dir);
             if way <= 0.0 {
                 return None;
@@ -131,7 +136,6 @@ fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane
                 s - dir * dir.dot(s)
             });
             return Some(Shot {
-                bends,
                 dir,
                 miss: end - to,
                 slopes,
@@ -156,17 +160,14 @@ fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane
         }
         nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
         if !straight {
-            let ratio = scene.materials.index_ratio(id, &surface, -dir, lane)?;
-            let bent = scene
-                .materials
-                .specular(id, &surface, -dir, Lobe::Transmitted, lane)?;
+            let (after, ratio) = scene.materials.refracted(id, &surface, -dir, lane)?;
             let bend = scene.geometry.bend(&hit, &surface);
             let (n, bend) = if dir.dot(surface.ng) > 0.0 {
                 (-surface.ns, bend * -1.0)
             } else {
                 (surface.ns, bend)
             };
-            let (cos, cos_far) = (dir.dot(n), bent.wi.dot(n));
+            let (cos, cos_far) = (dir.dot(n), after.dot(n));
             let pull = ratio * cos - cos_far;
             for k in 0..2 {
                 let turned = bend * slopes_p[k];
@@ -174,14 +175,9 @@ fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane
                 let pulled = (ratio - ratio * ratio * cos / cos_far) * slope;
                 slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
             }
-            bends.push(Bend {
-                surface,
-                before: dir,
-                after: bent.wi,
-                scatter: bent.scatter,
-                medium: bent.medium,
-            });
-            dir = bent.wi;
+            bent(&surface, dir, after);
+            left -= 1;
+            dir = after;
         }
         from = surface.p;
         let off = (scene.geometry.leave(&surface, dir) - from).length();
@@ -193,28 +189,20 @@ fn shoot(scene: &Scene, start: &Start, dir: Vec3A, to: Vec3A, count: usize, lane
 /// The way from the start of a line to the point `to` through the interfaces in between; `None` if there are none, or no
 /// way is found. `lane` is the wavelength that it is for.
 pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Option<Way> {
-    let count = interfaces(scene, &start, to, lane)?;
+    let count = interfaces(scene, &start, to)?;
+    let many = (count, lane);
     let mut dir = start.ray.dir;
-    let mut shot = shoot(scene, &start, dir, to, count, lane)?;
+    let mut shot = shoot(scene, &start, dir, to, many, |_, _, _| ())?;
     for _ in 0..STEPS {
         let miss = shot.miss.length();
-        let q = basis(shot.dir);
-        let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
-        let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
-        let det = a * d - b * c;
-        // Also where something is not a number.
-        if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-            return None;
-        }
-        let across = basis(dir);
-        let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
+        let (step, _) = newton(dir, &shot)?;
         // No leap beyond where the derivative means something, and none that leads away.
         let mut share = (0.3 / step.length()).min(1.0);
         let mut better = None;
         let near = miss < NEAR * shot.length;
         for _ in 0..if near { 1 } else { 6 } {
             let next = (dir + step * share).normalize();
-            if let Some(s) = shoot(scene, &start, next, to, count, lane)
+            if let Some(s) = shoot(scene, &start, next, to, many, |_, _, _| ())
                 && s.miss.length() < miss
             {
                 better = Some((next, s));
@@ -222,24 +210,67 @@ pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Optio
             }
             share *= 0.4;
         }
-        match better {
-            Some(next) => (dir, shot) = next,
-            // As near as rounding allows.
-            None if near => {
-                let last = shot.bends.last()?;
-                return Some(Way {
-                    dir,
-                    emitted: -last.after,
-                    first: last.surface.p,
-                    spread: det.abs(),
-                    bends: shot.bends,
-                    start,
-                });
-            }
-            None => return None,
+        if let Some(next) = better {
+            (dir, shot) = next;
         }
+        // One step after it is near is as near as rounding allows.
+        if near {
+            return along(scene, start, dir, to, many);
+        }
+        better?;
     }
     None
+}
+
+/// The step of Newton's method that brings a shot along `dir` nearer, and J.
+fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
+    let q = basis(shot.dir);
+    let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
+    let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
+    let det = a * d - b * c;
+    // Also where something is not a number.
+    if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+        return None;
+    }
+    let across = basis(dir);
+    let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
+    Some((step, det.abs()))
+}
+
+/// The way from the start of a line through `count` interfaces to the point `to`, of which is known that it leaves along
+/// `dir`.
+pub(super) fn along(
+    scene: &Scene,
+    start: Start,
+    dir: Vec3A,
+    to: Vec3A,
+    (count, lane): (usize, usize),
+) -> Option<Way> {
+    let mut bends = ArrayVec::new();
+    let shot = shoot(scene, &start, dir, to, (count, lane), |surface, before, after| {
+        let found = scene
+            .materials
+            .specular(surface.material, surface, -before, Lobe::Transmitted, lane);
+        if let Some(found) = found {
+            bends.push(Bend {
+                surface: *surface,
+                before,
+                after,
+                scatter: found.scatter,
+                medium: found.medium,
+            });
+        }
+    })?;
+    let (_, spread) = newton(dir, &shot)?;
+    let last = bends.last()?;
+    Some(Way {
+        dir,
+        emitted: -last.after,
+        first: last.surface.p,
+        spread,
+        bends,
+        start,
+    })
 }
 
 impl Way {

@@ -1,18 +1,35 @@
-//! Which walks from the light end in which camera pixel.
+//! Which points of walks from the light the camera sees, and in which pixel.
 //!
 //! Tiles own camera pixels, but light falls where it will. So all walks from the light are made once beforehand, and of
-//! each that reaches the camera only its number is kept, under its pixel. A pixel then makes its walks again: they depend
-//! on their numbers alone. That costs a walk twice, and keeps what is live small and every tile independent of the
-//! others.
+//! each point that the camera sees only its number is kept, under the pixel, with the way there. A pixel then makes its
+//! walks again, up to these points: they depend on their numbers alone. That costs a walk more than once, and keeps what
+//! is live small and every tile independent of the others.
 
 use rayon::prelude::*;
 
-/// Numbers of the walks that end in each pixel.
+/// The points that each pixel sees.
 #[derive(Default)]
 pub(super) struct Splats {
-    /// Where each pixel's walks begin; one more than there are pixels.
+    /// Where each pixel's points begin; one more than there are pixels.
     first: Vec<u32>,
-    walks: Vec<WalkNumber>,
+    points: Vec<Splat>,
+}
+
+/// A point of a walk from the light that the camera sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Splat {
+    pub walk: WalkNumber,
+    /// Density with which light comes through interfaces that the walk begins with, if the way would be found from behind
+    /// them (see [`super::join::Seen`]); not a number if not.
+    pub seen: f32,
+    /// Direction in which the way to the camera leaves the point, where it is bent.
+    pub dir: [f32; 3],
+    /// Number of the point in its walk.
+    pub point: u16,
+    /// Interfaces on the way.
+    pub interfaces: u8,
+    /// Bits of the wavelengths that take this way.
+    pub lanes: u8,
 }
 
 /// A walk from the light: the sample that it belongs to, and its number in it.
@@ -26,17 +43,17 @@ pub(super) struct WalkNumber {
 const CHUNK: u64 = 1 << 12;
 
 impl Splats {
-    /// Makes `samples` times `walks` walks by `trace`, which calls back with every pixel (below `pixels`) that a walk ends
-    /// in, if `wanted`.
+    /// Makes `samples` times `walks` walks by `trace`, which calls back with every point that is seen and its pixel, below
+    /// `pixels`; points are kept of the pixels that are `wanted`.
     pub fn new<T: Send>(
         (samples, walks, pixels): (u32, u32, u32),
         wanted: impl Fn(u32) -> bool + Sync,
         make: impl Fn() -> T + Sync,
-        trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32)) + Sync,
+        trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> Self {
         let all = u64::from(samples) * u64::from(walks);
         // In order whatever the number of threads.
-        let found: Vec<Vec<(u32, WalkNumber)>> = (0..all.div_ceil(CHUNK))
+        let found: Vec<Vec<(u32, Splat)>> = (0..all.div_ceil(CHUNK))
             .into_par_iter()
             .map_init(&make, |state, chunk| {
                 let mut found = vec![];
@@ -45,11 +62,9 @@ impl Splats {
                         sample: (i / u64::from(walks)) as u32,
                         walk: (i % u64::from(walks)) as u32,
                     };
-                    let begin = found.len();
-                    trace(state, number, &mut |pixel| {
-                        // A pixel makes a walk once for all that it brings.
-                        if wanted(pixel) && !found[begin..].contains(&(pixel, number)) {
-                            found.push((pixel, number));
+                    trace(state, number, &mut |pixel, splat| {
+                        if wanted(pixel) {
+                            found.push((pixel, splat));
                         }
                     });
                 }
@@ -64,25 +79,27 @@ impl Splats {
             first[i + 1] += first[i];
         }
         let mut next = first.clone();
-        let count = found.iter().map(Vec::len).sum();
-        let mut walks = vec![WalkNumber { sample: 0, walk: 0 }; count];
-        for (pixel, number) in found.into_iter().flatten() {
+        let Some((_, any)) = found.iter().flatten().next() else {
+            return Self::default();
+        };
+        let mut points = vec![*any; found.iter().map(Vec::len).sum()];
+        for (pixel, splat) in found.into_iter().flatten() {
             let at = &mut next[pixel as usize];
-            walks[*at as usize] = number;
+            points[*at as usize] = splat;
             *at += 1;
         }
-        Self { first, walks }
+        Self { first, points }
     }
 
-    /// The walks of a sample that end in a pixel, in order.
-    pub fn of(&self, pixel: u32, sample: u32) -> &[WalkNumber] {
+    /// The points of a sample that a pixel sees, in order.
+    pub fn of(&self, pixel: u32, sample: u32) -> &[Splat] {
         let Some(&[begin, end]) = self.first.get(pixel as usize..pixel as usize + 2) else {
             return &[];
         };
-        let walks = &self.walks[begin as usize..end as usize];
-        let from = walks.partition_point(|w| w.sample < sample);
-        let to = walks.partition_point(|w| w.sample <= sample);
-        &walks[from..to]
+        let points = &self.points[begin as usize..end as usize];
+        let from = points.partition_point(|p| p.walk.sample < sample);
+        let to = points.partition_point(|p| p.walk.sample <= sample);
+        &points[from..to]
     }
 }
 
@@ -90,28 +107,36 @@ impl Splats {
 mod tests {
     use super::*;
 
-    /// Every walk is found under its pixels, in order, once.
+    /// Every point is found under its pixel, in order.
     #[test]
-    fn walks_are_found_by_pixel_and_sample() {
+    fn points_are_found_by_pixel_and_sample() {
         let (samples, walks, pixels) = (7, 3000, 40);
-        let ends = |n: WalkNumber| {
-            [
-                (n.walk * 7 + n.sample) % 40,
-                (n.walk * 7 + n.sample) % 40,
-                n.walk % 13,
-            ]
+        let ends = |n: WalkNumber| [(n.walk * 7 + n.sample) % 40, n.walk % 13];
+        let splat = |walk: WalkNumber, point: u16| Splat {
+            walk,
+            seen: walk.walk as f32,
+            dir: [0.0, walk.sample as f32, 1.0],
+            point,
+            interfaces: 2,
+            lanes: 7,
         };
         let splats = Splats::new(
             (samples, walks, pixels),
             |p| p != 5,
             || (),
-            |(), n, found| ends(n).into_iter().for_each(found),
+            |(), n, found| {
+                for (point, pixel) in (1..).zip(ends(n)) {
+                    found(pixel, splat(n, point));
+                }
+            },
         );
         for pixel in 0..pixels {
             for sample in 0..samples {
-                let want: Vec<WalkNumber> = (0..walks)
+                let want: Vec<Splat> = (0..walks)
                     .map(|walk| WalkNumber { sample, walk })
-                    .filter(|n| pixel != 5 && ends(*n).contains(&pixel))
+                    .flat_map(|n| (1..).zip(ends(n)).map(move |(point, at)| (n, point, at)))
+                    .filter(|(_, _, at)| pixel != 5 && *at == pixel)
+                    .map(|(n, point, _)| splat(n, point))
                     .collect();
                 assert_eq!(splats.of(pixel, sample), want);
             }

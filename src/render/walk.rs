@@ -74,17 +74,20 @@ fn onward(
     Some((sampled, density))
 }
 
+/// Where a walk may stop.
+#[derive(Clone, Copy)]
+pub(super) struct Limits {
+    /// Most interactions.
+    pub interactions: u32,
+    /// Number of the last point that is asked for.
+    pub point: usize,
+    /// It goes on after the last interaction to see whether it leaves the scene.
+    pub escapes: bool,
+}
+
 impl Walk {
-    /// Walks from an end through at most `most` interactions; with `escapes` it goes on after the last of them to see
-    /// whether it leaves the scene.
-    pub fn run(
-        &mut self,
-        scene: &Scene,
-        from: From,
-        end: &End,
-        stream: &mut Stream,
-        (most, escapes): (u32, bool),
-    ) {
+    /// Walks from an end.
+    pub fn run(&mut self, scene: &Scene, from: From, end: &End, stream: &mut Stream, limits: Limits) {
         self.points.clear();
         self.escape = None;
         self.rays = 0;
@@ -117,7 +120,7 @@ impl Walk {
                 }
                 Landing::Absorbed => return,
             };
-            if interactions >= most {
+            if interactions >= limits.interactions {
                 return;
             }
             let back = -flight.ray.dir;
@@ -203,7 +206,8 @@ impl Walk {
                 }
             };
             self.points.push(point);
-            if interactions >= most && !escapes {
+            let last = self.points.len() > limits.point;
+            if last || interactions >= limits.interactions && !limits.escapes {
                 return;
             }
             if interactions >= scene.settings.rr_depth {
