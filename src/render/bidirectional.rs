@@ -16,6 +16,7 @@ use super::join::{Joiner, Scratch, Setup, most};
 use super::join_manifold::behind;
 use super::manifold::Way;
 use super::path::environment;
+use super::roulette::{Roulette, largest};
 use super::splats::{Splat, Splats, WalkNumber};
 use super::walk::{Limits, Walk};
 use crate::material::Lanes;
@@ -24,10 +25,14 @@ use crate::scene::{Integrator, Scene};
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
 use glam::{DVec2, Vec3A};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Tells the streams of walks from the light from those of camera samples.
 const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
+
+/// Camera samples that say what is worth a connection.
+const PILOT: u32 = 2048;
 
 /// What a render by walks works out beforehand.
 pub struct Plan {
@@ -66,9 +71,13 @@ impl Plan {
                 manifold: scene.settings.manifold
                     && scene.settings.strategy.is_none()
                     && scene.materials.any_interface(),
+                roulette: Roulette::default(),
             },
             splats: Splats::default(),
         };
+        if scene.settings.strategy.is_none() {
+            plan.setup.roulette = plan.pilot(scene);
+        }
         let splats = scene.settings.strategy.is_none_or(|[_, t]| t == 1);
         if scene.settings.integrator == Integrator::Bidirectional && splats && plan.setup.emission.count() > 0
         {
@@ -83,6 +92,34 @@ impl Plan {
         }
         plan
     }
+
+    /// What is worth a connection, from a few samples spread over the image.
+    fn pilot(&self, scene: &Scene) -> Roulette {
+        let [w, h] = scene.camera.resolution;
+        let pixels = u64::from(w) * u64::from(h);
+        let samples: Vec<f32> = (0..PILOT)
+            .into_par_iter()
+            .map_init(
+                || (Walks::default(), vec![], vec![]),
+                |(walks, list, elements), n| {
+                    let pixel = (u64::from(n) * pixels / u64::from(PILOT)) as u32;
+                    let mut out = Contributions { list, elements };
+                    out.list.clear();
+                    out.elements.clear();
+                    // Samples of their own.
+                    walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
+                    brings(&out)
+                },
+            )
+            .collect();
+        Roulette::new(samples.into_iter())
+    }
+}
+
+/// The intensity of all contributions in the brightest lane.
+fn brings(out: &Contributions) -> f32 {
+    let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
+    largest(intensities.fold(Spectral::ZERO, |a, b| a + b))
 }
 
 impl Walks {
@@ -137,7 +174,14 @@ impl Walks {
         {
             environment(scene, chain, (*dir, *frame), *interactions, out);
         }
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, 0);
+        let mut joiner = Joiner::new(
+            scene,
+            &plan.setup,
+            [&ends, &ends],
+            &mut self.scratch,
+            &mut stream,
+            0,
+        );
         for t in 2..=self.camera.points.len() {
             let camera = &self.camera.points[..t];
             let point = &camera[t - 1];
@@ -154,7 +198,7 @@ impl Walks {
                     lit = pixel;
                 }
                 if let Some(emitter) = plan.setup.emission.emitter(scene, &ends, source, point.surface.p) {
-                    joiner.join(camera, &[emitter], (source, lit), out);
+                    joiner.join(camera, &[emitter], (source, lit), None, out);
                 }
             }
             if plan.setup.manifold {
@@ -169,9 +213,16 @@ impl Walks {
         }
         // Over the samples, any walk starts anywhere.
         let number = WalkNumber { sample, walk: pixel };
-        if let Some((lit_ends, source, lit)) = self.light_walk(scene, plan, number, usize::MAX) {
+        if let Some((lit_ends, source, lit, _)) = self.light_walk(scene, plan, number, usize::MAX) {
             rays += self.light.rays;
-            let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &lit_ends], &mut self.scratch, 0);
+            let mut joiner = Joiner::new(
+                scene,
+                &plan.setup,
+                [&ends, &lit_ends],
+                &mut self.scratch,
+                &mut stream,
+                0,
+            );
             for s in 2..=self.light.points.len() {
                 if !self.light.points[s - 1].connects(scene) {
                     continue;
@@ -179,7 +230,7 @@ impl Walks {
                 for t in 2..=self.camera.points.len() {
                     if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
                         let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
-                        joiner.join(camera, light, (source, lit), out);
+                        joiner.join(camera, light, (source, lit), None, out);
                     }
                 }
             }
@@ -191,14 +242,15 @@ impl Walks {
         rays
     }
 
-    /// Makes a walk from the light up to a point; the pinholes, the source that it started from and its projector pixel.
+    /// Makes a walk from the light up to a point; the pinholes, the source that it started from, its projector pixel
+    /// and what is left of its stream.
     fn light_walk(
         &mut self,
         scene: &Scene,
         plan: &Plan,
         number: WalkNumber,
         point: usize,
-    ) -> Option<(Ends, usize, u32)> {
+    ) -> Option<(Ends, usize, u32, Stream)> {
         let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
         let ends = Ends::draw(scene, &mut stream);
         let start = plan
@@ -213,7 +265,7 @@ impl Walks {
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
         self.scratch.seen[1] = None;
-        Some((ends, start.source, start.pixel))
+        Some((ends, start.source, start.pixel, stream))
     }
 
     /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
@@ -225,10 +277,17 @@ impl Walks {
         out: &mut Contributions,
         found: &mut dyn FnMut(u32, Splat),
     ) {
-        let Some((ends, source, lit)) = self.light_walk(scene, plan, number, usize::MAX) else {
+        let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, number, usize::MAX) else {
             return;
         };
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, 0);
+        let mut joiner = Joiner::new(
+            scene,
+            &plan.setup,
+            [&ends, &ends],
+            &mut self.scratch,
+            &mut stream,
+            0,
+        );
         let weighs = std::mem::take(&mut joiner.weighs);
         for s in 2..=self.light.points.len() {
             let light = &self.light.points[..s];
@@ -237,13 +296,17 @@ impl Walks {
                 continue;
             }
             let mut keep =
-                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, out: &mut Contributions| {
-                    // Nothing comes where something is in the way.
-                    if out.list.is_empty() {
-                        return;
-                    }
+                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, factor, out: &mut Contributions| {
+                    let brings = brings(out);
                     out.list.clear();
                     out.elements.clear();
+                    // Nothing comes where something is in the way.
+                    if brings == 0.0 {
+                        return;
+                    }
+                    let Some(kept) = plan.setup.roulette.spin(brings * factor, joiner.stream) else {
+                        return;
+                    };
                     if weighs {
                         joiner.seen_through(light, source);
                     }
@@ -256,6 +319,7 @@ impl Walks {
                         Splat {
                             walk: number,
                             seen: seen.unwrap_or(f32::NAN),
+                            factor: factor * kept,
                             dir: dir.to_array(),
                             point: (s - 1) as u16,
                             interfaces,
@@ -267,13 +331,13 @@ impl Walks {
                 if s == 2 && ends.coaxial && lit != NO_PIXEL {
                     pixel = lit;
                 }
-                joiner.splat(light, (source, lit), out);
-                keep(&mut joiner, pixel, None, out);
+                joiner.splat(light, (source, lit), Some(1.0), out);
+                keep(&mut joiner, pixel, None, 1.0, out);
             }
             if plan.setup.manifold {
-                joiner.views_by_manifold(light, |joiner, pixel, way, lanes| {
-                    joiner.splat_way(light, (source, lit), way, lanes, out);
-                    keep(joiner, pixel, Some((way, lanes.0)), out);
+                joiner.views_by_manifold(light, |joiner, pixel, way, lanes, factor| {
+                    joiner.splat_way(light, (source, lit), way, (lanes, 1.0), out);
+                    keep(joiner, pixel, Some((way, lanes.0)), factor, out);
                 });
             }
         }
@@ -282,7 +346,7 @@ impl Walks {
     /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
     fn splat(&mut self, scene: &Scene, plan: &Plan, splat: &Splat, out: &mut Contributions) -> u32 {
         let last = usize::from(splat.point);
-        let Some((ends, source, lit)) = self.light_walk(scene, plan, splat.walk, last) else {
+        let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, splat.walk, last) else {
             return 0;
         };
         let Some(light) = self.light.points.get(..=last) else {
@@ -291,14 +355,21 @@ impl Walks {
         let known = (!splat.seen.is_nan()).then_some(splat.seen);
         self.scratch.seen[1] = behind(light).map(|first| (first, known));
         let rays = self.light.rays;
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, rays);
+        let mut joiner = Joiner::new(
+            scene,
+            &plan.setup,
+            [&ends, &ends],
+            &mut self.scratch,
+            &mut stream,
+            rays,
+        );
         if splat.interfaces == 0 {
-            joiner.splat(light, (source, lit), out);
+            joiner.splat(light, (source, lit), Some(splat.factor), out);
         } else {
             let lanes = Lanes { mask: splat.lanes };
             let many = (usize::from(splat.interfaces), lanes.nth(0));
             if let Some(way) = joiner.known_view(&light[last], Vec3A::from_array(splat.dir), many) {
-                joiner.splat_way(light, (source, lit), &way, (lanes, many.1), out);
+                joiner.splat_way(light, (source, lit), &way, ((lanes, many.1), splat.factor), out);
             }
         }
         joiner.rays

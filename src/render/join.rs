@@ -4,10 +4,12 @@ use super::bridge::{END_GAP, Start, bridge};
 use super::emission::{Emission, Ends};
 use super::flight::mean_transmittance;
 use super::point::{Place, Point};
+use super::roulette::{Roulette, largest};
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::material::NO_CRYSTAL;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
+use crate::sampling::stream::Stream;
 use crate::scene::{Integrator, Scene};
 use crate::spectrum::Spectral;
 use crate::tensor::accumulate::Contributions;
@@ -21,6 +23,7 @@ pub(super) struct Setup {
     pub walks: u32,
     /// Emitters and the camera are looked for through interfaces.
     pub manifold: bool,
+    pub roulette: Roulette,
 }
 
 /// Where a walk begins with interfaces: the first point behind them that lines can end at, by its number, and the density,
@@ -87,6 +90,8 @@ pub(super) struct Joiner<'a> {
     pub scratch: &'a mut Scratch,
     /// False where no other strategy makes the same paths, or nobody asks how much they bring.
     pub weighs: bool,
+    /// Decides which connections are made.
+    pub stream: &'a mut Stream,
     /// Rays traced.
     pub rays: u32,
 }
@@ -98,9 +103,11 @@ impl<'a> Joiner<'a> {
         setup: &'a Setup,
         ends: [&'a Ends; 2],
         scratch: &'a mut Scratch,
+        stream: &'a mut Stream,
         rays: u32,
     ) -> Self {
         Self {
+            stream,
             scene,
             setup,
             ends,
@@ -112,7 +119,15 @@ impl<'a> Joiner<'a> {
     }
 
     /// Connects the last point of a walk from the light to the camera.
-    pub fn splat(&mut self, light: &[Point], lit: (usize, u32), out: &mut Contributions) {
+    ///
+    /// `factor` is what it counts, if that has been decided already.
+    pub fn splat(
+        &mut self,
+        light: &[Point],
+        lit: (usize, u32),
+        factor: Option<f32>,
+        out: &mut Contributions,
+    ) {
         let camera = &self.ends[0].camera;
         let Some(point) = light.last() else {
             return;
@@ -121,7 +136,7 @@ impl<'a> Joiner<'a> {
         let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
         end.chain
             .scale(Spectral::splat(end.density / self.setup.walks as f32));
-        self.join(&[Point::end(self.scene, &end)], light, lit, out);
+        self.join(&[Point::end(self.scene, &end)], light, lit, factor, out);
     }
 
     /// Connects the last points of a walk from the camera and of one from the light, both of which may be ends, and appends
@@ -131,6 +146,7 @@ impl<'a> Joiner<'a> {
         camera: &[Point],
         light: &[Point],
         (source, pixel): (usize, u32),
+        factor: Option<f32>,
         out: &mut Contributions,
     ) {
         let scene = self.scene;
@@ -166,6 +182,13 @@ impl<'a> Joiner<'a> {
                 return;
             }
         }
+        let Some(factor) = factor.or_else(|| {
+            let last = last.as_ref().map_or(1.0, |scatter| largest(scatter.m00()));
+            let expected = chain.max_m00() * y.chain.max_m00() * last / distance2;
+            self.setup.roulette.spin(expected, self.stream)
+        }) else {
+            return;
+        };
         let mut line = z.line(scene, dir);
         let end = y.leave(scene, -dir);
         let whole = end - line.ray.origin;
@@ -176,7 +199,7 @@ impl<'a> Joiner<'a> {
             return;
         };
         let weight = self.weight(camera, light, source, Line::straight(dir, passed / distance2));
-        chain.scale(Spectral::splat(weight / distance2));
+        chain.scale(Spectral::splat(weight * factor / distance2));
         let travel = match &last {
             Some(scatter) => {
                 frame = chain

@@ -4,6 +4,7 @@
 use super::join::{Joiner, Line, meet, most};
 use super::manifold::{self, Way};
 use super::point::Point;
+use super::roulette::largest;
 use crate::material::Lanes;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
@@ -24,10 +25,26 @@ impl Joiner<'_> {
         let Some(z) = camera.last() else {
             return;
         };
-        let to = self.setup.emission.position(self.scene, self.ends[0], source);
+        let (scene, emission) = (self.scene, &self.setup.emission);
+        let to = emission.position(scene, self.ends[0], source);
+        let Some(dir) = (to - z.surface.p).try_normalize() else {
+            return;
+        };
+        // As if the way were straight.
+        let (intensity, _) = emission.intensity(scene, self.ends[0], source, -dir);
+        let scattered = z.scatter(scene, z.back, dir).map_or(0.0, |s| largest(s.m00()));
+        let expected = z.chain.max_m00() * scattered * largest(intensity) * self.squared(z, to);
+        let Some(factor) = self.setup.roulette.spin_unsure(expected, self.stream) else {
+            return;
+        };
         self.each_way(z, to, |joiner, way, lanes| {
-            joiner.join_way(camera, source, way, lanes, out)
+            joiner.join_way(camera, source, way, (lanes, factor), out)
         });
+    }
+
+    /// n²/d² of a point and an end at `to`.
+    fn squared(&self, p: &Point, to: Vec3A) -> f32 {
+        p.medium.index * p.medium.index / (to - p.surface.p).length_squared()
     }
 
     /// Calls back with the way from a point to an end at `to` through interfaces, if there is one, the wavelengths that take
@@ -63,7 +80,7 @@ impl Joiner<'_> {
         camera: &[Point],
         source: usize,
         way: &Way,
-        (lanes, lane): (Lanes, usize),
+        ((lanes, lane), factor): ((Lanes, usize), f32),
         out: &mut Contributions,
     ) {
         let (scene, emission) = (self.scene, &self.setup.emission);
@@ -99,7 +116,7 @@ impl Joiner<'_> {
             arrivals: [Some(way.density(density, &passed)), None],
         };
         let weight = self.weight(camera, &[emitter], source, line);
-        chain.scale(lanes.ones() * Spectral::splat(weight / way.spread));
+        chain.scale(lanes.ones() * Spectral::splat(weight * factor / way.spread));
         let time_ps = picoseconds(z.optical_m + passed.optical_m);
         let found = (pixel, interactions + passed.sheets);
         meet(chain, (frame, way.emitted), &emitter, time_ps, found, out);
@@ -110,15 +127,25 @@ impl Joiner<'_> {
     pub fn views_by_manifold(
         &mut self,
         light: &[Point],
-        mut f: impl FnMut(&mut Self, u32, &Way, (Lanes, usize)),
+        mut f: impl FnMut(&mut Self, u32, &Way, (Lanes, usize), f32),
     ) {
         let Some(y) = light.last() else {
             return;
         };
         let camera = self.ends[0].camera;
+        let Some(dir) = (camera.origin - y.surface.p).try_normalize() else {
+            return;
+        };
+        let scattered = y.scatter_flux(self.scene, dir, y.back);
+        let scattered = scattered.map_or(0.0, |s| largest(s.m00()));
+        let density = camera.pixels_per_steradian(-dir) / self.setup.walks as f32;
+        let expected = y.chain.max_m00() * scattered * density * self.squared(y, camera.origin);
+        let Some(factor) = self.setup.roulette.spin_unsure(expected, self.stream) else {
+            return;
+        };
         self.each_way(y, camera.origin, |joiner, way, lanes| {
             if let Some(pixel) = camera.pixel(way.first) {
-                f(joiner, pixel, way, lanes);
+                f(joiner, pixel, way, lanes, factor);
             }
         });
     }
@@ -145,7 +172,7 @@ impl Joiner<'_> {
         light: &[Point],
         (source, pixel): (usize, u32),
         way: &Way,
-        (lanes, lane): (Lanes, usize),
+        ((lanes, lane), factor): ((Lanes, usize), f32),
         out: &mut Contributions,
     ) {
         let (scene, camera) = (self.scene, &self.ends[0].camera);
@@ -174,7 +201,8 @@ impl Joiner<'_> {
         };
         let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
         // Lines end at the camera's pinhole from outside.
-        let factor = end.density / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
+        let factor =
+            factor * end.density / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
         end.chain.scale(lanes.ones() * Spectral::splat(factor));
         let line = Line {
             dirs: [way.emitted, way.dir],

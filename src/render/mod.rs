@@ -12,6 +12,7 @@ mod manifold;
 pub mod path;
 mod point;
 pub mod progress;
+mod roulette;
 mod sheets;
 mod splats;
 pub mod tile;

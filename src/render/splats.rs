@@ -22,6 +22,8 @@ pub(super) struct Splat {
     /// Density with which light comes through interfaces that the walk begins with, if the way would be found from behind
     /// them (see [`super::join::Seen`]); not a number if not.
     pub seen: f32,
+    /// What it counts, after [`super::roulette`].
+    pub factor: f32,
     /// Direction in which the way to the camera leaves the point, where it is bent.
     pub dir: [f32; 3],
     /// Number of the point in its walk.
@@ -115,6 +117,7 @@ mod tests {
         let splat = |walk: WalkNumber, point: u16| Splat {
             walk,
             seen: walk.walk as f32,
+            factor: 2.0,
             dir: [0.0, walk.sample as f32, 1.0],
             point,
             interfaces: 2,

@@ -1,0 +1,110 @@
+//! Russian roulette on connections (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): those that bring little are made rarely
+//! and count for more.
+//!
+//! In a medium nearly all of what a pixel gets comes from few of the connections of its walks. One that is expected to
+//! bring x is made with probability x/τ below a threshold τ, which adds at most τ x to the variance. The threshold is a
+//! share of what a camera sample typically brings.
+
+use crate::sampling::stream::Stream;
+use crate::spectrum::Spectral;
+
+/// τ, as a share of what is typical.
+const SHARE: f32 = 0.2;
+
+/// Expectations may be wrong by this factor where a connection follows light through interfaces: directions are not yet known
+/// when it is decided.
+const UNSURE: f32 = 4.0;
+
+/// Probability that is kept where only a guess says that nothing comes.
+const FLOOR: f32 = 0.05;
+
+/// The threshold τ; 0 to make all connections.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Roulette(f32);
+
+impl Roulette {
+    /// From what some camera samples bring. The mean of the roots is not moved by the few that bring most.
+    pub fn new(samples: impl ExactSizeIterator<Item = f32>) -> Self {
+        let count = samples.len() as f32;
+        let mean = samples.map(f32::sqrt).sum::<f32>() / count.max(1.0);
+        Self(SHARE * mean * mean)
+    }
+
+    /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
+    #[inline]
+    pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
+        Self::decide(expected, self.0, stream)
+    }
+
+    /// The same where `expected` is a guess.
+    #[inline]
+    pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
+        Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
+    }
+
+    /// Makes a connection with probability expected/threshold.
+    #[inline]
+    fn decide(expected: f32, threshold: f32, stream: &mut Stream) -> Option<f32> {
+        if expected >= threshold || expected.is_nan() {
+            return Some(1.0);
+        }
+        let chance = expected / threshold;
+        (stream.uniform() < chance).then(|| chance.recip())
+    }
+}
+
+/// The largest lane.
+#[inline]
+pub(super) fn largest(s: Spectral) -> f32 {
+    s.to_array().iter().fold(0.0, |a, b| a.max(*b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is typical is a mean over samples; connections below it count for as much, over many, as if all were made
+    /// (5 sigma), and their second moment stays below τ x.
+    #[test]
+    fn roulette_keeps_means() {
+        let roulette = Roulette::new([4.0, 4.0, 0.0, 4.0].into_iter());
+        let threshold = SHARE * 2.25;
+        assert_eq!(roulette.0, threshold);
+        let mut stream = Stream::new(5, 1, 2);
+        let n = 100_000;
+        for unsure in [false, true] {
+            for x in [1e-3, 0.03, 0.2, 0.9].map(|share| share * threshold) {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for _ in 0..n {
+                    let factor = if unsure {
+                        roulette.spin_unsure(x, &mut stream)
+                    } else {
+                        roulette.spin(x, &mut stream)
+                    };
+                    let brings = f64::from(factor.unwrap_or(0.0) * x);
+                    sum += brings;
+                    squares += brings * brings;
+                }
+                let n = f64::from(n);
+                let (mean, square) = (sum / n, squares / n);
+                let error = ((square - mean * mean).max(0.0) / n).sqrt();
+                let x = f64::from(x);
+                assert!(
+                    (mean - x).abs() <= 5.0 * error + 1e-6 * x,
+                    "{x}: {mean} +- {error}"
+                );
+                let most = x * f64::from(threshold);
+                assert!(square <= most * 1.2, "{x}: {square} above {most}");
+            }
+        }
+    }
+
+    /// Without a threshold everything is made.
+    #[test]
+    fn all_is_made_without_threshold() {
+        let mut stream = Stream::new(5, 1, 2);
+        for x in [0.0, 1e-30, 1.0, f32::NAN] {
+            assert_eq!(Roulette::default().spin(x, &mut stream), Some(1.0));
+        }
+    }
+}
