@@ -112,7 +112,7 @@ impl Plan {
                 },
             )
             .collect();
-        Roulette::new(samples.into_iter())
+        Roulette::new(&samples)
     }
 }
 

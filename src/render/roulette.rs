@@ -8,12 +8,15 @@
 use crate::sampling::stream::Stream;
 use crate::spectrum::Spectral;
 
-/// τ, as a share of what is typical.
-const SHARE: f32 = 0.2;
+/// Variance that roulette may add, as a share of what samples have.
+const SHARE: f32 = 0.1;
+
+/// Least and most of τ, as shares of what is typical.
+const BOUNDS: [f32; 2] = [0.1, 2.0];
 
 /// Expectations may be wrong by this factor where a connection follows light through interfaces: directions are not yet known
 /// when it is decided.
-const UNSURE: f32 = 4.0;
+const UNSURE: f32 = 2.0;
 
 /// Probability that is kept where only a guess says that nothing comes.
 const FLOOR: f32 = 0.05;
@@ -23,11 +26,18 @@ const FLOOR: f32 = 0.05;
 pub(super) struct Roulette(f32);
 
 impl Roulette {
-    /// From what some camera samples bring. The mean of the roots is not moved by the few that bring most.
-    pub fn new(samples: impl ExactSizeIterator<Item = f32>) -> Self {
-        let count = samples.len() as f32;
-        let mean = samples.map(f32::sqrt).sum::<f32>() / count.max(1.0);
-        Self(SHARE * mean * mean)
+    /// From what some camera samples bring.
+    pub fn new(samples: &[f32]) -> Self {
+        let count = samples.len().max(1) as f32;
+        let mean = |f: &dyn Fn(f32) -> f32| samples.iter().map(|x| f(*x)).sum::<f32>() / count;
+        // Not moved by the few that bring most.
+        let typical = mean(&f32::sqrt).powi(2);
+        let (first, second) = (mean(&|x| x), mean(&|x| x * x));
+        if first <= 0.0 {
+            return Self::default();
+        }
+        let [least, most] = BOUNDS;
+        Self((SHARE * second / first).clamp(least * typical, most * typical))
     }
 
     /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
@@ -67,9 +77,14 @@ mod tests {
     /// (5 sigma), and their second moment stays below τ x.
     #[test]
     fn roulette_keeps_means() {
-        let roulette = Roulette::new([4.0, 4.0, 0.0, 4.0].into_iter());
-        let threshold = SHARE * 2.25;
+        // Mean 3, mean square 12; and one that is out of the way.
+        let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0]);
+        let threshold = SHARE * 4.0;
         assert_eq!(roulette.0, threshold);
+        assert_eq!(
+            Roulette::new(&[1.0, 1.0, 1.0, 1000.0]).0,
+            2.0 * (0.75 + 1000_f32.sqrt() / 4.0).powi(2)
+        );
         let mut stream = Stream::new(5, 1, 2);
         let n = 100_000;
         for unsure in [false, true] {
