@@ -11,6 +11,10 @@ use crate::scene::Scene;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
 
+/// Most likely survival of Russian roulette. Light that large particles scatter forward is found by few of all walks, after
+/// dozens of events; what roulette takes from the others they would have to make up for.
+const SURVIVAL: f32 = 0.99;
+
 /// A walk's points, its end first.
 #[derive(Default)]
 pub(super) struct Walk {
@@ -108,7 +112,7 @@ impl Walk {
                 Hero::only(all)
             },
         };
-        let full = end.chain.max_m00();
+        let mut full = end.chain.max_m00();
         self.points.push(Point::end(scene, end));
         let (mut interactions, mut density) = (0, end.density);
         loop {
@@ -197,6 +201,11 @@ impl Walk {
                         let enters = surface.ng.dot(next.wi) < 0.0;
                         flight.nest.cross(&scene.boundaries, surface.material, enters);
                     }
+                    if let (From::Camera, Some(medium)) = (from, next.medium) {
+                        // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
+                        let ratio = flight.medium.index / medium.index;
+                        full *= ratio * ratio;
+                    }
                     flight.medium = next.medium.unwrap_or(flight.medium);
                     next.wi
                 }
@@ -211,7 +220,7 @@ impl Walk {
                 return;
             }
             if interactions >= scene.settings.rr_depth {
-                let keep = (flight.chain.max_m00() / full).clamp(0.0, 0.95);
+                let keep = (flight.chain.max_m00() / full).clamp(0.0, SURVIVAL);
                 if stream.uniform() >= keep {
                     return;
                 }
