@@ -112,7 +112,7 @@ impl Plan {
                 },
             )
             .collect();
-        Roulette::new(&samples)
+        Roulette::new(&samples, scene.filled)
     }
 }
 

@@ -11,8 +11,11 @@ use crate::spectrum::Spectral;
 /// Variance that roulette may add, as a share of what samples have.
 const SHARE: f32 = 0.1;
 
-/// Least and most of τ, as shares of what is typical.
-const BOUNDS: [f32; 2] = [0.1, 2.0];
+/// Least and most of τ, as shares of what is typical. Between surfaces a few bright pixels have most of the variance, and
+/// dim ones must not pay for them; in media all have.
+const LEAST: f32 = 0.1;
+const MOST: f32 = 0.2;
+const MOST_IN_MEDIA: f32 = 2.0;
 
 /// Expectations may be wrong by this factor where a connection follows light through interfaces: directions are not yet known
 /// when it is decided.
@@ -26,8 +29,8 @@ const FLOOR: f32 = 0.05;
 pub(super) struct Roulette(f32);
 
 impl Roulette {
-    /// From what some camera samples bring.
-    pub fn new(samples: &[f32]) -> Self {
+    /// From what some camera samples bring, in a scene with media or without.
+    pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
         let mean = |f: &dyn Fn(f32) -> f32| samples.iter().map(|x| f(*x)).sum::<f32>() / count;
         // Not moved by the few that bring most.
@@ -36,8 +39,8 @@ impl Roulette {
         if first <= 0.0 {
             return Self::default();
         }
-        let [least, most] = BOUNDS;
-        Self((SHARE * second / first).clamp(least * typical, most * typical))
+        let most = if media { MOST_IN_MEDIA } else { MOST };
+        Self((SHARE * second / first).clamp(LEAST * typical, most * typical))
     }
 
     /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
@@ -78,12 +81,14 @@ mod tests {
     #[test]
     fn roulette_keeps_means() {
         // Mean 3, mean square 12; and one that is out of the way.
-        let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0]);
+        let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0], true);
         let threshold = SHARE * 4.0;
         assert_eq!(roulette.0, threshold);
         let mut odd = [1.0; 16];
         odd[3] = 1e4;
-        assert_eq!(Roulette::new(&odd).0, 2.0 * (115.0_f32 / 16.0).powi(2));
+        let typical = (115.0_f32 / 16.0).powi(2);
+        assert_eq!(Roulette::new(&odd, true).0, MOST_IN_MEDIA * typical);
+        assert_eq!(Roulette::new(&odd, false).0, MOST * typical);
         let mut stream = Stream::new(5, 1, 2);
         let n = 100_000;
         for unsure in [false, true] {
