@@ -96,7 +96,9 @@ fn name<'a>(object: &'a Table, key: &str) -> &'a str {
 fn every_scene_is_known_here() {
     let all = std::fs::read_dir(path("", "")).unwrap();
     let mut found: Vec<_> = all
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .map(|e| e.unwrap())
+        .filter(|e| e.path().is_dir())
+        .map(|e| e.file_name().into_string().unwrap())
         .collect();
     found.sort();
     let mut known: Vec<_> = SHIPPED.iter().map(|s| s.folder).chain(["mirror_room"]).collect();
