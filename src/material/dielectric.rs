@@ -5,7 +5,7 @@
 //! 2014, "Hero wavelength spectral sampling"); reflection keeps them all.
 
 use super::facets::{reflect, refract};
-use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
+use super::{Lanes, Lobe, Medium, Sampled, Specular, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use crate::polarization::fresnel::{self, DielectricFresnel};
 use crate::polarization::scatter::Scatter;
@@ -35,16 +35,23 @@ pub(super) struct Interface {
     fresnel: DielectricFresnel,
 }
 
+/// Where light comes from that is refracted along `wo`, `eta` being the far index over the near one; `None` under total
+/// reflection, or if shading and geometry disagree about the side.
+#[inline]
+fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
+    let wi = refract(wo, n, eta)?.normalize();
+    (at.ng.dot(wi) * at.ng.dot(wo) < 0.0).then_some(wi)
+}
+
 impl Interface {
     /// One of its two lobes, refracted as wavelength `lane` is.
     #[inline]
     pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
         let Self { n, wo, .. } = *self;
         let s = s_vector(n, wo);
-        let side = at.ng.dot(wo);
         if lobe == Lobe::Reflected {
             let wi = reflect(wo, n).normalize();
-            return (at.ng.dot(wi) * side > 0.0).then_some(Specular {
+            return same_side(at, wo, wi).then_some(Specular {
                 wi,
                 scatter: Scatter::Fresnel {
                     block: self.fresnel.reflection,
@@ -53,10 +60,9 @@ impl Interface {
                 medium: None,
             });
         }
-        let wi = refract(wo, n, self.eta.to_array()[lane])?.normalize();
         // Radiance per squared index is what travels unchanged; power transmittance is the same both ways.
-        (at.ng.dot(wi) * side < 0.0).then(|| Specular {
-            wi,
+        Some(Specular {
+            wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
                 block: self
                     .fresnel
@@ -89,25 +95,16 @@ impl Dielectric {
     /// The direction on the other side whose light leaves along `wo`, and the ratio of the indices, that on the side of `wo`
     /// over the other; `None` under total reflection, or if shading and geometry disagree.
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
-        let side = at.ng.dot(wo);
-        let n = if side > 0.0 { at.ns } else { -at.ns };
+        let n = facing(at, wo)?;
         let (near, far) = self.sides(at, wo);
         let (near, far) = (near.to_array()[lane], far.to_array()[lane]);
-        if n.dot(wo) <= 0.0 {
-            return None;
-        }
-        let wi = refract(wo, n, far / near)?.normalize();
-        (at.ng.dot(wi) * side < 0.0).then_some((wi, near / far))
+        Some((through(at, n, wo, far / near)?, near / far))
     }
 
     /// What light that leaves along `wo` met; `None` if shading and geometry disagree about the side.
     #[inline]
     pub(super) fn interface(&self, at: &Surface, wo: Vec3A) -> Option<Interface> {
-        let n = if at.ng.dot(wo) > 0.0 { at.ns } else { -at.ns };
-        let cos_o = n.dot(wo);
-        if cos_o <= 0.0 {
-            return None;
-        }
+        let n = facing(at, wo)?;
         let (near, far) = self.sides(at, wo);
         let eta = far / near;
         Some(Interface {
@@ -115,7 +112,7 @@ impl Dielectric {
             wo,
             far,
             eta,
-            fresnel: fresnel::dielectric(cos_o, eta),
+            fresnel: fresnel::dielectric(n.dot(wo), eta),
         })
     }
 

@@ -16,13 +16,13 @@ use super::join::{Joiner, Scratch, Setup, most};
 use super::join_manifold::behind;
 use super::manifold::Way;
 use super::path::environment;
-use super::roulette::{Roulette, largest};
+use super::roulette::Roulette;
 use super::splats::{Splat, Splats, WalkNumber};
 use super::walk::{Limits, Walk};
 use crate::material::Lanes;
 use crate::sampling::stream::Stream;
 use crate::scene::{Integrator, Scene};
-use crate::spectrum::Spectral;
+use crate::spectrum::{Spectral, max_lane};
 use crate::tensor::accumulate::{Contribution, Contributions, NO_PIXEL};
 use glam::{DVec2, Vec3A};
 use rayon::prelude::*;
@@ -119,7 +119,7 @@ impl Plan {
 /// The intensity of all contributions in the brightest lane.
 fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
-    largest(intensities.fold(Spectral::ZERO, |a, b| a + b))
+    max_lane(intensities.fold(Spectral::ZERO, |a, b| a + b))
 }
 
 impl Walks {
@@ -174,14 +174,7 @@ impl Walks {
         {
             environment(scene, chain, (*dir, *frame), *interactions, out);
         }
-        let mut joiner = Joiner::new(
-            scene,
-            &plan.setup,
-            [&ends, &ends],
-            &mut self.scratch,
-            &mut stream,
-            0,
-        );
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         for t in 2..=self.camera.points.len() {
             let camera = &self.camera.points[..t];
             let point = &camera[t - 1];
@@ -221,7 +214,6 @@ impl Walks {
                 [&ends, &lit_ends],
                 &mut self.scratch,
                 &mut stream,
-                0,
             );
             for s in 2..=self.light.points.len() {
                 if !self.light.points[s - 1].connects(scene) {
@@ -280,14 +272,7 @@ impl Walks {
         let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, number, usize::MAX) else {
             return;
         };
-        let mut joiner = Joiner::new(
-            scene,
-            &plan.setup,
-            [&ends, &ends],
-            &mut self.scratch,
-            &mut stream,
-            0,
-        );
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         let weighs = std::mem::take(&mut joiner.weighs);
         for s in 2..=self.light.points.len() {
             let light = &self.light.points[..s];
@@ -331,7 +316,7 @@ impl Walks {
                 if s == 2 && ends.coaxial && lit != NO_PIXEL {
                     pixel = lit;
                 }
-                joiner.splat(light, (source, lit), Some(1.0), out);
+                joiner.splat(light, (source, lit), 1.0, out);
                 keep(&mut joiner, pixel, None, 1.0, out);
             }
             if plan.setup.manifold {
@@ -354,17 +339,9 @@ impl Walks {
         };
         let known = (!splat.seen.is_nan()).then_some(splat.seen);
         self.scratch.seen[1] = behind(light).map(|first| (first, known));
-        let rays = self.light.rays;
-        let mut joiner = Joiner::new(
-            scene,
-            &plan.setup,
-            [&ends, &ends],
-            &mut self.scratch,
-            &mut stream,
-            rays,
-        );
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         if splat.interfaces == 0 {
-            joiner.splat(light, (source, lit), Some(splat.factor), out);
+            joiner.splat(light, (source, lit), splat.factor, out);
         } else {
             let lanes = Lanes { mask: splat.lanes };
             let many = (usize::from(splat.interfaces), lanes.nth(0));
@@ -372,7 +349,7 @@ impl Walks {
                 joiner.splat_way(light, (source, lit), &way, ((lanes, many.1), splat.factor), out);
             }
         }
-        joiner.rays
+        joiner.rays + self.light.rays
     }
 }
 

@@ -4,14 +4,14 @@ use super::bridge::{END_GAP, Start, bridge};
 use super::emission::{Emission, Ends};
 use super::flight::mean_transmittance;
 use super::point::{Place, Point};
-use super::roulette::{Roulette, largest};
+use super::roulette::Roulette;
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::material::NO_CRYSTAL;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
 use crate::sampling::stream::Stream;
 use crate::scene::{Integrator, Scene};
-use crate::spectrum::Spectral;
+use crate::spectrum::{Spectral, max_lane};
 use crate::tensor::accumulate::Contributions;
 use crate::units::picoseconds;
 use glam::Vec3A;
@@ -97,14 +97,13 @@ pub(super) struct Joiner<'a> {
 }
 
 impl<'a> Joiner<'a> {
-    /// For walks from the given ends, which have taken `rays` so far.
+    /// For walks from the given ends.
     pub fn new(
         scene: &'a Scene,
         setup: &'a Setup,
         ends: [&'a Ends; 2],
         scratch: &'a mut Scratch,
         stream: &'a mut Stream,
-        rays: u32,
     ) -> Self {
         Self {
             stream,
@@ -114,20 +113,12 @@ impl<'a> Joiner<'a> {
             scratch,
             weighs: scene.settings.integrator == Integrator::Bidirectional
                 && scene.settings.strategy.is_none(),
-            rays,
+            rays: 0,
         }
     }
 
-    /// Connects the last point of a walk from the light to the camera.
-    ///
-    /// `factor` is what it counts, if that has been decided already.
-    pub fn splat(
-        &mut self,
-        light: &[Point],
-        lit: (usize, u32),
-        factor: Option<f32>,
-        out: &mut Contributions,
-    ) {
+    /// Connects the last point of a walk from the light to the camera, which counts `factor` times.
+    pub fn splat(&mut self, light: &[Point], lit: (usize, u32), factor: f32, out: &mut Contributions) {
         let camera = &self.ends[0].camera;
         let Some(point) = light.last() else {
             return;
@@ -136,11 +127,12 @@ impl<'a> Joiner<'a> {
         let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
         end.chain
             .scale(Spectral::splat(end.density / self.setup.walks as f32));
-        self.join(&[Point::end(self.scene, &end)], light, lit, factor, out);
+        self.join(&[Point::end(self.scene, &end)], light, lit, Some(factor), out);
     }
 
     /// Connects the last points of a walk from the camera and of one from the light, both of which may be ends, and appends
-    /// what the path brings; `lit` are the light's source and projector pixel.
+    /// what the path brings; `lit` are the light's source and projector pixel. It counts `factor` times,
+    /// if roulette has decided already.
     pub fn join(
         &mut self,
         camera: &[Point],
@@ -183,7 +175,7 @@ impl<'a> Joiner<'a> {
             }
         }
         let Some(factor) = factor.or_else(|| {
-            let last = last.as_ref().map_or(1.0, |scatter| largest(scatter.m00()));
+            let last = last.as_ref().map_or(1.0, |scatter| max_lane(scatter.m00()));
             let expected = chain.max_m00() * y.chain.max_m00() * last / distance2;
             self.setup.roulette.spin(expected, self.stream)
         }) else {

@@ -1,14 +1,15 @@
 //! Connections through smooth interfaces, of a walk from the camera to an emitter and of a walk from the light to the
 //! camera ([`super::manifold`]).
 
+use super::bridge::Start;
 use super::join::{Joiner, Line, meet, most};
 use super::manifold::{self, Way};
 use super::point::Point;
-use super::roulette::largest;
 use crate::material::Lanes;
 use crate::polarization::chain::Chain;
 use crate::polarization::frame::{perpendicular, turn};
-use crate::spectrum::Spectral;
+use crate::polarization::scatter::Scatter;
+use crate::spectrum::{Spectral, max_lane};
 use crate::tensor::accumulate::Contributions;
 use crate::units::picoseconds;
 use glam::Vec3A;
@@ -30,11 +31,9 @@ impl Joiner<'_> {
         let Some(dir) = (to - z.surface.p).try_normalize() else {
             return;
         };
-        // As if the way were straight.
         let (intensity, _) = emission.intensity(scene, self.ends[0], source, -dir);
-        let scattered = z.scatter(scene, z.back, dir).map_or(0.0, |s| largest(s.m00()));
-        let expected = z.chain.max_m00() * scattered * largest(intensity) * self.squared(z, to);
-        let Some(factor) = self.setup.roulette.spin_unsure(expected, self.stream) else {
+        let scattered = z.scatter(scene, z.back, dir);
+        let Some(factor) = self.spin(z, to, scattered, max_lane(intensity)) else {
             return;
         };
         self.each_way(z, to, |joiner, way, lanes| {
@@ -42,9 +41,13 @@ impl Joiner<'_> {
         });
     }
 
-    /// n²/d² of a point and an end at `to`.
-    fn squared(&self, p: &Point, to: Vec3A) -> f32 {
-        p.medium.index * p.medium.index / (to - p.surface.p).length_squared()
+    /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
+    /// way, times what the end has for it per steradian, times n²/d².
+    fn spin(&mut self, p: &Point, to: Vec3A, scattered: Option<Scatter>, end: f32) -> Option<f32> {
+        let squared = p.medium.index * p.medium.index / (to - p.surface.p).length_squared();
+        let scattered = scattered.map_or(0.0, |s| max_lane(s.m00()));
+        let expected = p.chain.max_m00() * scattered * end * squared;
+        self.setup.roulette.spin_unsure(expected, self.stream)
     }
 
     /// Calls back with the way from a point to an end at `to` through interfaces, if there is one, the wavelengths that take
@@ -68,10 +71,15 @@ impl Joiner<'_> {
         }
     }
 
+    /// The straight line from a point to an end at `to`, from which ways through interfaces are looked for.
+    fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
+        let dir = (to - p.surface.p).try_normalize()?;
+        Some(p.line(self.scene, dir))
+    }
+
     /// The way from a point to an end at `to` through interfaces.
-    fn way(&self, z: &Point, to: Vec3A, lane: usize) -> Option<Way> {
-        let dir = (to - z.surface.p).try_normalize()?;
-        manifold::find(self.scene, z.line(self.scene, dir), to, lane)
+    fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
+        manifold::find(self.scene, self.straight(p, to)?, to, lane)
     }
 
     /// Appends what a way brings to the wavelengths `lanes`.
@@ -137,10 +145,8 @@ impl Joiner<'_> {
             return;
         };
         let scattered = y.scatter_flux(self.scene, dir, y.back);
-        let scattered = scattered.map_or(0.0, |s| largest(s.m00()));
         let density = camera.pixels_per_steradian(-dir) / self.setup.walks as f32;
-        let expected = y.chain.max_m00() * scattered * density * self.squared(y, camera.origin);
-        let Some(factor) = self.setup.roulette.spin_unsure(expected, self.stream) else {
+        let Some(factor) = self.spin(y, camera.origin, scattered, density) else {
             return;
         };
         self.each_way(y, camera.origin, |joiner, way, lanes| {
@@ -153,14 +159,7 @@ impl Joiner<'_> {
     /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
     pub fn known_view(&self, y: &Point, dir: Vec3A, (interfaces, lane): (usize, usize)) -> Option<Way> {
         let to = self.ends[0].camera.origin;
-        let straight = (to - y.surface.p).try_normalize()?;
-        manifold::along(
-            self.scene,
-            y.line(self.scene, straight),
-            dir,
-            to,
-            (interfaces, lane),
-        )
+        manifold::along(self.scene, self.straight(y, to)?, dir, to, (interfaces, lane))
     }
 
     /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.

@@ -2,11 +2,10 @@
 //! and count for more.
 //!
 //! In a medium nearly all of what a pixel gets comes from few of the connections of its walks. One that is expected to
-//! bring x is made with probability x/τ below a threshold τ, which adds at most τ x to the variance. The threshold is a
-//! share of what a camera sample typically brings.
+//! bring x is made with probability x/τ below a threshold τ, which adds at most τ x to the variance. The threshold keeps
+//! that small beside the variance that samples have anyway.
 
 use crate::sampling::stream::Stream;
-use crate::spectrum::Spectral;
 
 /// Variance that roulette may add, as a share of what samples have.
 const SHARE: f32 = 0.1;
@@ -64,12 +63,6 @@ impl Roulette {
         let chance = expected / threshold;
         (stream.uniform() < chance).then(|| chance.recip())
     }
-}
-
-/// The largest lane.
-#[inline]
-pub(super) fn largest(s: Spectral) -> f32 {
-    s.to_array().iter().fold(0.0, |a, b| a.max(*b))
 }
 
 #[cfg(test)]
