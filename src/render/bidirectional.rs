@@ -15,6 +15,7 @@ use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, most};
 use super::join_manifold::behind;
 use super::manifold::Way;
+use super::mirrors::Mirrors;
 use super::path::environment;
 use super::roulette::Roulette;
 use super::splats::{Splat, Splats, WalkNumber};
@@ -64,13 +65,18 @@ impl Plan {
     #[must_use]
     pub fn new(scene: &Scene, asked: impl Fn(u32) -> bool + Sync) -> Self {
         let [w, h] = scene.camera.resolution;
+        let manifold = scene.settings.manifold && scene.settings.strategy.is_none();
+        let mirrors = manifold && scene.settings.integrator == Integrator::Bidirectional;
         let mut plan = Self {
             setup: Setup {
                 emission: Emission::new(scene),
                 walks: w * h,
-                manifold: scene.settings.manifold
-                    && scene.settings.strategy.is_none()
-                    && scene.materials.any_interface(),
+                manifold: manifold && scene.materials.any_interface(),
+                mirrors: if mirrors {
+                    Mirrors::new(scene)
+                } else {
+                    Mirrors::default()
+                },
                 roulette: Roulette::default(),
             },
             splats: Splats::default(),
@@ -194,9 +200,12 @@ impl Walks {
                     joiner.join(camera, &[emitter], (source, lit), None, out);
                 }
             }
-            if plan.setup.manifold {
-                for source in 0..plan.setup.emission.count() {
+            for source in 0..plan.setup.emission.count() {
+                if plan.setup.manifold {
                     joiner.join_by_manifold(camera, source, out);
+                }
+                if !plan.setup.mirrors.is_empty() && !joiner.reached(camera) {
+                    joiner.join_over_mirrors(camera, source, out);
                 }
             }
         }
@@ -320,9 +329,9 @@ impl Walks {
                 keep(&mut joiner, pixel, None, 1.0, out);
             }
             if plan.setup.manifold {
-                joiner.views_by_manifold(light, |joiner, pixel, way, lanes, factor| {
-                    joiner.splat_way(light, (source, lit), way, (lanes, 1.0), out);
-                    keep(joiner, pixel, Some((way, lanes.0)), factor, out);
+                joiner.views_by_manifold(light, |joiner, pixel, way, (lanes, lane, factor)| {
+                    joiner.splat_way(light, (source, lit), way, (lanes, lane, 1.0), out);
+                    keep(joiner, pixel, Some((way, lanes)), factor, out);
                 });
             }
         }
@@ -346,7 +355,7 @@ impl Walks {
             let lanes = Lanes { mask: splat.lanes };
             let many = (usize::from(splat.interfaces), lanes.nth(0));
             if let Some(way) = joiner.known_view(&light[last], Vec3A::from_array(splat.dir), many) {
-                joiner.splat_way(light, (source, lit), &way, ((lanes, many.1), splat.factor), out);
+                joiner.splat_way(light, (source, lit), &way, (lanes, many.1, splat.factor), out);
             }
         }
         joiner.rays + self.light.rays

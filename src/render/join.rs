@@ -3,6 +3,7 @@
 use super::bridge::{END_GAP, Start, bridge};
 use super::emission::{Emission, Ends};
 use super::flight::mean_transmittance;
+use super::mirrors::Mirrors;
 use super::point::{Place, Point};
 use super::roulette::Roulette;
 use super::weight::{Densities, Tries, power_heuristic};
@@ -23,6 +24,8 @@ pub(super) struct Setup {
     pub walks: u32,
     /// Emitters and the camera are looked for through interfaces.
     pub manifold: bool,
+    /// Over which emitters are looked for.
+    pub mirrors: Mirrors,
     pub roulette: Roulette,
 }
 

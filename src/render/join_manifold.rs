@@ -1,9 +1,10 @@
-//! Connections through smooth interfaces, of a walk from the camera to an emitter and of a walk from the light to the
-//! camera ([`super::manifold`]).
+//! Connections through smooth interfaces and over mirrors, of a walk from the camera to an emitter, and through interfaces
+//! of a walk from the light to the camera ([`super::manifold`]).
 
 use super::bridge::Start;
 use super::join::{Joiner, Line, meet, most};
-use super::manifold::{self, Way};
+use super::manifold::{self, Route, Way};
+use super::mirrors::Seed;
 use super::point::Point;
 use crate::material::Lanes;
 use crate::polarization::chain::Chain;
@@ -13,6 +14,12 @@ use crate::spectrum::{Spectral, max_lane};
 use crate::tensor::accumulate::Contributions;
 use crate::units::picoseconds;
 use glam::Vec3A;
+
+/// Wavelengths that take a way, the one whose indices count, and how many times it counts.
+pub(super) type Found = (Lanes, usize, f32);
+
+/// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
+const MOST_TRIES: u32 = 1 << 16;
 
 /// The first point of a walk that lines can end at.
 pub(super) fn behind(walk: &[Point]) -> Option<usize> {
@@ -36,9 +43,54 @@ impl Joiner<'_> {
         let Some(factor) = self.spin(z, to, scattered, max_lane(intensity)) else {
             return;
         };
-        self.each_way(z, to, |joiner, way, lanes| {
-            joiner.join_way(camera, source, way, (lanes, factor), out)
+        self.each_way(
+            z,
+            |joiner, lane| Some((joiner.way(z, to, lane)?, factor)),
+            |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+        );
+    }
+
+    /// True if a path over the last point of a walk from the camera and mirrors to an emitter is made in other ways: by
+    /// connections of two walks, or by ways through interfaces to the camera.
+    pub fn reached(&mut self, camera: &[Point]) -> bool {
+        let last = camera.len() - 1;
+        let connects = |i: usize| !camera[i].delta || i == last;
+        (1..=last).any(|i| connects(i - 1) && connects(i)) || self.seen_from(camera).is_some()
+    }
+
+    /// Connects the last point of a walk from the camera to an emitter over mirrors, and appends what that brings. It must
+    /// not be [`Self::reached`] otherwise: paths that are get no share of their weight here.
+    pub fn join_over_mirrors(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let (setup, scene) = (self.setup, self.scene);
+        let to = setup.emission.position(scene, self.ends[0], source);
+        let line = |seeds: &[Seed]| {
+            let dir = (seeds.first()?.point - z.surface.p).try_normalize()?;
+            Some(z.line(scene, dir))
+        };
+        let find = |seeds: &[Seed], lane| {
+            manifold::find_over(scene, &setup.mirrors, line(seeds)?, seeds, (to, lane))
+        };
+        setup.mirrors.flat_ways(z.surface.p, to, |seeds| {
+            self.each_way(
+                z,
+                |_, lane| Some((find(seeds, lane)?, 1.0)),
+                |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+            );
         });
+        let draw = |joiner: &mut Self, lane| find(&[setup.mirrors.draw(joiner.stream)?], lane);
+        self.each_way(
+            z,
+            |joiner, lane| {
+                let way = draw(joiner, lane)?;
+                let again = |_: &u32| draw(joiner, lane).is_some_and(|w| w.is(&way));
+                let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
+                Some((way, tries as f32))
+            },
+            |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+        );
     }
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
@@ -50,23 +102,28 @@ impl Joiner<'_> {
         self.setup.roulette.spin_unsure(expected, self.stream)
     }
 
-    /// Calls back with the way from a point to an end at `to` through interfaces, if there is one, the wavelengths that take
-    /// it and the one whose indices count; where the interfaces disperse, every wavelength takes a way of its own.
-    fn each_way(&mut self, p: &Point, to: Vec3A, mut f: impl FnMut(&mut Self, &Way, (Lanes, usize))) {
+    /// Calls back with the way that is found from a point, if there is one, the wavelengths that take it, the one whose
+    /// indices count, and its factor; where interfaces disperse, every wavelength takes a way of its own.
+    fn each_way(
+        &mut self,
+        p: &Point,
+        mut find: impl FnMut(&mut Self, usize) -> Option<(Way, f32)>,
+        mut f: impl FnMut(&mut Self, &Way, Found),
+    ) {
         let first = p.lanes.nth(0);
-        let Some(way) = self.way(p, to, first) else {
+        let Some((way, factor)) = find(self, first) else {
             return;
         };
         if !way.disperses(self.scene) {
-            f(self, &way, (p.lanes, first));
+            f(self, &way, (p.lanes, first, factor));
             return;
         }
-        let only = |lane: usize| (Lanes { mask: 1 << lane }, lane);
-        f(self, &way, only(first));
+        let only = |lane: usize, factor| (Lanes { mask: 1 << lane }, lane, factor);
+        f(self, &way, only(first, factor));
         for k in 1..p.lanes.count() {
             let lane = p.lanes.nth(k);
-            if let Some(way) = self.way(p, to, lane) {
-                f(self, &way, only(lane));
+            if let Some((way, factor)) = find(self, lane) {
+                f(self, &way, only(lane, factor));
             }
         }
     }
@@ -88,7 +145,7 @@ impl Joiner<'_> {
         camera: &[Point],
         source: usize,
         way: &Way,
-        ((lanes, lane), factor): ((Lanes, usize), f32),
+        (lanes, lane, factor): Found,
         out: &mut Contributions,
     ) {
         let (scene, emission) = (self.scene, &self.setup.emission);
@@ -123,7 +180,11 @@ impl Joiner<'_> {
             passed: 1.0,
             arrivals: [Some(way.density(density, &passed)), None],
         };
-        let weight = self.weight(camera, &[emitter], source, line);
+        let weight = if way.reflects() {
+            1.0
+        } else {
+            self.weight(camera, &[emitter], source, line)
+        };
         chain.scale(lanes.ones() * Spectral::splat(weight * factor / way.spread));
         let time_ps = picoseconds(z.optical_m + passed.optical_m);
         let found = (pixel, interactions + passed.sheets);
@@ -132,11 +193,7 @@ impl Joiner<'_> {
 
     /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
     /// pixel of each, the way and the wavelengths that take it.
-    pub fn views_by_manifold(
-        &mut self,
-        light: &[Point],
-        mut f: impl FnMut(&mut Self, u32, &Way, (Lanes, usize), f32),
-    ) {
+    pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Found)) {
         let Some(y) = light.last() else {
             return;
         };
@@ -149,17 +206,22 @@ impl Joiner<'_> {
         let Some(factor) = self.spin(y, camera.origin, scattered, density) else {
             return;
         };
-        self.each_way(y, camera.origin, |joiner, way, lanes| {
-            if let Some(pixel) = camera.pixel(way.first) {
-                f(joiner, pixel, way, lanes, factor);
-            }
-        });
+        self.each_way(
+            y,
+            |joiner, lane| Some((joiner.way(y, camera.origin, lane)?, factor)),
+            |joiner, way, found| {
+                if let Some(pixel) = camera.pixel(way.first) {
+                    f(joiner, pixel, way, found);
+                }
+            },
+        );
     }
 
     /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
     pub fn known_view(&self, y: &Point, dir: Vec3A, (interfaces, lane): (usize, usize)) -> Option<Way> {
         let to = self.ends[0].camera.origin;
-        manifold::along(self.scene, self.straight(y, to)?, dir, to, (interfaces, lane))
+        let route = Route::through(interfaces);
+        manifold::along(self.scene, self.straight(y, to)?, dir, to, (&route, lane))
     }
 
     /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.
@@ -171,7 +233,7 @@ impl Joiner<'_> {
         light: &[Point],
         (source, pixel): (usize, u32),
         way: &Way,
-        ((lanes, lane), factor): ((Lanes, usize), f32),
+        (lanes, lane, factor): Found,
         out: &mut Contributions,
     ) {
         let (scene, camera) = (self.scene, &self.ends[0].camera);

@@ -1,5 +1,5 @@
-//! Connections to an emitter's pinhole through smooth interfaces that bend light: next-event estimation along specular
-//! manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
+//! Connections to a pinhole through smooth interfaces and over mirrors: next-event estimation along specular manifolds
+//! (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
 //!
 //! From a point x a ray is shot through k interfaces, with its derivatives by the two angles of its direction (Igehy 1999,
 //! "Tracing ray differentials"). Newton's method turns the direction until the ray meets the emitter; it starts from the
@@ -14,10 +14,13 @@
 //!
 //! A start finds at most one of the ways that a curved interface may have. What is found depends on the point alone, so
 //! [`super::weight`] can ask of any path whether it would have been found.
+//!
+//! A way may also go over [`super::mirrors`], where it starts at a given point of each; J is the same.
 
 use super::bridge::{Start, bridge, unnoticed};
 use super::flight::mean_transmittance;
-use crate::geometry::ray::{Ray, Surface};
+use super::mirrors::{Mirrors, Seed};
+use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::{Lobe, Medium};
 use crate::medium::nesting::Nest;
 use crate::polarization::chain::Chain;
@@ -36,12 +39,28 @@ const STEPS: usize = 24;
 /// A ray is at the emitter when it passes it this near, relative to its length.
 const NEAR: f32 = 5e-6;
 
+/// What bends a way: interfaces and mirrors, in the order in which it comes to them.
+#[derive(Clone)]
+pub(super) struct Route<'a> {
+    /// Interfaces before each mirror, and after the last.
+    through: ArrayVec<usize, 3>,
+    over: &'a [Seed],
+    mirrors: Option<&'a Mirrors>,
+}
+
+/// Ways whose cosine is nearer 1 than this are one: a milliradian.
+const SAME: f32 = 5e-7;
+
+/// A straight line to a mirror is looked along up to this near it, relative to its length.
+const BEFORE: f32 = 1e-4;
+
 /// Where the way is bent.
 struct Bend {
     surface: Surface,
     /// Directions before and after, away from x.
     before: Vec3A,
     after: Vec3A,
+    lobe: Lobe,
     scatter: Scatter,
     medium: Option<Medium>,
 }
@@ -84,14 +103,63 @@ fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
     unnoticed(scene, nest, id) || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
 }
 
-/// Number of interfaces on the straight line; `None` if anything else stands in it.
-fn interfaces(scene: &Scene, start: &Start, to: Vec3A) -> Option<usize> {
-    let (mut ray, mut nest, mut count) = (start.ray, start.nest, 0);
+impl<'a> Route<'a> {
+    /// True if a hit is on the mirror that ends a leg.
+    fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
+        match (self.mirrors, self.over.get(leg)) {
+            (Some(mirrors), Some(seed)) => mirrors.group(hit) == seed.group,
+            _ => false,
+        }
+    }
+
+    /// Through so many interfaces.
+    pub fn through(count: usize) -> Self {
+        Self {
+            through: ArrayVec::from_iter([count]),
+            over: &[],
+            mirrors: None,
+        }
+    }
+
+    /// The route from the start of a line to the points `over` of mirrors and on to `to`, as if all of it were straight in
+    /// between; `None` if something else stands in it.
+    fn over(scene: &Scene, mirrors: &'a Mirrors, start: &Start, over: &'a [Seed], to: Vec3A) -> Option<Self> {
+        let mut route = Self {
+            through: ArrayVec::new(),
+            over,
+            mirrors: Some(mirrors),
+        };
+        let (mut ray, mut nest) = (start.ray, start.nest);
+        for seed in over {
+            ray.dir = (seed.point - ray.origin).try_normalize()?;
+            let near = seed.point.lerp(ray.origin, BEFORE);
+            let (count, there, at) = interfaces(scene, (ray, nest), near)?;
+            route.through.push(count);
+            nest = there;
+            ray.origin = at;
+            let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+            if mirrors.group(&hit) != seed.group {
+                return None;
+            }
+            let surface = scene.geometry.surface(&ray, &hit);
+            let after = ray.dir - surface.ns * (2.0 * ray.dir.dot(surface.ns));
+            ray.origin = scene.geometry.leave(&surface, after);
+        }
+        ray.dir = (to - ray.origin).try_normalize()?;
+        route.through.push(interfaces(scene, (ray, nest), to)?.0);
+        (route.through.iter().sum::<usize>() + over.len() <= INTERFACES).then_some(route)
+    }
+}
+
+/// Number of interfaces on a straight line, what surrounds its end, and where the last of them is left; `None` if anything
+/// else stands in it.
+fn interfaces(scene: &Scene, (mut ray, mut nest): (Ray, Nest), to: Vec3A) -> Option<(usize, Nest, Vec3A)> {
+    let mut count = 0;
     // Grazing rays must end.
     for _ in 0..64 {
         let length = (to - ray.origin).length();
         let Some(hit) = scene.geometry.intersect(&ray, length) else {
-            return (count > 0).then_some(count);
+            return Some((count, nest, ray.origin));
         };
         let surface = scene.geometry.surface(&ray, &hit);
         if !passes(scene, &nest, &surface, ray.dir) {
@@ -106,14 +174,24 @@ fn interfaces(scene: &Scene, start: &Start, to: Vec3A) -> Option<usize> {
     None
 }
 
-/// Shoots a ray through `count` interfaces and on to where it passes `to`; calls back with each, and the directions before
-/// and after it.
+/// The direction of light along `dir` after a mirror, in a delta lobe that shading and geometry agree on.
+fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
+    let found = scene
+        .materials
+        .specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
+    let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
+    // Normal maps turn it by what is not known here.
+    (found.wi.dot(mirrored) > 1.0 - 1e-6).then_some(mirrored.normalize())
+}
+
+/// Shoots a ray along a route and on to where it passes `to`; calls back with each interface or mirror, and the directions
+/// before and after it.
 fn shoot(
     scene: &Scene,
     start: &Start,
     dir: Vec3A,
     to: Vec3A,
-    (count, lane): (usize, usize),
+    (route, lane): (&Route, usize),
     mut bent: impl FnMut(&Surface, Vec3A, Vec3A),
 ) -> Option<Shot> {
     let across = basis(dir);
@@ -122,10 +200,10 @@ fn shoot(
     let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
     // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
     let mut origin = from + dir * (4.0 * (start.ray.origin - from).length());
-    let mut left = count;
+    let (mut left, mut leg) = (*route.through.first()?, 0);
     let mut length = 0.0;
     for _ in 0..64 {
-        if left == 0 {
+        if left == 0 && leg == route.over.len() {
             let way = (to - from).dot(dir);
             if way <= 0.0 {
                 return None;
@@ -148,7 +226,11 @@ fn shoot(
         let id = surface.material;
         let step = (surface.p - from).length();
         length += step;
-        let straight = passes(scene, &nest, &surface, dir);
+        let mirror = left == 0 && route.is_mirror(leg, &hit);
+        let straight = !mirror && passes(scene, &nest, &surface, dir);
+        if !straight && !mirror && left == 0 {
+            return None;
+        }
         // On to the surface, along it.
         for k in 0..2 {
             let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
@@ -158,9 +240,16 @@ fn shoot(
                 s - dir * (s.dot(surface.ng) / dir.dot(surface.ng))
             };
         }
-        nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+        if !mirror {
+            nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+        }
         if !straight {
-            let (after, ratio) = scene.materials.refracted(id, &surface, -dir, lane)?;
+            // To the derivatives a mirror is an interface without change of index whose far side is the near one.
+            let (after, ratio) = if mirror {
+                (reflected(scene, &surface, dir, lane)?, 1.0)
+            } else {
+                scene.materials.refracted(id, &surface, -dir, lane)?
+            };
             let bend = scene.geometry.bend(&hit, &surface);
             let (n, bend) = if dir.dot(surface.ng) > 0.0 {
                 (-surface.ns, bend * -1.0)
@@ -176,7 +265,12 @@ fn shoot(
                 slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
             }
             bent(&surface, dir, after);
-            left -= 1;
+            if mirror {
+                leg += 1;
+                left = route.through[leg];
+            } else {
+                left -= 1;
+            }
             dir = after;
         }
         from = surface.p;
@@ -189,9 +283,35 @@ fn shoot(
 /// The way from the start of a line to the point `to` through the interfaces in between; `None` if there are none, or no
 /// way is found. `lane` is the wavelength that it is for.
 pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Option<Way> {
-    let count = interfaces(scene, &start, to)?;
-    let many = (count, lane);
-    let mut dir = start.ray.dir;
+    let (count, ..) = interfaces(scene, (start.ray, start.nest), to)?;
+    if count == 0 {
+        return None;
+    }
+    solve(scene, start, start.ray.dir, to, (&Route::through(count), lane))
+}
+
+/// The way from the start of a line over mirrors to the point `to`, looked for from the points `over` of them.
+pub(super) fn find_over(
+    scene: &Scene,
+    mirrors: &Mirrors,
+    start: Start,
+    over: &[Seed],
+    (to, lane): (Vec3A, usize),
+) -> Option<Way> {
+    let route = Route::over(scene, mirrors, &start, over, to)?;
+    let dir = (over.first()?.point - start.from).try_normalize()?;
+    solve(scene, start, dir, to, (&route, lane))
+}
+
+/// Newton's method, from a direction.
+fn solve(
+    scene: &Scene,
+    start: Start,
+    mut dir: Vec3A,
+    to: Vec3A,
+    (route, lane): (&Route, usize),
+) -> Option<Way> {
+    let many = (route, lane);
     let mut shot = shoot(scene, &start, dir, to, many, |_, _, _| ())?;
     for _ in 0..STEPS {
         let miss = shot.miss.length();
@@ -237,25 +357,30 @@ fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     Some((step, det.abs()))
 }
 
-/// The way from the start of a line through `count` interfaces to the point `to`, of which is known that it leaves along
-/// `dir`.
+/// The way from the start of a line along a route to the point `to`, of which is known that it leaves along `dir`.
 pub(super) fn along(
     scene: &Scene,
     start: Start,
     dir: Vec3A,
     to: Vec3A,
-    (count, lane): (usize, usize),
+    (route, lane): (&Route, usize),
 ) -> Option<Way> {
     let mut bends = ArrayVec::new();
-    let shot = shoot(scene, &start, dir, to, (count, lane), |surface, before, after| {
+    let shot = shoot(scene, &start, dir, to, (route, lane), |surface, before, after| {
+        let lobe = if before.dot(surface.ng) * after.dot(surface.ng) < 0.0 {
+            Lobe::Reflected
+        } else {
+            Lobe::Transmitted
+        };
         let found = scene
             .materials
-            .specular(surface.material, surface, -before, Lobe::Transmitted, lane);
+            .specular(surface.material, surface, -before, lobe, lane);
         if let Some(found) = found {
             bends.push(Bend {
                 surface: *surface,
                 before,
                 after,
+                lobe,
                 scatter: found.scatter,
                 medium: found.medium,
             });
@@ -274,9 +399,19 @@ pub(super) fn along(
 }
 
 impl Way {
-    /// Number of interfaces.
+    /// Number of interfaces and mirrors.
     pub fn count(&self) -> usize {
         self.bends.len()
+    }
+
+    /// True if another way from the same point is this one.
+    pub fn is(&self, other: &Self) -> bool {
+        self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
+    }
+
+    /// True if it goes over mirrors.
+    pub fn reflects(&self) -> bool {
+        self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
     }
 
     /// True if wavelengths take different ways.
@@ -332,7 +467,9 @@ impl Way {
                 .unwrap_or_else(|| perpendicular(bend.after));
             let s = &bend.surface;
             let mut nest = line.nest;
-            nest.cross(&scene.boundaries, s.material, s.ng.dot(bend.after) < 0.0);
+            if bend.lobe == Lobe::Transmitted {
+                nest.cross(&scene.boundaries, s.material, s.ng.dot(bend.after) < 0.0);
+            }
             start = Start {
                 ray: Ray {
                     origin: scene.geometry.leave(s, bend.after),

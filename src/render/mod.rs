@@ -9,6 +9,7 @@ mod flight;
 mod join;
 mod join_manifold;
 mod manifold;
+mod mirrors;
 pub mod path;
 mod point;
 pub mod progress;

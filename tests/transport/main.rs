@@ -17,6 +17,7 @@ mod materials;
 mod measured;
 mod media;
 mod microfacet;
+mod mirrors;
 mod optics;
 mod projector_sheets;
 mod published_slabs;

@@ -8,12 +8,12 @@ use std::f64::consts::PI;
 use sunstone::scene::Integrator;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 
-const ALBEDO: f64 = 0.6;
+pub const ALBEDO: f64 = 0.6;
 const BIN_PS: f64 = 0.5;
 
 /// Half the sum and half the difference of what an interface passes of s and p, at the cosine of incidence, from index 1
 /// to `n`.
-fn transmission(cos: f64, n: f64) -> [f64; 2] {
+pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     let far = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let s = ((cos - n * far) / (cos + n * far)).powi(2);
     let p = ((n * cos - far) / (n * cos + far)).powi(2);
@@ -21,15 +21,15 @@ fn transmission(cos: f64, n: f64) -> [f64; 2] {
 }
 
 /// A ray in the plane of an axis: how far from the axis it ends, its optical length, and transmission as above.
-struct Meridian {
-    rho: f64,
-    optical: f64,
-    passed: [f64; 2],
+pub struct Meridian {
+    pub rho: f64,
+    pub optical: f64,
+    pub passed: [f64; 2],
 }
 
 /// The radiance, its part that depends on the light's polarization, and the time, of a white wall at height `wall` below
 /// the light and `rho` beside it, `trace` being the ray that starts at an angle to the axis.
-fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
+pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
     let (mut lo, mut hi) = (0.0, 1.2_f64);
     for _ in 0..200 {
         let mid = 0.5 * (lo + hi);

@@ -1,0 +1,263 @@
+//! Mirrors that light may take to a point: where ways over them are looked for (Zeltner, Georgiev & Jakob 2020, "Specular
+//! manifold sampling for rendering high-frequency caustics and glints").
+//!
+//! A surface that is lit over a mirror and seen in a mirror is reached by no walk from one end and no straight connection:
+//! both ends are points. [`super::manifold`] finds the way if it knows about where to start.
+//!
+//! - Flat mirrors: all that lie in one plane are a group. The end's image says where light for a point is reflected, so
+//!   every group, and every pair of them, is asked for its one way.
+//! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
+//!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
+
+use crate::geometry::bvh::{Geometry, Outline};
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::{Lobe, Materials};
+use crate::sampling::stream::Stream;
+use crate::sampling::warp;
+use crate::scene::Scene;
+use crate::spectrum::max_lane;
+use glam::{Mat3A, Vec3A};
+use std::collections::HashMap;
+
+/// No mirror, and any curved one.
+const NONE: u32 = u32::MAX;
+const CURVED: u32 = u32::MAX - 1;
+
+/// Above so many planes, flat mirrors are looked for at random like curved ones.
+const MOST_FLATS: usize = 2048;
+
+/// Up to so many planes, light may take two of them.
+const MOST_IN_PAIRS: usize = 64;
+
+/// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
+const SAME_PLANE: f32 = 1e-4;
+
+/// A point of a group of mirrors, from which a way is looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seed {
+    pub group: u32,
+    pub point: Vec3A,
+}
+
+/// All mirrors that lie in a plane n·p = d, within a sphere.
+#[derive(Clone, Copy, Debug)]
+struct Flat {
+    n: Vec3A,
+    d: f32,
+    centre: Vec3A,
+    radius: f32,
+}
+
+/// The mirrors of a scene.
+#[derive(Debug, Default)]
+pub(super) struct Mirrors {
+    flats: Vec<Flat>,
+    /// Curved mirrors, each with the area of all up to it.
+    curved: Vec<(Outline, f32)>,
+    /// Group of each primitive, by [`Hit::leaf`].
+    groups: HashMap<u32, u32>,
+    /// Interfaces may move the point of reflection.
+    bent: bool,
+}
+
+impl Flat {
+    fn height(&self, p: Vec3A) -> f32 {
+        self.n.dot(p) - self.d
+    }
+
+    fn image(&self, p: Vec3A) -> Vec3A {
+        p - self.n * (2.0 * self.height(p))
+    }
+
+    /// Where light between two points is reflected; `None` if not on these mirrors.
+    fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
+        let [s, e] = [a, b].map(|p| self.height(p));
+        if s * e <= 0.0 {
+            return None;
+        }
+        let p = a + (self.image(b) - a) * (s / (s + e));
+        let reach = self.radius * if bent { 1.5 } else { 1.001 };
+        (p.distance_squared(self.centre) <= reach * reach).then_some(p)
+    }
+}
+
+/// True if a material has a mirror's lobe.
+fn is_mirror(materials: &Materials, material: u32) -> bool {
+    let surface = Surface {
+        ng: Vec3A::Z,
+        ns: Vec3A::Z,
+        tangent: Vec3A::X,
+        material,
+        ..Surface::default()
+    };
+    let reflects = |wo: Vec3A| {
+        let found = materials.specular(material, &surface, wo, Lobe::Reflected, 0);
+        found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
+    };
+    reflects(Vec3A::Z) || reflects(-Vec3A::Z)
+}
+
+fn area(outline: &Outline) -> f32 {
+    match outline {
+        Outline::Flat {
+            corners: [a, b, c, d],
+        } => 0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length()),
+        Outline::Ball { radius, .. } | Outline::Inside { radius, .. } => {
+            4.0 * std::f32::consts::PI * radius * radius
+        }
+    }
+}
+
+impl Mirrors {
+    /// All surfaces of a scene that light is mirrored at.
+    pub fn new(scene: &Scene) -> Self {
+        let geometry = &scene.geometry;
+        let mut out = Self {
+            bent: scene.materials.any_interface(),
+            ..Self::default()
+        };
+        let mirrors: Vec<bool> = (0..scene.materials.list.len() as u32)
+            .map(|id| is_mirror(&scene.materials, id))
+            .collect();
+        let mut planes = HashMap::new();
+        let mut pieces: Vec<(u32, Outline, u32)> = vec![];
+        for (leaf, outline) in geometry.outlines() {
+            let (surface, flat) = primitive(geometry, leaf, &outline);
+            if !mirrors.get(surface.material as usize).copied().unwrap_or(false) {
+                continue;
+            }
+            let group = if flat {
+                let d = surface.ng.dot(surface.p);
+                // Either side of a plane is the same plane.
+                let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
+                let key = key.map(|v| (v / SAME_PLANE).round() as i64);
+                *planes.entry((surface.material, key)).or_insert_with(|| {
+                    out.flats.push(Flat {
+                        n: surface.ng,
+                        d,
+                        centre: Vec3A::ZERO,
+                        radius: 0.0,
+                    });
+                    out.flats.len() as u32 - 1
+                })
+            } else {
+                CURVED
+            };
+            pieces.push((leaf, outline, group));
+        }
+        if out.flats.len() > MOST_FLATS {
+            out.flats.clear();
+            for piece in &mut pieces {
+                piece.2 = CURVED;
+            }
+        }
+        let mut all = 0.0;
+        for (leaf, outline, group) in &pieces {
+            out.groups.insert(*leaf, *group);
+            if *group == CURVED {
+                all += area(outline);
+                out.curved.push((*outline, all));
+            }
+        }
+        for (g, flat) in out.flats.iter_mut().enumerate() {
+            let own = || pieces.iter().filter(|p| p.2 as usize == g).map(|p| ends(&p.1));
+            let (lo, hi) = own().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(lo, hi), (a, b)| {
+                (lo.min(a), hi.max(b))
+            });
+            flat.centre = 0.5 * (lo + hi);
+            flat.radius = 0.5 * (hi - lo).length();
+        }
+        out
+    }
+
+    /// The group of what is hit, a number that no seed has for all but mirrors.
+    #[inline]
+    pub fn group(&self, hit: &Hit) -> u32 {
+        self.groups.get(&hit.leaf).copied().unwrap_or(NONE)
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    /// Calls back with the flat mirrors, one or two, that light between a point and an end at `to` may take, from the point
+    /// on.
+    pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
+        let seed = |group: usize, point| Seed {
+            group: group as u32,
+            point,
+        };
+        for (i, a) in self.flats.iter().enumerate() {
+            if let Some(p) = a.reflects(from, to, self.bent) {
+                f(&[seed(i, p)]);
+            }
+        }
+        if self.flats.len() > MOST_IN_PAIRS {
+            return;
+        }
+        for (j, b) in self.flats.iter().enumerate() {
+            let image = b.image(to);
+            for (i, a) in self.flats.iter().enumerate() {
+                if i != j
+                    && let Some(p) = a.reflects(from, image, self.bent)
+                    && let Some(q) = b.reflects(p, to, self.bent)
+                {
+                    f(&[seed(i, p), seed(j, q)]);
+                }
+            }
+        }
+    }
+
+    /// A random point of the curved mirrors, if there are any.
+    pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
+        let (_, all) = self.curved.last()?;
+        let at = stream.uniform() * all;
+        let i = self.curved.partition_point(|(_, area)| *area <= at);
+        let uniforms = stream.uniform2();
+        let point = match self.curved[i.min(self.curved.len() - 1)].0 {
+            Outline::Flat {
+                corners: [a, b, c, d],
+            } => {
+                let [mut u, mut v] = uniforms;
+                if c == d && u + v > 1.0 {
+                    (u, v) = (1.0 - u, 1.0 - v);
+                }
+                a + (b - a) * u + (d - a) * v
+            }
+            Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+                centre + warp::sphere(uniforms) * radius
+            }
+        };
+        Some(Seed { group: CURVED, point })
+    }
+}
+
+/// A primitive's surface at some point, and whether it is flat.
+fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, bool) {
+    let (lo, hi) = ends(outline);
+    let ray = Ray {
+        origin: 0.5 * (lo + hi),
+        dir: Vec3A::Z,
+    };
+    let hit = Hit {
+        t: 0.0,
+        leaf,
+        u: 0.3,
+        v: 0.3,
+    };
+    let surface = geometry.surface(&ray, &hit);
+    (surface, geometry.bend(&hit, &surface) == Mat3A::ZERO)
+}
+
+/// Bounds of a primitive.
+fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
+    match outline {
+        Outline::Flat { corners } => corners[1..]
+            .iter()
+            .fold((corners[0], corners[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c))),
+        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+            (*centre - *radius, *centre + *radius)
+        }
+    }
+}

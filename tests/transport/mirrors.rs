@@ -1,0 +1,254 @@
+//! Walls that are lit over mirrors and seen in a mirror: against images, and rays traced in f64.
+
+use crate::manifold::{ALBEDO, Meridian, expected, transmission};
+use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, assert_close, head, mirror, mueller, plate, project};
+use crate::support::{Rendered, render_scene, scene_of};
+use glam::DVec3;
+use std::f64::consts::PI;
+use sunstone::scene::Integrator;
+use sunstone::tensor::axes::AxisKind::{Bounces, T};
+
+/// A plane by its normal and distance from the origin.
+type Plane = (DVec3, f64);
+
+fn image((n, d): Plane, p: DVec3) -> DVec3 {
+    p - n * (2.0 * (n.dot(p) - d))
+}
+
+fn render(text: &str) -> Rendered {
+    let mut scene = scene_of(text);
+    scene.settings.integrator = Integrator::Bidirectional;
+    scene.settings.manifold = true;
+    render_scene(&scene)
+}
+
+/// A camera that sees a point in a mirror, and the direction in which it looks.
+fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
+    Device::ray(origin.to_array(), image(plane, point))
+}
+
+/// What a mirror does to light from `point` to the camera, which comes from direction `-d_out`; its length.
+fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
+    let to = image(plane, point) - camera.origin;
+    let d_out = -to.normalize();
+    let d_in = image((plane.0, 0.0), d_out);
+    let m = mirror(
+        d_in,
+        project(DVec3::Y, d_in),
+        d_out,
+        project(camera.right, d_out),
+        GOLD,
+    );
+    (m, to.length())
+}
+
+/// The irradiance matrix of light from the lamp over mirrors, in their order, to a point of a wall with normal `n`, in some
+/// frame at the wall; and the way's length.
+fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
+    let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
+    let arriving = (point - last).normalize();
+    // Directions before each mirror, from the last on.
+    let mut dirs = vec![arriving];
+    for (normal, _) in planes.iter().rev() {
+        dirs.insert(0, image((*normal, 0.0), dirs[0]));
+    }
+    let frame = |i: usize| project(if i == 0 { lamp.right } else { DVec3::Z }, dirs[i]);
+    let mut m = M::identity();
+    for i in 0..planes.len() {
+        m = mirror(dirs[i], frame(i), dirs[i + 1], frame(i + 1), GOLD) * m;
+    }
+    let length = point.distance(last);
+    let e = arriving.dot(n).abs() / length.powi(2) * dirs[0].dot(lamp.forward).powi(-3);
+    (m * e, length)
+}
+
+/// A Lambert wall.
+fn wall() -> M {
+    let mut m = M::zeros();
+    m[(0, 0)] = ALBEDO / PI;
+    m
+}
+
+/// The scene's devices, materials and wall, and slices.
+fn text(camera: &Device, lamp: &Device, spp: u32, depth: u32, wall: &str) -> String {
+    head(spp, depth, 3)
+        + &camera.keys("camera")
+        + &lamp.keys("projector")
+        + &format!(
+            "[materials]\nwhite.diffuse.albedo = {ALBEDO}\ngold.conductor = {{ {GOLD_KEYS} }}\n\
+             glass.dielectric.ior = 1.5\n"
+        )
+        + wall
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
+           [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 1, bins = 60000 }\n\
+           [[slices]]\nname = \"p\"\nprojector = \"all\"\nbounces = true\n"
+}
+
+fn floor() -> String {
+    plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
+}
+
+/// All light of so many bounces comes within a bin of these times.
+fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
+    let t = r.mean("t").select(Bounces, bounces);
+    let mut seen = vec![false; times_ps.len()];
+    for i in (0..60000).filter(|i| t.at(&[(T, *i)]) > 0.0) {
+        let near = |ps: &f64| (i as f64 + 0.5 - ps).abs() < 0.52;
+        let k = times_ps.iter().position(near);
+        seen[k.unwrap_or_else(|| panic!("light at {i} ps, not {times_ps:?}"))] = true;
+    }
+    assert!(seen.iter().all(|s| *s), "{times_ps:?}");
+}
+
+/// One mirror on both sides, all sixteen elements, exactly: nothing is random.
+#[test]
+fn one_mirror_is_an_image() {
+    let plane = (-DVec3::X, -1.5);
+    let lamp = Device::look_at([0.0, 0.1, 1.0], DVec3::new(1.5, 0.2, 0.2), [64, 48], 40.0);
+    for point in [DVec3::new(0.4, 0.1, -0.5), DVec3::new(-0.6, 0.5, -0.5)] {
+        let camera = seen_in(plane, DVec3::new(0.0, 0.7, 0.5), point);
+        let text = text(&camera, &lamp, 2, 4, &floor()) + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold");
+        let r = render(&text);
+        let (light, there) = from_lamp(&lamp, &[plane], point, DVec3::Z);
+        let (view, back) = to_camera(&camera, plane, point);
+        let want = view * wall() * light;
+        let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
+        assert_close(&got, &want, 1e-4, "over one mirror");
+        comes_at(&r, 3, &[(there + back) / C]);
+        // Where in the projector's image it starts.
+        let ([u, v], _) = lamp.project(image(plane, point));
+        let p = r.mean("p").select(Bounces, 3);
+        let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
+        assert_eq!(lit, [v as usize * 64 + u as usize]);
+        // Without manifolds nobody finds it.
+        let mut scene = scene_of(&text);
+        scene.settings.integrator = Integrator::Bidirectional;
+        scene.settings.manifold = false;
+        assert_eq!(
+            mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]),
+            M::zeros()
+        );
+    }
+}
+
+/// Two mirrors that face one another: light takes both, in either order.
+#[test]
+fn two_mirrors_are_images_of_images() {
+    let (right, left) = ((-DVec3::X, -1.5), (DVec3::X, -1.5));
+    let point = DVec3::new(0.3, 0.1, -0.5);
+    let lamp = Device::look_at([0.1, 0.0, 0.7], DVec3::new(0.1, 0.0, 0.0), [64, 64], 5.0);
+    let camera = seen_in(right, DVec3::new(0.0, 0.7, 0.5), point);
+    let text = text(&camera, &lamp, 2, 5, &floor())
+        + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
+        + &plate(DVec3::X * -1.5, DVec3::X, 1.4, "gold");
+    let r = render(&text);
+    let (view, back) = to_camera(&camera, right, point);
+    let ways = [[right, left], [left, right]].map(|planes| from_lamp(&lamp, &planes, point, DVec3::Z));
+    let want = view * wall() * (ways[0].0 + ways[1].0);
+    let got = mueller(&r.mean("m"), &[(Bounces, 4)]);
+    assert_close(&got, &want, 1e-4, "over two mirrors");
+    comes_at(&r, 4, &ways.map(|(_, there)| (there + back) / C));
+}
+
+/// A pane of glass between lamp and mirror bends light on its way there.
+#[test]
+fn mirror_behind_glass() {
+    let plane = (-DVec3::X, -1.5);
+    let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::new(1.5, 0.0, 0.2), [64, 48], 40.0);
+    let point = DVec3::new(0.4, 0.0, -0.5);
+    let camera = seen_in(plane, DVec3::new(0.0, 0.5, 0.2), point);
+    let text = text(&camera, &lamp, 2, 6, &floor())
+        + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
+        + "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-1.4, -1, 0.5], max = [1.4, 1, 0.6] }\n";
+    let r = render(&text);
+    // As if straight behind the mirror. All is in one plane, in which both matrices have their p.
+    let trace = |theta: f64| {
+        let (sin, cos) = theta.sin_cos();
+        let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
+        let [a, b] = transmission(cos, 1.5);
+        let (a, b) = (a * a + b * b, 2.0 * a * b);
+        let [s, p] = crate::optics::amplitudes(sin, GOLD).map(|r| r.norm_sqr());
+        let (c, d) = ((s + p) / 2.0, (s - p) / 2.0);
+        Meridian {
+            rho: 1.4 * sin / cos + 0.1 * (sin / 1.5) / inner,
+            optical: 1.4 / cos + 0.1 * 1.5 / inner,
+            passed: [a * c + b * d, a * d + b * c],
+        }
+    };
+    let rho = 3.0 - point.x;
+    let (radiance, polarized, optical, theta) = expected(trace, rho);
+    let out = DVec3::new(theta.sin(), 0.0, -theta.cos());
+    let (view, back) = to_camera(&camera, plane, point);
+    let want = radiance * out.dot(lamp.forward).powi(-3) * view[(0, 0)];
+    let got = mueller(&r.mean("m"), &[(Bounces, 5)]);
+    assert!((got[(0, 0)] / want - 1.0).abs() < 1e-4, "{} {want}", got[(0, 0)]);
+    let degree = got[(0, 1)].hypot(got[(0, 2)]) / got[(0, 0)];
+    assert!((degree - polarized.abs()).abs() < 2e-4, "{degree} {polarized}");
+    comes_at(&r, 5, &[(optical + back) / C]);
+}
+
+/// Mirror balls, whose ways are found by chance: one against rays in f64, two against each alone.
+#[test]
+fn balls_bring_what_rays_say() {
+    let plane = (-DVec3::X, -1.5);
+    let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 40.0);
+    let point = DVec3::new(0.48, 0.64, 1.4);
+    let camera = seen_in(plane, DVec3::new(0.0, -0.5, 1.0), point);
+    let ceiling = plate(DVec3::new(0.0, 0.0, 1.4), -DVec3::Z, 1.4, "white");
+    let of = |balls: &[&str]| {
+        let text = text(&camera, &lamp, 30_000, 4, &ceiling) + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold");
+        let balls = balls.iter().map(|ball| {
+            format!("[[objects]]\nmaterial = \"gold\"\nshape.sphere = {{ center = {ball}, radius = 0.3 }}\n")
+        });
+        render(&(text + &balls.collect::<String>()))
+    };
+    let m00 = |r: &Rendered| {
+        let of = |t| mueller(&t, &[(Bounces, 3)])[(0, 0)];
+        (of(r.mean("m")), of(r.std_error("m")))
+    };
+    let (below, beside) = ("[0, 0, 0]", "[0.5, -0.2, 0.1]");
+    let one = of(&[below]);
+    let trace = |theta: f64| {
+        let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
+        let disc = b * b - (1.0 - 0.09);
+        if disc < 0.0 {
+            return Meridian {
+                rho: 9.0,
+                optical: 0.0,
+                passed: [1.0, 0.0],
+            };
+        }
+        let t = b - disc.sqrt();
+        let n = [t * d[0] / 0.3, (1.0 + t * d[1]) / 0.3];
+        let cos = -(d[0] * n[0] + d[1] * n[1]);
+        let up = [d[0] + 2.0 * cos * n[0], d[1] + 2.0 * cos * n[1]];
+        let s = (1.4 - 0.3 * n[1]) / up[1];
+        let r = crate::optics::amplitudes(cos, GOLD).map(|r| r.norm_sqr());
+        Meridian {
+            // Rays that leave downwards never arrive.
+            rho: if up[1] > 0.0 { 0.3 * n[0] + s * up[0] } else { 9.0 },
+            optical: t + s,
+            passed: [(r[0] + r[1]) / 2.0, (r[0] - r[1]) / 2.0],
+        }
+    };
+    let (radiance, polarized, optical, theta) = expected(trace, point.truncate().length());
+    let (view, back) = to_camera(&camera, plane, point);
+    let want = radiance * theta.cos().powi(-3) * view[(0, 0)];
+    let (got, error) = m00(&one);
+    println!("{got} ± {error}, {want}");
+    assert!(error < 0.03 * want, "{error}");
+    assert!((got - want).abs() < 5.0 * error, "{got} ± {error} is not {want}");
+    let m = mueller(&one.mean("m"), &[(Bounces, 3)]);
+    let degree = m[(0, 1)].hypot(m[(0, 2)]) / m[(0, 0)];
+    assert!((degree - polarized.abs()).abs() < 1e-3, "{degree} {polarized}");
+    comes_at(&one, 3, &[(optical + back) / C]);
+    // Neither ball stands in the other's light.
+    let (other, both) = (m00(&of(&[beside])), m00(&of(&[below, beside])));
+    assert!(other.0 > 0.1 * got, "{other:?}");
+    let sigma = (error.powi(2) + other.1.powi(2) + both.1.powi(2)).sqrt();
+    println!("{got} + {other:?}, {both:?}");
+    assert!(
+        (got + other.0 - both.0).abs() < 5.0 * sigma,
+        "{got} + {other:?} is not {both:?}"
+    );
+}
