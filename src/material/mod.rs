@@ -518,7 +518,17 @@ impl Materials {
     #[inline]
     #[must_use]
     pub fn is_interface(&self, id: u32) -> bool {
-        matches!(self.list[id as usize], Material::Dielectric(_))
+        self.interface(id).is_some()
+    }
+
+    /// The faces of a smooth interface that sends light of one wavelength a single way.
+    #[inline]
+    fn interface(&self, id: u32) -> Option<&dielectric::Dielectric> {
+        match &self.list[id as usize] {
+            Material::Dielectric(m) => Some(m),
+            Material::Crystal(m) if !m.split => Some(&m.faces),
+            _ => None,
+        }
     }
 
     /// Where light comes from through a smooth interface, of wavelength `lane`, that leaves along `wo`, and the index on the
@@ -526,10 +536,7 @@ impl Materials {
     #[inline]
     #[must_use]
     pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
-        match &self.list[id as usize] {
-            Material::Dielectric(m) => m.refracted(at, wo, lane),
-            _ => None,
-        }
+        self.interface(id)?.refracted(at, wo, lane)
     }
 
     /// True if some material is a smooth interface that bends light.
@@ -541,7 +548,7 @@ impl Materials {
     /// True if the material's interface sends wavelengths different ways.
     #[must_use]
     pub fn disperses(&self, id: u32) -> bool {
-        matches!(&self.list[id as usize], Material::Dielectric(m) if m.dispersive)
+        self.interface(id).is_some_and(|m| m.dispersive)
     }
 
     /// True if the material is a crystal.

@@ -3,7 +3,7 @@
 //! Projector and camera are points, so light that leaves one of them by a single direction (over a mirror, through smooth
 //! glass) reaches a given point of a surface by chance never. Paths from the camera miss what the projector sends that
 //! way; paths from both ends miss what is bent on both sides of a single rough surface, but for what manifold connections
-//! find through interfaces.
+//! find through interfaces and over mirrors.
 
 use crate::geometry::ray::Ray;
 use crate::scene::pinhole::Pinhole;
@@ -13,12 +13,19 @@ use glam::DVec2;
 /// Rays along each side of a device's image that are asked what they meet.
 const GRID: u32 = 48;
 
-/// Shares of a device's image whose rays meet a surface that sends light in single directions: a mirror (or a crystal), and
-/// an interface that manifold connections can follow.
+/// Shares of a device's image whose rays meet a surface that sends light in single directions: a mirror, an interface that
+/// manifold connections can follow, and a crystal whose rays part ways.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Meets {
     mirror: f64,
     interface: f64,
+    split: f64,
+}
+
+impl Meets {
+    fn any(&self) -> bool {
+        self.mirror + self.interface + self.split > 0.0
+    }
 }
 
 fn meets(scene: &Scene, device: &Pinhole) -> Meets {
@@ -45,6 +52,8 @@ fn meets(scene: &Scene, device: &Pinhole) -> Meets {
             }
             if scene.materials.is_interface(id) {
                 meets.interface += one;
+            } else if scene.materials.is_crystal(id) {
+                meets.split += one;
             } else if !scene.materials.is_smooth(id) {
                 meets.mirror += one;
             }
@@ -64,11 +73,11 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     let percent = |share: f64| format!("{:.0} %", (100.0 * share).max(1.0));
     let mut out = vec![];
     let both = scene.settings.integrator == Integrator::Bidirectional;
-    if !both && lit.mirror > 0.0 {
+    if !both && lit.mirror + lit.split > 0.0 {
         out.push(format!(
             "{} of the projector's pixels shine on mirrors or crystals, and integrator = \"path\" does not find where that \
              light goes; set integrator = \"bidirectional\"",
-            percent(lit.mirror)
+            percent(lit.mirror + lit.split)
         ));
     }
     if !both && lit.interface > 0.0 {
@@ -86,15 +95,18 @@ pub fn missing(scene: &Scene) -> Vec<String> {
             )
         });
     }
-    if both && lit.mirror + lit.interface > 0.0 {
+    if both && lit.any() {
         let seen = meets(scene, &scene.camera);
-        if seen.mirror > 0.0
-            || (seen.interface > 0.0 && !scene.settings.manifold)
-            || lit.mirror > 0.0 && seen.interface > 0.0
-        {
+        if !scene.settings.manifold && seen.any() {
             out.push(
-                "surfaces that are lit over mirrors and seen in mirrors or through smooth interfaces, without a second rough \
-                 surface or a medium in between, stay dark: no connection leads around mirrors on both sides"
+                "surfaces that are lit and seen over mirrors or through smooth interfaces, without a second rough surface or a \
+                 medium in between, stay dark; set manifold = true"
+                    .to_owned(),
+            );
+        } else if lit.split > 0.0 && seen.split + seen.mirror > 0.0 {
+            out.push(
+                "surfaces that are lit through crystals with split = true and seen through such crystals or in mirrors, without \
+                 a second rough surface or a medium in between, stay dark: no connection leads through both"
                     .to_owned(),
             );
         }

@@ -113,7 +113,17 @@ fn a_chain_of_commands() {
     let both = mirror.replace("[render]", "[render]\nintegrator = \"bidirectional\"");
     std::fs::write(d.join("both.toml"), both).unwrap();
     let about = run(d, &["info", "both.toml"]);
-    assert!(about.contains("stay dark"), "{about}");
+    assert!(!about.contains("warning"), "{about}");
+    let walks = mirror.replace(
+        "[render]",
+        "[render]\nintegrator = \"bidirectional\"\nmanifold = false",
+    );
+    std::fs::write(d.join("walks.toml"), walks).unwrap();
+    let about = run(d, &["info", "walks.toml"]);
+    assert!(
+        about.contains("stay dark") && about.contains("manifold = true"),
+        "{about}"
+    );
 
     // T_p printed by the program is the sum over the image.
     let printed = run(
