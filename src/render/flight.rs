@@ -14,6 +14,9 @@ use crate::scene::Scene;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
 
+/// Surfaces are looked for this much farther than a free path, against rounding.
+const REACH: f32 = 1e-3;
+
 /// Which end a walk starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum From {
@@ -128,11 +131,17 @@ impl Flight {
     pub fn fly(&mut self, scene: &Scene, from: From, stream: &mut Stream, rays: &mut u32) -> Landing {
         loop {
             *rays += 1;
-            let hit = scene.geometry.intersect(&self.ray, f32::INFINITY);
+            let inside = self.nest.medium(&scene.boundaries);
+            // Most ways through dense media end before any surface, which then need not be looked for.
+            let free = inside.and_then(|id| self.free_path(scene, id, stream));
+            let reach = free.map_or(f32::INFINITY, |length| {
+                length * (1.0 + REACH) + scene.geometry.skin()
+            });
+            let hit = scene.geometry.intersect(&self.ray, reach);
             let surface = hit.map(|hit| scene.geometry.surface(&self.ray, &hit));
             let way = surface.map_or(f32::INFINITY, |s| (s.p - self.from).length());
-            if let Some(id) = self.nest.medium(&scene.boundaries)
-                && let Some(landing) = self.through(scene, id, way, stream)
+            if let Some(id) = inside
+                && let Some(landing) = self.through(scene, id, way, free)
             {
                 return landing;
             }
@@ -153,10 +162,19 @@ impl Flight {
         }
     }
 
-    /// Goes `way` metres through a medium, or less if the light is scattered or absorbed there.
-    ///
-    /// The hero wavelength draws the distance.
-    fn through(&mut self, scene: &Scene, id: u32, way: f32, stream: &mut Stream) -> Option<Landing> {
+    /// Draws how far the hero wavelength goes in a medium before it is scattered or absorbed; `None` where nothing scatters.
+    fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
+        let medium = &scene.media.list[id as usize];
+        if medium.scattering == Spectral::ZERO {
+            return None;
+        }
+        // Never 0.
+        let u = 1.0 - stream.uniform();
+        Some(-u.ln() / medium.extinction().to_array()[self.hero.lane])
+    }
+
+    /// Goes `way` metres through a medium, or less if the light's free path is shorter.
+    fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let medium = &scene.media.list[id as usize];
         let extinction = medium.extinction();
         let passed = |length: f32| {
@@ -164,14 +182,11 @@ impl Flight {
             // Infinite ways through lanes that are clear.
             extinction.simd_eq(Spectral::ZERO).select(Spectral::ZERO, depth)
         };
-        if medium.scattering == Spectral::ZERO {
+        let Some(length) = free else {
             self.depth += passed(way);
             self.chain.scale((-passed(way)).exp());
             return None;
-        }
-        // Never 0.
-        let u = 1.0 - stream.uniform();
-        let length = -u.ln() / extinction.to_array()[self.hero.lane];
+        };
         if length < way {
             let depth = passed(length);
             let transmittance = (-depth).exp();
