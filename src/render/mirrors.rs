@@ -261,3 +261,106 @@ fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn mirrors(objects: &str) -> Mirrors {
+        let text = "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 30\n\
+                    pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n\
+                    [materials]\nwhite.diffuse.albedo = 0.5\ngold.conductor.metal = \"Au\"\n\
+                    matt.rough_conductor = { metal = \"Au\", alpha = 0.2 }\nglass.dielectric.ior = 1.5\n";
+        let text = text.to_owned()
+            + objects
+            + "[[emitters]]\npoint = { position = [0, 0, 3], intensity = 1 }\n[[slices]]\nname = \"s\"\n";
+        Mirrors::new(&Scene::from_text(Path::new("mirrors.toml"), &text).expect("a scene"))
+    }
+
+    fn rectangle(material: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> String {
+        format!(
+            "[[objects]]\nmaterial = \"{material}\"\n\
+             shape.rectangle = {{ corner = {corner:?}, u = {u:?}, v = {v:?} }}\n"
+        )
+    }
+
+    /// Pieces of one plane are one mirror, whichever side they face; what scatters or is rough is none.
+    #[test]
+    fn a_plane_is_one_mirror() {
+        let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let all = rectangle("gold", [0.0; 3], x, y)
+            + &rectangle("gold", [1.5, 0.0, 0.0], x, y)
+            + &rectangle("gold", [0.0, 0.0, 0.3], x, y)
+            + &rectangle("white", [0.0, 0.0, 0.6], x, y)
+            + &rectangle("matt", [0.0, 0.0, 0.9], x, y);
+        let mirrors = mirrors(&all);
+        assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (2, 0));
+        let wide = mirrors.flats.iter().filter(|f| f.radius > 1.2).count();
+        assert_eq!(wide, 1);
+    }
+
+    /// The way over a flat mirror has equal angles; there is none to the other side, or beside the mirror.
+    #[test]
+    fn flat_ways_are_images() {
+        let all = rectangle("gold", [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        let mirrors = mirrors(&all);
+        let ways = |a: [f32; 3], b: [f32; 3]| {
+            let mut found = vec![];
+            mirrors.flat_ways(Vec3A::from_array(a), Vec3A::from_array(b), |seeds| {
+                found.push(seeds[0].point)
+            });
+            found
+        };
+        let found = ways([-0.3, 0.2, 1.0], [0.6, 0.2, 2.0]);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].distance(Vec3A::new(0.0, 0.2, 0.0)) < 1e-6, "{found:?}");
+        assert!(ways([-0.3, 0.2, 1.0], [0.6, 0.2, -2.0]).is_empty());
+        assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
+    }
+
+    /// Two mirrors at a right angle: the light may take both, in one order from most places.
+    #[test]
+    fn pairs_are_images_of_images() {
+        let all = rectangle("gold", [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
+            + &rectangle("gold", [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]);
+        let mirrors = mirrors(&all);
+        let (a, b) = (Vec3A::new(1.0, 0.1, 0.5), Vec3A::new(0.5, 0.1, 1.2));
+        let mut pairs = 0;
+        mirrors.flat_ways(a, b, |seeds| {
+            if let [p, q] = seeds {
+                pairs += 1;
+                let [p, q] = [p.point, q.point];
+                // Each reflection turns about its mirror's normal.
+                for (before, after, at) in [((p - a), (q - p), p), ((q - p), (b - q), q)] {
+                    let n = if at.z.abs() < 1e-6 { Vec3A::Z } else { Vec3A::X };
+                    let (before, after) = (before.normalize(), after.normalize());
+                    assert!((before - n * (2.0 * before.dot(n)) - after).length() < 1e-5);
+                }
+            }
+        });
+        assert_eq!(pairs, 1);
+    }
+
+    /// Random points lie on curved mirrors, each surface by its area.
+    #[test]
+    fn seeds_cover_curved_mirrors() {
+        let ball = |x: f32, radius: f32| {
+            format!(
+                "[[objects]]\nmaterial = \"gold\"\nshape.sphere = {{ center = [{x:?}, 0, 0], radius = {radius:?} }}\n"
+            )
+        };
+        let mirrors = mirrors(&(ball(0.0, 1.0) + &ball(4.0, 0.5)));
+        assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (0, 2));
+        let (mut stream, n, mut large) = (Stream::new(1, 0, 0), 20_000, 0);
+        for _ in 0..n {
+            let p = mirrors.draw(&mut stream).expect("a mirror").point;
+            let on = |x: f32, radius: f32| (p.distance(Vec3A::new(x, 0.0, 0.0)) - radius).abs() < 1e-5;
+            large += u32::from(on(0.0, 1.0));
+            assert!(on(0.0, 1.0) || on(4.0, 0.5), "{p}");
+        }
+        // Four fifths, within 5 sigma of a binomial.
+        let (share, sigma) = (f64::from(large) / f64::from(n), (0.16 / f64::from(n)).sqrt());
+        assert!((share - 0.8).abs() < 5.0 * sigma, "{share}");
+    }
+}
