@@ -3,6 +3,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
 use std::hint::black_box;
+use sunstone::decompose::maps::{Quantity, maps};
 use sunstone::polarization::chain::Chain;
 use sunstone::polarization::fresnel;
 use sunstone::polarization::mueller::Mueller;
@@ -37,5 +38,25 @@ fn mueller(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, mueller);
+/// A megapixel of a gold-like matrix, each a little different, as `sunstone decompose` does it.
+fn decompose(c: &mut Criterion) {
+    let base = [
+        0.79, 0.10, 0.02, 0.01, 0.11, 0.75, 0.03, -0.02, 0.01, 0.02, -0.41, -0.55, 0.0, 0.03, 0.56, -0.40,
+    ];
+    let all: Vec<f64> = (0..1 << 20)
+        .flat_map(|k| base.map(|e: f64| e + 1e-3 * f64::from(k % 97) / 97.0))
+        .collect();
+    let wanted: Vec<Quantity> = Quantity::ALL
+        .into_iter()
+        .filter(|q| *q != Quantity::Entropy)
+        .collect();
+    let mut group = c.benchmark_group("Lu-Chipman");
+    group
+        .throughput(criterion::Throughput::Elements(1 << 20))
+        .sample_size(10);
+    group.bench_function("four scalars", |b| b.iter(|| maps(black_box(&all), &wanted[..4])));
+    group.bench_function("all arrays", |b| b.iter(|| maps(black_box(&all), &wanted)));
+}
+
+criterion_group!(benches, mueller, decompose);
 criterion_main!(benches);

@@ -1,5 +1,6 @@
 //! Command line: one module a command, one exit point.
 
+mod decompose;
 mod export;
 mod failure;
 mod figure;
@@ -36,6 +37,7 @@ Examples:
   sunstone info out/mirror_room.zarr                     what a store holds
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
+  sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
   sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
 
 Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
@@ -56,6 +58,7 @@ enum Command {
     Probe(probe::Arguments),
     Figure(figure::Arguments),
     Merge(merge::Arguments),
+    Decompose(decompose::Arguments),
     Export(export::Arguments),
     Import(import::Arguments),
     Pbrdf(pbrdf::Arguments),
@@ -97,6 +100,7 @@ pub fn run() -> ExitCode {
         Command::Probe(a) => probe::run(&a),
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
+        Command::Decompose(a) => decompose::run(&a),
         Command::Export(a) => export::run(&a),
         Command::Import(a) => import::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),

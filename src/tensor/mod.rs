@@ -7,6 +7,7 @@ pub mod array;
 pub mod axes;
 pub mod exr;
 pub mod merge;
+pub mod numpy;
 pub mod plan;
 pub mod probe;
 pub mod region;

@@ -54,7 +54,7 @@ fn sunstone(dir: &Path, arguments: &[&str]) -> Output {
 }
 
 /// Runs a command that must succeed, and returns what it printed.
-fn run(dir: &Path, arguments: &[&str]) -> String {
+pub fn run(dir: &Path, arguments: &[&str]) -> String {
     let out = sunstone(dir, arguments);
     let stderr = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success(), "{arguments:?}: {stderr}");
@@ -62,13 +62,13 @@ fn run(dir: &Path, arguments: &[&str]) -> String {
 }
 
 /// Runs a command that must refuse its input, and returns its message.
-fn refused(dir: &Path, arguments: &[&str]) -> String {
+pub fn refused(dir: &Path, arguments: &[&str]) -> String {
     let out = sunstone(dir, arguments);
     assert_eq!(out.status.code(), Some(2), "{arguments:?}");
     String::from_utf8_lossy(&out.stderr).into_owned()
 }
 
-fn rendered() -> tempfile::TempDir {
+pub fn rendered() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("room")).unwrap();
     std::fs::write(dir.path().join("room/scene.toml"), SCENE).unwrap();

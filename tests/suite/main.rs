@@ -4,6 +4,7 @@
 //! the memory of their process stay apart.
 
 mod commands;
+mod decompose;
 mod errors;
 mod exchange;
 #[path = "../harness/mod.rs"]

@@ -1,0 +1,213 @@
+//! `sunstone decompose` on arrays and stores.
+
+use crate::commands::{refused, rendered, run};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use sunstone::decompose::lu_chipman::{SINGLE, decompose};
+use sunstone::decompose::properties::Properties;
+use sunstone::tensor::axes::AxisKind;
+use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
+use sunstone::tensor::store::{Field, TensorStore};
+
+/// All arrays of an archive.
+fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
+    let mut zip = zip::ZipArchive::new(File::open(path).expect("a file")).expect("an archive");
+    let folder = tempfile::tempdir().expect("a folder");
+    (0..zip.len())
+        .map(|i| {
+            let mut entry = zip.by_index(i).expect("an array");
+            let name = entry.name().expect("a name").trim_end_matches(".npy").to_owned();
+            let mut bytes = vec![];
+            entry.read_to_end(&mut bytes).expect("bytes");
+            let at = folder.path().join("one.npy");
+            std::fs::write(&at, bytes).expect("space");
+            (name, NumpyArray::read(&at).expect("numbers"))
+        })
+        .collect()
+}
+
+/// Saves an array as `NAME.npy`.
+fn save(folder: &Path, name: &str, array: NumpyArray) {
+    let archive = folder.join("one.npz");
+    write_npz(&archive, &[(name.to_owned(), array)]).expect("space");
+    let mut zip = zip::ZipArchive::new(File::open(&archive).expect("a file")).expect("an archive");
+    let mut bytes = vec![];
+    zip.by_index(0)
+        .expect("an array")
+        .read_to_end(&mut bytes)
+        .expect("bytes");
+    std::fs::write(folder.join(format!("{name}.npy")), bytes).expect("space");
+}
+
+fn double(shape: &[usize], values: Vec<f64>) -> NumpyArray {
+    NumpyArray {
+        shape: shape.to_vec(),
+        values: Values::Double(values),
+    }
+}
+
+fn values(array: &NumpyArray) -> Vec<f64> {
+    match &array.values {
+        Values::Single(v) => v.iter().map(|v| f64::from(*v)).collect(),
+        Values::Double(v) => v.clone(),
+    }
+}
+
+/// A quarter-wave retarder, an ideal depolarizer and something impossible, as an array of 3 x 1.
+#[test]
+fn arrays_in_arrays_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let d = folder.path();
+    let retarder = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 0., 1., 0., 0., -1., 0.];
+    let mut depolarizer = [0.0; 16];
+    depolarizer[0] = 2.0;
+    let all = [retarder, depolarizer, [0.0; 16]].concat();
+    save(d, "m", double(&[3, 1, 4, 4], all.clone()));
+    run(d, &["decompose", "m.npy", "-o", "p.npz"]);
+    let found = arrays(&d.join("p.npz"));
+    let mut names: Vec<&str> = found.keys().map(String::as_str).collect();
+    names.sort_unstable();
+    assert_eq!(
+        names,
+        [
+            "depolarization",
+            "diattenuation",
+            "m_d",
+            "m_delta",
+            "m_r",
+            "polarizance",
+            "retardance",
+            "retardance_axis"
+        ]
+    );
+    assert_eq!(found["m_r"].shape, [3, 1, 4, 4]);
+    assert_eq!(found["retardance_axis"].shape, [3, 1, 3]);
+    let retardance = values(&found["retardance"]);
+    assert!((retardance[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    assert_eq!(retardance[1], 0.0);
+    assert!(retardance[2].is_nan());
+    assert_eq!(values(&found["depolarization"])[..2], [0.0, 1.0]);
+    // Errors, and chosen arrays.
+    save(d, "e", double(&[3, 1, 4, 4], vec![0.01; 48]));
+    let only = [
+        "decompose",
+        "m.npy",
+        "--errors",
+        "e.npy",
+        "--only",
+        "retardance,entropy",
+        "-o",
+        "q.npz",
+    ];
+    run(d, &only);
+    let found = arrays(&d.join("q.npz"));
+    assert_eq!(found.len(), 3);
+    // The phase of a retarder is known as well as the four elements that hold its sine and cosine allow.
+    let error = values(&found["retardance_error"])[0];
+    assert!(error > 0.005 && error < 0.01, "{error}");
+    assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
+}
+
+/// A stored image gives what its matrices give one by one, with errors; along the axes that it has.
+#[test]
+fn slices_of_stores() {
+    let folder = rendered();
+    let d = folder.path();
+    run(d, &["decompose", "out/room.zarr", "image", "-o", "p.npz"]);
+    let found = arrays(&d.join("p.npz"));
+    assert_eq!(found["retardance"].shape, [12, 16, 3]);
+    assert_eq!(found["m_delta"].shape, [12, 16, 3, 4, 4]);
+    let store = TensorStore::open(&d.join("out/room.zarr")).expect("a store");
+    let slice = store.slice("image").expect("a slice");
+    let mean = slice.read_all(Field::Mean).expect("values");
+    let at = |y, x, w, i, j| {
+        f64::from(mean.at(&[
+            (AxisKind::Y, y),
+            (AxisKind::X, x),
+            (AxisKind::Wavelength, w),
+            (AxisKind::StokesOut, i),
+            (AxisKind::StokesIn, j),
+        ]))
+    };
+    let (polarizance, m_d) = (values(&found["polarizance"]), values(&found["m_d"]));
+    let mut lit = 0;
+    for y in 0..12 {
+        for x in 0..16 {
+            for w in 0..3 {
+                let k = (y * 16 + x) * 3 + w;
+                let m = std::array::from_fn(|i| std::array::from_fn(|j| at(y, x, w, i, j)));
+                let Some(parts) = decompose(&m, SINGLE) else {
+                    assert!(polarizance[k].is_nan());
+                    continue;
+                };
+                lit += 1;
+                let p = Properties::of(&m, &parts);
+                assert!((polarizance[k] - p.polarizance).abs() < 1e-6);
+                assert!((m_d[16 * k] / m[0][0] - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+    assert!(lit > 200, "{lit}");
+    let errors = values(&found["polarizance_error"]);
+    assert!(errors.iter().filter(|e| **e > 0.0).count() > 20);
+    // Along a part of an axis.
+    run(
+        d,
+        &[
+            "decompose",
+            "out/room.zarr",
+            "xt",
+            "-k",
+            "t=9000:9500",
+            "--only",
+            "retardance",
+            "-o",
+            "t.npz",
+        ],
+    );
+    let found = arrays(&d.join("t.npz"));
+    assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
+}
+
+/// What is not an array of matrices is refused with a mend, and nothing is written.
+#[test]
+fn other_inputs_are_refused() {
+    let folder = rendered();
+    let d = folder.path();
+    save(d, "flat", double(&[2, 16], vec![0.0; 32]));
+    save(d, "m", double(&[2, 4, 4], vec![1.0; 32]));
+    std::fs::write(d.join("text.npy"), "not an array").expect("space");
+    for (arguments, says) in [
+        (&["decompose", "flat.npy", "-o", "p.npz"][..], "(..., 4, 4)"),
+        (&["decompose", "text.npy", "-o", "p.npz"], "numpy.save"),
+        (&["decompose", "missing.npy", "-o", "p.npz"], "missing.npy"),
+        (&["decompose", "m.npy", "-o", "p.csv"], ".npz"),
+        (
+            &["decompose", "m.npy", "--errors", "flat.npy", "-o", "p.npz"],
+            "(..., 4, 4)",
+        ),
+        (
+            &["decompose", "m.npy", "--only", "phase", "-o", "p.npz"],
+            "retardance",
+        ),
+        (&["decompose", "out/room.zarr", "-o", "p.npz"], "name the slice"),
+        (
+            &[
+                "decompose",
+                "out/room.zarr",
+                "image",
+                "-k",
+                "stokes_in=0",
+                "-o",
+                "p.npz",
+            ],
+            "mueller",
+        ),
+    ] {
+        let message = refused(d, arguments);
+        assert!(message.contains(says), "{arguments:?}: {message}");
+        assert!(!d.join("p.npz").exists());
+    }
+}
