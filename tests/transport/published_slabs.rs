@@ -5,6 +5,7 @@
 
 use crate::doubling::{Slab, phase_matrix, rayleigh};
 use crate::optics::{M, assert_close};
+use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::medium::scattered::Elements;
 
@@ -200,4 +201,19 @@ fn doubling_keeps_its_invariants() {
     );
     let [up, down] = slab.shares(mu0);
     assert!((up + down - 1.0).abs() < 2e-6, "{up} + {down}");
+}
+
+/// Light that spheres of polystyrene in vacuum send back from a slab of optical depth 4 under normal incidence, by Evans &
+/// Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of polarized light transport
+/// into scattering media: part I", table of reflectances; 632.8 nm, index 1.59).
+#[test]
+fn spheres_reflect_what_ramella_roman_published() {
+    for (diameter_nm, want) in [(1000.0, 0.447_99), (2000.0, 0.293_01)] {
+        let ensemble = spheres(1.0, diameter_nm);
+        let slab = Slab::new(&mie(&ensemble), [4.0, 1.0], 16, &[1.0], &[0], 22);
+        let [up, down] = slab.shares(1.0);
+        println!("{diameter_nm} nm: {up:.5}, published {want}");
+        assert!((up - want).abs() < 1e-5, "{diameter_nm} nm: {up} is not {want}");
+        assert!((up + down - 1.0).abs() < 1e-6, "{up} and {down}");
+    }
 }

@@ -3,7 +3,7 @@
 
 use crate::doubling::{Scattering, rayleigh, scattered};
 use crate::optics::{C, Device, M, assert_close, head, mueller, plate, project, turn};
-use crate::slab::{mie, phase, spheres};
+use crate::slab::{WATER, mie, phase, spheres};
 use crate::support::{Rendered, render_text};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -150,7 +150,7 @@ fn henyey_greenstein(mu: f64) -> Elements<f64> {
 #[test]
 fn single_scattering_is_a_quadrature() {
     const SPP: u32 = 100_000;
-    let ensemble = spheres(1000.0);
+    let ensemble = spheres(WATER, 1000.0);
     let spheres = mie(&ensemble);
     let clouds = [
         Cloud {

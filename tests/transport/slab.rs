@@ -12,7 +12,7 @@ use sunstone::medium::bulk::{Amount, Ensemble};
 use sunstone::medium::scattered::Elements;
 use sunstone::medium::size_distribution::SizeDistribution;
 
-const WATER: f64 = 1.33;
+pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;
 
 /// Half width of the slab, m: light that went so far does not come back.
@@ -20,8 +20,8 @@ const HALF: f64 = 40.0;
 /// Distance of the projector, m.
 const FAR: f64 = 2e4;
 
-pub fn spheres(diameter_nm: f64) -> Ensemble {
-    let mut ensemble = Ensemble::new(WATER, NM);
+pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
+    let mut ensemble = Ensemble::new(host, NM);
     let sizes = SizeDistribution::Single {
         radius: 0.5e-9 * diameter_nm,
     };
@@ -171,7 +171,7 @@ fn mie_slabs_are_as_doubling_says() {
         (1000.0, 12, [2.0, 1.0], 150_000, [[0.6, 30.0], [-0.8, 75.0]]),
         (2000.0, 20, [4.0, 0.99], 120_000, [[0.8, -60.0], [-0.6, 110.0]]),
     ] {
-        let ensemble = spheres(diameter);
+        let ensemble = spheres(WATER, diameter);
         let scattering = mie(&ensemble);
         let slab = Slab::new(&scattering, optics, nodes, &[1.0, 0.6, 0.8], &[0, 2], 14);
         let views = views.map(|v| view(light, v));
@@ -205,7 +205,7 @@ fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2
 /// linear polarization first (MacKintosh, Zhu, Pine & Weitz 1989, Phys. Rev. B 40, 9342).
 #[test]
 fn helicity_outlives_linear_polarization_among_large_spheres() {
-    let ensemble = spheres(2000.0);
+    let ensemble = spheres(WATER, 2000.0);
     let large = mie(&ensemble);
     for (diameter, scattering, depths) in [
         (None, &rayleigh as Scattering, [1.0, 2.0, 4.0]),
