@@ -81,16 +81,26 @@ impl Joiner<'_> {
             );
         });
         let draw = |joiner: &mut Self, lane| find(&[setup.mirrors.draw(joiner.stream)?], lane);
-        self.each_way(
-            z,
-            |joiner, lane| {
-                let way = draw(joiner, lane)?;
-                let again = |_: &u32| draw(joiner, lane).is_some_and(|w| w.is(&way));
-                let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
-                Some((way, tries as f32))
-            },
-            |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
-        );
+        let found_by_chance = |joiner: &mut Self, lane| {
+            let way = draw(joiner, lane)?;
+            let again = |_: &u32| draw(joiner, lane).is_some_and(|w| w.is(&way));
+            let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
+            Some((way, tries as f32))
+        };
+        if !setup.mirrors.disperses {
+            self.each_way(z, found_by_chance, |joiner, way, lanes| {
+                joiner.join_way(camera, source, way, lanes, out);
+            });
+            return;
+        }
+        // Where one wavelength finds nothing by chance, others may.
+        for k in 0..z.lanes.count() {
+            let lane = z.lanes.nth(k);
+            if let Some((way, tries)) = found_by_chance(self, lane) {
+                let only = (Lanes { mask: 1 << lane }, lane, tries);
+                self.join_way(camera, source, &way, only, out);
+            }
+        }
     }
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that

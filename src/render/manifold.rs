@@ -39,20 +39,19 @@ const STEPS: usize = 24;
 /// A ray is at the emitter when it passes it this near, relative to its length.
 const NEAR: f32 = 5e-6;
 
+/// Ways whose cosine is nearer 1 than this are one: a milliradian.
+const SAME: f32 = 5e-7;
+
+/// A straight line to a mirror is looked along up to this near it, relative to its length.
+const BEFORE: f32 = 1e-4;
+
 /// What bends a way: interfaces and mirrors, in the order in which it comes to them.
-#[derive(Clone)]
 pub(super) struct Route<'a> {
     /// Interfaces before each mirror, and after the last.
     through: ArrayVec<usize, 3>,
     over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
 }
-
-/// Ways whose cosine is nearer 1 than this are one: a milliradian.
-const SAME: f32 = 5e-7;
-
-/// A straight line to a mirror is looked along up to this near it, relative to its length.
-const BEFORE: f32 = 1e-4;
 
 /// Where the way is bent.
 struct Bend {

@@ -58,6 +58,8 @@ pub(super) struct Mirrors {
     groups: HashMap<u32, u32>,
     /// Interfaces may move the point of reflection.
     bent: bool,
+    /// Some interface sends wavelengths different ways.
+    pub disperses: bool,
 }
 
 impl Flat {
@@ -114,6 +116,7 @@ impl Mirrors {
         let geometry = &scene.geometry;
         let mut out = Self {
             bent: scene.materials.any_interface(),
+            disperses: (0..scene.materials.list.len() as u32).any(|id| scene.materials.disperses(id)),
             ..Self::default()
         };
         let mirrors: Vec<bool> = (0..scene.materials.list.len() as u32)
@@ -128,7 +131,6 @@ impl Mirrors {
             }
             let group = if flat {
                 let d = surface.ng.dot(surface.p);
-                // Either side of a plane is the same plane.
                 let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
                 let key = key.map(|v| (v / SAME_PLANE).round() as i64);
                 *planes.entry((surface.material, key)).or_insert_with(|| {
@@ -159,11 +161,14 @@ impl Mirrors {
                 out.curved.push((*outline, all));
             }
         }
-        for (g, flat) in out.flats.iter_mut().enumerate() {
-            let own = || pieces.iter().filter(|p| p.2 as usize == g).map(|p| ends(&p.1));
-            let (lo, hi) = own().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(lo, hi), (a, b)| {
-                (lo.min(a), hi.max(b))
-            });
+        let mut bounds = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); out.flats.len()];
+        for (_, outline, group) in &pieces {
+            if let Some((lo, hi)) = bounds.get_mut(*group as usize) {
+                let (a, b) = ends(outline);
+                (*lo, *hi) = (lo.min(a), hi.max(b));
+            }
+        }
+        for (flat, (lo, hi)) in out.flats.iter_mut().zip(bounds) {
             flat.centre = 0.5 * (lo + hi);
             flat.radius = 0.5 * (hi - lo).length();
         }

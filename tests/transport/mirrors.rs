@@ -6,7 +6,7 @@ use crate::support::{Rendered, render_scene, scene_of};
 use glam::DVec3;
 use std::f64::consts::PI;
 use sunstone::scene::Integrator;
-use sunstone::tensor::axes::AxisKind::{Bounces, T};
+use sunstone::tensor::axes::AxisKind::{Bounces, T, Wavelength};
 
 /// A plane by its normal and distance from the origin.
 type Plane = (DVec3, f64);
@@ -251,4 +251,35 @@ fn balls_bring_what_rays_say() {
         (got + other.0 - both.0).abs() < 5.0 * sigma,
         "{got} + {other:?} is not {both:?}"
     );
+}
+
+/// Behind glass that disperses, every wavelength looks for ways over a ball by itself, and finds what it finds alone.
+#[test]
+fn wavelengths_find_balls_by_themselves() {
+    let plane = (-DVec3::X, -1.5);
+    let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 40.0);
+    let camera = seen_in(plane, DVec3::new(0.0, -0.5, 1.0), DVec3::new(0.48, 0.64, 1.4));
+    let ceiling = plate(DVec3::new(0.0, 0.0, 1.4), -DVec3::Z, 1.4, "white");
+    let of = |nm: &str| {
+        let text = text(&camera, &lamp, 30_000, 6, &ceiling)
+            .replace("[550]", nm)
+            .replace("glass.dielectric.ior = 1.5", "glass.dielectric.ior = \"N-BK7\"")
+            + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
+            + "[[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0, 0, 0], radius = 0.3 }\n\
+               [[objects]]\nmaterial = \"glass\"\n\
+               shape.cube = { min = [-0.12, -0.12, 0.7], max = [0.12, 0.12, 0.8] }\n";
+        let r = render(&text);
+        let (mean, error) = (r.mean("m"), r.std_error("m"));
+        move |lane: usize| {
+            let of = |t| mueller(t, &[(Bounces, 5), (Wavelength, lane)])[(0, 0)];
+            (of(&mean), of(&error))
+        }
+    };
+    let both = of("[450, 660]");
+    for (lane, nm) in ["[450]", "[660]"].into_iter().enumerate() {
+        let ((a, x), (b, y)) = (of(nm)(0), both(lane));
+        println!("{nm}: {a} ± {x} alone, {b} ± {y} with the other");
+        assert!(x < 0.2 * a && y < 0.2 * b, "{x} {y}");
+        assert!((a - b).abs() < 5.0 * x.hypot(y), "{a} ± {x}, {b} ± {y}");
+    }
 }
