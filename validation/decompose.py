@@ -34,10 +34,10 @@ def mixtures(count, rng):
     return m
 
 
-def ours(m, folder, *options):
+def ours(m, folder):
     """Our arrays, and the seconds that the decomposition alone took."""
     np.save(folder / "m.npy", m)
-    command = [environment.sunstone(), "-v", "decompose", folder / "m.npy", "-o", folder / "p.npz", *options]
+    command = [environment.sunstone(), "-v", "decompose", folder / "m.npy", "-o", folder / "p.npz"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     seconds = float(re.search(r"matrices in ([0-9.]+) s", done.stderr + done.stdout).group(1))
     return dict(np.load(folder / "p.npz")), seconds

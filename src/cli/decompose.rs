@@ -100,7 +100,7 @@ fn arrays<T: Real>(
     a: &Arguments,
     shape: &[usize],
     elements: &[T],
-    sigmas: Option<&Vec<T>>,
+    sigmas: Option<&[T]>,
     values: fn(Vec<T>) -> Values,
 ) -> (Vec<(String, NumpyArray)>, usize, usize) {
     let wanted: Vec<Quantity> = if a.only.is_empty() {
@@ -210,31 +210,13 @@ fn stored(a: &Arguments, slice: &str) -> Result<Input, Failure> {
     })
 }
 
-/// A tensor's values with the two Stokes axes, out and in, last.
+/// A tensor's values with the two Stokes axes last; only wavelengths stand behind them.
 fn together(t: &Tensor) -> Vec<f32> {
-    let last = |axis: usize| match t.axes[axis].kind {
-        AxisKind::StokesOut => 1,
-        AxisKind::StokesIn => 2,
-        _ => 0,
-    };
-    let shape = t.shape();
-    let mut strides = vec![1; shape.len()];
-    for k in (1..shape.len()).rev() {
-        strides[k - 1] = strides[k] * shape[k];
-    }
-    let mut order: Vec<usize> = (0..shape.len()).collect();
-    order.sort_by_key(|k| last(*k));
+    let lanes = t.extent(AxisKind::Wavelength);
     let mut out = Vec::with_capacity(t.data.len());
-    let mut index = vec![0; order.len()];
-    for _ in 0..t.data.len() {
-        let at: usize = order.iter().zip(&index).map(|(k, i)| strides[*k] * i).sum();
-        out.push(t.data[at]);
-        for (k, i) in order.iter().zip(&mut index).rev() {
-            *i += 1;
-            if *i < shape[*k] {
-                break;
-            }
-            *i = 0;
+    for matrices in t.data.chunks_exact(16 * lanes) {
+        for lane in 0..lanes {
+            out.extend(matrices[lane..].iter().step_by(lanes));
         }
     }
     out

@@ -226,12 +226,12 @@ impl Batch {
         }
     }
 
-    /// Properties of matrix number `k`, which is `m`; `None` where there is no decomposition. The retarder's axis costs time and
-    /// is left out if nobody `asks` for it.
+    /// Properties of matrix number `k`, which is `m`, but for the retarder's axis, which costs time: [`Properties::of`] has it;
+    /// `None` where there is no decomposition.
     #[inline]
     #[must_use]
-    pub fn properties(&self, k: usize, m: &Matrix, rounding: f64, asks: bool) -> Option<Properties> {
-        if asks || !self.regular[k] {
+    pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
+        if !self.regular[k] {
             return Some(Properties::of(m, &self.parts(k, m, rounding)?));
         }
         Some(Properties {
@@ -296,8 +296,8 @@ mod tests {
             for (k, m) in some.iter().enumerate() {
                 assert!(batch.regular[k]);
                 let parts = batch.parts(k, m, DOUBLE).expect("a decomposition");
-                let properties = batch.properties(k, m, DOUBLE, true).expect("a decomposition");
-                let quick = batch.properties(k, m, DOUBLE, false).expect("a decomposition");
+                let properties = Properties::of(m, &parts);
+                let quick = batch.properties(k, m, DOUBLE).expect("a decomposition");
                 for (a, b) in [
                     (quick.polarizance, properties.polarizance),
                     (quick.diattenuation, properties.diattenuation),
@@ -315,7 +315,6 @@ mod tests {
                 );
                 let built = product(&product(&parts.depolarizer, &parts.retarder), &parts.diattenuator);
                 assert!(near(&built, m, 1e-10 * m[0][0]), "{m:?}");
-                assert_eq!(properties, Properties::of(m, &parts));
             }
         }
     }
@@ -334,7 +333,7 @@ mod tests {
         let found: [Option<Parts>; LANES] = std::array::from_fn(|k| batch.parts(k, &some[k], DOUBLE));
         assert_eq!(found[0], decompose(&polarizer, DOUBLE));
         assert_eq!(found[3], decompose(&depolarizer, DOUBLE));
-        assert!(found[2].is_none() && batch.properties(2, &wrong, DOUBLE, false).is_none());
+        assert!(found[2].is_none() && batch.properties(2, &wrong, DOUBLE).is_none());
         assert_eq!(
             found[1],
             Batch::new(&[good; LANES], DOUBLE).parts(5, &good, DOUBLE)

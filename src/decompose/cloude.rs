@@ -103,6 +103,7 @@ pub fn entropy(m: &Matrix) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::decompose::testing::product;
     use crate::polarization::elements::{depolarizer, ideal_mirror, polarizer, retarder};
     use crate::polarization::fresnel::{conductor, dielectric};
     use crate::polarization::mueller::Mueller;
@@ -117,11 +118,6 @@ mod tests {
         let mut m = [[0.0; 4]; 4];
         (0..4).for_each(|i| m[i][i] = d[i]);
         m
-    }
-
-    fn product(a: &Matrix, b: &Matrix) -> Matrix {
-        let e = |i: usize, j: usize| (0..4).map(|k| a[i][k] * b[k][j]).sum();
-        std::array::from_fn(|i| std::array::from_fn(|j| e(i, j)))
     }
 
     fn distance(a: &Matrix, b: &Matrix) -> f64 {

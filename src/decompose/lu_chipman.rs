@@ -54,7 +54,7 @@ impl Parts {
 }
 
 /// m00·[1 Dᵀ; P m].
-fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f64>) -> Matrix {
+pub(super) fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f64>) -> Matrix {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
             m00 * match (i, j) {

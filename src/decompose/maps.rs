@@ -108,7 +108,10 @@ impl Quantity {
 
     /// True if the factors are needed for it.
     fn needs_parts(self) -> bool {
-        matches!(self, Self::Depolarizer | Self::Retarder | Self::Diattenuator)
+        matches!(
+            self,
+            Self::RetardanceAxis | Self::Depolarizer | Self::Retarder | Self::Diattenuator
+        )
     }
 
     /// Of a matrix.
@@ -175,7 +178,6 @@ pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
         }
     }
     let whole = quantities.iter().any(|q| q.needs_parts());
-    let axis = quantities.contains(&Quantity::RetardanceAxis);
     let missing = elements
         .par_chunks(CHUNK * 16)
         .zip(pieces)
@@ -190,14 +192,12 @@ pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
                 }
                 let batch = Batch::new(&m, T::ROUNDING);
                 for (i, m) in m.iter().take(count).enumerate() {
-                    let found: Found = batch.properties(i, m, T::ROUNDING, axis).map(|p| {
-                        let parts = if whole {
-                            batch.parts(i, m, T::ROUNDING)
-                        } else {
-                            None
-                        };
-                        (parts, p)
-                    });
+                    let found: Found = if whole {
+                        let parts = batch.parts(i, m, T::ROUNDING);
+                        parts.map(|parts| (Some(parts), Properties::of(m, &parts)))
+                    } else {
+                        batch.properties(i, m, T::ROUNDING).map(|p| (None, p))
+                    };
                     missing += usize::from(found.is_none());
                     for (q, values) in quantities.iter().zip(&mut piece) {
                         let (at, size) = (LANES * k + i, q.size());
@@ -247,7 +247,7 @@ pub fn errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
             }
             let batch = Batch::new(&moved, T::ROUNDING);
             for k in (0..LANES).step_by(2) {
-                let [up, down] = [k, k + 1].map(|k| batch.properties(k, &moved[k], T::ROUNDING, false));
+                let [up, down] = [k, k + 1].map(|k| batch.properties(k, &moved[k], T::ROUNDING));
                 for (sum, q) in sums.iter_mut().zip(WITH_ERRORS) {
                     let value = |f: &Option<Properties>| f.as_ref().map_or(f64::NAN, |p| q.scalar(p));
                     *sum += ((value(&up) - value(&down)) / 2.0).powi(2);

@@ -1,7 +1,7 @@
 //! Random Mueller matrices of known parts, for tests.
 
 use super::cloude::Matrix;
-use super::lu_chipman::Parts;
+use super::lu_chipman::{Parts, compose};
 use crate::sampling::stream::Stream;
 use crate::sampling::warp;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -21,19 +21,6 @@ pub fn product(a: &Matrix, b: &Matrix) -> Matrix {
 fn direction(stream: &mut Stream) -> Vector3<f64> {
     let d = warp::sphere(stream.uniform2());
     Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z)).normalize()
-}
-
-fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f64>) -> Matrix {
-    let mut out = [[0.0; 4]; 4];
-    out[0][0] = m00;
-    for i in 0..3 {
-        out[0][i + 1] = m00 * d[i];
-        out[i + 1][0] = m00 * p[i];
-        for j in 0..3 {
-            out[i + 1][j + 1] = m00 * m[(i, j)];
-        }
-    }
-    out
 }
 
 /// Matrices of random parts: diattenuation up to 0.95, eigenvalues of m_Δ from 0.05, all positive or all negative,

@@ -545,6 +545,12 @@ impl Materials {
         (0..self.list.len()).any(|id| self.is_interface(id as u32))
     }
 
+    /// True if some smooth interface sends wavelengths different ways.
+    #[must_use]
+    pub fn any_disperses(&self) -> bool {
+        (0..self.list.len()).any(|id| self.disperses(id as u32))
+    }
+
     /// True if the material's interface sends wavelengths different ways.
     #[must_use]
     pub fn disperses(&self, id: u32) -> bool {

@@ -200,11 +200,12 @@ impl Walks {
                     joiner.join(camera, &[emitter], (source, lit), None, out);
                 }
             }
+            let over_mirrors = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
             for source in 0..plan.setup.emission.count() {
                 if plan.setup.manifold {
                     joiner.join_by_manifold(camera, source, out);
                 }
-                if !plan.setup.mirrors.is_empty() && !joiner.reached(camera) {
+                if over_mirrors {
                     joiner.join_over_mirrors(camera, source, out);
                 }
             }

@@ -141,8 +141,7 @@ impl<'a> Route<'a> {
                 return None;
             }
             let surface = scene.geometry.surface(&ray, &hit);
-            let after = ray.dir - surface.ns * (2.0 * ray.dir.dot(surface.ns));
-            ray.origin = scene.geometry.leave(&surface, after);
+            ray.origin = scene.geometry.leave(&surface, -ray.dir);
         }
         ray.dir = (to - ray.origin).try_normalize()?;
         route.through.push(interfaces(scene, (ray, nest), to)?.0);

@@ -116,7 +116,7 @@ impl Mirrors {
         let geometry = &scene.geometry;
         let mut out = Self {
             bent: scene.materials.any_interface(),
-            disperses: (0..scene.materials.list.len() as u32).any(|id| scene.materials.disperses(id)),
+            disperses: scene.materials.any_disperses(),
             ..Self::default()
         };
         let mirrors: Vec<bool> = (0..scene.materials.list.len() as u32)

@@ -124,24 +124,30 @@ impl NumpyArray {
     /// Writes `.npy`'s bytes.
     fn write(&self, writer: &mut impl Write) -> io::Result<()> {
         match &self.values {
-            Values::Single(values) => self.write_as(values, writer),
-            Values::Double(values) => self.write_as(values, writer),
+            Values::Single(values) => write(writer, &self.shape, values.iter().copied()),
+            Values::Double(values) => write(writer, &self.shape, values.iter().copied()),
         }
     }
+}
 
-    fn write_as<T: npyz::AutoSerialize + Copy>(
-        &self,
-        values: &[T],
-        writer: &mut impl Write,
-    ) -> io::Result<()> {
-        let shape: Vec<u64> = self.shape.iter().map(|n| *n as u64).collect();
-        // Elements are written one by one.
-        let buffered = BufWriter::with_capacity(1 << 20, writer);
-        let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
-        let mut npy = options.writer(buffered).begin_nd()?;
-        npy.extend(values.iter().copied())?;
-        npy.finish()
-    }
+/// Writes values as `.npy`'s bytes, row-major.
+///
+/// # Errors
+/// If the writer refuses, or there are not as many values as the shape says.
+pub fn write<T: npyz::AutoSerialize>(
+    writer: impl Write,
+    shape: &[usize],
+    values: impl IntoIterator<Item = T>,
+) -> io::Result<()> {
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    // Elements are written one by one.
+    let mut buffered = BufWriter::with_capacity(1 << 20, writer);
+    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
+    let mut npy = options.writer(&mut buffered).begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()?;
+    // A buffer that is dropped keeps a full disk to itself.
+    buffered.flush()
 }
 
 /// Writes named arrays as an uncompressed `.npz`, as numpy.savez does; the file appears whole or not at all.

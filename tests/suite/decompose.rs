@@ -8,7 +8,7 @@ use std::path::Path;
 use sunstone::decompose::lu_chipman::{SINGLE, decompose};
 use sunstone::decompose::properties::Properties;
 use sunstone::tensor::axes::AxisKind;
-use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
+use sunstone::tensor::numpy::{self, NumpyArray, Values};
 use sunstone::tensor::store::{Field, TensorStore};
 
 /// All arrays of an archive.
@@ -28,24 +28,10 @@ fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
         .collect()
 }
 
-/// Saves an array as `NAME.npy`.
-fn save(folder: &Path, name: &str, array: NumpyArray) {
-    let archive = folder.join("one.npz");
-    write_npz(&archive, &[(name.to_owned(), array)]).expect("space");
-    let mut zip = zip::ZipArchive::new(File::open(&archive).expect("a file")).expect("an archive");
-    let mut bytes = vec![];
-    zip.by_index(0)
-        .expect("an array")
-        .read_to_end(&mut bytes)
-        .expect("bytes");
-    std::fs::write(folder.join(format!("{name}.npy")), bytes).expect("space");
-}
-
-fn double(shape: &[usize], values: Vec<f64>) -> NumpyArray {
-    NumpyArray {
-        shape: shape.to_vec(),
-        values: Values::Double(values),
-    }
+/// Saves numbers as `NAME.npy`.
+fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {
+    let file = File::create(folder.join(format!("{name}.npy"))).expect("a file");
+    numpy::write(file, shape, values.iter().copied()).expect("space");
 }
 
 fn values(array: &NumpyArray) -> Vec<f64> {
@@ -64,7 +50,7 @@ fn arrays_in_arrays_out() {
     let mut depolarizer = [0.0; 16];
     depolarizer[0] = 2.0;
     let all = [retarder, depolarizer, [0.0; 16]].concat();
-    save(d, "m", double(&[3, 1, 4, 4], all.clone()));
+    save(d, "m", &[3, 1, 4, 4], &all);
     run(d, &["decompose", "m.npy", "-o", "p.npz"]);
     let found = arrays(&d.join("p.npz"));
     let mut names: Vec<&str> = found.keys().map(String::as_str).collect();
@@ -90,7 +76,7 @@ fn arrays_in_arrays_out() {
     assert!(retardance[2].is_nan());
     assert_eq!(values(&found["depolarization"])[..2], [0.0, 1.0]);
     // Errors, and chosen arrays.
-    save(d, "e", double(&[3, 1, 4, 4], vec![0.01; 48]));
+    save(d, "e", &[3, 1, 4, 4], &[0.01; 48]);
     let only = [
         "decompose",
         "m.npy",
@@ -176,8 +162,8 @@ fn slices_of_stores() {
 fn other_inputs_are_refused() {
     let folder = rendered();
     let d = folder.path();
-    save(d, "flat", double(&[2, 16], vec![0.0; 32]));
-    save(d, "m", double(&[2, 4, 4], vec![1.0; 32]));
+    save(d, "flat", &[2, 16], &[0.0; 32]);
+    save(d, "m", &[2, 4, 4], &[1.0; 32]);
     std::fs::write(d.join("text.npy"), "not an array").expect("space");
     for (arguments, says) in [
         (&["decompose", "flat.npy", "-o", "p.npz"][..], "(..., 4, 4)"),

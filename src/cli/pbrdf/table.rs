@@ -1,11 +1,11 @@
 //! `sunstone pbrdf info`, `slice` and `plot`: what a `.pbsdf` file holds.
 
 use crate::cli::failure::Failure;
-use npyz::WriterBuilder;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::material::measured::table::{Options, Table};
+use sunstone::tensor::numpy;
 use sunstone::tensor::store::write_file_with;
 
 /// A table to read.
@@ -181,10 +181,10 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
             .collect(),
         None => (0..bands.len()).collect(),
     });
-    let mut stays: Vec<u64> = vec![];
+    let mut stays = vec![];
     for (list, at) in kept.iter().zip([fixed[0], fixed[1], fixed[2], a.wavelength]) {
         if at.is_none() {
-            stays.push(list.len() as u64);
+            stays.push(list.len());
         }
     }
     match a.output.extension().and_then(|e| e.to_str()) {
@@ -215,15 +215,10 @@ fn entries<'a>(
     })
 }
 
-fn npy(table: &Table, kept: &[Vec<usize>], stays: &[u64], path: &Path) -> std::io::Result<()> {
-    let shape: Vec<u64> = stays.iter().copied().chain([4, 4]).collect();
+fn npy(table: &Table, kept: &[Vec<usize>], stays: &[usize], path: &Path) -> std::io::Result<()> {
+    let shape = [stays, &[4, 4]].concat();
     write_file_with(path, |file| {
-        let options = npyz::WriteOptions::<f32>::new().default_dtype().shape(&shape);
-        let mut writer = options.writer(file).begin_nd()?;
-        for (_, m) in entries(table, kept) {
-            writer.extend(m)?;
-        }
-        writer.finish()
+        numpy::write(file, &shape, entries(table, kept).flat_map(|(_, m)| m))
     })
 }
 

@@ -3,12 +3,12 @@
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use npyz::WriterBuilder;
 use serde_json::{Map, Value};
 
 use super::{ProbeError, ProbeResult};
 use crate::tensor::array::Tensor;
 use crate::tensor::axes::{AxisKind, SliceLayout};
+use crate::tensor::numpy;
 use crate::tensor::store::{Field, TensorStore, write_file_with};
 
 fn failed(path: &Path, cause: impl ToString) -> ProbeError {
@@ -133,12 +133,8 @@ impl ProbeResult {
 /// # Errors
 /// If the file system refuses.
 pub fn write_npy(tensor: &Tensor, path: &Path) -> Result<(), ProbeError> {
-    let shape: Vec<u64> = tensor.shape().iter().map(|&n| n as u64).collect();
     write_file_with(path, |file| {
-        let options = npyz::WriteOptions::<f32>::new().default_dtype().shape(&shape);
-        let mut writer = options.writer(file).begin_nd()?;
-        writer.extend(tensor.data.iter().copied())?;
-        writer.finish()
+        numpy::write(file, &tensor.shape(), tensor.data.iter().copied())
     })
     .map_err(|e| failed(path, e))
 }
