@@ -23,4 +23,8 @@ pub mod render;
 
 pub mod decompose;
 
+pub mod capture;
+
+pub mod reconstruct;
+
 pub mod figure;

@@ -5,41 +5,24 @@ use super::cloude::{Matrix, entropy};
 use super::lu_chipman::Parts;
 use super::lu_chipman::{DOUBLE, SINGLE};
 use super::properties::Properties;
+use crate::tensor::numpy::Number;
 use rayon::prelude::*;
 
 /// Matrices that one piece of work holds; a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
 /// A number that arrays hold.
-pub trait Real: Copy + Send + Sync + Default + 'static {
+pub trait Real: Number {
     /// Relative rounding of matrices of such numbers.
     const ROUNDING: f64;
-    fn new(value: f64) -> Self;
-    fn get(self) -> f64;
 }
 
 impl Real for f32 {
     const ROUNDING: f64 = SINGLE;
-    #[inline(always)]
-    fn new(value: f64) -> Self {
-        value as Self
-    }
-    #[inline(always)]
-    fn get(self) -> f64 {
-        f64::from(self)
-    }
 }
 
 impl Real for f64 {
     const ROUNDING: f64 = DOUBLE;
-    #[inline(always)]
-    fn new(value: f64) -> Self {
-        value
-    }
-    #[inline(always)]
-    fn get(self) -> f64 {
-        self
-    }
 }
 
 /// What a map shows.

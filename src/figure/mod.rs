@@ -13,7 +13,10 @@ use image::RgbImage;
 use crate::tensor::array::Tensor;
 use crate::tensor::view::View;
 
+pub mod angles;
+pub mod chart;
 pub mod colour;
+pub mod components;
 mod flight;
 mod layout;
 mod map;
@@ -23,6 +26,7 @@ mod profile;
 mod raster;
 mod reduce;
 pub mod sheet;
+mod stroke;
 mod text;
 mod ticks;
 

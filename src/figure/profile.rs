@@ -7,6 +7,7 @@ use image::{Rgb, RgbImage};
 use super::colour::{line_colours, nearest};
 use super::layout::{Axis, CAMERA_UNIT, Page, Rect, fill};
 use super::reduce::{Reduced, Source, ruler};
+use super::stroke::Mask;
 use super::text::{Align, TICK, blend, width, write};
 use super::ticks::{Ticks, brief};
 use super::{FigureError, Panel};
@@ -279,54 +280,14 @@ fn span(img: &mut RgbImage, plot: Rect, x: u32, top: f32, bottom: f32, colour: R
 
 /// Draws the line through the bin centres: every pixel is covered as near as it lies to the nearest segment.
 fn line(img: &mut RgbImage, plot: Rect, curves: &Curves, scales: Scales, lane: usize, colour: Rgb<u8>) {
-    let (w, h) = (plot.w as usize, plot.h as usize);
-    let mut covered = vec![0.0_f32; w * h];
     let far = 8.0 * HEIGHT as f32;
     let points: Vec<(f32, f32)> = (0..curves.times.len())
         .map(|t| scales.point(curves.times[t], curves.value(t, lane)))
         .map(|(x, y)| (x, y.clamp(-far, far)))
         .collect();
-    let reach = HALF_LINE + 0.5;
-    let finite = |p: (f32, f32)| p.0.is_finite() && p.1.is_finite();
-    for i in 0..points.len() {
-        // A value between two that are missing is a dot; every other one starts a segment.
-        let a = points[i];
-        let b = match points.get(i + 1) {
-            Some(&b) if finite(b) => b,
-            _ => a,
-        };
-        if !(finite(a) && finite(b)) {
-            continue;
-        }
-        let range = |p: f32, q: f32, n: usize| {
-            let low = (p.min(q) - reach).floor().clamp(0.0, n as f32) as usize;
-            low..(p.max(q) + reach).ceil().clamp(0.0, n as f32) as usize
-        };
-        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
-        let length = dx * dx + dy * dy;
-        for y in range(a.1, b.1, h) {
-            for x in range(a.0, b.0, w) {
-                let (px, py) = (x as f32 - a.0, y as f32 - a.1);
-                let part = if length > 0.0 {
-                    ((px * dx + py * dy) / length).clamp(0.0, 1.0)
-                } else {
-                    0.0
-                };
-                let distance = (px - part * dx).hypot(py - part * dy);
-                let c = &mut covered[y * w + x];
-                *c = c.max((reach - distance).clamp(0.0, 1.0));
-            }
-        }
-    }
-    for (i, a) in covered.into_iter().enumerate() {
-        blend(
-            img,
-            i64::from(plot.x) + (i % w) as i64,
-            i64::from(plot.y) + (i / w) as i64,
-            colour,
-            a,
-        );
-    }
+    let mut mask = Mask::over(plot);
+    mask.line(&points, HALF_LINE);
+    mask.paint(img, colour);
 }
 
 /// Names the lines in the corner where least of them is drawn, upper right if there is a choice.

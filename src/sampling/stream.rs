@@ -4,8 +4,9 @@
 //! themselves, every error bar is honest at any count, and renders of different seeds pool exactly. No state is
 //! shared, so the answer does not depend on threads, tiles or resumption.
 
-use rand_core::Rng;
+use rand_core::{Rng, TryRng};
 use rand_pcg::Pcg32;
+use std::convert::Infallible;
 
 /// The stream of one camera sample.
 #[derive(Clone, Debug)]
@@ -43,6 +44,26 @@ impl Stream {
     }
 }
 
+/// Lets distributions of other crates draw from the stream.
+impl TryRng for Stream {
+    type Error = Infallible;
+
+    #[inline]
+    fn try_next_u32(&mut self) -> Result<u32, Infallible> {
+        self.0.try_next_u32()
+    }
+
+    #[inline]
+    fn try_next_u64(&mut self) -> Result<u64, Infallible> {
+        self.0.try_next_u64()
+    }
+
+    #[inline]
+    fn try_fill_bytes(&mut self, out: &mut [u8]) -> Result<(), Infallible> {
+        self.0.try_fill_bytes(out)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,5 +91,20 @@ mod tests {
     #[test]
     fn seeds_differ() {
         assert_ne!(Stream::new(0, 0, 0).uniform(), Stream::new(1, 0, 0).uniform());
+    }
+
+    /// Raw numbers are those that uniforms are made of, and every bit of them is set half the time (5 sigma).
+    #[test]
+    fn raw_numbers_are_those_of_uniforms() {
+        let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));
+        assert_eq!(a.uniform(), (b.next_u32() >> 8) as f32 / 16_777_216.0);
+        let n = 40_000;
+        let mut set = [0_u32; 64];
+        for _ in 0..n {
+            let bits = a.next_u64();
+            (0..64).for_each(|k| set[k] += (bits >> k & 1) as u32);
+        }
+        let off = |k: u32| (f64::from(k) / f64::from(n) - 0.5).abs() * 2.0 * f64::from(n).sqrt();
+        assert!(set.iter().all(|k| off(*k) < 5.0), "{set:?}");
     }
 }

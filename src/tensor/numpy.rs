@@ -1,9 +1,9 @@
 //! NumPy's files: arrays of numbers that other programs bring and take.
 
 use super::store::write_file_with;
-use npyz::{DType, Endianness, NpyFile, NpyHeader, Order, TypeChar, WriterBuilder};
+use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use zip::write::SimpleFileOptions;
@@ -36,27 +36,102 @@ pub enum NumpyError {
     Short { path: PathBuf, shape: Vec<usize> },
 }
 
-impl NumpyArray {
-    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes as they are, integers of up to 2 bytes as `f32`, larger ones as
-    /// `f64`.
+/// An opened `.npy` file of real numbers, of which parts are read.
+///
+/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`.
+#[derive(Debug)]
+pub struct NumpyReader {
+    path: PathBuf,
+    file: BufReader<File>,
+    /// Length of every axis; the last is fastest.
+    pub shape: Vec<usize>,
+    kind: Kind,
+    big_endian: bool,
+    /// Where the numbers begin, bytes.
+    start: u64,
+}
+
+/// Numbers that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Float4,
+    Float8,
+    Unsigned(usize),
+    Signed(usize),
+}
+
+impl Kind {
+    fn size(self) -> usize {
+        match self {
+            Self::Float4 => 4,
+            Self::Float8 => 8,
+            Self::Unsigned(n) | Self::Signed(n) => n,
+        }
+    }
+}
+
+/// A floating-point number that arrays are made of.
+pub trait Number: bytemuck::Pod + Default + PartialOrd + Send + Sync {
+    /// Rounds.
+    fn new(value: f64) -> Self;
+    /// Without loss.
+    fn get(self) -> f64;
+    /// self · a + b, rounded once.
+    #[must_use]
+    fn times_plus(self, a: Self, b: Self) -> Self;
+}
+
+impl Number for f32 {
+    #[inline(always)]
+    fn new(value: f64) -> Self {
+        value as Self
+    }
+    #[inline(always)]
+    fn get(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn times_plus(self, a: Self, b: Self) -> Self {
+        self.mul_add(a, b)
+    }
+}
+
+impl Number for f64 {
+    #[inline(always)]
+    fn new(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn get(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn times_plus(self, a: Self, b: Self) -> Self {
+        self.mul_add(a, b)
+    }
+}
+
+impl NumpyReader {
+    /// Opens a file and checks that it holds what its header says.
     ///
     /// # Errors
     /// If it is no such file, or cut short.
-    pub fn read(path: &Path) -> Result<Self, NumpyError> {
+    pub fn open(path: &Path) -> Result<Self, NumpyError> {
         let failed = |cause| NumpyError::Read {
             path: path.to_owned(),
             cause,
         };
         let file = File::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
-        let mut reader = BufReader::with_capacity(1 << 20, file);
-        let header = NpyHeader::from_reader(&mut reader).map_err(failed)?;
+        let mut file = BufReader::with_capacity(1 << 18, file);
+        let header = NpyHeader::from_reader(&mut file).map_err(failed)?;
+        let start = file.stream_position().map_err(failed)?;
         let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
         let elements = |found: String| NumpyError::Elements {
             path: path.to_owned(),
             found,
         };
-        let DType::Plain(kind) = header.dtype() else {
+        let DType::Plain(plain) = header.dtype() else {
             return Err(elements("records".to_owned()));
         };
         if header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1 {
@@ -64,61 +139,131 @@ impl NumpyArray {
                 path: path.to_owned(),
             });
         }
-        let short = || NumpyError::Short {
-            path: path.to_owned(),
-            shape: shape.clone(),
+        let kind = match (plain.type_char(), plain.size_field()) {
+            (TypeChar::Float, 4) => Kind::Float4,
+            (TypeChar::Float, 8) => Kind::Float8,
+            (TypeChar::Uint, n @ (1 | 2 | 4)) => Kind::Unsigned(n as usize),
+            (TypeChar::Int, n @ (1 | 2 | 4)) => Kind::Signed(n as usize),
+            _ => return Err(elements(format!("of type '{plain}'"))),
         };
         // Before anything is allocated for a length that a damaged file claims.
-        let size = kind.size_field();
         let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
-        let count = count
-            .filter(|n| n.checked_mul(size).is_some_and(|all| all <= bytes))
-            .ok_or_else(short)? as usize;
-        let native = kind.endianness() == Endianness::of_machine();
-        let read = |e: io::Error| {
-            if e.kind() == io::ErrorKind::UnexpectedEof {
-                short()
-            } else {
-                failed(e)
-            }
-        };
-        macro_rules! converted {
-            ($from:ty, $to:ty) => {{
-                let file = NpyFile::with_header(header.clone(), &mut reader);
-                let data = file.data::<$from>().map_err(|e| elements(e.to_string()))?;
-                let mut out: Vec<$to> = Vec::with_capacity(count);
-                for value in data {
-                    out.push(<$to>::from(value.map_err(read)?));
+        count
+            .and_then(|n| n.checked_mul(kind.size() as u64))
+            .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
+            .ok_or_else(|| NumpyError::Short {
+                path: path.to_owned(),
+                shape: shape.clone(),
+            })?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            shape,
+            kind,
+            big_endian: plain.endianness() == Endianness::Big,
+            start,
+        })
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// True if there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// True if the numbers need `f64`.
+    #[must_use]
+    pub fn is_double(&self) -> bool {
+        matches!(self.kind, Kind::Float8 | Kind::Unsigned(4) | Kind::Signed(4))
+    }
+
+    /// Reads numbers from element `first` on, as many as there is room for.
+    ///
+    /// # Errors
+    /// If the file system refuses, or the file ends.
+    pub fn read<T: Number>(&mut self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
+        self.try_read(first, out).map_err(|cause| {
+            if cause.kind() == io::ErrorKind::UnexpectedEof {
+                NumpyError::Short {
+                    path: self.path.clone(),
+                    shape: self.shape.clone(),
                 }
-                out
-            }};
-        }
-        let values = match (kind.type_char(), size) {
-            (TypeChar::Float, 4) if native => {
-                let mut out = vec![0.0_f32; count];
-                reader
-                    .read_exact(bytemuck::cast_slice_mut(&mut out))
-                    .map_err(read)?;
-                Values::Single(out)
+            } else {
+                NumpyError::Read {
+                    path: self.path.clone(),
+                    cause,
+                }
             }
-            (TypeChar::Float, 8) if native => {
-                let mut out = vec![0.0_f64; count];
-                reader
-                    .read_exact(bytemuck::cast_slice_mut(&mut out))
-                    .map_err(read)?;
-                Values::Double(out)
-            }
-            (TypeChar::Float, 4) => Values::Single(converted!(f32, f32)),
-            (TypeChar::Float, 8) => Values::Double(converted!(f64, f64)),
-            (TypeChar::Uint, 1) => Values::Single(converted!(u8, f32)),
-            (TypeChar::Uint, 2) => Values::Single(converted!(u16, f32)),
-            (TypeChar::Int, 1) => Values::Single(converted!(i8, f32)),
-            (TypeChar::Int, 2) => Values::Single(converted!(i16, f32)),
-            (TypeChar::Uint, 4) => Values::Double(converted!(u32, f64)),
-            (TypeChar::Int, 4) => Values::Double(converted!(i32, f64)),
-            _ => return Err(elements(format!("of type '{kind}'"))),
+        })
+    }
+
+    fn try_read<T: Number>(&mut self, first: usize, out: &mut [T]) -> io::Result<()> {
+        let size = self.kind.size();
+        let at = self.start + first as u64 * size as u64;
+        self.file.seek(SeekFrom::Start(at))?;
+        let native = self.big_endian == cfg!(target_endian = "big");
+        let same = match self.kind {
+            Kind::Float4 => size_of::<T>() == 4,
+            Kind::Float8 => size_of::<T>() == 8,
+            _ => false,
         };
-        Ok(Self { shape, values })
+        if native && same {
+            return self.file.read_exact(bytemuck::cast_slice_mut(out));
+        }
+        let mut buffer = vec![0_u8; size * out.len().min(1 << 14)];
+        for part in out.chunks_mut(1 << 14) {
+            let bytes = &mut buffer[..part.len() * size];
+            self.file.read_exact(bytes)?;
+            for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
+                // Little-endian, in the low bytes of a word.
+                let mut word = [0_u8; 8];
+                word[..size].copy_from_slice(bytes);
+                if self.big_endian {
+                    word[..size].reverse();
+                }
+                let bits = u64::from_le_bytes(word);
+                *value = match self.kind {
+                    Kind::Float4 => T::new(f64::from(f32::from_bits(bits as u32))),
+                    Kind::Float8 => T::new(f64::from_bits(bits)),
+                    Kind::Unsigned(_) => T::new(bits as f64),
+                    Kind::Signed(1) => T::new(f64::from(bits as u8 as i8)),
+                    Kind::Signed(2) => T::new(f64::from(bits as u16 as i16)),
+                    Kind::Signed(_) => T::new(f64::from(bits as u32 as i32)),
+                };
+            }
+        }
+        Ok(())
+    }
+}
+
+impl NumpyArray {
+    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes as they are, integers of up to 2 bytes as `f32`, larger ones as
+    /// `f64`.
+    ///
+    /// # Errors
+    /// If it is no such file, or cut short.
+    pub fn read(path: &Path) -> Result<Self, NumpyError> {
+        let mut reader = NumpyReader::open(path)?;
+        let count = reader.len();
+        let values = if reader.is_double() {
+            let mut out = vec![0.0_f64; count];
+            reader.read(0, &mut out)?;
+            Values::Double(out)
+        } else {
+            let mut out = vec![0.0_f32; count];
+            reader.read(0, &mut out)?;
+            Values::Single(out)
+        };
+        Ok(Self {
+            shape: reader.shape,
+            values,
+        })
     }
 
     /// Writes `.npy`'s bytes.
@@ -148,6 +293,25 @@ pub fn write<T: npyz::AutoSerialize>(
     npy.finish()?;
     // A buffer that is dropped keeps a full disk to itself.
     buffered.flush()
+}
+
+/// Writes the header of an array of shape `shape`, whose numbers follow in row-major order by [`append`].
+///
+/// # Errors
+/// If the writer refuses.
+pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -> io::Result<()> {
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
+    // Dropped unfinished: npyz writes the header at once, and numbers one by one, which would be most of the time here.
+    options.writer(writer).begin_nd().map(drop)
+}
+
+/// Appends numbers to an array that [`begin`] began.
+///
+/// # Errors
+/// If the writer refuses.
+pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Result<()> {
+    writer.write_all(bytemuck::cast_slice(values))
 }
 
 /// Writes named arrays as an uncompressed `.npz`, as numpy.savez does; the file appears whole or not at all.

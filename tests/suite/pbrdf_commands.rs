@@ -192,6 +192,66 @@ fn tables_are_made_and_read() {
     }
 }
 
+/// Components of tables and of the stand-ins: shares fall and sum to all, arrays are the picture's numbers.
+#[test]
+fn principal_components_are_found() {
+    let folder = folder();
+    let at = folder.path();
+    let pca = |arguments: &str| {
+        let mut all = vec!["pbrdf", "pca"];
+        all.extend(arguments.split_whitespace());
+        String::from_utf8(run(at, &all, 0).stdout).expect("text")
+    };
+    let synth = ["pbrdf", "synth", "m.toml", "-o", "t", "--resolution", "9x10x19"];
+    run(at, &synth, 0);
+    for (arguments, materials) in [
+        ("t -o p/c.png --npz c.npz", 2),
+        ("t -o p/plain.png --map none -n 16 --bands 550 --npz c.npz", 2),
+        ("-o p/s.png --resolution 5x4x7 -n 3 --npz c.npz", 25),
+    ] {
+        let text = pca(arguments);
+        assert!(text.contains(&format!("of {materials} materials")), "{text}");
+        let rows: Vec<Vec<f64>> = text
+            .lines()
+            .skip(2)
+            .take(16)
+            .map(|l| l.split_whitespace().filter_map(|w| w.parse().ok()).collect())
+            .collect();
+        assert!(rows.windows(2).all(|w| w[0][1] >= w[1][1]), "{text}");
+        assert!((rows[15][3] - 100.0).abs() < 2e-3, "{text}");
+        let file = std::fs::File::open(at.join("c.npz")).expect("arrays");
+        let mut npz = zip::ZipArchive::new(file).expect("a zip");
+        let mut array = |name: &str| {
+            let entry = npz.by_name(name).expect("an array");
+            let npy = npyz::NpyFile::new(std::io::BufReader::new(entry)).expect("an array");
+            let shape = npy.shape().to_vec();
+            (shape, npy.into_vec::<f64>().expect("numbers"))
+        };
+        let (spectrum, share) = (array("spectrum.npy").1, array("share.npy").1);
+        assert!(
+            (spectrum[0] / rows[0][1] - 1.0).abs() < 1e-3 && (share.iter().sum::<f64>() - 1.0).abs() < 1e-12
+        );
+        let (shape, vectors) = array("vectors.npy");
+        assert_eq!(shape, [16, 4, 4]);
+        let dot = |k: usize, l: usize| {
+            (0..16)
+                .map(|i| vectors[16 * k + i] * vectors[16 * l + i])
+                .sum::<f64>()
+        };
+        assert!((dot(0, 0) - 1.0).abs() < 1e-12 && dot(0, 1).abs() < 1e-12);
+        let m00 = array("mean.npy").1[0];
+        let want = if arguments.contains("none") {
+            1.0
+        } else {
+            8.0_f64.atan()
+        };
+        assert!((m00 - want).abs() < 1e-12, "{m00}");
+    }
+    for picture in ["p/c.png", "p/plain.png", "p/s.png"] {
+        assert!(image::open(at.join(picture)).expect("a picture").width() > 400);
+    }
+}
+
 /// Wrong requests, and a word that the answer must have; nothing is written.
 #[test]
 fn wrong_requests_are_refused() {
@@ -217,6 +277,14 @@ fn wrong_requests_are_refused() {
         ("info not.pbsdf", "tensor file"),
         ("plot none.pbsdf", "none.pbsdf"),
         ("slice not.pbsdf -o x.npy", "tensor file"),
+        ("pca none", "cannot be listed"),
+        ("pca .", "not.pbsdf: is not a tensor file"),
+        ("pca --resolution 3x3", "361x91x91"),
+        ("pca . --resolution 3x3x3", "cannot be used with"),
+        ("pca --bands 550,450", "rise"),
+        ("pca -c 0", "positive number"),
+        ("pca --npz x.npy", ".npz"),
+        ("pca -n 17", "17"),
     ] {
         let mut all = vec!["pbrdf"];
         all.extend(arguments.split_whitespace());

@@ -1,7 +1,9 @@
 //! `sunstone pbrdf`: polarimetric BRDFs by themselves.
 
 mod eval;
+mod pca;
 mod sheet;
+mod stand_ins;
 mod synth;
 mod table;
 
@@ -23,6 +25,7 @@ enum Command {
     Info(table::InfoArguments),
     Plot(table::PlotArguments),
     Slice(table::SliceArguments),
+    Pca(pca::Arguments),
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -33,5 +36,6 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Command::Info(a) => table::info(a),
         Command::Plot(a) => table::plot(a),
         Command::Slice(a) => table::slice(a),
+        Command::Pca(a) => pca::run(a),
     }
 }

@@ -1,19 +1,12 @@
 //! `sunstone pbrdf synth`: tables in the KAIST format from analytic materials.
 
+use super::stand_ins::{Resolution, Sets};
 use crate::cli::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use sunstone::material::measured::axes::Axes;
 use sunstone::material::measured::write::tabulate;
-use sunstone::scene::materials::MaterialSet;
-use sunstone::spectrum::{MAX_WAVELENGTHS, Wavelengths};
 use sunstone::tensor::store::write_file_with;
-
-/// The stand-ins that come with the program.
-const STAND_INS: &str = include_str!("../../../pbrdf/stand_ins.toml");
-/// What the names of materials to tabulate begin with, in that file.
-const PREFIX: &str = "like_";
 
 /// Tabulate analytic materials as .pbsdf files.
 ///
@@ -43,36 +36,9 @@ pub struct Arguments {
     bands: Vec<u16>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Resolution([usize; 3]);
-
-impl FromStr for Resolution {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
-        match parts.as_deref() {
-            Some(&[a, b, c]) if [a, b, c].iter().all(|n| (2..=4096).contains(n)) => Ok(Self([a, b, c])),
-            _ => Err("give three numbers from 2 to 4096, such as 361x91x91".into()),
-        }
-    }
-}
-
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let (path, text) = match &a.material {
-        Some(path) => (
-            path.clone(),
-            std::fs::read_to_string(path).map_err(Failure::input)?,
-        ),
-        None => (PathBuf::from("stand_ins.toml"), STAND_INS.to_owned()),
-    };
     let axes = Axes::even(a.resolution.0, a.bands.clone());
-    // A material set carries up to four wavelengths; more bands take more sets of the same materials.
-    let mut sets = vec![];
-    for bands in a.bands.chunks(MAX_WAVELENGTHS) {
-        let nm = bands.iter().copied().map(f64::from).collect();
-        let wavelengths = Wavelengths::new(nm).map_err(Failure::input)?;
-        sets.push(MaterialSet::at(&path, &text, wavelengths)?);
-    }
+    let sets = Sets::load(a.material.as_deref(), &a.bands)?;
     let names = names(a, &sets)?;
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::failed(format!("cannot make {}: {e}", a.output.display())))?;
@@ -82,9 +48,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     for name in &names {
         bar.set_message(name.clone());
-        let sources: Vec<_> = sets.iter().map(|set| (&set.materials, set.names[name])).collect();
         let file = a.output.join(format!("{name}.pbsdf"));
-        tabulate(&file, &axes, &sources).map_err(|e| Failure::input(format!("{}: {e}", file.display())))?;
+        tabulate(&file, &axes, &sets.sources(name))
+            .map_err(|e| Failure::input(format!("{}: {e}", file.display())))?;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -92,13 +58,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 /// The materials to make: those asked for, or all that light from a point can show.
-fn names(a: &Arguments, sets: &[MaterialSet]) -> Result<Vec<String>, Failure> {
-    let Some(set) = sets.first() else {
-        return Err(Failure::input("give at least one band"));
-    };
-    let smooth = |name: &str| set.names.get(name).map(|id| set.materials.is_smooth(*id));
+fn names(a: &Arguments, sets: &Sets) -> Result<Vec<String>, Failure> {
     for name in &a.name {
-        match smooth(name) {
+        match sets.is_smooth(name) {
             Some(true) => {}
             Some(false) => {
                 return Err(Failure::input(format!(
@@ -106,7 +68,7 @@ fn names(a: &Arguments, sets: &[MaterialSet]) -> Result<Vec<String>, Failure> {
                 )));
             }
             None => {
-                let known = set.names.keys().cloned().collect::<Vec<_>>().join(", ");
+                let known = sets.known().cloned().collect::<Vec<_>>().join(", ");
                 return Err(Failure::input(format!(
                     "there is no material `{name}`; there are: {known}"
                 )));
@@ -116,11 +78,11 @@ fn names(a: &Arguments, sets: &[MaterialSet]) -> Result<Vec<String>, Failure> {
     if !a.name.is_empty() {
         return Ok(a.name.clone());
     }
-    let wanted = |name: &&String| {
-        let prefixed = a.material.is_some() || name.starts_with(PREFIX);
-        prefixed && smooth(name) == Some(true)
-    };
-    Ok(set.names.keys().filter(wanted).cloned().collect())
+    if a.material.is_none() {
+        return Ok(sets.stand_ins());
+    }
+    let smooth = |name: &&String| sets.is_smooth(name) == Some(true);
+    Ok(sets.known().filter(smooth).cloned().collect())
 }
 
 /// Writes materials.toml: every table of the folder as a material.

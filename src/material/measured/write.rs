@@ -88,30 +88,30 @@ pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) 
 /// Least cosine to the normal at which a material is tabulated.
 const LEAST_COS: f32 = 1e-4;
 
-/// Writes what a material does: its BRDF at every entry, and holes where light or viewer are below the horizon, as
-/// measurements have them.
-///
-/// Lanes carry up to four bands at once, so `sources` holds the material in as many tables as it takes, with its
-/// number there: bands 0 to 3 from the lanes of the first, 4 to 7 from those of the second, and so on.
-///
-/// # Errors
-/// As [`write`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
-pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
-    let bands = axes.wavelengths_nm.len();
-    if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {
-        return Err(PbsdfError::Sources {
-            bands,
-            sources: sources.len(),
-        });
-    }
-    write(path, axes, |i, slab| {
-        let (matrices, _) = slab.as_chunks_mut::<16>();
-        let cells = matrices.par_chunks_exact_mut(bands.max(1));
-        cells.enumerate().with_min_len(256).for_each(|(k, cell)| {
+/// Evaluates a material over one φ_d: matrices row by row, [theta_d, theta_h, wavelength, 4, 4], BRDF values between s
+/// frames, as [`write`] takes them. NaN where light or viewer are below the horizon, and all over if there is no such φ_d;
+/// 0 where the material reflects nothing. `sources` as in [`tabulate`]; bands without a source stay 0.
+pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut [f32]) {
+    let Some(&phi_d) = axes.phi_d.get(phi_d) else {
+        out.fill(f32::NAN);
+        return;
+    };
+    out.fill(0.0);
+    let (matrices, _) = out.as_chunks_mut::<16>();
+    let grid = axes
+        .theta_d
+        .iter()
+        .flat_map(|d| axes.theta_h.iter().map(move |h| (*d, *h)));
+    let angles: Vec<(f32, f32)> = grid.collect();
+    let cells = matrices.par_chunks_exact_mut(axes.wavelengths_nm.len().max(1));
+    cells
+        .zip(&angles)
+        .with_min_len(256)
+        .for_each(|(cell, &(theta_d, theta_h))| {
             let at = Coordinates {
-                phi_d: axes.phi_d[i],
-                theta_d: axes.theta_d[k / axes.theta_h.len()],
-                theta_h: axes.theta_h[k % axes.theta_h.len()],
+                phi_d,
+                theta_d,
+                theta_h,
             };
             let (wi, wo, s) = directions(at);
             if wi.z < LEAST_COS || wo.z < LEAST_COS {
@@ -137,5 +137,23 @@ pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Resu
                 }
             }
         });
-    })
+}
+
+/// Writes what a material does: its BRDF at every entry, and holes where light or viewer are below the horizon, as
+/// measurements have them.
+///
+/// Lanes carry up to four bands at once, so `sources` holds the material in as many tables as it takes, with its
+/// number there: bands 0 to 3 from the lanes of the first, 4 to 7 from those of the second, and so on.
+///
+/// # Errors
+/// As [`write`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
+pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
+    let bands = axes.wavelengths_nm.len();
+    if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {
+        return Err(PbsdfError::Sources {
+            bands,
+            sources: sources.len(),
+        });
+    }
+    write(path, axes, |i, out| slab(axes, sources, i, out))
 }

@@ -1,0 +1,296 @@
+//! The one forward model: intensities are a matrix times the elements of a Mueller matrix.
+//!
+//! Row (k, c) of the design matrix A is the analyzer's row a of channel c times the generator's state g of capture k,
+//! A[(k, c), 4i + j] = a_i g_j, so that A vec(T) are the intensities a·T·g of Baek & Heide 2021, eqs. 3 and 6, for a
+//! Mueller matrix T with elements T[i][j] (Stokes out i, in j) in row-major order. It simulates captures, plans angles, and
+//! is what reconstruction inverts.
+
+use super::element::Ray;
+use super::scheme::{Scheme, Sensor};
+use super::states::{analyzed, generated};
+use nalgebra::{DMatrix, DVector, SMatrix};
+use thiserror::Error;
+
+/// Elements of a Mueller matrix.
+pub const ELEMENTS: usize = 16;
+/// Singular values below this times the largest are rounding.
+pub const RANK_TOLERANCE: f64 = 1e-9;
+
+/// Captures that do not determine a Mueller matrix.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error(
+    "scheme `{name}` has rank {rank} of 16: its {captures} captures do not determine a Mueller matrix; {}",
+    mend(*captures, *least)
+)]
+pub struct RankError {
+    pub name: String,
+    pub rank: usize,
+    pub captures: usize,
+    /// The least number of captures with which such a sensor can.
+    pub least: usize,
+}
+
+fn mend(captures: usize, least: usize) -> String {
+    if captures < least {
+        format!("with its sensor it takes at least {least} captures, or a prior (--prior)")
+    } else {
+        format!(
+            "{least} captures could: choose more different settings (`sunstone learn` does), or a prior (--prior)"
+        )
+    }
+}
+
+/// The design matrix of a scheme for a ray.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DesignMatrix {
+    /// One row for each measurement (capture by capture, channels of a capture together), 16 columns.
+    pub a: DMatrix<f64>,
+    name: String,
+    captures: usize,
+    least: usize,
+}
+
+impl DesignMatrix {
+    /// Of all captures and channels.
+    #[must_use]
+    pub fn new(scheme: &Scheme, ray: &Ray) -> Self {
+        let channels = scheme.sensor.channels();
+        let mut a = DMatrix::zeros(scheme.measurements(), ELEMENTS);
+        for k in 0..scheme.captures() {
+            let g = generated(scheme, k, ray, 0).value;
+            for (c, row) in analyzed(scheme, k, ray, 0, false).iter().enumerate() {
+                for e in 0..ELEMENTS {
+                    a[(k * channels + c, e)] = row.value[e / 4] * g[e % 4];
+                }
+            }
+        }
+        Self {
+            a,
+            name: scheme.name.clone(),
+            captures: scheme.captures(),
+            least: scheme.least_captures(),
+        }
+    }
+
+    /// Intensities of a Mueller matrix, row-major.
+    #[must_use]
+    pub fn intensities(&self, mueller: &[f64; 16]) -> DVector<f64> {
+        &self.a * DVector::from_column_slice(mueller)
+    }
+
+    /// Singular values, falling.
+    #[must_use]
+    pub fn singular_values(&self) -> Vec<f64> {
+        let mut values: Vec<f64> = self.a.singular_values().iter().copied().collect();
+        values.sort_by(|a, b| b.total_cmp(a));
+        values
+    }
+
+    /// Number of elements, or mixtures of them, that the captures determine.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        let values = self.singular_values();
+        let most = values.first().copied().unwrap_or(0.0);
+        values
+            .iter()
+            .filter(|v| **v > RANK_TOLERANCE * most && **v > 0.0)
+            .count()
+    }
+
+    /// Largest over least singular value of all 16; infinite below rank 16.
+    #[must_use]
+    pub fn condition(&self) -> f64 {
+        let values = self.singular_values();
+        match (values.first(), values.get(ELEMENTS - 1), self.rank()) {
+            (Some(most), Some(least), ELEMENTS) => most / least,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// (AᵀA)⁻¹: covariance of the least-squares estimate over the variance of the noise.
+    ///
+    /// # Errors
+    /// If the captures do not determine a Mueller matrix.
+    pub fn covariance(&self) -> Result<SMatrix<f64, ELEMENTS, ELEMENTS>, RankError> {
+        let x = self.pseudo_inverse()?;
+        let product = &x * x.transpose();
+        Ok(SMatrix::from_fn(|i, j| product[(i, j)]))
+    }
+
+    /// Σ var/σ² of the 16 elements of the least-squares estimate: tr (AᵀA)⁻¹.
+    ///
+    /// # Errors
+    /// As [`DesignMatrix::covariance`].
+    pub fn error_variance(&self) -> Result<f64, RankError> {
+        Ok(self.covariance()?.trace())
+    }
+
+    /// A⁺, 16 rows: the least-squares estimate is its product with the intensities.
+    ///
+    /// # Errors
+    /// As [`DesignMatrix::covariance`].
+    pub fn pseudo_inverse(&self) -> Result<DMatrix<f64>, RankError> {
+        let rank = self.rank();
+        if rank < ELEMENTS {
+            return Err(self.rank_error(rank));
+        }
+        let (q, r) = self.a.clone().qr().unpack();
+        let zero = || DMatrix::zeros(ELEMENTS, self.a.nrows());
+        // R is regular, as the rank is full.
+        Ok(r.solve_upper_triangular(&q.transpose()).unwrap_or_else(zero))
+    }
+
+    /// A⁺ whatever the rank (see [`minimum_norm`]).
+    #[must_use]
+    pub fn minimum_norm(&self) -> DMatrix<f64> {
+        self.pseudo_inverse().unwrap_or_else(|_| minimum_norm(&self.a))
+    }
+
+    /// What is said of a scheme of this rank.
+    #[must_use]
+    pub fn rank_error(&self, rank: usize) -> RankError {
+        RankError {
+            name: self.name.clone(),
+            rank,
+            captures: self.captures,
+            least: self.least,
+        }
+    }
+}
+
+/// A⁺ = (AᵀA)⁺Aᵀ of any rank: of all matrices that explain the intensities equally well, it gives the one of least norm.
+/// By the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong where a singular value is exactly zero.
+/// Singular values below 1e-6 of the largest count as zero.
+#[must_use]
+pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
+    let normal = a.transpose() * a;
+    let normal = SMatrix::<f64, ELEMENTS, ELEMENTS>::from_fn(|i, j| normal[(i, j)]);
+    let eigen = normal.symmetric_eigen();
+    let most = eigen.eigenvalues.amax();
+    let mut inverse = DMatrix::zeros(ELEMENTS, ELEMENTS);
+    for (i, value) in eigen.eigenvalues.iter().enumerate() {
+        if *value > 1e-12 * most {
+            let v = eigen.eigenvectors.column(i);
+            inverse += v * v.transpose() / *value;
+        }
+    }
+    inverse * a.transpose()
+}
+
+/// The least Σ var/σ² that K captures can have with ideal elements: 1600/K; with a polarizer array 400/K, or 440/K behind
+/// quarter-wave plates.
+///
+/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ, so no set of states beats one that is spread evenly over
+/// the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015). Behind a polarizer g = ½(1, v), the
+/// mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse 40: for two such sides 1600. The four channels of an
+/// array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder turns it: all but one direction n of the sphere. Spread
+/// evenly that is diag(1, ⅓, ⅓, ⅓) and 10, hence 400; but quarter-wave plates keep n on the equator, which gives
+/// diag(1, ¼, ¼, ½) and 11.
+#[must_use]
+pub fn bound(scheme: &Scheme) -> f64 {
+    let whole = match scheme.sensor {
+        Sensor::Intensity => 1600.0,
+        Sensor::PolarizerArray { .. } if scheme.quarter_waves() => 440.0,
+        Sensor::PolarizerArray { .. } => 400.0,
+    };
+    whole / scheme.captures() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::element::Setting;
+
+    fn matrix(scheme: &Scheme) -> DesignMatrix {
+        DesignMatrix::new(scheme, &Ray::axial(550.0))
+    }
+
+    fn drr(captures: usize, array: bool) -> DesignMatrix {
+        matrix(&Scheme::drr(captures, array).expect("a scheme"))
+    }
+
+    /// The known variances of dual rotating retarders.
+    #[test]
+    fn dual_rotating_retarders_have_their_variances() {
+        for (captures, want) in [(36, 196.0), (25, 2054.0)] {
+            let found = drr(captures, false).error_variance().expect("rank 16");
+            assert!((found - want).abs() < 0.5, "{captures}: {found}");
+        }
+    }
+
+    /// Against the product of matrices, written out.
+    #[test]
+    fn rows_are_the_matrix_product() {
+        let scheme = Scheme::qrpr(5, true).expect("a scheme");
+        let t: [f64; 16] = std::array::from_fn(|e| (e as f64 * 0.37).sin());
+        let m = nalgebra::Matrix4::from_row_slice(&t);
+        let ray = Ray::axial(450.0);
+        let intensities = matrix(&scheme).intensities(&t);
+        for k in 0..5 {
+            let [p1, r2] = [0, 1].map(|i| scheme.generator()[i].jet(k, &ray).value);
+            let r3 = scheme.analyzer()[0].jet(k, &ray).value;
+            let behind = r3 * m * r2 * p1 * nalgebra::Vector4::new(1.0, 0.0, 0.0, 0.0);
+            for (c, degrees) in super::super::scheme::ARRAY_DEG.iter().enumerate() {
+                let polarizer =
+                    crate::capture::element::Element::polarizer("l", Setting::Fixed(degrees.to_radians()));
+                let want = (polarizer.jet(0, &ray).value * behind)[0];
+                assert!((intensities[k * 4 + c] - want).abs() < 1e-12);
+            }
+        }
+    }
+
+    /// Least squares gives back what was put in, for every scheme of full rank.
+    #[test]
+    fn without_noise_recovery_is_exact() {
+        let schemes = [
+            Scheme::drr(36, false),
+            Scheme::drr(25, false),
+            Scheme::drr(9, true),
+            Scheme::qrpr(20, false),
+            Scheme::qrpr(8, true),
+            Scheme::liquid_crystal(24, false),
+            Scheme::liquid_crystal(10, true),
+        ];
+        let t: [f64; 16] = std::array::from_fn(|e| (e as f64 * 1.7).cos());
+        for scheme in schemes {
+            let scheme = scheme.expect("a scheme");
+            let a = matrix(&scheme);
+            let back = a.pseudo_inverse().expect(&scheme.name) * a.intensities(&t);
+            let worst = (0..16).map(|e| (back[e] - t[e]).abs()).fold(0.0, f64::max);
+            assert!(worst < 1e-9 * a.condition(), "{}: {worst}", scheme.name);
+            assert!(a.error_variance().expect("rank 16") >= bound(&scheme) * (1.0 - 1e-9));
+        }
+    }
+
+    /// As many captures as are said to be the least do, and one less does not.
+    #[test]
+    fn the_least_captures_are() {
+        for (array, least) in [(false, 16), (true, 8)] {
+            let rank = |k| matrix(&Scheme::qrpr(k, array).expect("a scheme")).rank();
+            assert_eq!((rank(least), rank(least - 1)), (16, 15));
+        }
+        let rank = |k| matrix(&Scheme::liquid_crystal(k, true).expect("a scheme")).rank();
+        // Three numbers from each of five captures, but what they say of s0 alone takes four.
+        assert_eq!((rank(6), rank(5)), (16, 14));
+    }
+
+    /// A scheme that cannot work says its rank and what it takes.
+    #[test]
+    fn low_ranks_are_named() {
+        let few = drr(10, false).pseudo_inverse().expect_err("too few");
+        assert_eq!((few.rank, few.least), (10, 16));
+        assert!(few.to_string().contains("rank 10 of 16") && few.to_string().contains("at least 16"));
+        let array = drr(5, true).pseudo_inverse().expect_err("too few");
+        assert_eq!((array.rank, array.least), (13, 8));
+        let still = Scheme::four(
+            "still",
+            std::array::from_fn(|_| Setting::Each(vec![0.3; 20])),
+            false,
+        );
+        let still = matrix(&still.expect("a scheme"))
+            .covariance()
+            .expect_err("no rank");
+        assert_eq!(still.rank, 1);
+        assert!(still.to_string().contains("more different settings"), "{still}");
+    }
+}

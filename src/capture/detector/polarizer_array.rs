@@ -1,0 +1,312 @@
+//! The mosaic of polarizers on a sensor (division of focal plane), and what undoes it.
+//!
+//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2; its colour version, IMX250MYR, has a
+//! Bayer mosaic over it, each of whose fields is one such block, so that 4×4 pixels repeat:
+//!
+//! > 90°  45°         R  R  G  G
+//! > 135°  0°         R  R  G  G
+//! >                  G  G  B  B
+//! >                  G  G  B  B
+//!
+//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the top one, column 0 the
+//! left one). Images of the four polarizers are kept in the order of [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), that of Baek & Heide 2021.
+//!
+//! Polarizers beside one another see points beside one another, so edges of the scene pass for polarization: no method
+//! here avoids that (for those that trade it for other errors, see Zhang, Luo, Liu & Cui 2016, "Image interpolation for
+//! division of focal plane polarimeters with intensity correlation").
+
+use super::{DetectorError, area};
+use serde::{Deserialize, Serialize};
+
+/// Index in `ARRAY_DEG` of the polarizer in `[y % 2][x % 2]`.
+const LAYOUT: [[usize; 2]; 2] = [[2, 1], [3, 0]];
+
+/// Index of the polarizer (in `ARRAY_DEG`) over a pixel.
+#[must_use]
+pub fn polarizer(x: usize, y: usize) -> usize {
+    LAYOUT[y % 2][x % 2]
+}
+
+/// Field of the Bayer mosaic over a pixel: 0 red, 1 green beside red, 2 green beside blue, 3 blue.
+#[must_use]
+pub fn bayer_field(x: usize, y: usize) -> usize {
+    y / 2 % 2 * 2 + x / 2 % 2
+}
+
+/// How a mosaic is taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Each 2×2 block is one pixel with four polarizers; an odd last row or column is dropped.
+    Superpixel,
+    /// All pixels get all polarizers: means of the two or four nearest.
+    Bilinear,
+}
+
+/// Images of the four polarizers, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Images {
+    /// In the order of `ARRAY_DEG`, each `width`·`height` values.
+    pub images: [Vec<f64>; 4],
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// Mosaics of polarizers, one for each field of a Bayer mosaic, of half the width and height.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bayer<T> {
+    /// Red, green beside red, green beside blue, blue; each a mosaic for [`demosaic`].
+    pub fields: [Vec<T>; 4],
+    /// Columns of each.
+    pub width: usize,
+    /// Rows of each.
+    pub height: usize,
+}
+
+/// The raw frame of a sensor in front of which each polarizer gives one full-resolution image.
+///
+/// # Errors
+/// [`DetectorError::Count`] unless all images have `width`·`height` values.
+pub fn mosaic<T: Copy>(images: [&[T]; 4], width: usize, height: usize) -> Result<Vec<T>, DetectorError> {
+    mosaic_bayer([images; 3], width, height)
+}
+
+/// The raw frame of a colour sensor: `images` by colour (red, green, blue), then by polarizer.
+///
+/// # Errors
+/// [`DetectorError::Count`] unless all images have `width`·`height` values.
+pub fn mosaic_bayer<T: Copy>(
+    images: [[&[T]; 4]; 3],
+    width: usize,
+    height: usize,
+) -> Result<Vec<T>, DetectorError> {
+    for image in images.iter().flatten() {
+        area("an image of a polarizer", width, height, image.len())?;
+    }
+    let colour = |field: usize| [0, 1, 1, 2][field];
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let raw = pixels.map(|(x, y)| images[colour(bayer_field(x, y))][polarizer(x, y)][y * width + x]);
+    Ok(raw.collect())
+}
+
+/// Splits the raw frame of a colour sensor by colours. Rows and columns beyond the last 4×4 block are dropped.
+///
+/// # Errors
+/// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
+pub fn split_bayer<T: Copy>(raw: &[T], width: usize, height: usize) -> Result<Bayer<T>, DetectorError> {
+    area("a raw frame", width, height, raw.len())?;
+    let (w, h) = (width / 4 * 2, height / 4 * 2);
+    let fields = std::array::from_fn(|field| {
+        let from = |n: usize, offset: usize| n / 2 * 4 + n % 2 + offset * 2;
+        let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
+        let values = pixels.map(|(x, y)| raw[from(y, field / 2) * width + from(x, field % 2)]);
+        values.collect()
+    });
+    Ok(Bayer {
+        fields,
+        width: w,
+        height: h,
+    })
+}
+
+/// Takes a mosaic apart.
+///
+/// Values that are not finite (of saturated pixels) have no weight; where none is left, the result is NaN.
+///
+/// # Errors
+/// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
+pub fn demosaic(raw: &[f64], width: usize, height: usize, method: Method) -> Result<Images, DetectorError> {
+    apart(raw, width, height, method, |weighted, weights, _| {
+        weighted / weights
+    })
+}
+
+/// The variances of what [`demosaic`] gives, from those of independent pixels. Neighbours of a bilinear image share
+/// pixels, so their errors are correlated, of which this says nothing.
+///
+/// # Errors
+/// [`DetectorError::Count`] unless `variance` has `width`·`height` values.
+pub fn demosaic_variance(
+    variance: &[f64],
+    width: usize,
+    height: usize,
+    method: Method,
+) -> Result<Images, DetectorError> {
+    apart(variance, width, height, method, |_, weights, squared| {
+        squared / (weights * weights)
+    })
+}
+
+/// Takes a mosaic apart; `value` gets Σ w v, Σ w and Σ w² v.
+fn apart(
+    raw: &[f64],
+    width: usize,
+    height: usize,
+    method: Method,
+    value: impl Fn(f64, f64, f64) -> f64,
+) -> Result<Images, DetectorError> {
+    area("a raw frame", width, height, raw.len())?;
+    let side = match method {
+        Method::Superpixel => 2,
+        Method::Bilinear => 1,
+    };
+    let mut out = Images {
+        images: std::array::from_fn(|_| Vec::new()),
+        width: width / side,
+        height: height / side,
+    };
+    for (py, row) in LAYOUT.iter().enumerate() {
+        for (px, polarizer) in row.iter().enumerate() {
+            let image = &mut out.images[*polarizer];
+            for y in 0..out.height {
+                for x in 0..out.width {
+                    let (mut weighted, mut weights, mut squared) = (0.0, 0.0, 0.0);
+                    for (sy, wy) in nearest(y, py, height, method) {
+                        for (sx, wx) in nearest(x, px, width, method) {
+                            let (v, w) = (raw[sy * width + sx], wx * wy);
+                            if v.is_finite() {
+                                weighted += w * v;
+                                weights += w;
+                                squared += w * w * v;
+                            }
+                        }
+                    }
+                    image.push(value(weighted, weights, squared));
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// Places below `size` of parity `parity` that make the value at place `at` of the result, with their weights.
+fn nearest(at: usize, parity: usize, size: usize, method: Method) -> impl Iterator<Item = (usize, f64)> {
+    let places = match (method, at % 2 == parity) {
+        (Method::Superpixel, _) => [Some((2 * at + parity, 1.0)), None],
+        (Method::Bilinear, true) => [Some((at, 1.0)), None],
+        (Method::Bilinear, false) => [at.checked_sub(1).map(|n| (n, 0.5)), Some((at + 1, 0.5))],
+    };
+    places.into_iter().flatten().filter(move |(n, _)| *n < size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::scheme::ARRAY_DEG;
+    use proptest::prelude::*;
+
+    const SIZE: [usize; 2] = [9, 7];
+
+    /// An image f(x, y, polarizer) for each polarizer.
+    fn images([w, h]: [usize; 2], f: impl Fn(usize, usize, usize) -> f64) -> [Vec<f64>; 4] {
+        std::array::from_fn(|p| (0..w * h).map(|i| f(i % w, i / w, p)).collect())
+    }
+
+    fn raw_of(images: &[Vec<f64>; 4], [w, h]: [usize; 2]) -> Vec<f64> {
+        mosaic(images.each_ref().map(Vec::as_slice), w, h).expect("has the size")
+    }
+
+    #[test]
+    fn layout_is_that_of_the_sensor() {
+        let raw = raw_of(&images([4, 4], |_, _, p| ARRAY_DEG[p]), [4, 4]);
+        let (top, below) = ([90.0, 45.0, 90.0, 45.0], [135.0, 0.0, 135.0, 0.0]);
+        assert_eq!(raw, [top, below, top, below].concat());
+        let fields: Vec<_> = (0..16).map(|i| bayer_field(i % 4, i / 4)).collect();
+        assert_eq!(fields, [0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3]);
+    }
+
+    #[test]
+    fn constant_images_come_back_to_the_borders() {
+        for size in [SIZE, [2, 2], [2, 5], [6, 3]] {
+            let raw = raw_of(&images(size, |_, _, p| p as f64 + 1.0), size);
+            for method in [Method::Superpixel, Method::Bilinear] {
+                let got = demosaic(&raw, size[0], size[1], method).expect("has the size");
+                for (p, image) in got.images.iter().enumerate() {
+                    assert_eq!(image.len(), got.width * got.height);
+                    assert!(image.iter().all(|v| *v == p as f64 + 1.0), "{size:?} {method:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn ramps_come_back_inside() {
+        let [w, h] = SIZE;
+        let ramps = images(SIZE, |x, y, p| {
+            (p as f64 - 1.5) * x as f64 + 3.0 * y as f64 + p as f64
+        });
+        let got = demosaic(&raw_of(&ramps, SIZE), w, h, Method::Bilinear).expect("has the size");
+        assert_eq!((got.width, got.height), (w, h));
+        for (got, want) in got.images.iter().zip(&ramps) {
+            for i in (0..w * h).filter(|i| (1..w - 1).contains(&(i % w)) && (1..h - 1).contains(&(i / w))) {
+                assert!((got[i] - want[i]).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn superpixels_undo_the_mosaic_of_blocks() {
+        let blocks = images([8, 6], |x, y, p| (x / 2 * 31 + y / 2 * 7 + p) as f64);
+        let got = demosaic(&raw_of(&blocks, [8, 6]), 8, 6, Method::Superpixel).expect("has the size");
+        assert_eq!((got.width, got.height), (4, 3));
+        assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
+    }
+
+    #[test]
+    fn bayer_fields_are_mosaics_of_their_colours() {
+        let colours: [_; 3] = std::array::from_fn(|c| images([11, 9], |_, _, p| (10 * c + p) as f64));
+        let slices = colours.each_ref().map(|c| c.each_ref().map(Vec::as_slice));
+        let raw = mosaic_bayer(slices, 11, 9).expect("has the size");
+        let split = split_bayer(&raw, 11, 9).expect("has the size");
+        assert_eq!((split.width, split.height), (4, 4));
+        for (field, colour) in [0, 1, 1, 2].into_iter().enumerate() {
+            assert_eq!(
+                split.fields[field],
+                raw_of(&images([4, 4], |_, _, p| (10 * colour + p) as f64), [4, 4])
+            );
+        }
+        // Places: the field below and right of a block's corner.
+        let numbers: Vec<_> = (0..64).collect();
+        let split = split_bayer(&numbers, 8, 8).expect("has the size");
+        assert_eq!(split.fields[0][..4], [0, 1, 4, 5]);
+        assert_eq!(split.fields[3][4..8], [26, 27, 30, 31]);
+    }
+
+    /// Means of one, two or four equal variances, and of fewer at the borders.
+    #[test]
+    fn variances_fall_with_the_pixels_that_are_averaged() {
+        let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");
+        // Over pixel (2, 2) lies 90°; 45° is beside it, 135° below and 0° across.
+        let inside: Vec<_> = got.images.iter().map(|v| v[12]).collect();
+        assert_eq!(inside, [1.0, 2.0, 4.0, 2.0]);
+        let corner: Vec<_> = got.images.iter().map(|v| v[0]).collect();
+        assert_eq!(corner, [4.0; 4]);
+    }
+
+    #[test]
+    fn saturated_pixels_are_left_out() {
+        let mut raw = vec![1.0; 16];
+        raw[5] = f64::NAN;
+        let got = demosaic(&raw, 4, 4, Method::Bilinear).expect("has the size");
+        assert!(got.images[0][5].is_nan());
+        let others = got.images.iter().flatten().filter(|v| !v.is_nan());
+        assert!(others.clone().all(|v| *v == 1.0));
+        assert!(others.count() > 55);
+        let got = demosaic(&raw, 4, 4, Method::Superpixel).expect("has the size");
+        assert!(got.images[0][0].is_nan() && got.images[1][0] == 1.0);
+    }
+
+    proptest! {
+        #[test]
+        fn no_frame_panics(w in 0_usize..6, h in 0_usize..6, n in 0_usize..30, v in proptest::num::f64::ANY) {
+            let raw = vec![v; n];
+            for method in [Method::Superpixel, Method::Bilinear] {
+                prop_assert_eq!(demosaic(&raw, w, h, method).is_ok(), n == w * h);
+            }
+            prop_assert_eq!(split_bayer(&raw, w, h).is_ok(), n == w * h);
+            prop_assert_eq!(mosaic([&raw; 4].map(|v| v.as_slice()), w, h).is_ok(), n == w * h);
+        }
+    }
+}

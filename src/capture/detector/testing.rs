@@ -1,0 +1,45 @@
+//! Sample moments, and their comparison with closed forms at five standard errors.
+
+/// Count, mean and unbiased variance of a sample.
+pub struct Moments {
+    pub n: f64,
+    pub mean: f64,
+    pub variance: f64,
+}
+
+impl Moments {
+    pub fn of(values: impl Iterator<Item = f64>) -> Self {
+        let (mut n, mut mean, mut squares) = (0.0, 0.0, 0.0);
+        for v in values {
+            // Welford 1962: no cancellation where the mean is far from zero.
+            n += 1.0;
+            let step = v - mean;
+            mean += step / n;
+            squares += step * (v - mean);
+        }
+        let variance = squares / (n - 1.0);
+        Self { n, mean, variance }
+    }
+
+    /// The mean is `want` within 5·√(variance/n), `variance` being the true one of a value.
+    pub fn assert_mean(&self, want: f64, variance: f64) {
+        let off = (self.mean - want) / (variance / self.n).sqrt();
+        assert!(off.abs() < 5.0, "mean {} is {off} sigma off {want}", self.mean);
+    }
+
+    /// The variance is `want` within five standard errors, Var s² ≈ (2σ⁴ + κ₄)/n, κ₄ being the fourth cumulant.
+    pub fn assert_variance(&self, want: f64, fourth: f64) {
+        let off = (self.variance - want) / ((2.0 * want * want + fourth) / self.n).sqrt();
+        assert!(
+            off.abs() < 5.0,
+            "variance {} is {off} sigma off {want}",
+            self.variance
+        );
+    }
+}
+
+/// All cumulants of a Poisson number are its mean.
+pub fn poisson_moments(seen: &Moments, mean: f64) {
+    seen.assert_mean(mean, mean);
+    seen.assert_variance(mean, mean);
+}

@@ -1,0 +1,14 @@
+//! What a rig measures: schemes of polarizing elements, their one forward model, and detectors.
+//!
+//! ```text
+//! scheme (file or constructor) -> states of generator and analyzer -> design matrix -> intensities -> detector
+//! ```
+
+pub mod coaxial;
+pub mod design_matrix;
+pub mod detector;
+pub mod element;
+pub mod scheme;
+pub mod scheme_file;
+pub mod spectral_value;
+pub mod states;

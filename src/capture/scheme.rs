@@ -1,0 +1,437 @@
+//! Capture schemes: which polarizing elements light passes on its way out and back, and what each is set to in every
+//! capture.
+//!
+//! Baek & Heide 2021, sec. 4: I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0, with p unpolarized light of one unit. Dual rotating
+//! retarders (DRR; Azzam 1978) fix the polarizers and turn the quarter-wave plates by 5° and 25° a capture; quad rotating
+//! polarizers and retarders (QRPR) turn all four; with a polarizer array (-P) four fixed polarizers on the sensor stand in
+//! for L(θ4). Liquid crystals keep all angles and change retardances.
+
+use super::coaxial::Coaxial;
+use super::element::{Element, Kind, Quantity, Setting};
+use super::spectral_value::SpectralValue;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use thiserror::Error;
+
+/// Angles of the polarizers on a sensor, degrees, in the order in which its four images are stored everywhere.
+pub const ARRAY_DEG: [f64; 4] = [0.0, 45.0, 90.0, 135.0];
+
+/// What the light falls on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sensor {
+    /// Pixels that do not care for polarization: one number a capture.
+    Intensity,
+    /// Pixels behind linear polarizers at [`ARRAY_DEG`]: four numbers a capture.
+    PolarizerArray {
+        /// Least over greatest transmittance of the polarizers.
+        extinction: SpectralValue,
+        /// Added to their angles, radians.
+        axis_offsets: [f64; 4],
+    },
+}
+
+impl Sensor {
+    /// A perfect polarizer array.
+    #[must_use]
+    pub fn array() -> Self {
+        Self::PolarizerArray {
+            extinction: SpectralValue::Same(0.0),
+            axis_offsets: [0.0; 4],
+        }
+    }
+
+    /// Numbers that one capture gives a pixel.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        match self {
+            Self::Intensity => 1,
+            Self::PolarizerArray { .. } => 4,
+        }
+    }
+}
+
+/// What is wrong with a scheme.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum SchemeError {
+    #[error(
+        "the settings of `{name}` are {found}, but those of `{other}` are {want}; give one for each capture"
+    )]
+    Lengths {
+        name: String,
+        found: usize,
+        other: String,
+        want: usize,
+    },
+    #[error("a scheme has at least one capture; give settings for it")]
+    Empty,
+    #[error("the setting of `{name}` at capture {capture} is not a finite number; mend it")]
+    NotFinite { name: String, capture: usize },
+}
+
+/// Side of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Before it.
+    Generator,
+    /// Behind it.
+    Analyzer,
+}
+
+/// Something that changes from capture to capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Motor {
+    /// Where its element is.
+    pub side: Side,
+    /// Which of the side's elements, counted as light meets them.
+    pub element: usize,
+    /// What of it.
+    pub quantity: Quantity,
+}
+
+/// A checked scheme: every setting is there for every capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scheme {
+    /// What it is called in tables.
+    pub name: String,
+    /// Stokes vector of the source: [1, 0, 0, 0] where it is unpolarized.
+    pub source: [f64; 4],
+    generator: Vec<Element>,
+    analyzer: Vec<Element>,
+    /// What detects.
+    pub sensor: Sensor,
+    /// Beamsplitter and galvo mirrors of a coaxial rig.
+    pub coaxial: Option<Coaxial>,
+    captures: usize,
+}
+
+impl Scheme {
+    /// Puts a scheme together; elements in the order in which light meets them.
+    ///
+    /// # Errors
+    /// If settings are missing or not finite.
+    pub fn new(
+        name: &str,
+        generator: Vec<Element>,
+        analyzer: Vec<Element>,
+        sensor: Sensor,
+    ) -> Result<Self, SchemeError> {
+        let captures = captures(&generator, &analyzer)?;
+        Ok(Self {
+            name: name.to_owned(),
+            source: [1.0, 0.0, 0.0, 0.0],
+            generator,
+            analyzer,
+            sensor,
+            coaxial: None,
+            captures,
+        })
+    }
+
+    /// Elements before the scene.
+    #[must_use]
+    pub fn generator(&self) -> &[Element] {
+        &self.generator
+    }
+
+    /// Elements behind the scene, without the sensor's own polarizers.
+    #[must_use]
+    pub fn analyzer(&self) -> &[Element] {
+        &self.analyzer
+    }
+
+    /// Number of captures K.
+    #[must_use]
+    pub fn captures(&self) -> usize {
+        self.captures
+    }
+
+    /// Numbers that all captures give a pixel: K, or 4K of a polarizer array (capture by capture).
+    #[must_use]
+    pub fn measurements(&self) -> usize {
+        self.captures * self.sensor.channels()
+    }
+
+    fn elements(&self) -> impl Iterator<Item = (Side, usize, &Element)> {
+        let generator = self
+            .generator
+            .iter()
+            .enumerate()
+            .map(|(i, e)| (Side::Generator, i, e));
+        generator.chain(
+            self.analyzer
+                .iter()
+                .enumerate()
+                .map(|(i, e)| (Side::Analyzer, i, e)),
+        )
+    }
+
+    /// True if the analyzer's only retarder is a perfect quarter-wave plate.
+    #[must_use]
+    pub fn quarter_waves(&self) -> bool {
+        let mut retarders = self.analyzer.iter().filter_map(|e| match &e.kind {
+            Kind::Retarder {
+                retardance, error, ..
+            } => Some((retardance, error)),
+            Kind::Polarizer { .. } => None,
+        });
+        let quarter = |d: f64| (d - FRAC_PI_2).abs() < 1e-9;
+        let first = retarders.next();
+        let perfect = matches!(first, Some((Setting::Fixed(d), SpectralValue::Same(0.0))) if quarter(*d));
+        perfect && retarders.next().is_none()
+    }
+
+    /// The least number of captures with which such a sensor can determine a Mueller matrix.
+    ///
+    /// A polarizer array gives three independent numbers a capture, as I(0°) + I(90°) = I(45°) + I(135°): six captures.
+    /// Behind quarter-wave plates two of the three, s0 and s3 of the light, are the same for all angles of the plate; of
+    /// those four captures say all, and each gives one new number: eight.
+    #[must_use]
+    pub fn least_captures(&self) -> usize {
+        match self.sensor {
+            Sensor::Intensity => 16,
+            Sensor::PolarizerArray { .. } if self.quarter_waves() => 8,
+            Sensor::PolarizerArray { .. } => 6,
+        }
+    }
+
+    /// All that changes from capture to capture, in the order of the elements.
+    #[must_use]
+    pub fn motors(&self) -> Vec<Motor> {
+        self.elements()
+            .flat_map(|(side, element, e)| {
+                e.driven().map(move |quantity| Motor {
+                    side,
+                    element,
+                    quantity,
+                })
+            })
+            .collect()
+    }
+
+    /// The element of a motor.
+    #[must_use]
+    pub fn element(&self, motor: Motor) -> &Element {
+        match motor.side {
+            Side::Generator => &self.generator[motor.element],
+            Side::Analyzer => &self.analyzer[motor.element],
+        }
+    }
+
+    /// All settings that change, radians: motor by motor, each for all captures.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<f64> {
+        self.motors()
+            .into_iter()
+            .filter_map(|motor| self.element(motor).setting(motor.quantity))
+            .flat_map(|setting| (0..self.captures).map(|k| setting.at(k)))
+            .collect()
+    }
+
+    /// The scheme with other settings, in the order of [`Scheme::parameters`].
+    ///
+    /// # Panics
+    /// If there are not as many of them.
+    #[must_use]
+    pub fn with_parameters(&self, parameters: &[f64]) -> Self {
+        let motors = self.motors();
+        assert_eq!(
+            parameters.len(),
+            motors.len() * self.captures,
+            "one number for every setting"
+        );
+        let mut out = self.clone();
+        for (motor, values) in motors.iter().zip(parameters.chunks_exact(self.captures)) {
+            let side = match motor.side {
+                Side::Generator => &mut out.generator,
+                Side::Analyzer => &mut out.analyzer,
+            };
+            if let Some(setting) = side[motor.element].setting_mut(motor.quantity) {
+                *setting = Setting::Each(values.to_vec());
+            }
+        }
+        out
+    }
+
+    /// Dual rotating retarders: retarder 2 at 5°(k-1), retarder 3 at 25°(k-1), polarizers at 0° (Azzam 1978; sec. 4).
+    ///
+    /// # Errors
+    /// If there is no capture.
+    pub fn drr(captures: usize, array: bool) -> Result<Self, SchemeError> {
+        let turning =
+            |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
+        let angles = [
+            Setting::Fixed(0.0),
+            turning(5.0),
+            turning(25.0),
+            Setting::Fixed(0.0),
+        ];
+        let name = if array { "DRR-P" } else { "DRR" };
+        Self::four(&format!("{name} {captures}"), angles, array)
+    }
+
+    /// Quad rotating polarizers and retarders at hand-made angles: the retarders as of [`Scheme::drr`], the polarizers by
+    /// the golden angle and its double, so that no two captures agree. What learning starts from, not what one measures
+    /// with.
+    ///
+    /// # Errors
+    /// If there is no capture.
+    pub fn qrpr(captures: usize, array: bool) -> Result<Self, SchemeError> {
+        const GOLDEN_DEG: f64 = 137.507_764_050_037_85;
+        let turning = |step: f64| {
+            let angle = |k| (step * k as f64).rem_euclid(180.0).to_radians();
+            Setting::Each((0..captures).map(angle).collect())
+        };
+        let angles = [
+            turning(GOLDEN_DEG),
+            turning(5.0),
+            turning(25.0),
+            turning(2.0 * GOLDEN_DEG),
+        ];
+        let name = if array { "QRPR-P" } else { "QRPR" };
+        Self::four(&format!("{name} {captures}"), angles, array)
+    }
+
+    /// The angles of [`Scheme::drr`] with all four elements free to turn: where learning starts (sec. 4).
+    ///
+    /// # Errors
+    /// If there is no capture.
+    pub fn quad(captures: usize, array: bool) -> Result<Self, SchemeError> {
+        let turning =
+            |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
+        let name = if array { "L-QRPR-P" } else { "L-QRPR" };
+        Self::four(
+            &format!("{name} {captures}"),
+            [0.0, 5.0, 25.0, 0.0].map(turning),
+            array,
+        )
+    }
+
+    /// Polarizer 1, retarder 2, the scene, retarder 3 and, unless the sensor has its own, polarizer 4; quarter-wave plates.
+    ///
+    /// # Errors
+    /// If lists of angles (radians) differ in length.
+    pub fn four(name: &str, angles: [Setting; 4], array: bool) -> Result<Self, SchemeError> {
+        let [p1, r2, r3, p4] = angles;
+        let quarter = || Setting::Fixed(FRAC_PI_2);
+        let generator = vec![
+            Element::polarizer("polarizer_1", p1),
+            Element::retarder("retarder_2", r2, quarter()),
+        ];
+        let mut analyzer = vec![Element::retarder("retarder_3", r3, quarter())];
+        if array {
+            return Self::new(name, generator, analyzer, Sensor::array());
+        }
+        analyzer.push(Element::polarizer("polarizer_4", p4));
+        Self::new(name, generator, analyzer, Sensor::Intensity)
+    }
+
+    /// Liquid-crystal retarders at 45° and 0° behind a polarizer on one side, and the same in reverse on the other: nothing
+    /// turns. Two a side, because one alone moves the state on one circle of the Poincaré sphere, which leaves the rank
+    /// at 9. Retardances run over 0 to 1.1 waves by the fractional parts of multiples of four irrational numbers.
+    ///
+    /// # Errors
+    /// If there is no capture.
+    pub fn liquid_crystal(captures: usize, array: bool) -> Result<Self, SchemeError> {
+        let run = |x: f64| {
+            let delta = |k| (k as f64 * x + 0.1).rem_euclid(1.0) * 1.1 * std::f64::consts::TAU;
+            Setting::Each((0..captures).map(delta).collect())
+        };
+        let cell =
+            |name, degrees: f64, x| Element::retarder(name, Setting::Fixed(degrees.to_radians()), run(x));
+        let generator = vec![
+            Element::polarizer("polarizer_1", Setting::Fixed(0.0)),
+            cell("crystal_2", 45.0, 0.414_213_562),
+            cell("crystal_3", 0.0, 0.732_050_808),
+        ];
+        let mut analyzer = vec![
+            cell("crystal_4", 0.0, 0.236_067_977),
+            Element::retarder("crystal_5", Setting::Fixed(FRAC_PI_4), run(0.645_751_311)),
+        ];
+        let name = if array { "LC-P" } else { "LC" };
+        let name = format!("{name} {captures}");
+        if array {
+            return Self::new(&name, generator, analyzer, Sensor::array());
+        }
+        analyzer.push(Element::polarizer("polarizer_6", Setting::Fixed(0.0)));
+        Self::new(&name, generator, analyzer, Sensor::Intensity)
+    }
+}
+
+/// The number of captures that all lists of settings agree on.
+fn captures(generator: &[Element], analyzer: &[Element]) -> Result<usize, SchemeError> {
+    let mut all: Option<(usize, &str)> = None;
+    for e in generator.iter().chain(analyzer) {
+        for quantity in [Quantity::Angle, Quantity::Retardance] {
+            let values = match e.setting(quantity) {
+                Some(Setting::Each(values)) => values.as_slice(),
+                Some(Setting::Fixed(value)) => std::slice::from_ref(value),
+                None => continue,
+            };
+            if let Some(k) = values.iter().position(|v| !v.is_finite()) {
+                return Err(SchemeError::NotFinite {
+                    name: e.name.clone(),
+                    capture: k + 1,
+                });
+            }
+            if !matches!(e.setting(quantity), Some(Setting::Each(_))) {
+                continue;
+            }
+            match all {
+                Some((want, other)) if want != values.len() => {
+                    return Err(SchemeError::Lengths {
+                        name: e.name.clone(),
+                        found: values.len(),
+                        other: other.to_owned(),
+                        want,
+                    });
+                }
+                _ => all = Some((values.len(), &e.name)),
+            }
+        }
+    }
+    match all {
+        Some((0, _)) => Err(SchemeError::Empty),
+        Some((n, _)) => Ok(n),
+        None => Ok(1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_go_and_come() {
+        for scheme in [
+            Scheme::drr(9, false),
+            Scheme::qrpr(7, true),
+            Scheme::liquid_crystal(5, false),
+        ] {
+            let scheme = scheme.expect("a scheme");
+            let parameters = scheme.parameters();
+            assert_eq!(parameters.len(), scheme.motors().len() * scheme.captures());
+            assert_eq!(scheme.with_parameters(&parameters), scheme);
+            let other: Vec<f64> = parameters.iter().map(|p| p + 0.5).collect();
+            assert_eq!(scheme.with_parameters(&other).parameters(), other);
+        }
+        assert_eq!(Scheme::drr(36, false).expect("a scheme").motors().len(), 2);
+        assert_eq!(Scheme::qrpr(36, false).expect("a scheme").motors().len(), 4);
+    }
+
+    #[test]
+    fn faults_are_named() {
+        assert_eq!(Scheme::drr(0, false), Err(SchemeError::Empty));
+        let four = |a: Setting, b: Setting| {
+            Scheme::four("x", [a, b, Setting::Fixed(0.0), Setting::Fixed(0.0)], false)
+                .expect_err("a fault")
+                .to_string()
+        };
+        let uneven = four(Setting::Each(vec![0.0; 3]), Setting::Each(vec![0.0; 4]));
+        assert!(
+            uneven.contains("retarder_2` are 4") && uneven.contains("polarizer_1` are 3"),
+            "{uneven}"
+        );
+        let nan = four(Setting::Each(vec![0.0, f64::NAN]), Setting::Fixed(0.0));
+        assert!(nan.contains("polarizer_1` at capture 2"), "{nan}");
+        assert!(four(Setting::Fixed(f64::INFINITY), Setting::Fixed(0.0)).contains("polarizer_1"));
+    }
+}

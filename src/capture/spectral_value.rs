@@ -1,0 +1,90 @@
+//! A number that may depend on the wavelength: one value, or a table that is interpolated.
+
+use serde::{Deserialize, Serialize};
+
+/// One value for all wavelengths, or rows of [nanometres, value] in rising order, linear between them and constant
+/// beyond.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum SpectralValue {
+    /// The same at all wavelengths.
+    Same(f64),
+    /// Rows of [nm, value].
+    Table(Vec<[f64; 2]>),
+}
+
+impl SpectralValue {
+    /// The value at a wavelength in nanometres; an empty table gives 0.
+    #[must_use]
+    pub fn at(&self, nm: f64) -> f64 {
+        match self {
+            Self::Same(value) => *value,
+            Self::Table(rows) => {
+                let after = rows.partition_point(|row| row[0] < nm);
+                match (after.checked_sub(1).and_then(|i| rows.get(i)), rows.get(after)) {
+                    (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (nm - a[0]) / (b[0] - a[0]),
+                    (Some(only), None) | (None, Some(only)) => only[1],
+                    (None, None) => 0.0,
+                }
+            }
+        }
+    }
+
+    /// All its values times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        match self {
+            Self::Same(value) => Self::Same(value * factor),
+            Self::Table(rows) => Self::Table(rows.iter().map(|[nm, v]| [*nm, v * factor]).collect()),
+        }
+    }
+
+    /// What is wrong with it, if anything: values outside `low..=high`, wavelengths that do not rise, no rows.
+    ///
+    /// # Errors
+    /// In words that go after the name of the field.
+    pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
+        let inside = |v: f64| (low..=high).contains(&v);
+        let ok = match self {
+            Self::Same(value) => inside(*value),
+            Self::Table(rows) => {
+                let rising = rows.windows(2).all(|w| w[0][0] < w[1][0]);
+                if rows.is_empty() || !rising || rows.iter().any(|row| !row[0].is_finite()) {
+                    return Err("must have rows [nm, value] in rising order of nm".to_owned());
+                }
+                rows.iter().all(|row| inside(row[1]))
+            }
+        };
+        if ok {
+            Ok(())
+        } else {
+            Err(format!("must lie from {low} to {high}"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_linear_between_rows_and_constant_beyond() {
+        let t = SpectralValue::Table(vec![[450.0, 1.0], [550.0, 2.0], [650.0, 0.0]]);
+        for (nm, want) in [
+            (400.0, 1.0),
+            (450.0, 1.0),
+            (500.0, 1.5),
+            (550.0, 2.0),
+            (600.0, 1.0),
+            (700.0, 0.0),
+        ] {
+            assert!((t.at(nm) - want).abs() < 1e-12);
+        }
+        assert!((t.scaled(2.0).at(500.0) - 3.0).abs() < 1e-12);
+        assert!(t.check(0.0, 2.0).is_ok() && t.check(0.0, 1.0).is_err());
+        for bad in [vec![], vec![[2.0, 0.0], [1.0, 0.0]], vec![[f64::NAN, 0.0]]] {
+            assert!(SpectralValue::Table(bad).check(0.0, 1.0).is_err());
+        }
+        assert!(SpectralValue::Same(f64::NAN).check(0.0, 1.0).is_err());
+    }
+}

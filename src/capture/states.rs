@@ -1,0 +1,246 @@
+//! States that a generator makes and an analyzer detects, and how they change with every setting.
+//!
+//! The generator's state is the Stokes vector g = E_n … E_1 p that meets the scene; the analyzer's is the row vector a
+//! with which a detector weighs the Stokes vector that comes back, so that a capture of T is a·T·g. Derivatives are
+//! carried along element by element: with v = E v', ∂v = E ∂v' for settings of earlier elements and (∂E) v' for its own.
+
+use super::element::{Jet, Quantity, Ray, Stokes, diattenuator, rotator};
+use super::scheme::{ARRAY_DEG, Scheme, Sensor, Side};
+use nalgebra::Matrix4;
+
+/// A state with its derivatives for the motors of its side.
+#[derive(Clone, Debug)]
+pub struct StateJet {
+    /// The state.
+    pub value: Stokes,
+    /// Motor (counted in [`Scheme::motors`]) and derivative for it.
+    pub first: Vec<(usize, Stokes)>,
+    /// Two motors, the former not after the latter, and the second derivative.
+    pub second: Vec<(usize, usize, Stokes)>,
+}
+
+impl StateJet {
+    fn constant(value: Stokes) -> Self {
+        Self {
+            value,
+            first: vec![],
+            second: vec![],
+        }
+    }
+
+    /// Passes an element that nothing changes.
+    fn through(&mut self, m: &Matrix4<f64>) {
+        self.value = m * self.value;
+        for (_, v) in &mut self.first {
+            *v = m * *v;
+        }
+        for (.., v) in &mut self.second {
+            *v = m * *v;
+        }
+    }
+
+    /// Passes an element; `motors` are its own: number and what of it.
+    fn pass(&mut self, jet: &Jet, motors: &[(usize, Quantity)], orders: usize) {
+        let before = self.value;
+        let firsts = self.first.clone();
+        self.through(&jet.value);
+        if orders == 0 {
+            return;
+        }
+        let index = |q: Quantity| match q {
+            Quantity::Angle => 0,
+            Quantity::Retardance => 1,
+        };
+        for (n, (motor, quantity)) in motors.iter().enumerate() {
+            let by = &jet.first[index(*quantity)];
+            if orders > 1 {
+                for (earlier, v) in &firsts {
+                    self.second.push((*earlier, *motor, by * v));
+                }
+                for (other, also) in &motors[..=n] {
+                    let both = &jet.second[index(*quantity) + index(*also)];
+                    self.second.push((*other, *motor, both * before));
+                }
+            }
+            self.first.push((*motor, by * before));
+        }
+    }
+}
+
+/// Numbers of the motors of every element of a side.
+fn motors_of(scheme: &Scheme, side: Side, element: usize) -> Vec<(usize, Quantity)> {
+    let motors = scheme.motors().into_iter().enumerate();
+    motors
+        .filter(|(_, m)| m.side == side && m.element == element)
+        .map(|(i, m)| (i, m.quantity))
+        .collect()
+}
+
+/// The Stokes vector that meets the scene in capture `k`, with derivatives up to `orders` (0, 1 or 2).
+#[must_use]
+pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJet {
+    let mut state = StateJet::constant(Stokes::from(scheme.source));
+    for (i, e) in scheme.generator().iter().enumerate() {
+        let motors = if orders > 0 {
+            motors_of(scheme, Side::Generator, i)
+        } else {
+            vec![]
+        };
+        state.pass(&e.jet(k, ray), &motors, orders);
+    }
+    if let Some(coaxial) = &scheme.coaxial {
+        state.through(&coaxial.transmission(ray.nm));
+    }
+    state
+}
+
+/// The rows in which a sensor weighs the Stokes vector that falls on it: one, or four of a polarizer array.
+fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
+    match sensor {
+        Sensor::Intensity => vec![Stokes::new(1.0, 0.0, 0.0, 0.0)],
+        Sensor::PolarizerArray {
+            extinction,
+            axis_offsets,
+        } => ARRAY_DEG
+            .iter()
+            .zip(axis_offsets)
+            .map(|(degrees, offset)| {
+                let polarizer = diattenuator(1.0, extinction.at(nm));
+                (polarizer * rotator(degrees.to_radians() + offset))
+                    .row(0)
+                    .transpose()
+            })
+            .collect(),
+    }
+}
+
+/// Rows of the same span and the same normal matrix, as few as there can be: what noise that is the same in all channels
+/// leaves to be known.
+fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
+    if rows.len() == 1 {
+        return rows.to_vec();
+    }
+    let normal: Matrix4<f64> = rows.iter().map(|r| r * r.transpose()).sum();
+    let eigen = normal.symmetric_eigen();
+    let most = eigen.eigenvalues.amax();
+    let used = eigen.eigenvalues.iter().enumerate();
+    used.filter(|(_, v)| **v > 1e-12 * most)
+        .map(|(i, v)| eigen.eigenvectors.column(i) * v.sqrt())
+        .collect()
+}
+
+/// The rows a with which capture `k` weighs what comes from the scene, one for each channel, with derivatives up to
+/// `orders`. With `few`, channels that say nothing new are left out (see [`crate::reconstruct::loss`]).
+#[must_use]
+pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) -> Vec<StateJet> {
+    let mut rows = sensor_rows(&scheme.sensor, ray.nm);
+    if few {
+        rows = sufficient(&rows);
+    }
+    let elements: Vec<(Jet, Vec<(usize, Quantity)>)> = scheme
+        .analyzer()
+        .iter()
+        .enumerate()
+        .rev()
+        .map(|(i, e)| {
+            let motors = if orders > 0 {
+                motors_of(scheme, Side::Analyzer, i)
+            } else {
+                vec![]
+            };
+            (transposed(&e.jet(k, ray)), motors)
+        })
+        .collect();
+    let splitter = scheme.coaxial.as_ref().map(|c| c.reflection(ray.nm).transpose());
+    rows.into_iter()
+        .map(|row| {
+            let mut state = StateJet::constant(row);
+            for (jet, motors) in &elements {
+                state.pass(jet, motors, orders);
+            }
+            if let Some(m) = &splitter {
+                state.through(m);
+            }
+            state
+        })
+        .collect()
+}
+
+/// Rows are passed on from the last element to the first by the transposed matrices.
+fn transposed(jet: &Jet) -> Jet {
+    Jet {
+        value: jet.value.transpose(),
+        first: jet.first.map(|m| m.transpose()),
+        second: jet.second.map(|m| m.transpose()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// First and second derivatives of both states against central differences, for turning and for liquid-crystal schemes.
+    #[test]
+    fn derivatives_are_those_of_the_states() {
+        let schemes = [
+            Scheme::qrpr(2, false),
+            Scheme::qrpr(2, true),
+            Scheme::liquid_crystal(2, false),
+        ];
+        let (k, h) = (1, 1e-5);
+        let ray = Ray::axial(550.0);
+        for scheme in schemes {
+            let scheme = scheme.expect("a scheme");
+            let at = scheme.parameters();
+            let moved = |motor: usize, by: f64| {
+                let mut p = at.clone();
+                p[motor * 2 + k] += by;
+                scheme.with_parameters(&p)
+            };
+            type Of = fn(&Scheme, usize, &Ray) -> Vec<StateJet>;
+            let sides: [Of; 2] = [
+                |s, k, ray| vec![generated(s, k, ray, 2)],
+                |s, k, ray| analyzed(s, k, ray, 2, false),
+            ];
+            let mut checked = 0;
+            for of in sides {
+                for (c, state) in of(&scheme, k, &ray).iter().enumerate() {
+                    for (motor, exact) in &state.first {
+                        let (plus, minus) = (of(&moved(*motor, h), k, &ray), of(&moved(*motor, -h), k, &ray));
+                        let found = (plus[c].value - minus[c].value) / (2.0 * h);
+                        assert!((found - exact).amax() < 1e-8);
+                        for (a, b, second) in &state.second {
+                            let Some((_, other)) = [(*a, *b), (*b, *a)].into_iter().find(|(m, _)| m == motor)
+                            else {
+                                continue;
+                            };
+                            let of_other = |s: &StateJet| {
+                                s.first
+                                    .iter()
+                                    .find(|(m, _)| *m == other)
+                                    .expect("a motor of this side")
+                                    .1
+                            };
+                            let found = (of_other(&plus[c]) - of_other(&minus[c])) / (2.0 * h);
+                            assert!((found - second).amax() < 1e-8, "{a} {b}");
+                            checked += 1;
+                        }
+                    }
+                }
+            }
+            assert!(checked >= 6);
+        }
+    }
+
+    /// Fewer rows, the same normal matrix.
+    #[test]
+    fn few_rows_know_as_much_as_all() {
+        let scheme = Scheme::qrpr(3, true).expect("a scheme");
+        let normal = |few: bool| -> Matrix4<f64> {
+            let rows = analyzed(&scheme, 2, &Ray::axial(450.0), 0, few);
+            assert_eq!(rows.len(), if few { 3 } else { 4 });
+            rows.iter().map(|r| r.value * r.value.transpose()).sum()
+        };
+        assert!((normal(true) - normal(false)).amax() < 1e-12);
+    }
+}

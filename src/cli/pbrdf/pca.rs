@@ -1,0 +1,206 @@
+//! `sunstone pbrdf pca`: principal components of a folder of tables, or of the stand-ins.
+
+use super::stand_ins::{Resolution, Sets};
+use crate::cli::failure::Failure;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use sunstone::figure::components::{Map, draw};
+use sunstone::material::measured::axes::Axes;
+use sunstone::reconstruct::pca::components::Components;
+use sunstone::reconstruct::pca::data_set::{Analytic, DataSet, Settings};
+use sunstone::reconstruct::pca::folds::Weight;
+use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
+
+/// Principal components of measured materials: the few Mueller matrices of which most matter is made.
+///
+/// Every matrix of every table is divided by its M00 and mapped by arctan(c M), c = 8, after Baek & Heide 2021; the
+/// matrices less their mean are split into components by singular values. Draws the mean and the first components, each
+/// as far as the materials reach along it (one standard deviation), and prints how much of the variance each explains.
+/// Without a folder, of the stand-ins for the 25 materials of the KAIST set.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone pbrdf pca -o components.png                         of the stand-ins
+  sunstone pbrdf pca pbrdf_tables --npz components.npz         numpy.load('components.npz')['components']
+  sunstone pbrdf pca pbrdf_tables --map none -n 12")]
+pub struct Arguments {
+    /// Folder of .pbsdf tables.
+    folder: Option<PathBuf>,
+    /// Picture to write.
+    #[arg(short, long, default_value = "components.png")]
+    output: PathBuf,
+    /// Also write arrays: mean (4, 4); spectrum (16), the singular values; share (16) of the variance; components
+    /// (16, 4, 4), as drawn; vectors (16, 4, 4), the same in unit length.
+    #[arg(long, value_name = "X.npz")]
+    npz: Option<PathBuf>,
+    /// What the matrices are mapped by.
+    #[arg(long, value_enum, default_value_t)]
+    map: Mapping,
+    /// The c of arctan(c M).
+    #[arg(short, default_value_t = Settings::default().c)]
+    c: f64,
+    /// Components to draw.
+    #[arg(short = 'n', long = "components", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=16))]
+    count: u8,
+    /// Bands, nanometres; of tables the nearest they have.
+    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650])]
+    bands: Vec<u16>,
+    /// Entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
+    #[arg(
+        long,
+        value_name = "PHI_DxTHETA_DxTHETA_H",
+        default_value = "41x31x91",
+        conflicts_with = "folder"
+    )]
+    resolution: Resolution,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Mapping {
+    /// Nothing: M / M00 itself.
+    None,
+    /// arctan(c M / M00), which spreads out small elements.
+    #[default]
+    Arctan,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if let Some(path) = a
+        .npz
+        .as_deref()
+        .filter(|p| p.extension().is_none_or(|e| e != "npz"))
+    {
+        return Err(Failure::input(format!(
+            "{}: arrays are written as .npz; name the file so",
+            path.display()
+        )));
+    }
+    let settings = Settings { c: a.c, samples: 0 };
+    let data = match &a.folder {
+        Some(folder) => {
+            let bands: Vec<f64> = a.bands.iter().copied().map(f64::from).collect();
+            DataSet::read(folder, &bands, &settings)
+        }
+        None => {
+            let sets = Sets::load(None, &a.bands)?;
+            let material = |name: &String| -> Analytic { (name.clone(), sets.sources(name)) };
+            let materials: Vec<Analytic> = sets.stand_ins().iter().map(material).collect();
+            DataSet::tabulate(
+                &Axes::even(a.resolution.0, a.bands.clone()),
+                &materials,
+                &settings,
+            )
+        }
+    }
+    .map_err(Failure::input)?;
+    let moments = match a.map {
+        Mapping::None => data.plain(Weight::Bins),
+        Mapping::Arctan => data.mapped(Weight::Bins),
+    };
+    let Some(components) = Components::of(&moments) else {
+        return Err(Failure::failed(
+            "the matrices have no principal components; they are too large",
+        ));
+    };
+    let quantity = match a.map {
+        Mapping::None => "Mij / M00".to_owned(),
+        Mapping::Arctan => format!("arctan({} Mij / M00)", a.c),
+    };
+    picture(a, &data, &components, &quantity)?;
+    if let Some(path) = &a.npz {
+        arrays(path, &components)
+            .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+    }
+    crate::cli::print(table(&data, &components, &quantity).trim_end())?;
+    for path in [Some(&a.output), a.npz.as_ref()].into_iter().flatten() {
+        crate::cli::print(&path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// Shares of the first components together.
+fn together(share: &[f64; 16]) -> impl Iterator<Item = f64> {
+    share.iter().scan(0.0, |sum, share| {
+        *sum += share;
+        Some(*sum)
+    })
+}
+
+fn table(data: &DataSet, c: &Components, quantity: &str) -> String {
+    let tally = data.tally();
+    let mut text = format!(
+        "{quantity} of {} materials, {} bins; left out: {} holes, {} dark, {} with elements beyond M00\n\
+         component  singular value   explains   together\n",
+        data.materials.len(),
+        tally.valid,
+        tally.holes,
+        tally.dark,
+        tally.unreal
+    );
+    for ((k, sum), (sigma, share)) in (1..).zip(together(&c.share)).zip(c.spectrum.iter().zip(&c.share)) {
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "{k:9}  {sigma:14.4}  {:7.3} %  {:7.3} %",
+            100.0 * share,
+            100.0 * sum
+        );
+    }
+    text
+}
+
+fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Result<(), Failure> {
+    let count = usize::from(a.count);
+    let mean = Map {
+        label: "mean".into(),
+        caption: format!("of {} materials", data.materials.len()),
+        values: c.mean,
+    };
+    let component = |(k, sum): (usize, f64)| Map {
+        label: format!("component {}", k + 1),
+        caption: format!("{:.2} %, together {:.2} %", 100.0 * c.share[k], 100.0 * sum),
+        values: c.scaled[k],
+    };
+    let shown = together(&c.share).enumerate().take(count).map(component);
+    let maps: Vec<Map> = std::iter::once(mean).chain(shown).collect();
+    let notes = [
+        "Components times their standard deviation over all bins, with the share of the variance that they explain. \
+         Rows: Stokes out; columns: Stokes in. One scale for all."
+            .to_owned(),
+        format!(
+            "{} bins of {} materials at {:?} nm.",
+            data.tally().valid,
+            data.materials.len(),
+            a.bands
+        ),
+    ];
+    let image = draw(
+        "Principal components of Mueller matrices",
+        &maps,
+        4,
+        quantity,
+        &notes,
+    )
+    .map_err(Failure::input)?;
+    crate::cli::figure::save(&image, &a.output)
+}
+
+fn arrays(path: &Path, c: &Components) -> std::io::Result<()> {
+    let array = |name: &str, shape: &[usize], values: &[f64]| {
+        let array = NumpyArray {
+            shape: shape.to_vec(),
+            values: Values::Double(values.to_vec()),
+        };
+        (name.to_owned(), array)
+    };
+    write_npz(
+        path,
+        &[
+            array("mean", &[4, 4], &c.mean),
+            array("spectrum", &[16], &c.spectrum),
+            array("share", &[16], &c.share),
+            array("components", &[16, 4, 4], c.scaled.as_flattened()),
+            array("vectors", &[16, 4, 4], c.vectors.as_flattened()),
+        ],
+    )
+}

@@ -1,0 +1,333 @@
+//! What is drawn where, from series whose points are known, and from series that hold nothing worth drawing. To look at
+//! the examples, name a folder in the environment variable `FIGURE_GALLERY` and run `cargo test --release chart`.
+
+use proptest::prelude::*;
+
+use super::*;
+
+const WHITE: Rgb<u8> = Rgb([255; 3]);
+
+fn series(name: &str, points: &[(f64, f64)], style: SeriesStyle, colour: usize) -> Series {
+    Series {
+        name: name.into(),
+        points: points.to_vec(),
+        errors: None,
+        style,
+        colour,
+    }
+}
+
+fn axis(label: &str, log: bool, range: Option<(f64, f64)>) -> ChartAxis {
+    ChartAxis {
+        label: label.into(),
+        log,
+        range,
+    }
+}
+
+fn square(series: Vec<Series>) -> Chart {
+    Chart {
+        x: axis("x", false, Some((0.0, 10.0))),
+        y: axis("y", false, Some((0.0, 10.0))),
+        series,
+        ..Chart::default()
+    }
+}
+
+/// Colours of the pixels nearest to points of the data.
+fn colours(chart: &Chart, points: &[(f64, f64)]) -> Vec<Rgb<u8>> {
+    let (img, plot, scales) = draw_with_plot(chart).unwrap();
+    points
+        .iter()
+        .map(|&p| {
+            let (x, y) = scales.point(p).unwrap();
+            *img.get_pixel(plot.x + x.round() as u32, plot.y + y.round() as u32)
+        })
+        .collect()
+}
+
+fn message(chart: &Chart) -> String {
+    draw(chart).expect_err("was drawn").to_string()
+}
+
+#[test]
+fn lines_and_markers_have_their_places() {
+    let chart = square(vec![
+        series("", &[(0.0, 3.3), (10.0, 3.3)], SeriesStyle::Line, 0),
+        series("", &[(4.3, 0.0), (4.3, 10.0)], SeriesStyle::Line, 1),
+        series("", &[(1.3, 8.3), (6.7, 8.3)], SeriesStyle::Markers, 2),
+    ]);
+    let near = |a: Rgb<u8>, b: Rgb<u8>| a.0.iter().zip(b.0).all(|(a, b)| a.abs_diff(b) < 60);
+    let seen = colours(
+        &chart,
+        &[(2.2, 3.3), (7.7, 3.3), (4.3, 6.2), (1.3, 8.3), (6.7, 8.3)],
+    );
+    for (seen, colour) in seen.into_iter().zip([0, 0, 1, 2, 2]) {
+        assert!(near(seen, palette(colour)), "{seen:?} {colour}");
+    }
+    let empty = colours(&chart, &[(2.2, 3.6), (2.2, 2.7), (4.6, 6.2), (3.3, 8.3)]);
+    assert_eq!(empty, [WHITE; 4]);
+}
+
+#[test]
+fn log_axes_place_ten_between_one_and_a_hundred() {
+    let mut chart = square(vec![series("", &[(10.0, 10.0)], SeriesStyle::Markers, 0)]);
+    chart.x = axis("x", true, Some((1.0, 100.0)));
+    chart.y = axis("y", true, Some((1.0, 100.0)));
+    let (img, r, _) = draw_with_plot(&chart).unwrap();
+    assert_eq!(*img.get_pixel(r.x + r.w / 2, r.y + r.h / 2), palette(0));
+}
+
+#[test]
+fn missing_values_leave_gaps() {
+    let y = [5.2, 5.2, f64::NAN, 5.2, 5.2, f64::INFINITY, 5.2];
+    let points: Vec<(f64, f64)> = y.iter().enumerate().map(|(i, &y)| (1.0 + i as f64, y)).collect();
+    let chart = square(vec![series("", &points, SeriesStyle::Line, 0)]);
+    let at = [1.5, 2.5, 3.2, 4.5, 5.6, 6.5, 7.0].map(|x| (x, 5.2));
+    let drawn: Vec<bool> = colours(&chart, &at).into_iter().map(|c| c != WHITE).collect();
+    assert_eq!(drawn, [true, false, false, true, false, false, true]);
+}
+
+#[test]
+fn values_that_a_log_axis_cannot_show_are_counted() {
+    let mut chart = square(vec![series(
+        "",
+        &[(1.0, 0.0), (2.0, -3.0), (3.0, 1.0), (f64::NAN, 0.0)],
+        SeriesStyle::LineMarkers,
+        0,
+    )]);
+    assert_eq!(left_out(&chart), None);
+    chart.y = axis("y", true, None);
+    let note = left_out(&chart).unwrap();
+    assert_eq!(
+        note,
+        "2 points at or below zero are not on the logarithmic vertical axis."
+    );
+    let with = draw(&chart).unwrap();
+    chart.series[0].points.drain(..2);
+    assert!(
+        draw(&chart).unwrap().height() < with.height(),
+        "the note has room"
+    );
+}
+
+#[test]
+fn error_bars_reach_one_standard_error() {
+    let mut s = series("", &[(2.3, 5.0), (5.3, 5.0), (8.3, 5.0)], SeriesStyle::Markers, 0);
+    s.errors = Some(vec![2.0, f64::NAN, 20.0]);
+    let chart = square(vec![s]);
+    let at = [
+        (2.3, 6.7),
+        (2.3, 3.4),
+        (2.3, 7.3),
+        (5.3, 6.7),
+        (8.3, 9.7),
+        (8.3, 0.3),
+    ];
+    let drawn: Vec<bool> = colours(&chart, &at).into_iter().map(|c| c != WHITE).collect();
+    assert_eq!(drawn, [true, true, false, false, true, true]);
+}
+
+#[test]
+fn dashes_are_black_and_have_holes() {
+    let chart = square(vec![series(
+        "",
+        &[(0.0, 3.3), (10.0, 3.3)],
+        SeriesStyle::Dashed,
+        BLACK,
+    )]);
+    let at: Vec<(f64, f64)> = (1..999).map(|i| (f64::from(i) / 100.0, 3.3)).collect();
+    let row = colours(&chart, &at);
+    let dark = row.iter().filter(|c| c.0[0] < 90).count();
+    let white = row.iter().filter(|c| **c == WHITE).count();
+    assert!((450..750).contains(&dark) && white > 150, "{dark} {white}");
+}
+
+/// The legend avoids the data, and leaves the plot where there is no free corner or too much to name.
+#[test]
+fn legends_keep_clear_of_the_data() {
+    let across: Vec<(f64, f64)> = (0..40).map(|i| (f64::from(i) / 4.0, 9.5)).collect();
+    let line = |k: usize| series("some name", &across, SeriesStyle::LineMarkers, k);
+    let bare = draw(&square(vec![series("", &across, SeriesStyle::LineMarkers, 0)])).unwrap();
+    let (named, plot, _) = draw_with_plot(&square(vec![line(0)])).unwrap();
+    assert_eq!(named.width(), bare.width());
+    for (x, y, p) in named
+        .enumerate_pixels()
+        .filter(|(x, y, p)| *p != bare.get_pixel(*x, *y))
+    {
+        let lower_right = x > plot.x + plot.w / 2 && y > plot.y + plot.h / 2;
+        assert!(lower_right, "{x} {y} {p:?}");
+    }
+    let full: Vec<(f64, f64)> = (0..400)
+        .map(|i| (f64::from(i % 20) / 2.0, f64::from(i / 20) / 2.0))
+        .collect();
+    let full = square(vec![series("name", &full, SeriesStyle::Markers, 0)]);
+    assert!(draw(&full).unwrap().width() > bare.width());
+    let many = draw(&square((0..30).map(line).collect())).unwrap();
+    assert!(many.width() > bare.width() && many.height() == bare.height());
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused() {
+    let nowhere = [(f64::NAN, 1.0), (1.0, f64::INFINITY)];
+    assert_eq!(DISTINCT, 56, "the number in the refusal");
+    assert!(message(&Chart::default()).contains("number of series"));
+    let many = vec![series("", &[(1.0, 1.0)], SeriesStyle::Line, 0); DISTINCT + 1];
+    assert!(message(&square(many)).contains(&format!("1 to {DISTINCT}")));
+    assert!(message(&square(vec![series("a", &[], SeriesStyle::Line, 0)])).contains("`a`"));
+    assert!(message(&square(vec![series("a", &nowhere, SeriesStyle::Line, 0)])).contains("one point"));
+    let mut short = series("b", &[(1.0, 1.0)], SeriesStyle::Line, 0);
+    short.errors = Some(vec![]);
+    assert!(message(&square(vec![short])).contains("0 values long for `b`"));
+    let mut chart = square(vec![series("", &[(1.0, 1.0)], SeriesStyle::Line, 0)]);
+    chart.y.range = Some((2.0, 1.0));
+    assert!(message(&chart).contains("`y range`"));
+    chart.y = axis("", true, None);
+    chart.series[0].points = vec![(1.0, -1.0)];
+    assert!(message(&chart).contains("above zero"));
+}
+
+/// Loss over captures of six schemes with a bound, as a paper shows it.
+fn losses() -> Chart {
+    let names = [
+        "optimized, noise-aware",
+        "optimized",
+        "dual rotating retarder",
+        "ellipsometry 4 × 4",
+        "rotating polarizers",
+        "random angles",
+    ];
+    let captures = || (4..=36).step_by(2).map(f64::from);
+    let mut list = vec![Series {
+        colour: BLACK,
+        ..series(
+            "lower bound",
+            &captures().map(|k| (k, 0.09 / k)).collect::<Vec<_>>(),
+            SeriesStyle::Dashed,
+            BLACK,
+        )
+    }];
+    for (i, name) in names.into_iter().enumerate() {
+        let points: Vec<(f64, f64)> = captures()
+            .filter(|k| i != 3 || *k >= 16.0)
+            .map(|k| {
+                let rank = 1.0 + 40.0 * f64::exp(-(k - 4.0) / (2.5 + i as f64));
+                (
+                    k,
+                    0.1 / k * 1.35_f64.powi(i as i32) * rank * (1.0 + 0.06 * (k * (i + 2) as f64).sin()),
+                )
+            })
+            .collect();
+        let errors = points.iter().map(|p| 0.08 * p.1).collect();
+        list.push(Series {
+            errors: Some(errors),
+            ..series(name, &points, SeriesStyle::LineMarkers, i)
+        });
+    }
+    Chart {
+        title: "Reconstruction loss over the number of captures".into(),
+        x: axis("captures K", false, Some((2.0, 38.0))),
+        y: axis("mean squared error of M / M00", true, None),
+        series: list,
+        notes: vec![
+            "Bars: ±1 standard error over 16 scenes. The bound is that of 16 unknowns at the same light."
+                .into(),
+        ],
+    }
+}
+
+#[test]
+fn examples_come_out_at_a_useful_size_and_the_same_again() {
+    let linear = Chart {
+        title: "Linear".into(),
+        x: axis("travel time [ps]", false, None),
+        y: axis("camera value [W/(m² sr nm)]", false, None),
+        series: (0..8)
+            .map(|k| {
+                let p: Vec<(f64, f64)> = (0..12)
+                    .map(|i| {
+                        (
+                            f64::from(i) * 7.0,
+                            1e-6 * (f64::from(i) * 0.5 + f64::from(k)).sin(),
+                        )
+                    })
+                    .collect();
+                series(&format!("series {k}"), &p, SeriesStyle::LineMarkers, k as usize)
+            })
+            .collect(),
+        notes: vec![],
+    };
+    let mut narrow = losses();
+    narrow.x = axis("captures K", true, None);
+    narrow.y = axis("loss", true, Some((0.002, 0.1)));
+    narrow.series.truncate(3);
+    for (name, chart) in [
+        ("chart_losses", losses()),
+        ("chart_linear", linear),
+        ("chart_narrow", narrow),
+    ] {
+        let img = draw(&chart).unwrap();
+        assert!(
+            (900..1400).contains(&img.width()) && (540..720).contains(&img.height()),
+            "{name}"
+        );
+        assert_eq!(img, draw(&chart).unwrap());
+        if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
+            crate::figure::save_png(&img, &std::path::Path::new(&folder).join(format!("{name}.png")))
+                .unwrap();
+        }
+    }
+}
+
+fn number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        4 => -10.0..10.0,
+        1 => any::<f64>(),
+        1 => prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::MAX, -f64::MAX, 0.0, 1e-320, 1e300]),
+    ]
+}
+
+fn any_axis() -> impl Strategy<Value = ChartAxis> {
+    let range = prop::option::weighted(0.3, (number(), number()));
+    (".{0,40}", any::<bool>(), range).prop_map(|(label, log, range)| ChartAxis { label, log, range })
+}
+
+fn any_series() -> impl Strategy<Value = Series> {
+    let styles = vec![
+        SeriesStyle::Line,
+        SeriesStyle::Markers,
+        SeriesStyle::LineMarkers,
+        SeriesStyle::Dashed,
+    ];
+    let points = prop::collection::vec((number(), number(), number()), 0..20);
+    (
+        ".{0,40}",
+        points,
+        any::<bool>(),
+        prop::sample::select(styles),
+        any::<usize>(),
+    )
+        .prop_map(|(name, points, bars, style, colour)| Series {
+            name,
+            errors: bars.then(|| points.iter().map(|p| p.2).collect()),
+            points: points.into_iter().map(|p| (p.0, p.1)).collect(),
+            style,
+            colour,
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn no_chart_panics(
+        title in ".{0,80}",
+        x in any_axis(),
+        y in any_axis(),
+        series in prop::collection::vec(any_series(), 0..5),
+        notes in prop::collection::vec(".{0,80}", 0..3),
+    ) {
+        if let Ok(img) = draw(&Chart { title, x, y, series, notes }) {
+            prop_assert!((900..2300).contains(&img.width()) && img.height() < 2300, "{:?}", img.dimensions());
+        }
+    }
+}

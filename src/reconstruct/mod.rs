@@ -1,0 +1,16 @@
+//! From intensities back to Mueller matrices, and how well that can be done.
+//!
+//! ```text
+//! intensities -> estimator (least squares, prior) -> pixels (whole images) -> Mueller matrices, standard errors
+//! pBRDFs -> pca (second moments) -> loss (closed form) -> learn (settings of a scheme)
+//! ```
+
+pub mod estimator;
+pub mod learn;
+pub mod loss;
+pub mod optimize;
+pub mod pca;
+pub mod pixels;
+pub mod product;
+pub mod second_moment;
+pub mod weighted;

@@ -1,0 +1,167 @@
+//! Minimizers of smooth functions of angles: Adam, and L-BFGS from crate argmin.
+
+use argmin::core::{CostFunction, Error, Executor, Gradient, IterState, State};
+use argmin::solver::linesearch::MoreThuenteLineSearch;
+use argmin::solver::quasinewton::LBFGS;
+use std::sync::Mutex;
+
+/// A function with its gradient.
+pub trait Smooth: Sync {
+    /// Value and gradient at a point; infinite where the function has none.
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
+}
+
+/// A point and the value there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Minimum {
+    pub x: Vec<f64>,
+    pub value: f64,
+}
+
+/// Adam (Kingma & Ba 2015) with a step that falls to zero along half a cosine; the best point that was met.
+#[must_use]
+pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
+    let (beta1, beta2) = (0.9_f64, 0.999_f64);
+    let mut x = start.to_vec();
+    let (mut mean, mut square) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+    let mut best = Minimum {
+        x: x.clone(),
+        value: f64::INFINITY,
+    };
+    for step in 0..=steps {
+        let (value, gradient) = f.evaluate(&x);
+        if value < best.value {
+            best = Minimum { x: x.clone(), value };
+        }
+        let t = (step + 1) as f64;
+        let rate = rate * 0.5 * (1.0 + (std::f64::consts::PI * step as f64 / steps.max(1) as f64).cos());
+        for i in 0..x.len() {
+            mean[i] = beta1 * mean[i] + (1.0 - beta1) * gradient[i];
+            square[i] = beta2 * square[i] + (1.0 - beta2) * gradient[i] * gradient[i];
+            let (m, v) = (mean[i] / (1.0 - beta1.powf(t)), square[i] / (1.0 - beta2.powf(t)));
+            // Where the gradient is zero so is the step.
+            if v > 0.0 {
+                x[i] -= rate * m / v.sqrt();
+            }
+        }
+    }
+    best
+}
+
+/// A function as argmin asks for it: value and gradient one after the other, which are known together.
+struct Remembered<'a, F> {
+    f: &'a F,
+    last: Mutex<Option<(Vec<f64>, f64, Vec<f64>)>>,
+    best: Mutex<Minimum>,
+}
+
+/// Argmin's line search steps back from large values, not from infinite ones.
+const BAD: f64 = 1e30;
+
+impl<F: Smooth> Remembered<'_, F> {
+    fn at(&self, x: &[f64]) -> Result<(f64, Vec<f64>), Error> {
+        let poisoned = |_| Error::msg("another evaluation failed");
+        let mut last = self.last.lock().map_err(poisoned)?;
+        if let Some((_, value, gradient)) = last.as_ref().filter(|(at, ..)| at == x) {
+            return Ok((*value, gradient.clone()));
+        }
+        let (value, gradient) = self.f.evaluate(x);
+        let value = if value.is_finite() { value } else { BAD };
+        let mut best = self
+            .best
+            .lock()
+            .map_err(|_| Error::msg("another evaluation failed"))?;
+        if value < best.value {
+            *best = Minimum { x: x.to_vec(), value };
+        }
+        *last = Some((x.to_vec(), value, gradient.clone()));
+        Ok((value, gradient))
+    }
+}
+
+impl<F: Smooth> CostFunction for &Remembered<'_, F> {
+    type Param = Vec<f64>;
+    type Output = f64;
+    fn cost(&self, x: &Vec<f64>) -> Result<f64, Error> {
+        Ok(self.at(x)?.0)
+    }
+}
+
+impl<F: Smooth> Gradient for &Remembered<'_, F> {
+    type Param = Vec<f64>;
+    type Gradient = Vec<f64>;
+    fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, Error> {
+        Ok(self.at(x)?.1)
+    }
+}
+
+/// L-BFGS (Nocedal & Wright 2006, alg. 7.5) with Moré and Thuente's line search; the best point that was met.
+#[must_use]
+pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum {
+    let problem = Remembered {
+        f,
+        last: Mutex::new(None),
+        best: Mutex::new(Minimum {
+            x: start.to_vec(),
+            value: f64::INFINITY,
+        }),
+    };
+    // The loss is of the order of σ²; argmin's tolerances are absolute and must lie below all of it.
+    let solver = LBFGS::new(MoreThuenteLineSearch::new(), 20)
+        .with_tolerance_grad(0.0)
+        .and_then(|s| s.with_tolerance_cost(0.0));
+    if let Ok(solver) = solver {
+        let configured = Executor::new(&problem, solver).configure(|state: IterState<_, _, _, _, _, _>| {
+            state
+                .param(start.to_vec())
+                .max_iters(iterations)
+                .target_cost(f64::NEG_INFINITY)
+        });
+        // A line search that finds nothing better ends the run; the best point is remembered.
+        let _ = configured.run().map(|result| result.state().get_iter());
+    }
+    let best = problem.best.lock().map(|b| b.clone());
+    best.unwrap_or(Minimum {
+        x: start.to_vec(),
+        value: f64::INFINITY,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's function, whose minimum is 0 at (1, 1).
+    struct Valley;
+    impl Smooth for Valley {
+        fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+            let (a, b) = (1.0 - x[0], x[1] - x[0] * x[0]);
+            (
+                a * a + 100.0 * b * b,
+                vec![-2.0 * a - 400.0 * x[0] * b, 200.0 * b],
+            )
+        }
+    }
+
+    #[test]
+    fn minima_are_found() {
+        let found = quasi_newton(&Valley, &[-1.2, 1.0], 200);
+        assert!(found.value < 1e-20, "{found:?}");
+        let found = adam(&Valley, &[-1.2, 1.0], 20_000, 0.02);
+        assert!(found.value < 1e-4, "{found:?}");
+    }
+
+    /// A function that is nowhere finite is given up, not looped over.
+    struct Wall;
+    impl Smooth for Wall {
+        fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+            (f64::INFINITY, vec![0.0; x.len()])
+        }
+    }
+
+    #[test]
+    fn walls_end_the_search() {
+        assert!(quasi_newton(&Wall, &[0.0, 1.0], 50).value >= BAD);
+        assert_eq!(adam(&Wall, &[0.0, 1.0], 5, 0.1).x, [0.0, 1.0]);
+    }
+}

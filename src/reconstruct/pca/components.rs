@@ -1,0 +1,167 @@
+//! Principal components of a set of Mueller matrices.
+//!
+//! With X the matrices as rows, n of them, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X - mean) = n S,
+//! S the covariance, V holds the eigenvectors of S and Σ = √(n λ) its eigenvalues: 16 × 16 numbers stand for all of X.
+//!
+//! The price are singular values below about 1e-8 of the first: they are rounding.
+
+use super::moments::{Moments, Row};
+use nalgebra::{SMatrix, SymmetricEigen};
+
+/// Steps of the eigenvalue iteration; a few per value are enough.
+const MOST_STEPS: usize = 10_000;
+
+/// Principal components, the strongest first. Matrices are row by row, Stokes out first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Components {
+    /// Number of rows n.
+    pub count: f64,
+    /// Mean of the rows.
+    pub mean: Row,
+    /// Singular values of X - mean, falling: they grow with √n.
+    pub spectrum: Row,
+    /// Share of each in the total variance, σ² / Σ σ²; all 0 of a set without variance.
+    pub share: Row,
+    /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is positive.
+    pub vectors: [Row; 16],
+    /// V Σ / √n by columns: how far the set reaches along each component, as a standard deviation of the matrix. These are
+    /// the paper's scaled components, in a scale that does not depend on the number of bins.
+    pub scaled: [Row; 16],
+}
+
+impl Components {
+    /// Of a set; `None` if it is empty, or too large numbers overflowed in it. Of a set of fewer than 17 rows, all
+    /// components from the last row on have no variance, and any directions across the others.
+    #[must_use]
+    pub fn of(moments: &Moments) -> Option<Self> {
+        let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
+        let finite = mean
+            .iter()
+            .chain(covariance.as_flattened())
+            .all(|e| e.is_finite());
+        if !(count > 0.0 && count.is_finite() && finite) {
+            return None;
+        }
+        let s = SMatrix::<f64, 16, 16>::from_fn(|i, j| covariance[i][j]);
+        let eigen = SymmetricEigen::try_new(s, f64::EPSILON, MOST_STEPS)?;
+        let mut order: [usize; 16] = std::array::from_fn(|k| k);
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        // Rounding makes eigenvalues of 0 slightly negative.
+        let variance = order.map(|k| eigen.eigenvalues[k].max(0.0));
+        let total: f64 = variance.iter().sum();
+        let vectors = order.map(|k| {
+            let v: Row = std::array::from_fn(|i| eigen.eigenvectors[(i, k)]);
+            let largest = v
+                .iter()
+                .fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
+            v.map(|e| if largest < 0.0 { -e } else { e })
+        });
+        Some(Self {
+            count,
+            mean,
+            spectrum: variance.map(|v| (v * count).sqrt()),
+            share: variance.map(|v| if total > 0.0 { v / total } else { 0.0 }),
+            vectors,
+            scaled: std::array::from_fn(|k| vectors[k].map(|e| e * variance[k].sqrt())),
+        })
+    }
+
+    /// The nearest row in the span of the mean and the first `n` components.
+    #[must_use]
+    pub fn nearest(&self, row: &Row, n: usize) -> Row {
+        let mut out = self.mean;
+        for v in self.vectors.iter().take(n) {
+            let along: f64 = (0..16).map(|i| (row[i] - self.mean[i]) * v[i]).sum();
+            out.iter_mut().zip(v).for_each(|(o, e)| *o += along * e);
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::pca::testing::rows;
+    use nalgebra::DMatrix;
+    use proptest::prelude::*;
+
+    /// Singular values and vectors are those of X - mean itself.
+    #[test]
+    fn components_are_the_singular_vectors() {
+        let rows = rows(400, 5);
+        let c = Components::of(&Moments::of(&rows)).unwrap();
+        let x = DMatrix::from_fn(rows.len(), 16, |i, j| rows[i][j] - c.mean[j]);
+        let svd = x.svd(false, true);
+        let v_t = svd.v_t.unwrap();
+        for k in 0..16 {
+            let sigma = svd.singular_values[k];
+            assert!(
+                (c.spectrum[k] - sigma).abs() < 1e-10,
+                "{k}: {} is not {sigma}",
+                c.spectrum[k]
+            );
+            let along: f64 = (0..16).map(|i| v_t[(k, i)] * c.vectors[k][i]).sum();
+            assert!((along.abs() - 1.0).abs() < 1e-10, "{k}: {along}");
+            for i in 0..16 {
+                let want = along.signum() * v_t[(k, i)] * sigma / c.count.sqrt();
+                assert!((c.scaled[k][i] - want).abs() < 1e-10);
+            }
+            for l in 0..16 {
+                let dot: f64 = (0..16).map(|i| c.vectors[k][i] * c.vectors[l][i]).sum();
+                let want = if k == l { 1.0 } else { 0.0 };
+                assert!((dot - want).abs() < 1e-13, "{k} {l}: {dot}");
+            }
+            let largest = c.vectors[k].iter().fold(0.0_f64, |a, e| a.max(e.abs()));
+            assert!(c.vectors[k].contains(&largest), "the largest is positive");
+        }
+        assert!((c.share.iter().sum::<f64>() - 1.0).abs() < 1e-14);
+        assert!(c.spectrum.windows(2).all(|w| w[0] >= w[1]));
+    }
+
+    /// What n components leave of X is the tail of the spectrum.
+    #[test]
+    fn what_is_left_is_the_tail() {
+        let rows = rows(300, 6);
+        let c = Components::of(&Moments::of(&rows)).unwrap();
+        for n in 0..=16 {
+            let square = |r: &Row| {
+                let near = c.nearest(r, n);
+                (0..16).map(|i| (r[i] - near[i]).powi(2)).sum::<f64>()
+            };
+            let left: f64 = rows.iter().map(square).sum();
+            let tail: f64 = c.spectrum[n..].iter().map(|s| s * s).sum();
+            assert!(
+                (left - tail).abs() < 1e-10 * (1.0 + tail),
+                "{n}: {left} is not {tail}"
+            );
+        }
+    }
+
+    /// Of few rows there are fewer components than rows; of equal ones none.
+    #[test]
+    fn few_rows_and_equal_rows() {
+        for n in [1, 2, 5, 15] {
+            let c = Components::of(&Moments::of(&rows(n, 8))).unwrap();
+            let n = n as usize;
+            let last = c.spectrum[n - 1..].iter().fold(0.0_f64, |a, s| a.max(*s));
+            assert!(last < 1e-7, "{n}: {last}");
+            assert!(n == 1 || c.spectrum[n - 2] > 1e-6);
+        }
+        let c = Components::of(&Moments::of(&[[0.3; 16]; 40])).unwrap();
+        assert!(c.spectrum.iter().all(|s| *s < 1e-14) && c.share.iter().sum::<f64>() <= 1.0);
+        assert!((c.mean[4] - 0.3).abs() < 1e-15);
+        assert_eq!(Components::of(&Moments::default()), None);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]
+
+        /// Any numbers at all give finite components or none.
+        #[test]
+        fn odd_rows_do_no_harm(all in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..30)) {
+            if let Some(c) = Components::of(&Moments::of(&all)) {
+                prop_assert!(c.vectors.as_flattened().iter().chain(&c.share).all(|e| e.is_finite()));
+            }
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Mean and second moments of sets of Mueller matrices, put together in any number of parts.
+//!
+//! A matrix is a row v of 16 elements, v[4 i + j] = m[i][j], i = Stokes out, j = Stokes in. Kept are the number of rows n,
+//! their mean μ and the co-moments C = Σ (v - μ)(v - μ)ᵀ. One row is added after Welford 1962; two sets are merged after
+//! Chan, Golub & LeVeque 1983, "Algorithms for computing the sample variance":
+//!
+//! > μ = μ_a + δ n_b / n,  C = C_a + C_b + δ δᵀ n_a n_b / n,  δ = μ_b - μ_a.
+//!
+//! No sum of squares is formed, in which a variance that is small beside the mean would drown.
+
+use rayon::prelude::*;
+
+/// A Mueller matrix as a row of X.
+pub type Row = [f64; 16];
+
+/// Rows that one piece of parallel work sums; fixed, so that the result does not depend on the number of threads.
+const CHUNK: usize = 4096;
+
+/// Moments of a set of rows. The empty set has mean 0.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moments {
+    count: f64,
+    mean: Row,
+    /// C, symmetric.
+    about_mean: [Row; 16],
+}
+
+impl Moments {
+    /// Of all rows, in parallel; the same on any machine.
+    #[must_use]
+    pub fn of(rows: &[Row]) -> Self {
+        let parts: Vec<Self> = rows
+            .par_chunks(CHUNK)
+            .map(|rows| {
+                let mut part = Self::default();
+                rows.iter().for_each(|row| part.add(row));
+                part
+            })
+            .collect();
+        Self::sum(&parts)
+    }
+
+    /// Of sets merged in their order.
+    #[must_use]
+    pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut all = Self::default();
+        for part in parts {
+            all.merge(part);
+        }
+        all
+    }
+
+    /// Adds one row. One with an element that is not finite is left out.
+    #[inline]
+    pub fn add(&mut self, row: &Row) {
+        if !row.iter().all(|e| e.is_finite()) {
+            return;
+        }
+        self.count += 1.0;
+        let before: Row = std::array::from_fn(|i| row[i] - self.mean[i]);
+        for (mean, d) in self.mean.iter_mut().zip(&before) {
+            *mean += d / self.count;
+        }
+        let after: Row = std::array::from_fn(|i| row[i] - self.mean[i]);
+        // before - after is parallel to both, so the product is symmetric but for rounding; half of it would be slower.
+        for (c, a) in self.about_mean.iter_mut().zip(&after) {
+            for (c, b) in c.iter_mut().zip(&before) {
+                *c += a * b;
+            }
+        }
+    }
+
+    /// Adds the rows of another set.
+    pub fn merge(&mut self, other: &Self) {
+        let count = self.count + other.count;
+        if count <= 0.0 {
+            return;
+        }
+        let d: Row = std::array::from_fn(|i| other.mean[i] - self.mean[i]);
+        let (share, both) = (other.count / count, self.count * other.count / count);
+        for i in 0..16 {
+            self.mean[i] += d[i] * share;
+            for j in 0..16 {
+                self.about_mean[i][j] += other.about_mean[i][j] + d[i] * d[j] * both;
+            }
+        }
+        self.count = count;
+    }
+
+    /// The same set with every row counted `weight` times; weights that are negative or not finite count as 0.
+    #[must_use]
+    pub fn weighted(&self, weight: f64) -> Self {
+        if !(weight > 0.0 && weight.is_finite()) {
+            return Self::default();
+        }
+        Self {
+            count: self.count * weight,
+            mean: self.mean,
+            about_mean: self.about_mean.map(|row| row.map(|c| c * weight)),
+        }
+    }
+
+    /// Number of rows; not whole after [`Self::weighted`].
+    #[must_use]
+    pub fn count(&self) -> f64 {
+        self.count
+    }
+
+    /// E[v]: the mean matrix.
+    #[must_use]
+    pub fn mean(&self) -> Row {
+        self.mean
+    }
+
+    /// E[(v - μ)(v - μ)ᵀ]: C / n, symmetric to the last bit; 0 of the empty set.
+    #[must_use]
+    pub fn covariance(&self) -> [Row; 16] {
+        if self.count <= 0.0 {
+            return [[0.0; 16]; 16];
+        }
+        let c = &self.about_mean;
+        std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (c[i][j] + c[j][i]) / self.count))
+    }
+
+    /// E[v vᵀ]: the raw second moment, covariance + μ μᵀ.
+    #[must_use]
+    pub fn second(&self) -> [Row; 16] {
+        let (mut out, mean) = (self.covariance(), &self.mean);
+        for (i, row) in out.iter_mut().enumerate() {
+            for (j, e) in row.iter_mut().enumerate() {
+                *e += mean[i] * mean[j];
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::pca::testing::rows;
+    use proptest::prelude::*;
+
+    fn close(a: &Moments, b: &Moments, slack: f64) {
+        assert_eq!(a.count(), b.count());
+        for i in 0..16 {
+            assert!((a.mean()[i] - b.mean()[i]).abs() <= slack, "mean {i}");
+            for j in 0..16 {
+                let (x, y) = (a.covariance()[i][j], b.covariance()[i][j]);
+                assert!((x - y).abs() <= slack, "[{i}][{j}]: {x} is not {y}");
+            }
+        }
+    }
+
+    /// Both moments are their definitions, and merging in any parts changes nothing.
+    #[test]
+    fn moments_are_their_definitions() {
+        let rows = rows(9001, 3);
+        let n = rows.len() as f64;
+        let all = Moments::of(&rows);
+        let second = all.second();
+        for i in 0..16 {
+            let mean = rows.iter().map(|r| r[i]).sum::<f64>() / n;
+            assert!((all.mean()[i] - mean).abs() < 1e-13);
+            for j in 0..16 {
+                let want = rows.iter().map(|r| r[i] * r[j]).sum::<f64>() / n;
+                assert!((second[i][j] - want).abs() < 1e-12, "[{i}][{j}]");
+            }
+        }
+        for cut in [1, 17, 4000, 9000] {
+            let (a, b) = rows.split_at(cut);
+            close(&Moments::sum(&[Moments::of(a), Moments::of(b)]), &all, 1e-13);
+        }
+        assert_eq!(Moments::of(&rows), all, "the same twice");
+    }
+
+    /// A variance of 1e-12 on a mean of 1e4, which a sum of squares loses entirely.
+    #[test]
+    fn small_variances_survive_large_means() {
+        let rows: Vec<Row> = (0..20_000)
+            .map(|k| [1e4 + if k % 2 == 0 { 1e-6 } else { -1e-6 }; 16])
+            .collect();
+        let c = Moments::of(&rows).covariance()[3][7];
+        // The rows themselves are rounded to 1e-12 of their size, 2e-6 of what is asked for.
+        assert!((c / 1e-12 - 1.0).abs() < 1e-5, "{c}");
+    }
+
+    /// Weights count rows many times; nothing is the empty set.
+    #[test]
+    fn weights_are_repetitions() {
+        let (a, b) = (Moments::of(&rows(50, 1)), Moments::of(&rows(70, 2)));
+        close(
+            &Moments::sum(&[a.weighted(3.0), b.clone()]),
+            &Moments::sum(&[&a, &a, &a, &b].map(Clone::clone)),
+            1e-13,
+        );
+        for weight in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(a.weighted(weight), Moments::default());
+        }
+        assert_eq!(Moments::of(&[]), Moments::default());
+        assert_eq!(Moments::default().second(), [[0.0; 16]; 16]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
+
+        /// Rows that are no numbers are left out, whatever else they hold.
+        #[test]
+        fn odd_rows_are_left_out(
+            odd in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..8),
+            bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
+            at in 0..16_usize,
+        ) {
+            let mut m = Moments::of(&odd);
+            let before = m.count();
+            prop_assert!(before <= odd.len() as f64);
+            let mut row = [0.5; 16];
+            row[at] = bad;
+            m.add(&row);
+            prop_assert_eq!(m.count(), before);
+        }
+    }
+}

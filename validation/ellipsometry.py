@@ -1,0 +1,334 @@
+#!/usr/bin/env python3
+"""Captures and their least-squares reconstruction against PyPI `polanalyser`, and the time that both take in one run.
+
+Both have the same signs, so that nothing is transformed: `polanalyser.retarder(δ, θ)` is R(-θ) M R(θ) with M[2][3] = +sin δ,
+M[3][2] = -sin δ and a middle block [[cos 2θ, sin 2θ], [-sin 2θ, cos 2θ]] of R(θ), as in CONVENTIONS.md.
+
+Compared are design matrices (bound 1e-12) of built-in schemes and of random angles and retardances, then reconstructions of
+mixtures of Jones matrices from noisy intensities (1e-9 of a pixel's greatest element; 1e-4 for float32 and uint16 files).
+
+Then 36 float32 images are timed: the whole command, its files in memory where there is a tmpfs, and the computation that it
+reports; against them `polanalyser.calcMueller` on the array in memory, by which the command is judged, and from file to file;
+and passes of NumPy over the array and the files. The command's memory is held to 200 MB, also for images four times as large.
+
+Exits with 1 if something is above its bound. `--power` plants errors in what Sunstone is given or gives and checks that all
+rows notice all of them.
+"""
+
+import argparse
+import importlib.util
+import math
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from pathlib import Path
+
+import environment
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import numpy as np
+    from speed import high_water
+
+    # Only this module: the package as a whole also imports OpenCV, which Mueller matrices do without.
+    package = importlib.util.find_spec("polanalyser").submodule_search_locations[0]
+    spec = importlib.util.spec_from_file_location("polanalyser_mueller", Path(package) / "mueller.py")
+    polanalyser = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(polanalyser)
+
+DESIGN, DOUBLE, SINGLE = 1e-12, 1e-9, 1e-4
+HEIGHT, WIDTH = 150, 200
+ROWS, COLUMNS, CAPTURES = 1024, 1224, 36
+MEMORY, RATIO = 200, 5
+BUILT_IN = {
+    "DRR 36": ["drr", "-k", "36"],
+    "DRR 25": ["drr", "-k", "25"],
+    "QRPR 20": ["qrpr", "-k", "20"],
+    "QRPR array 8": ["qrpr", "-k", "8", "--sensor", "polarizer-array"],
+}
+ARRAY = [0, 45, 90, 135]
+
+
+class Scheme:
+    """Ideal elements of a scheme file, in the order in which light meets them: (kind, angles, retardances), degrees."""
+
+    def __init__(self, generator, analyzer, array):
+        self.generator, self.analyzer, self.array = generator, analyzer, array
+
+    @classmethod
+    def load(cls, path):
+        """What a file says."""
+        text = tomllib.loads(path.read_text())
+        assert "coaxial" not in text and text.get("source", [1, 0, 0, 0]) == [1, 0, 0, 0], "an ideal scheme"
+
+        def side(name):
+            elements = text.get(name, [])
+            known = {"name", "kind", "angle_deg", "retardance_deg"}
+            assert all(set(e) <= known for e in elements), "ideal elements"
+            return [(e["kind"], e["angle_deg"], e.get("retardance_deg", 90)) for e in elements]
+
+        return cls(side("generator"), side("analyzer"), text["sensor"]["kind"] == "polarizer_array")
+
+    def save(self, path):
+        """Writes it down."""
+        lines = ['name = "check"', f'sensor = {{ kind = "{"polarizer_array" if self.array else "intensity"}" }}']
+        number = lambda v: str(np.asarray(v, float).tolist())
+        for side, elements in [("generator", self.generator), ("analyzer", self.analyzer)]:
+            for kind, angle, retardance in elements:
+                lines += [f"[[{side}]]", f'kind = "{kind}"', f"angle_deg = {number(angle)}"]
+                lines += [f"retardance_deg = {number(retardance)}"] if kind == "retarder" else []
+        path.write_text("\n".join(lines) + "\n")
+
+    def turned(self, degrees):
+        """All elements turned, but not the sensor's own polarizers."""
+        turn = lambda elements: [(kind, np.add(angle, degrees), delta) for kind, angle, delta in elements]
+        return Scheme(turn(self.generator), turn(self.analyzer), self.array)
+
+    def swapped(self):
+        """Generator and analyzer exchanged, light the other way; of a polarizer array the retarders alone."""
+        if self.array:
+            (p, q2), (q3,) = self.generator, self.analyzer
+            return Scheme([p, q3], [q2], True)
+        return Scheme(self.analyzer[::-1], self.generator[::-1], False)
+
+    def matrices(self):
+        """Polanalyser's generators and analyzers, one for each measurement, (M, 4, 4)."""
+        settings = [v for e in self.generator + self.analyzer for v in e[1:]]
+        captures = np.broadcast_shapes(*(np.shape(v) for v in settings) or (1,))[0]
+
+        def side(elements, k):
+            m = np.eye(4)
+            for kind, *values in elements:
+                angle, delta = (math.radians(v if np.ndim(v) == 0 else v[k]) for v in values)
+                m = (polanalyser.polarizer(angle) if kind == "polarizer" else polanalyser.retarder(delta, angle)) @ m
+            return m
+
+        ends = [polanalyser.polarizer(math.radians(a)) for a in ARRAY] if self.array else [np.eye(4)]
+        pairs = [(side(self.generator, k), end @ side(self.analyzer, k)) for k in range(captures) for end in ends]
+        return np.moveaxis(np.array(pairs), 1, 0)
+
+    def design(self):
+        """Polanalyser's design matrix, (M, 4, 4)."""
+        psg, psa = self.matrices()
+        return psa[:, 0, :, None] * psg[:, None, :, 0]
+
+
+def mixtures(count, rng):
+    """Realizable Mueller matrices: mixtures of three Jones matrices."""
+    pauli = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]], [[0, -1j], [1j, 0]]])
+    jones = rng.normal(size=(3, count, 2, 2)) + 1j * rng.normal(size=(3, count, 2, 2))
+    jones *= np.array([1.0, 0.4, 0.2])[:, None, None, None]
+    return np.einsum("aij,knjl,blm,knim->nab", pauli, jones, pauli, jones.conj(), optimize=True).real / 2
+
+
+def random_scheme(rng, retardances, array):
+    """Random settings of two polarizers and two retarders."""
+    captures = 12 if array else 30
+    angle = lambda: rng.uniform(-720, 720, captures)
+    delta = lambda: rng.uniform(0, 360, captures) if retardances else 90
+    generator = [("polarizer", angle(), 0), ("retarder", angle(), delta())]
+    analyzer = [("retarder", angle(), delta())] + ([] if array else [("polarizer", angle(), 0)])
+    return Scheme(generator, analyzer, array)
+
+
+def run(*arguments):
+    """Runs Sunstone; what it says."""
+    done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(map(str, done.args))}:\n{done.stderr}")
+    return done.stderr
+
+
+def design(folder, scheme):
+    """Sunstone's design matrix, (M, 4, 4)."""
+    scheme.save(folder / "s.toml")
+    run("scheme", "matrix", folder / "s.toml", "-o", folder / "a.npy")
+    a = np.load(folder / "a.npy")
+    assert a.ndim == 2 and a.shape[1] == 16 and a.dtype == np.float64, f"{a.shape} {a.dtype}"
+    return a.reshape(-1, 4, 4)
+
+
+def reconstruct(folder, scheme, intensities):
+    """Sunstone's Mueller matrices."""
+    scheme.save(folder / "s.toml")
+    np.save(folder / "i.npy", intensities)
+    run("reconstruct", folder / "i.npy", "--scheme", folder / "s.toml", "-o", folder / "m.npy")
+    m = np.load(folder / "m.npy")
+    want = np.float64 if intensities.dtype == np.float64 else np.float32
+    assert m.dtype == want and m.shape[:2] == (HEIGHT, WIDTH), f"{m.shape} {m.dtype}"
+    return m
+
+
+# How each error changes the scheme that Sunstone is given, and the matrices that it gives.
+SAME = lambda x: x
+SIGNS = (1, 1, 1, -1)
+ERRORS = {
+    "0.1°": (lambda s: s.turned(0.1), SAME),
+    "swapped": (lambda s: s.swapped(), SAME),
+    "s3": (SAME, lambda m: m * np.outer(SIGNS, SIGNS)),
+    "transposed": (SAME, lambda m: m.swapaxes(-1, -2)),
+}
+
+
+def rows(folder, rng):
+    """What is compared: name, bound, ours (given an error's two changes), theirs, scale."""
+    schemes = {}
+    for name, arguments in BUILT_IN.items():
+        run("scheme", *arguments, "-o", folder / "built_in.toml")
+        schemes[name] = Scheme.load(folder / "built_in.toml")
+    randoms = {
+        "random angles": random_scheme(rng, False, False),
+        "random retarders": random_scheme(rng, True, False),
+        "random array": random_scheme(rng, True, True),
+    }
+    for name, scheme in (schemes | randoms).items():
+        ours = lambda change, after, s=scheme: after(design(folder, change(s)))
+        yield f"{name}, design", DESIGN, ours, scheme.design(), 1.0
+    truth = mixtures(HEIGHT * WIDTH, rng).reshape(HEIGHT, WIDTH, 4, 4)
+    for name, scheme in (schemes | randoms).items():
+        psg, psa = scheme.matrices()
+        exact = np.einsum("ka,yxab,kb->kyx", psa[:, 0], truth, psg[:, :, 0], optimize=True)
+        noisy = exact + rng.normal(scale=0.01 * exact.mean(), size=exact.shape)
+        inputs = [("", DOUBLE, noisy)]
+        if name in BUILT_IN:
+            counts = (np.clip(noisy / exact.max(), 0, 1) * 65535).astype(np.uint16)
+            inputs += [(" float32", SINGLE, noisy.astype(np.float32)), (" uint16", SINGLE, counts)]
+        for kind, bound, values in inputs:
+            shape = (-1, len(ARRAY), HEIGHT, WIDTH) if scheme.array else values.shape
+            ours = lambda change, after, s=scheme, i=values.reshape(shape): after(reconstruct(folder, change(s), i))
+            theirs = polanalyser.calcMueller(values, psg, psa)
+            scale = np.abs(theirs).max(axis=(-1, -2), keepdims=True)
+            yield f"{name}, M{kind}", bound, ours, theirs, scale
+
+
+def compare(folder, power):
+    """Prints the table; true if a row is wrong."""
+    rng = np.random.default_rng(1)
+    columns = ERRORS if power else {"largest difference": (SAME, SAME)}
+    print(f"{'scheme and array':24} {'bound':>7}" + "".join(f" {name:>20}" for name in columns))
+    failed = False
+    for name, bound, ours, theirs, scale in rows(folder, rng):
+        line = f"{name:24} {bound:7.0e}"
+        for change in columns.values():
+            got = ours(*change)
+            assert got.shape == theirs.shape, f"{got.shape} {theirs.shape}"
+            difference = (np.abs(got - theirs) / scale).max()
+            wrong = not difference < bound
+            failed |= wrong != power
+            line += f" {f'{difference:.3e}' + (' noticed' if power and wrong else ''):>20}"
+        print(line)
+    return failed
+
+
+def timed(action):
+    """Seconds that something takes."""
+    start = time.perf_counter()
+    action()
+    return time.perf_counter() - start
+
+
+def peak(command):
+    """Largest resident memory of a command, megabytes of 1e6 bytes."""
+    running = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    most = 0
+    while running.poll() is None:
+        most = max(most, high_water(running.pid))
+        time.sleep(0.001)
+    if running.returncode:
+        sys.exit("sunstone failed")
+    return most * 1.048576
+
+
+def speed(folder, pixels):
+    """Prints times and memory; true if they are above their bounds."""
+    height = max(1, pixels // COLUMNS)
+    rng = np.random.default_rng(2)
+    image = rng.random((CAPTURES, height, COLUMNS), dtype=np.float32)
+    run("scheme", *BUILT_IN["DRR 36"], "-o", folder / "s.toml")
+    psg, psa = Scheme.load(folder / "s.toml").matrices()
+    command = lambda file: ["reconstruct", folder / file, "--scheme", folder / "s.toml", "-o", folder / "m.npy"]
+    np.save(folder / "i.npy", image)
+    copy = np.zeros_like(image)
+    inverse = np.linalg.pinv((psa[:, 0, :, None] * psg[:, None, :, 0]).reshape(CAPTURES, 16)).astype(np.float32)
+    stacked = image.reshape(CAPTURES, -1)
+    result = np.zeros((height, COLUMNS, 4, 4), np.float32)
+    reported = []
+
+    def whole():
+        text = run("-v", *command("i.npy"))
+        reported.append(float(re.search(r"([0-9.]+(?:e-?[0-9]+)?) s(?:econds)?\b", text).group(1)))
+
+    def files():
+        m = polanalyser.calcMueller(np.load(folder / "i.npy"), psg, psa)
+        np.save(folder / "theirs.npy", m.astype(np.float32, order="C"))
+
+    def alone():
+        np.load(folder / "i.npy")
+        np.save(folder / "theirs.npy", result)
+
+    actions = {
+        "sunstone, whole command": whole,
+        "polanalyser, in memory": lambda: polanalyser.calcMueller(image, psg, psa),
+        "polanalyser, whole": files,
+        "numpy, reading and writing": alone,
+        "numpy, float32 product": lambda: inverse @ stacked,
+        "numpy, sum of the input": lambda: image.sum(),
+        "numpy, copy of the input": lambda: np.copyto(copy, image),
+    }
+    # Rounds are interleaved, because machines drift; the best of each counts.
+    rounds = [{name: timed(action) for name, action in actions.items()} for _ in range(5)]
+    best = {name: min(r[name] for r in rounds) for name in actions}
+    best["sunstone, computation"] = min(reported)
+    theirs = polanalyser.calcMueller(image, psg, psa)
+    off = np.abs(np.load(folder / "m.npy") - theirs).max() / np.abs(theirs).max()
+    size = f"{CAPTURES} x {height} x {COLUMNS} float32 ({image.nbytes / 1e6:.0f} MB)"
+    print(f"\n{size}, files in {folder.parent}; off by {off:.1e}")
+    mine = best["sunstone, whole command"]
+    for name, seconds in sorted(best.items(), key=lambda item: item[1]):
+        rate = image.nbytes / seconds / 1e9
+        print(f"{name:26} {seconds:9.4f} s  {rate:7.2f} GB/s  {seconds / mine:7.2f} x the whole command")
+    del theirs, copy, result
+    failed = not off < SINGLE
+    ratio = best["polanalyser, in memory"] / mine
+    if pixels >= ROWS * COLUMNS:
+        failed |= not ratio >= RATIO
+        print(f"polanalyser in memory takes {ratio:.1f} x the whole command; bound {RATIO}")
+    used = {1: peak([environment.sunstone(), *command("i.npy")])}
+    large = np.lib.format.open_memmap(folder / "i4.npy", "w+", np.float32, (CAPTURES, 4 * height, COLUMNS))
+    for k in range(4):
+        large[:, k * height : (k + 1) * height] = image
+    del large
+    used[4] = peak([environment.sunstone(), *command("i4.npy")])
+    for times, megabytes in used.items():
+        failed |= not megabytes < MEMORY
+        print(f"memory at {times} x the pixels: {megabytes:.0f} MB; bound {MEMORY} MB")
+    return failed
+
+
+def store(pixels):
+    """Where files of that many pixels go: in memory if there is room."""
+    memory = Path("/dev/shm")
+    need = 5 * pixels * 4 * (CAPTURES + 16) * 1.2
+    return memory if memory.is_dir() and shutil.disk_usage(memory).free > need else None
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    full = ROWS * COLUMNS
+    text = f"pixels to time both with, 0 for none (default {full}; with fewer the ratio of times is printed but not judged)"
+    parser.add_argument("--speed", type=int, nargs="?", const=full, default=full, metavar="PIXELS", help=text)
+    a = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=store(a.speed)) as folder:
+        failed = compare(Path(folder), a.power)
+        if a.speed and not a.power:
+            failed |= speed(Path(folder), a.speed)
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()
