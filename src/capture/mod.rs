@@ -10,5 +10,6 @@ pub mod detector;
 pub mod element;
 pub mod scheme;
 pub mod scheme_file;
+pub mod simulate;
 pub mod spectral_value;
 pub mod states;

@@ -1,13 +1,11 @@
 //! `sunstone decompose`.
 
 use super::failure::Failure;
+use super::matrices::{Matrices, MatrixSource, array};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use sunstone::decompose::maps::{Quantity, Real, WITH_ERRORS, errors, maps};
-use sunstone::tensor::array::Tensor;
-use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
-use sunstone::tensor::probe::{Probe, Selection};
 use tracing::info;
 
 /// Decompose Mueller matrices after Lu and Chipman: M = M_Δ M_R M_D.
@@ -23,14 +21,8 @@ Examples:
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz -k wavelength=550
   sunstone decompose M.npy --only retardance,entropy -o props.npz")]
 pub struct Arguments {
-    /// Array (.npy) of shape (..., 4, 4), or a store written by `render` or `merge`.
-    #[arg(value_name = "M.npy|STORE")]
-    source: PathBuf,
-    /// Slice of the store.
-    slice: Option<String>,
-    /// Keep part of the slice's axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
-    #[arg(short = 'k', long = "select", requires = "slice")]
-    select: Vec<Selection>,
+    #[command(flatten)]
+    from: MatrixSource,
     /// Standard errors of the elements (.npy), of the same shape.
     #[arg(long, value_name = "E.npy", conflicts_with = "slice")]
     errors: Option<PathBuf>,
@@ -52,13 +44,6 @@ fn quantity(text: &str) -> Result<Quantity, String> {
         })
 }
 
-/// Matrices, their leading shape, and the errors of their elements.
-struct Input {
-    shape: Vec<usize>,
-    values: Values,
-    errors: Option<Values>,
-}
-
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.output.extension().is_none_or(|e| e != "npz") {
         return Err(Failure::input(format!(
@@ -66,16 +51,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             a.output.display()
         )));
     }
-    let input = match &a.slice {
-        Some(slice) => stored(a, slice)?,
-        None => array(a)?,
-    };
-    let Input {
+    let Matrices {
         shape,
         values,
         errors,
-    } = &input;
-    let (out, missing, all) = match (values, errors) {
+        ..
+    } = a.from.read("decompose", &format!("-o {}", a.output.display()))?;
+    let errors = match &a.errors {
+        Some(path) => Some(sigmas(path, &shape)?),
+        None => errors,
+    };
+    let shape = shape.as_slice();
+    let (out, missing, all) = match (&values, &errors) {
         (Values::Single(m), None) => arrays(a, shape, m, None, Values::Single),
         (Values::Single(m), Some(Values::Single(e))) => arrays(a, shape, m, Some(e), Values::Single),
         (Values::Double(m), None) => arrays(a, shape, m, None, Values::Double),
@@ -141,83 +128,14 @@ fn arrays<T: Real>(
     (out, missing, count)
 }
 
-/// An array of matrices; its leading shape.
-fn matrices(path: &Path) -> Result<(Vec<usize>, Values), Failure> {
-    let NumpyArray { mut shape, values } = NumpyArray::read(path).map_err(Failure::input)?;
-    if !shape.ends_with(&[4, 4]) {
+/// Standard errors of an array's elements, of the matrices' own shape.
+fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
+    let (other, sigmas) = array(path)?;
+    if other != shape {
         return Err(Failure::input(format!(
-            "{}: its shape is {shape:?}; Mueller matrices have the shape (..., 4, 4), rows the Stokes elements that leave",
+            "{}: its shape is {other:?} before the 4 x 4, that of the matrices {shape:?}; give one error per element",
             path.display()
         )));
     }
-    shape.truncate(shape.len() - 2);
-    Ok((shape, values))
-}
-
-fn array(a: &Arguments) -> Result<Input, Failure> {
-    if a.source.is_dir() {
-        return Err(Failure::input(format!(
-            "{}: it is a store; name the slice, as in: sunstone decompose {0} polarimetric -o {}",
-            a.source.display(),
-            a.output.display()
-        )));
-    }
-    let (shape, values) = matrices(&a.source)?;
-    let mut errors = None;
-    if let Some(path) = &a.errors {
-        let (other, sigmas) = matrices(path)?;
-        if other != shape {
-            return Err(Failure::input(format!(
-                "{}: its shape is {other:?} before the 4 x 4, that of the matrices {shape:?}; give one error per element",
-                path.display()
-            )));
-        }
-        errors = Some(sigmas);
-    }
-    Ok(Input {
-        shape,
-        values,
-        errors,
-    })
-}
-
-/// Matrices of a stored slice, row-major over the axes that it has besides.
-fn stored(a: &Arguments, slice: &str) -> Result<Input, Failure> {
-    let source = super::Source {
-        store: a.source.clone(),
-        slice: slice.to_owned(),
-        select: a.select.clone(),
-    };
-    let (_, stored) = source.open()?;
-    let probe = Probe {
-        select: source.select,
-        ..Probe::default()
-    };
-    let result = probe.run(&stored).map_err(Failure::input)?;
-    let kinds = [AxisKind::StokesOut, AxisKind::StokesIn];
-    if kinds.iter().any(|k| result.mean.extent(*k) != 4) {
-        return Err(Failure::input(format!(
-            "slice {slice} of {} does not hold whole Mueller matrices; choose one with polarization = \"mueller\", and select \
-             along other axes",
-            a.source.display()
-        )));
-    }
-    let axes = result.mean.axes.iter().filter(|axis| !kinds.contains(&axis.kind));
-    Ok(Input {
-        shape: axes.map(|axis| axis.coords.len()).collect(),
-        values: Values::Single(together(&result.mean)),
-        errors: Some(Values::Single(together(&result.std_error))),
-    })
-}
-
-/// A tensor's values with the two Stokes axes last; only wavelengths stand behind them.
-fn together(t: &Tensor) -> Vec<f32> {
-    let lanes = t.extent(AxisKind::Wavelength);
-    let mut out = Vec::with_capacity(t.data.len());
-    for matrices in t.data.chunks_exact(16 * lanes) {
-        for lane in 0..lanes {
-            out.extend(matrices[lane..].iter().step_by(lanes));
-        }
-    }
-    out
+    Ok(sigmas)
 }

@@ -1,16 +1,22 @@
 //! Command line: one module a command, one exit point.
 
+mod capture;
 mod decompose;
 mod export;
 mod failure;
 mod figure;
 mod import;
 mod info;
+mod learn;
+mod matrices;
 mod merge;
 mod pbrdf;
 mod phase;
 mod probe;
+mod reconstruct;
 mod render;
+mod scheme;
+mod trial;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
@@ -38,6 +44,8 @@ Examples:
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
+  sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy
+  sunstone trial out/mirror_room.zarr polarimetric --scheme drr36.toml --scheme lqrpr36.toml --relative-noise 5e-4
   sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
 
 Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
@@ -59,6 +67,11 @@ enum Command {
     Figure(figure::Arguments),
     Merge(merge::Arguments),
     Decompose(decompose::Arguments),
+    Scheme(scheme::Arguments),
+    Learn(learn::Arguments),
+    Capture(capture::Arguments),
+    Reconstruct(reconstruct::Arguments),
+    Trial(trial::Arguments),
     Export(export::Arguments),
     Import(import::Arguments),
     Pbrdf(pbrdf::Arguments),
@@ -101,6 +114,11 @@ pub fn run() -> ExitCode {
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
         Command::Decompose(a) => decompose::run(&a),
+        Command::Scheme(a) => scheme::run(&a),
+        Command::Learn(a) => learn::run(&a),
+        Command::Capture(a) => capture::run(&a),
+        Command::Trial(a) => trial::run(&a),
+        Command::Reconstruct(a) => reconstruct::run(&a),
         Command::Export(a) => export::run(&a),
         Command::Import(a) => import::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),

@@ -23,14 +23,14 @@ const DECADES: f32 = 4.0;
 
 /// From an intensity to a place 0..1 on its colour bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Scale {
+pub(super) enum Scale {
     Sqrt { top: f32 },
     Log { low: f32, high: f32 },
 }
 
 impl Scale {
     /// The scale for some intensities.
-    fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
+    pub(super) fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
         let positive = values.filter(|v| *v > 0.0);
         let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);
         let low = percentile(positive, 0.05).unwrap_or(1.0);
@@ -45,7 +45,8 @@ impl Scale {
         }
     }
 
-    fn place(self, v: f32) -> f32 {
+    /// Place of a value on the bar.
+    pub(super) fn place(self, v: f32) -> f32 {
         match self {
             _ if v.is_nan() => v,
             _ if v <= 0.0 => 0.0,
@@ -54,7 +55,8 @@ impl Scale {
         }
     }
 
-    fn ticks(self) -> Ticks {
+    /// Ticks of the bar.
+    pub(super) fn ticks(self) -> Ticks {
         match self {
             Self::Sqrt { top } => {
                 let mut ticks = Ticks::linear(0.0, f64::from(top), 5);
@@ -65,12 +67,16 @@ impl Scale {
         }
     }
 
-    fn label(self, ticks: &Ticks) -> String {
-        let name = match self {
+    /// What kind of scale it is.
+    pub(super) fn name(self) -> &'static str {
+        match self {
             Self::Sqrt { .. } => "square-root",
             Self::Log { .. } => "log",
-        };
-        format!("M00, {name} scale [{}]", ticks.unit(CAMERA_UNIT))
+        }
+    }
+
+    fn label(self, ticks: &Ticks) -> String {
+        format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT))
     }
 
     /// A colour as bright as its largest channel's place on the scale.

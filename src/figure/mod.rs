@@ -17,6 +17,7 @@ pub mod angles;
 pub mod chart;
 pub mod colour;
 pub mod components;
+pub mod error_maps;
 mod flight;
 mod layout;
 mod map;

@@ -48,10 +48,13 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
     best
 }
 
+/// Point, value and gradient.
+type Evaluated = (Vec<f64>, f64, Vec<f64>);
+
 /// A function as argmin asks for it: value and gradient one after the other, which are known together.
 struct Remembered<'a, F> {
     f: &'a F,
-    last: Mutex<Option<(Vec<f64>, f64, Vec<f64>)>>,
+    last: Mutex<Option<Evaluated>>,
     best: Mutex<Minimum>,
 }
 

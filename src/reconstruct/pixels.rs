@@ -139,7 +139,7 @@ impl<T: Number> Reconstruction<T> {
         intensities: &[T],
         variances: Option<&[T]>,
         out: &mut [T],
-        mut errors: Option<&mut [T]>,
+        errors: Option<&mut [T]>,
     ) -> Tally {
         let pixels = out.len() / 16;
         assert_eq!(
@@ -149,12 +149,12 @@ impl<T: Number> Reconstruction<T> {
         );
         let fast = variances.is_none() && self.options.prior.is_none();
         if let (true, [lane]) = (fast, self.lanes.as_slice()) {
-            if let Some((weights, _)) = &lane.least {
-                weights.apply(intensities, out);
-            }
-            let finite = |pixel: &[T]| pixel.iter().all(|v| v.get().is_finite());
+            let finite = lane
+                .least
+                .as_ref()
+                .is_some_and(|(weights, _)| weights.apply(intensities, out));
             let plain = errors.is_none() && self.options.saturation.is_none() && !self.options.realizable;
-            if plain && out.par_chunks(16 * 1024).all(|some| some.chunks(16).all(finite)) {
+            if plain && finite {
                 return Tally {
                     pixels,
                     ..Tally::default()
@@ -189,7 +189,7 @@ impl<T: Number> Reconstruction<T> {
             }
         };
         let rows = out.par_chunks_exact_mut(16);
-        match errors.as_deref_mut() {
+        match errors {
             Some(errors) => rows
                 .zip(errors.par_chunks_exact_mut(16).map(Some))
                 .enumerate()
@@ -376,7 +376,7 @@ mod tests {
     fn saturation_is_left_out_pixel_by_pixel() {
         let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
         let mut seen = captured(&scheme, &rays, 100, 0.0);
-        let limit = 0.45;
+        let limit = 0.33;
         let mut clipped = 0;
         for (i, v) in seen.iter_mut().enumerate() {
             if i % 100 == 7 || (i % 100 == 9 && i > 300) {

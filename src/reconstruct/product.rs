@@ -9,6 +9,10 @@ use rayon::prelude::*;
 
 /// Numbers of a block's pixels beside one another.
 const BLOCK: usize = 32;
+/// Numbers that are computed beside one another.
+const LANES: usize = 8;
+/// Pixels that are gathered at once: some cache lines of every plane.
+const RUN: usize = 512;
 /// Pixels that one task takes: large enough for the memory's pages, small enough for the second cache.
 const TASK: usize = 2048;
 
@@ -38,74 +42,110 @@ impl<T: Number> Weights<T> {
     }
 
     /// Mueller matrices of all pixels. `intensities` holds the measurements one after the other, each for all pixels;
-    /// `out` gets 16 elements a pixel, row-major.
+    /// `out` gets 16 elements a pixel, row-major. True if all of them are finite.
     ///
     /// # Panics
     /// If lengths do not agree.
-    pub fn apply(&self, intensities: &[T], out: &mut [T]) {
+    pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
         assert_eq!(
             intensities.len(),
             pixels * self.0.len(),
             "one intensity a measurement and pixel"
         );
-        out.par_chunks_mut(TASK * 16).enumerate().for_each(|(i, out)| {
+        let tasks = out.par_chunks_mut(TASK * 16).enumerate().map(|(i, out)| {
             let first = i * TASK;
             let end = first + out.len() / 16;
-            let of = |m: usize| &intensities[m * pixels + first..m * pixels + end];
-            self.task(of, out);
+            self.task(|m| &intensities[m * pixels + first..m * pixels + end], out)
         });
+        tasks.reduce(|| true, |a, b| a & b)
     }
 
-    fn task<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) {
+    fn task<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
             // SAFETY: the processor has what the function asks for.
             return unsafe { self.avx2(plane, out) };
         }
-        self.any(plane, out);
+        self.any(plane, out)
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma")]
-    fn avx2<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) {
-        self.any(plane, out);
+    fn avx2<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
+        self.any(plane, out)
+    }
+
+    /// Intensities are gathered run by run, as memory is fastest read, and laid out block by block, so that a block's lie
+    /// together in the first cache: planes of an image are often a multiple of its associativity apart.
+    #[inline(always)]
+    fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
+        let mut finite = true;
+        let count = self.0.len();
+        let mut x = vec![[[T::default(); LANES]; BLOCK / LANES]; RUN / BLOCK * count];
+        for (r, out) in out.chunks_mut(RUN * 16).enumerate() {
+            let n = out.len() / 16;
+            for m in 0..count {
+                let run = &plane(m)[r * RUN..r * RUN + n];
+                let (blocks, rest) = run.as_chunks::<BLOCK>();
+                for (b, block) in blocks.iter().enumerate() {
+                    *x[b * count + m]
+                        .as_flattened_mut()
+                        .first_chunk_mut()
+                        .unwrap_or(&mut [T::default(); BLOCK]) = *block;
+                }
+                if !rest.is_empty() {
+                    x[blocks.len() * count + m].as_flattened_mut()[..rest.len()].copy_from_slice(rest);
+                }
+            }
+            for (x, out) in x.chunks_exact(count).zip(out.chunks_mut(BLOCK * 16)) {
+                finite &= self.block(x, out);
+            }
+        }
+        finite
     }
 
     #[inline(always)]
-    fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) {
-        let zero = T::default();
-        let mut x = vec![[T::default(); BLOCK]; self.0.len()];
-        for (b, out) in out.chunks_mut(BLOCK * 16).enumerate() {
-            let n = out.len() / 16;
-            for (m, x) in x.iter_mut().enumerate() {
-                x[..n].copy_from_slice(&plane(m)[b * BLOCK..b * BLOCK + n]);
-            }
-            let mut all = [[T::default(); BLOCK]; 16];
-            // Four elements of 16 pixels at a time: their sums and what they need fit the registers.
-            for half in 0..BLOCK / 16 {
-                for quarter in 0..4 {
-                    let mut sums = [[zero; 16]; 4];
-                    for (x, w) in x.iter().zip(&self.0) {
-                        for (e, sum) in sums.iter_mut().enumerate() {
-                            let w = w[quarter * 4 + e];
-                            for (k, s) in sum.iter_mut().enumerate() {
-                                *s = w.times_plus(x[half * 16 + k], *s);
-                            }
-                        }
-                    }
-                    for (e, sum) in sums.iter().enumerate() {
-                        all[quarter * 4 + e][half * 16..half * 16 + 16].copy_from_slice(sum);
+    fn block(&self, x: &[[[T; LANES]; BLOCK / LANES]], out: &mut [T]) -> bool {
+        let zero = [T::default(); LANES];
+        let mut all = [[zero; 16]; BLOCK / LANES];
+        // Four elements of two vectors of pixels at a time: their sums and what they need fit the registers.
+        for pair in 0..BLOCK / LANES / 2 {
+            for quarter in 0..4 {
+                let mut sums = [[zero; 2]; 4];
+                for (x, w) in x.iter().zip(&self.0) {
+                    let x = [x[2 * pair], x[2 * pair + 1]];
+                    for (e, sum) in sums.iter_mut().enumerate() {
+                        let w = w[4 * quarter + e];
+                        *sum = [times_plus(w, &x[0], &sum[0]), times_plus(w, &x[1], &sum[1])];
                     }
                 }
-            }
-            for (k, pixel) in out.as_chunks_mut::<16>().0.iter_mut().enumerate() {
-                for (e, o) in pixel.iter_mut().enumerate() {
-                    *o = all[e][k];
+                for (e, sum) in sums.iter().enumerate() {
+                    all[2 * pair][4 * quarter + e] = sum[0];
+                    all[2 * pair + 1][4 * quarter + e] = sum[1];
                 }
             }
         }
+        for (k, pixel) in out.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+            let from = &all[k / LANES];
+            for (e, o) in pixel.iter_mut().enumerate() {
+                *o = from[e][k % LANES];
+            }
+        }
+        // Zero times anything finite is zero.
+        let nothing = T::default();
+        let odd = all[..out.len().div_ceil(16 * LANES)]
+            .as_flattened()
+            .iter()
+            .fold(zero, |sum, v| times_plus(nothing, v, &sum));
+        odd.iter().all(|v| *v == nothing)
     }
+}
+
+/// w x + s, number by number.
+#[inline(always)]
+fn times_plus<T: Number>(w: T, x: &[T; LANES], s: &[T; LANES]) -> [T; LANES] {
+    std::array::from_fn(|k| w.times_plus(x[k], s[k]))
 }
 
 #[cfg(test)]

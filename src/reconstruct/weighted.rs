@@ -26,7 +26,7 @@ pub fn estimate(
     let mut normal = Moment::zeros();
     let mut right = SVector::<f64, 16>::zeros();
     for (m, (intensity, variance)) in measurements.enumerate() {
-        if !intensity.is_finite() || !(variance > 0.0 && variance.is_finite()) {
+        if !(intensity.is_finite() && variance > 0.0 && variance.is_finite()) {
             continue;
         }
         let row = SVector::<f64, 16>::from_fn(|e, _| a[(m, e)]);
@@ -44,7 +44,7 @@ pub fn estimate(
             let inverse = Cholesky::new(normal / scale)?.inverse();
             // Pivots do not show what an inverse is worth; that it inverts does.
             let recovered = inverse * (normal / scale) - Moment::identity();
-            if !(recovered.amax() < 1e-5) {
+            if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-5) {
                 return None;
             }
             inverse / scale

@@ -42,7 +42,7 @@ pub enum NumpyError {
 #[derive(Debug)]
 pub struct NumpyReader {
     path: PathBuf,
-    file: BufReader<File>,
+    file: File,
     /// Length of every axis; the last is fastest.
     pub shape: Vec<usize>,
     kind: Kind,
@@ -123,9 +123,11 @@ impl NumpyReader {
         };
         let file = File::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
-        let mut file = BufReader::with_capacity(1 << 18, file);
-        let header = NpyHeader::from_reader(&mut file).map_err(failed)?;
-        let start = file.stream_position().map_err(failed)?;
+        // The numbers are read in pieces of any place, for which a buffer would read too much.
+        let mut buffered = BufReader::new(file);
+        let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
+        let start = buffered.stream_position().map_err(failed)?;
+        let file = buffered.into_inner();
         let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
         let elements = |found: String| NumpyError::Elements {
             path: path.to_owned(),

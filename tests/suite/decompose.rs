@@ -29,12 +29,12 @@ fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
 }
 
 /// Saves numbers as `NAME.npy`.
-fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {
+pub fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {
     let file = File::create(folder.join(format!("{name}.npy"))).expect("a file");
     numpy::write(file, shape, values.iter().copied()).expect("space");
 }
 
-fn values(array: &NumpyArray) -> Vec<f64> {
+pub fn values(array: &NumpyArray) -> Vec<f64> {
     match &array.values {
         Values::Single(v) => v.iter().map(|v| f64::from(*v)).collect(),
         Values::Double(v) => v.clone(),

@@ -3,8 +3,10 @@
 //! One program, not one a file: each would link the library again and compile anew what it uses of it. Those that watch
 //! the memory of their process stay apart.
 
+mod capture;
 mod commands;
 mod decompose;
+mod ellipsometry;
 mod errors;
 mod exchange;
 #[path = "../harness/mod.rs"]

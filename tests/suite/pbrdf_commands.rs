@@ -205,8 +205,11 @@ fn principal_components_are_found() {
     let synth = ["pbrdf", "synth", "m.toml", "-o", "t", "--resolution", "9x10x19"];
     run(at, &synth, 0);
     for (arguments, materials) in [
-        ("t -o p/c.png --npz c.npz", 2),
-        ("t -o p/plain.png --map none -n 16 --bands 550 --npz c.npz", 2),
+        ("--data t -o p/c.png --npz c.npz --prior p/prior.toml", 2),
+        (
+            "--data t -o p/plain.png --map none -n 16 --bands 550 --npz c.npz",
+            2,
+        ),
         ("-o p/s.png --resolution 5x4x7 -n 3 --npz c.npz", 25),
     ] {
         let text = pca(arguments);
@@ -277,10 +280,10 @@ fn wrong_requests_are_refused() {
         ("info not.pbsdf", "tensor file"),
         ("plot none.pbsdf", "none.pbsdf"),
         ("slice not.pbsdf -o x.npy", "tensor file"),
-        ("pca none", "cannot be listed"),
-        ("pca .", "not.pbsdf: is not a tensor file"),
+        ("pca --data none", "cannot be listed"),
+        ("pca --data .", "not.pbsdf: is not a tensor file"),
         ("pca --resolution 3x3", "361x91x91"),
-        ("pca . --resolution 3x3x3", "cannot be used with"),
+        ("pca --data . --resolution 3x3x3", "cannot be used with"),
         ("pca --bands 550,450", "rise"),
         ("pca -c 0", "positive number"),
         ("pca --npz x.npy", ".npz"),

@@ -10,6 +10,7 @@
 //! All random numbers come from counter-based streams ([`stream`]), so readings do not depend on threads or order.
 
 pub mod cmos;
+pub mod file;
 pub mod pile_up;
 pub mod polarizer_array;
 mod response;
@@ -117,7 +118,12 @@ fn normal(stream: &mut Stream) -> f64 {
     StandardNormal.sample(stream)
 }
 
-fn demand(field: &'static str, value: f64, holds: bool, need: &'static str) -> Result<(), DetectorError> {
+pub(super) fn demand(
+    field: &'static str,
+    value: f64,
+    holds: bool,
+    need: &'static str,
+) -> Result<(), DetectorError> {
     if holds {
         return Ok(());
     }
@@ -137,7 +143,7 @@ fn share(value: f64) -> bool {
 }
 
 /// Checks the length of a list.
-fn count(what: &'static str, expected: usize, found: usize) -> Result<(), DetectorError> {
+pub(super) fn count(what: &'static str, expected: usize, found: usize) -> Result<(), DetectorError> {
     if expected == found {
         return Ok(());
     }
@@ -165,7 +171,7 @@ fn finite(radiance: &[f64]) -> Result<(), DetectorError> {
 }
 
 #[cfg(test)]
-mod testing;
+pub(super) mod testing;
 
 #[cfg(test)]
 mod tests {

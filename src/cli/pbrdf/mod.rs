@@ -1,5 +1,6 @@
 //! `sunstone pbrdf`: polarimetric BRDFs by themselves.
 
+pub mod data;
 mod eval;
 mod pca;
 mod sheet;

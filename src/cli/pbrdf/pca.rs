@@ -1,14 +1,14 @@
 //! `sunstone pbrdf pca`: principal components of a folder of tables, or of the stand-ins.
 
-use super::stand_ins::{Resolution, Sets};
+use super::data::{Source, moment};
 use crate::cli::failure::Failure;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
-use sunstone::material::measured::axes::Axes;
 use sunstone::reconstruct::pca::components::Components;
-use sunstone::reconstruct::pca::data_set::{Analytic, DataSet, Settings};
+use sunstone::reconstruct::pca::data_set::{DataSet, Settings};
 use sunstone::reconstruct::pca::folds::Weight;
+use sunstone::reconstruct::second_moment;
 use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
 
 /// Principal components of measured materials: the few Mueller matrices of which most matter is made.
@@ -21,11 +21,12 @@ use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
 #[command(after_help = "\
 Examples:
   sunstone pbrdf pca -o components.png                         of the stand-ins
-  sunstone pbrdf pca pbrdf_tables --npz components.npz         numpy.load('components.npz')['components']
-  sunstone pbrdf pca pbrdf_tables --map none -n 12")]
+  sunstone pbrdf pca --data pbrdf_tables --npz components.npz  numpy.load('components.npz')['components']
+  sunstone pbrdf pca --data pbrdf_tables --map none -n 12
+  sunstone pbrdf pca --prior prior.toml                        for sunstone reconstruct --prior")]
 pub struct Arguments {
-    /// Folder of .pbsdf tables.
-    folder: Option<PathBuf>,
+    #[command(flatten)]
+    data: Source,
     /// Picture to write.
     #[arg(short, long, default_value = "components.png")]
     output: PathBuf,
@@ -33,6 +34,9 @@ pub struct Arguments {
     /// (16, 4, 4), as drawn; vectors (16, 4, 4), the same in unit length.
     #[arg(long, value_name = "X.npz")]
     npz: Option<PathBuf>,
+    /// Also write the second moment of the matrices (M / M00 itself), which `sunstone reconstruct --prior` takes.
+    #[arg(long, value_name = "PRIOR.toml")]
+    prior: Option<PathBuf>,
     /// What the matrices are mapped by.
     #[arg(long, value_enum, default_value_t)]
     map: Mapping,
@@ -42,17 +46,6 @@ pub struct Arguments {
     /// Components to draw.
     #[arg(short = 'n', long = "components", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=16))]
     count: u8,
-    /// Bands, nanometres; of tables the nearest they have.
-    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650])]
-    bands: Vec<u16>,
-    /// Entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
-    #[arg(
-        long,
-        value_name = "PHI_DxTHETA_DxTHETA_H",
-        default_value = "41x31x91",
-        conflicts_with = "folder"
-    )]
-    resolution: Resolution,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -75,24 +68,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             path.display()
         )));
     }
-    let settings = Settings { c: a.c, samples: 0 };
-    let data = match &a.folder {
-        Some(folder) => {
-            let bands: Vec<f64> = a.bands.iter().copied().map(f64::from).collect();
-            DataSet::read(folder, &bands, &settings)
-        }
-        None => {
-            let sets = Sets::load(None, &a.bands)?;
-            let material = |name: &String| -> Analytic { (name.clone(), sets.sources(name)) };
-            let materials: Vec<Analytic> = sets.stand_ins().iter().map(material).collect();
-            DataSet::tabulate(
-                &Axes::even(a.resolution.0, a.bands.clone()),
-                &materials,
-                &settings,
-            )
-        }
-    }
-    .map_err(Failure::input)?;
+    let data = a.data.load_mapped(a.c, 0)?;
     let moments = match a.map {
         Mapping::None => data.plain(Weight::Bins),
         Mapping::Arctan => data.mapped(Weight::Bins),
@@ -111,8 +87,15 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         arrays(path, &components)
             .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
+    if let Some(path) = &a.prior {
+        second_moment::save(path, &a.data.name(), &moment(&data.plain(Weight::Bins)))
+            .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+    }
     crate::cli::print(table(&data, &components, &quantity).trim_end())?;
-    for path in [Some(&a.output), a.npz.as_ref()].into_iter().flatten() {
+    for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()]
+        .into_iter()
+        .flatten()
+    {
         crate::cli::print(&path.display().to_string())?;
     }
     Ok(())
@@ -171,7 +154,7 @@ fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Res
             "{} bins of {} materials at {:?} nm.",
             data.tally().valid,
             data.materials.len(),
-            a.bands
+            a.data.bands()
         ),
     ];
     let image = draw(

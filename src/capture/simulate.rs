@@ -1,0 +1,326 @@
+//! Captures in simulation: known Mueller matrices → what the instrument of a scheme reads, capture by capture.
+//!
+//! The forward model is [`DesignMatrix`] alone, one for each wavelength, so what is simulated here and what a reconstruction
+//! inverts cannot differ but by noise. All rays run along the optical axis: errors of plates and mirrors that depend on the
+//! direction (the galvo's, of a coaxial rig) are those of the axis for all pixels.
+//!
+//! Readings are given in the unit of the matrices, the dark signal subtracted; saturated ones are NaN. Every number follows
+//! from the seed, its pixel and its measurement, whatever the number of threads.
+
+use super::design_matrix::{DesignMatrix, ELEMENTS};
+use super::detector::cmos::{Cmos, Exposed};
+use super::detector::polarizer_array::{Method, demosaic, demosaic_variance, mosaic};
+use super::detector::spad::Spad;
+use super::detector::{DetectorError, count, demand, stream};
+use super::element::Ray;
+use super::scheme::Scheme;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+
+/// The order of pixels: rows from the top, columns, then whatever is a capture of its own (time bins, projector pixels), then
+/// wavelengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Time bins, or images besides.
+    pub times: usize,
+    /// Wavelengths.
+    pub lanes: usize,
+}
+
+impl Layout {
+    /// Number of matrices.
+    #[must_use]
+    pub fn pixels(&self) -> usize {
+        let area = self.height.saturating_mul(self.width);
+        area.saturating_mul(self.times).saturating_mul(self.lanes)
+    }
+}
+
+/// What comes between light and numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Noise {
+    /// Nothing.
+    None,
+    /// Normal noise of the same size everywhere.
+    Gaussian {
+        /// Its standard deviation, in the unit of the matrices.
+        sigma: f64,
+    },
+    /// A camera; images at other times or wavelengths are frames of their own.
+    Cmos {
+        /// Its settings.
+        camera: Cmos,
+        /// How the mosaic of a polarizer array is taken apart; without it every pixel sees all four channels.
+        demosaic: Option<Method>,
+    },
+    /// A diode at every place, whose counter has the layout's time bins from the laser pulse on. Its jitter stays in the
+    /// readings (see [`super::detector::spad`]).
+    Spad(Spad),
+}
+
+/// What was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Captured {
+    /// Readings in the unit of the matrices: measurement by measurement (as rows of the design matrix), each for all pixels.
+    pub intensities: Vec<f32>,
+    /// Their variances, of a camera: infinite where saturated. Not of a diode, whose bins without counts would have variance 0.
+    pub variances: Option<Vec<f32>>,
+    /// Number of readings that are saturated.
+    pub saturated: usize,
+    /// Places of what was read: half as high and wide with binning or superpixels.
+    pub layout: Layout,
+}
+
+/// Simulates all captures of a scheme.
+///
+/// `matrices` holds 16 elements a pixel, row-major (Stokes out first), in the order of `layout`; `rays` the ray of each
+/// wavelength. Intensities that are negative (of matrices that cannot exist) are dark to cameras and diodes.
+///
+/// # Errors
+/// [`DetectorError`]: lengths that do not agree, settings that no instrument has or that do not fit the layout, values that
+/// are not finite.
+pub fn simulate(
+    matrices: &[f64],
+    layout: Layout,
+    scheme: &Scheme,
+    rays: &[Ray],
+    noise: &Noise,
+    seed: u64,
+) -> Result<Captured, DetectorError> {
+    let pixels = layout.pixels();
+    let elements = pixels.saturating_mul(ELEMENTS);
+    count("the elements of all matrices", elements, matrices.len())?;
+    count("the rays of all wavelengths", layout.lanes, rays.len())?;
+    // Random streams have numbers of 32 bits.
+    count("the pixels of one capture", pixels.min(u32::MAX as usize), pixels)?;
+    let keys = scheme
+        .measurements()
+        .saturating_mul(layout.times.saturating_mul(layout.lanes));
+    count("the frames of all captures", keys.min(u32::MAX as usize), keys)?;
+    let job = Job {
+        matrices,
+        layout,
+        rays,
+        designs: rays
+            .iter()
+            .map(|ray| rows(&DesignMatrix::new(scheme, ray)))
+            .collect(),
+        measurements: scheme.measurements(),
+        seed,
+    };
+    match noise {
+        Noise::None => Ok(job.gaussian(0.0)),
+        Noise::Gaussian { sigma } => {
+            let good = *sigma >= 0.0 && sigma.is_finite();
+            demand("sigma", *sigma, good, "zero or a positive number")?;
+            Ok(job.gaussian(*sigma))
+        }
+        Noise::Cmos { camera, demosaic } => {
+            let method = demosaic.filter(|_| scheme.sensor.channels() == 4);
+            job.camera(camera, method)
+        }
+        Noise::Spad(diode) => job.diode(diode),
+    }
+}
+
+/// Means of matrices over the places that fell together: the truth of what was captured with `to` for a layout.
+#[must_use]
+pub fn averaged(matrices: &[f64], from: Layout, to: Layout) -> Vec<f64> {
+    let (fy, fx) = (from.height / to.height.max(1), from.width / to.width.max(1));
+    let inner = from.times * from.lanes * ELEMENTS;
+    let (fy, fx) = (fy.clamp(1, 2), fx.clamp(1, 2));
+    if (fy, fx) == (1, 1) {
+        return matrices.to_vec();
+    }
+    let mut out = vec![0.0; to.height * to.width * inner];
+    let share = 1.0 / (fy * fx) as f64;
+    for (place, out) in out.chunks_exact_mut(inner.max(1)).enumerate() {
+        let (y, x) = (place / to.width, place % to.width);
+        for k in 0..fy * fx {
+            let at = ((y * fy + k / fx) * from.width + x * fx + k % fx) * inner;
+            for (o, v) in out.iter_mut().zip(&matrices[at..at + inner]) {
+                *o += share * v;
+            }
+        }
+    }
+    out
+}
+
+/// Rows of a design matrix, each in one piece.
+fn rows(design: &DesignMatrix) -> Vec<[f64; ELEMENTS]> {
+    let of = |m| std::array::from_fn(|e| design.a[(m, e)]);
+    (0..design.a.nrows()).map(of).collect()
+}
+
+/// What all kinds of noise need.
+struct Job<'a> {
+    matrices: &'a [f64],
+    layout: Layout,
+    rays: &'a [Ray],
+    /// By wavelength, then by measurement.
+    designs: Vec<Vec<[f64; ELEMENTS]>>,
+    measurements: usize,
+    seed: u64,
+}
+
+impl Job<'_> {
+    /// Intensity of measurement `m` at a pixel, without noise.
+    fn clean(&self, m: usize, pixel: usize) -> f64 {
+        let row = &self.designs[pixel % self.layout.lanes][m];
+        let matrix = &self.matrices[pixel * ELEMENTS..][..ELEMENTS];
+        row.iter().zip(matrix).map(|(a, t)| a * t).sum()
+    }
+
+    fn gaussian(&self, sigma: f64) -> Captured {
+        let pixels = self.layout.pixels();
+        let mut out = vec![0.0_f32; self.measurements * pixels];
+        out.par_chunks_mut(pixels.max(1))
+            .enumerate()
+            .for_each(|(m, out)| {
+                for (p, o) in out.iter_mut().enumerate() {
+                    let mut value = self.clean(m, p);
+                    if sigma > 0.0 {
+                        let z: f64 = StandardNormal.sample(&mut stream(self.seed, p as u32, m as u32));
+                        value += sigma * z;
+                    }
+                    *o = value as f32;
+                }
+            });
+        Captured {
+            intensities: out,
+            variances: None,
+            saturated: 0,
+            layout: self.layout,
+        }
+    }
+
+    fn camera(&self, camera: &Cmos, method: Option<Method>) -> Result<Captured, DetectorError> {
+        camera.check()?;
+        if method.is_some() {
+            let need = "1 where a mosaic of polarizers is taken apart";
+            demand("binning", f64::from(camera.binning), camera.binning == 1, need)?;
+        }
+        let halved = camera.binning == 2 || method == Some(Method::Superpixel);
+        let side = if halved { 2 } else { 1 };
+        let Layout {
+            height,
+            width,
+            times,
+            lanes,
+        } = self.layout;
+        let layout = Layout {
+            height: height / side,
+            width: width / side,
+            ..self.layout
+        };
+        // Measurements that one exposure gives.
+        let group = if method.is_some() { 4 } else { 1 };
+        let pixels = layout.pixels();
+        let mut intensities = vec![0.0_f32; self.measurements * pixels];
+        let mut variances = intensities.clone();
+        let planes = (group * pixels).max(1);
+        let exposure = |(g, (intensities, variances)): (usize, (&mut [f32], &mut [f32]))| {
+            let mut saturated = 0;
+            for inner in 0..times * lanes {
+                let image = |m: usize| -> Vec<f64> {
+                    let places = 0..height * width;
+                    places
+                        .map(|yx| self.clean(m, yx * times * lanes + inner))
+                        .collect()
+                };
+                let key = (g * times * lanes + inner) as u32;
+                let nm = self.rays[inner % lanes].nm;
+                let shoot = |image: &[f64]| camera.capture(image, width, height, nm, self.seed, key);
+                let seen = match method {
+                    None => vec![shoot(&image(g))?],
+                    Some(method) => {
+                        let channels: [Vec<f64>; 4] = std::array::from_fn(|c| image(4 * g + c));
+                        let raw = mosaic(channels.each_ref().map(Vec::as_slice), width, height)?;
+                        taken_apart(&shoot(&raw)?, method)?
+                    }
+                };
+                for (c, exposed) in seen.iter().enumerate() {
+                    saturated += exposed.saturated.iter().filter(|s| **s).count();
+                    for yx in 0..layout.height * layout.width {
+                        let at = c * pixels + yx * times * lanes + inner;
+                        intensities[at] = exposed.radiance[yx] as f32;
+                        variances[at] = exposed.variance[yx] as f32;
+                    }
+                }
+            }
+            Ok(saturated)
+        };
+        let saturated = intensities
+            .par_chunks_mut(planes)
+            .zip(variances.par_chunks_mut(planes))
+            .enumerate()
+            .map(exposure)
+            .try_reduce(|| 0, |a, b| Ok(a + b))?;
+        Ok(Captured {
+            intensities,
+            variances: Some(variances),
+            saturated,
+            layout,
+        })
+    }
+
+    fn diode(&self, diode: &Spad) -> Result<Captured, DetectorError> {
+        diode.check()?;
+        let Layout { times, lanes, .. } = self.layout;
+        count("the time bins (`bins` of the diode)", diode.bins, times)?;
+        let pixels = self.layout.pixels();
+        let mut intensities = vec![0.0_f32; self.measurements * pixels];
+        let capture = |(m, out): (usize, &mut [f32])| {
+            let mut saturated = 0;
+            for (yx, out) in out.chunks_exact_mut((times * lanes).max(1)).enumerate() {
+                for (lane, ray) in self.rays.iter().enumerate() {
+                    let bins = 0..times;
+                    let histogram = bins.map(|t| self.clean(m, (yx * times + t) * lanes + lane));
+                    let rates = diode.rates(&histogram.collect::<Vec<_>>(), ray.nm)?;
+                    let mut stream = stream(self.seed, (yx * lanes + lane) as u32, m as u32);
+                    let counts = diode.count(&rates, &mut stream)?;
+                    for (t, found) in diode.estimate(&counts, ray.nm)?.iter().enumerate() {
+                        saturated += usize::from(found.saturated);
+                        out[t * lanes + lane] = found.radiance as f32;
+                    }
+                }
+            }
+            Ok(saturated)
+        };
+        let saturated = intensities
+            .par_chunks_mut(pixels.max(1))
+            .enumerate()
+            .map(capture)
+            .try_reduce(|| 0, |a, b| Ok(a + b))?;
+        Ok(Captured {
+            intensities,
+            variances: None,
+            saturated,
+            layout: self.layout,
+        })
+    }
+}
+
+/// The four channels of a raw frame. One of which no pixel is left is saturated.
+fn taken_apart(raw: &Exposed, method: Method) -> Result<Vec<Exposed>, DetectorError> {
+    let radiance = demosaic(&raw.radiance, raw.width, raw.height, method)?;
+    let variance = demosaic_variance(&raw.variance, raw.width, raw.height, method)?;
+    let (width, height) = (radiance.width, radiance.height);
+    let known = |v: &f64| if v.is_nan() { f64::INFINITY } else { *v };
+    let channels = radiance.images.into_iter().zip(variance.images);
+    let exposed = channels.map(|(radiance, variance)| Exposed {
+        saturated: radiance.iter().map(|v| v.is_nan()).collect(),
+        variance: variance.iter().map(known).collect(),
+        radiance,
+        width,
+        height,
+    });
+    Ok(exposed.collect())
+}
+
+#[cfg(test)]
+mod tests;

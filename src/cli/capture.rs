@@ -1,0 +1,228 @@
+//! `sunstone capture`.
+
+use super::failure::Failure;
+use super::matrices::{MatrixSource, Target};
+use std::path::{Path, PathBuf};
+use sunstone::capture::design_matrix::DesignMatrix;
+use sunstone::capture::detector::file::{self, Detector, with_bins};
+use sunstone::capture::detector::polarizer_array::Method;
+use sunstone::capture::scheme::Scheme;
+use sunstone::capture::scheme_file::load;
+use sunstone::capture::simulate::{Captured, Noise, simulate};
+use sunstone::tensor::numpy;
+use sunstone::tensor::store::write_file_with;
+
+/// Simulate what a rig with a capture scheme reads of known Mueller matrices.
+///
+/// Reads a slice of a store that resolves polarization, or an array of shape (..., 4, 4), and writes intensities of shape
+/// (K, ...), or (K, 4, ...) of a polarizer array with channels 0°, 45°, 90°, 135°: what `reconstruct` reads. They are in the unit
+/// of the matrices; saturated ones are NaN. A detector file holds a table [cmos] for a camera or [spad] for a photon-counting
+/// diode (of slices with time bins). All rays run along the optical axis.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy
+  sunstone capture out/mirror_room.zarr polarimetric -k wavelength=550 --scheme drr9p.toml --detector camera.toml \\
+      -o I.npy --variance V.npy
+  sunstone capture M.npy --scheme drr36.toml --wavelengths 450,550,660 -o I.npy        last axis before 4 x 4: wavelengths
+
+A detector file: the line [cmos] alone is a camera with default settings; some of them are exposure_s, photons_per_unit,
+full_well_e, bit_depth, binning. Above it, demosaic = \"bilinear\" or \"superpixel\" for polarizers on the sensor's pixels.")]
+pub struct Arguments {
+    #[command(flatten)]
+    from: MatrixSource,
+    /// Scheme of the captures.
+    #[arg(long, value_name = "SCHEME")]
+    scheme: PathBuf,
+    /// Wavelengths of the last axis before the matrices of an array, nanometres. Without them there is one, 550.
+    #[arg(long, value_delimiter = ',')]
+    wavelengths: Vec<f64>,
+    #[command(flatten)]
+    noise: NoiseArguments,
+    /// Intensities to write.
+    #[arg(short, long, value_name = "I.npy")]
+    output: PathBuf,
+    /// Also write their variances, as a camera states them.
+    #[arg(long, value_name = "V.npy")]
+    variance: Option<PathBuf>,
+}
+
+/// What comes between light and numbers.
+#[derive(clap::Args)]
+pub struct NoiseArguments {
+    /// Detector to read with.
+    #[arg(long, value_name = "DETECTOR.toml", conflicts_with_all = ["noise", "relative_noise"])]
+    detector: Option<PathBuf>,
+    /// Standard deviation of normal noise, in the unit of the matrices.
+    #[arg(long, value_name = "SIGMA", conflicts_with = "relative_noise")]
+    noise: Option<f64>,
+    /// The same over the mean T00 of all pixels.
+    #[arg(long, value_name = "SIGMA")]
+    relative_noise: Option<f64>,
+    /// Seed of the noise.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+impl NoiseArguments {
+    /// What they mean for some matrices.
+    pub fn resolve(&self, target: &Target) -> Result<Noise, Failure> {
+        let good = |name: &str, sigma: f64| match sigma >= 0.0 && sigma.is_finite() {
+            true => Ok(sigma),
+            false => Err(Failure::input(format!(
+                "{name} {sigma}: give zero or a positive number"
+            ))),
+        };
+        if let Some(sigma) = self.noise {
+            let sigma = good("--noise", sigma)?;
+            return Ok(Noise::Gaussian { sigma });
+        }
+        if let Some(relative) = self.relative_noise {
+            let sigma = good("--relative-noise", relative)? * target.mean();
+            if !(sigma >= 0.0 && sigma.is_finite()) {
+                return Err(Failure::input(
+                    "--relative-noise: the mean T00 of the matrices is not positive; give --noise in their unit",
+                ));
+            }
+            return Ok(Noise::Gaussian { sigma });
+        }
+        let Some(path) = &self.detector else {
+            return Ok(Noise::None);
+        };
+        match file::load(path)? {
+            Detector::Cmos { camera, demosaic } => {
+                let halves = camera.binning > 1 || demosaic == Some(Method::Superpixel);
+                let (h, w) = (target.layout.height, target.layout.width);
+                if (halves || demosaic.is_some()) && h.min(w) < 2 {
+                    return Err(Failure::input(format!(
+                        "{}: an image of {h} x {w} is too small for binning or demosaicking; take out `binning` and `demosaic`",
+                        path.display()
+                    )));
+                }
+                Ok(Noise::Cmos { camera, demosaic })
+            }
+            Detector::Spad(diode) => {
+                let Some(bin_ps) = target.bin_ps else {
+                    return Err(Failure::input(format!(
+                        "{}: a [spad] counts photons in time bins; capture a slice with time bins and no projector axes, or \
+                         give a [cmos]",
+                        path.display()
+                    )));
+                };
+                let bins = target.layout.times;
+                let diode = with_bins(&diode, bins, bin_ps).map_err(|e| {
+                    let path = path.display();
+                    Failure::input(format!("{path}: {e}; the slice has {bins} bins of {bin_ps} ps"))
+                })?;
+                Ok(Noise::Spad(diode))
+            }
+        }
+    }
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    for path in [Some(&a.output), a.variance.as_ref()].into_iter().flatten() {
+        if path.extension().is_none_or(|e| e != "npy") {
+            let path = path.display();
+            return Err(Failure::input(format!(
+                "{path}: arrays are written as .npy; name the file so"
+            )));
+        }
+    }
+    let scheme = load(&a.scheme)?;
+    let example = format!("--scheme {} -o {}", a.scheme.display(), a.output.display());
+    let matrices = a.from.read("capture", &example)?;
+    let target = Target::new(matrices, &a.wavelengths)?;
+    let noise = a.noise.resolve(&target)?;
+    let captured = simulate(
+        &target.matrices,
+        target.layout,
+        &scheme,
+        &target.rays,
+        &noise,
+        a.noise.seed,
+    )
+    .map_err(Failure::input)?;
+    let mut shape = vec![scheme.captures()];
+    if scheme.sensor.channels() > 1 {
+        shape.push(scheme.sensor.channels());
+    }
+    shape.extend(target.shape(captured.layout));
+    if let Some(path) = &a.variance {
+        let Some(variances) = &captured.variances else {
+            return Err(Failure::input(
+                "--variance: a camera alone states variances; give --detector with [cmos], or tell `reconstruct` the --noise",
+            ));
+        };
+        save(path, &shape, variances)?;
+    }
+    save(&a.output, &shape, &captured.intensities)?;
+    super::print(summary(&scheme, &target, &noise, &captured, &shape).trim_end())?;
+    for path in [Some(&a.output), a.variance.as_ref()].into_iter().flatten() {
+        super::print(&path.display().to_string())?;
+    }
+    Ok(())
+}
+
+fn save(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Failure> {
+    write_file_with(path, |file| {
+        numpy::begin::<f32>(file, shape)?;
+        numpy::append(file, values)
+    })
+    .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+}
+
+fn summary(scheme: &Scheme, target: &Target, noise: &Noise, captured: &Captured, shape: &[usize]) -> String {
+    let ranks: Vec<usize> = target
+        .rays
+        .iter()
+        .map(|ray| DesignMatrix::new(scheme, ray).rank())
+        .collect();
+    let rank = ranks.into_iter().min().unwrap_or(0);
+    let known = captured
+        .intensities
+        .iter()
+        .copied()
+        .map(f64::from)
+        .filter(|v| v.is_finite());
+    let (n, sum, most) = known.fold((0_usize, 0.0, f64::NEG_INFINITY), |(n, sum, most), v| {
+        (n + 1, sum + v, most.max(v))
+    });
+    let mean = sum / n as f64;
+    let mut text = format!(
+        "scheme     {}, {} captures, rank {rank}\nshape      {shape:?}\n",
+        scheme.name,
+        scheme.captures()
+    );
+    if n == 0 {
+        text.push_str("intensity  none is known\n");
+    } else {
+        text.push_str(&format!("intensity  mean {mean:.6e}, largest {most:.6e}\n"));
+    }
+    let all = captured.intensities.len().max(1) as f64;
+    text.push_str(&format!(
+        "saturated  {:.3} %\n",
+        100.0 * captured.saturated as f64 / all
+    ));
+    if let Some(sigma) = typical_noise(noise, captured).filter(|s| *s > 0.0 && n > 0) {
+        text.push_str(&format!(
+            "noise      {sigma:.6e} (root mean square), mean intensity over it {:.2}\n",
+            mean / sigma
+        ));
+    }
+    text
+}
+
+/// Root mean square of the noise's standard deviation, where it is known.
+pub fn typical_noise(noise: &Noise, captured: &Captured) -> Option<f64> {
+    match (noise, &captured.variances) {
+        (Noise::None, _) => Some(0.0),
+        (Noise::Gaussian { sigma }, _) => Some(*sigma),
+        (_, Some(variances)) => {
+            let known = variances.iter().copied().map(f64::from).filter(|v| v.is_finite());
+            let (n, sum) = known.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));
+            (n > 0.0).then(|| f64::sqrt(sum / n))
+        }
+        _ => None,
+    }
+}

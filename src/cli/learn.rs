@@ -1,0 +1,461 @@
+//! `sunstone learn`.
+
+use super::failure::Failure;
+use super::pbrdf::data::{Source, moment};
+use super::scheme::{SensorArgument, picture, save, table};
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use sunstone::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::capture::element::Ray;
+use sunstone::capture::scheme::Scheme;
+use sunstone::capture::scheme_file::load;
+use sunstone::figure::chart::{self, Chart, ChartAxis, Series, SeriesStyle};
+use sunstone::reconstruct::learn::{FoldError, Learned, Search, learn, validate};
+use sunstone::reconstruct::loss::{Estimator, Moment, Objective};
+use sunstone::reconstruct::pca::data_set::DataSet;
+use sunstone::reconstruct::pca::folds::{Weight, folds};
+use sunstone::reconstruct::second_moment;
+use sunstone::tensor::store::write_file_with;
+
+/// Learn a scheme's settings: the angles of least expected error.
+///
+/// Minimizes the expected squared error of the 16 elements (T00 = 1) over noise and, where captures are fewer than 16 or a prior
+/// is used, over materials: in closed form, with its exact gradient, by Adam from the angles of dual rotating retarders
+/// (Baek & Heide 2021, sec. 4) and by a quasi-Newton method from many random starts. Materials come from a folder of .pbsdf
+/// tables, or are the stand-ins for the 25 materials of the KAIST set; by cross-validation, errors are those of materials
+/// that were not learned from.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone learn --sensor intensity -k 16 -o lqrpr16.toml
+  sunstone learn --sensor polarizer-array -k 4 --estimator prior --save-prior prior.toml -o lqrpr4p.toml
+  sunstone learn --template my_rig.toml --wavelengths 450,550,660 --angle-error 0.2 -o mine.toml
+  sunstone learn -k 4,6,8,10,12,16,20 --sensor intensity,polarizer-array --estimator least-squares,prior \\
+      -o learned --figure loss.png --csv loss.csv")]
+pub struct Arguments {
+    /// Captures; several to compare.
+    #[arg(
+        short = 'k',
+        long,
+        value_delimiter = ',',
+        required_unless_present = "template"
+    )]
+    captures: Vec<usize>,
+    /// Sensors.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "intensity")]
+    sensor: Vec<SensorArgument>,
+    /// Learn the settings of this scheme, with its optics, instead of those of four perfect elements.
+    #[arg(long, value_name = "SCHEME", conflicts_with_all = ["captures", "sensor"])]
+    template: Option<PathBuf>,
+    /// How matrices will be estimated.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "least-squares")]
+    estimator: Vec<EstimatorArgument>,
+    /// Standard deviation of an intensity's noise, where T00 = 1.
+    #[arg(long, default_value_t = 5e-4)]
+    noise: f64,
+    /// Standard deviation of the stages' angles (and of retardances), degrees, that the scheme shall bear.
+    #[arg(long, default_value_t = 0.0)]
+    angle_error: f64,
+    /// Wavelengths at which it shall work, nanometres.
+    #[arg(long, value_delimiter = ',', default_value = "550")]
+    wavelengths: Vec<f64>,
+    #[command(flatten)]
+    data: Source,
+    /// Folds of the cross-validation over materials; 0 for none.
+    #[arg(long, default_value_t = 5)]
+    folds: usize,
+    /// Random starts.
+    #[arg(long, default_value_t = Search::default().starts)]
+    starts: u32,
+    /// Most iterations from each.
+    #[arg(long, default_value_t = Search::default().iterations)]
+    iterations: u64,
+    /// Steps of Adam.
+    #[arg(long, default_value_t = Search::default().adam_steps)]
+    adam_steps: usize,
+    /// Seed of the random starts.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Also write the second moment of the materials, which `sunstone reconstruct --prior` takes.
+    #[arg(long, value_name = "PRIOR.toml")]
+    save_prior: Option<PathBuf>,
+    /// Also draw the angles (of a single scheme).
+    #[arg(long, value_name = "ANGLES.png")]
+    angles: Option<PathBuf>,
+    /// Also draw errors against captures, with those of dual rotating retarders and the bounds.
+    #[arg(long, value_name = "LOSS.png")]
+    figure: Option<PathBuf>,
+    /// Also write the table.
+    #[arg(long, value_name = "LOSS.csv")]
+    csv: Option<PathBuf>,
+    /// Scheme to write, or a folder for several.
+    #[arg(short, long, value_name = "SCHEME.toml|FOLDER")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum EstimatorArgument {
+    /// Least squares; with too few captures the matrix of least norm.
+    LeastSquares,
+    /// Least expected error, given the second moment of materials.
+    Prior,
+}
+
+impl EstimatorArgument {
+    fn estimator(self) -> Estimator {
+        match self {
+            Self::LeastSquares => Estimator::LeastSquares,
+            Self::Prior => Estimator::Prior,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::LeastSquares => "least squares",
+            Self::Prior => "prior",
+        }
+    }
+}
+
+/// A row of the table: expected squared errors, T00 = 1.
+struct Row {
+    kind: String,
+    captures: usize,
+    error: f64,
+    /// Standard error over the folds.
+    spread: f64,
+    seen: f64,
+    seconds: f64,
+}
+
+/// What there is to learn from: all materials, and folds of them.
+struct Materials {
+    all: Moment,
+    folds: Vec<(Moment, Moment)>,
+}
+
+impl Materials {
+    fn gather(a: &Arguments, data: &DataSet) -> Result<Self, Failure> {
+        let folds = match a.folds {
+            0 => vec![],
+            n => folds(data, n, Weight::Bins).map_err(Failure::input)?,
+        };
+        Ok(Self {
+            all: moment(&data.plain(Weight::Bins)),
+            folds: folds
+                .iter()
+                .map(|f| (moment(&f.train), moment(&f.test)))
+                .collect(),
+        })
+    }
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    check(a)?;
+    let templates = templates(a)?;
+    let several = templates.len() * a.estimator.len() > 1;
+    if several && a.angles.is_some() {
+        return Err(Failure::input(
+            "--angles draws one scheme: give one -k, --sensor and --estimator",
+        ));
+    }
+    // The noise of a full-rank least-squares estimate does not depend on what is measured.
+    let needed = a.figure.is_some()
+        || a.save_prior.is_some()
+        || a.angle_error > 0.0
+        || a.estimator.contains(&EstimatorArgument::Prior)
+        || templates.iter().any(|t| t.captures() < t.least_captures());
+    let materials = if needed {
+        Some(Materials::gather(a, &a.data.load(0)?)?)
+    } else {
+        None
+    };
+    if let (Some(path), Some(materials)) = (&a.save_prior, &materials) {
+        second_moment::save(path, &a.data.name(), &materials.all)
+            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    }
+    let mut rows = vec![];
+    let mut learned = vec![];
+    for estimator in &a.estimator {
+        for template in &templates {
+            let begun = Instant::now();
+            let (scheme, mut row) = one(a, template, *estimator, materials.as_ref());
+            row.seconds = begun.elapsed().as_secs_f64();
+            super::print(&line(&row, a.noise))?;
+            let path = if several {
+                let tail = if *estimator == EstimatorArgument::Prior {
+                    "_prior"
+                } else {
+                    ""
+                };
+                a.output.join(format!(
+                    "{}{tail}.toml",
+                    scheme.name.to_lowercase().replace(' ', "_")
+                ))
+            } else {
+                a.output.clone()
+            };
+            save(&scheme, &path)?;
+            rows.push(row);
+            learned.push((scheme, path));
+        }
+    }
+    let schemes: Vec<Scheme> = learned.iter().map(|(s, _)| s.clone()).collect();
+    let rays = rays(a);
+    super::print(table(&schemes, &rays).trim_end())?;
+    if let (Some(path), Some((scheme, _))) = (&a.angles, learned.first()) {
+        picture(scheme, path)?;
+    }
+    if let Some(path) = &a.csv {
+        write_file_with(path, |file| {
+            std::io::Write::write_all(file, csv(&rows).as_bytes())
+        })
+        .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    }
+    if let Some(path) = &a.figure {
+        draw(a, &rows, &templates, path)?;
+    }
+    for path in learned
+        .iter()
+        .map(|(_, p)| p)
+        .chain(&a.save_prior)
+        .chain(&a.angles)
+        .chain(&a.csv)
+        .chain(&a.figure)
+    {
+        super::print(&path.display().to_string())?;
+    }
+    Ok(())
+}
+
+fn check(a: &Arguments) -> Result<(), Failure> {
+    if !(a.noise > 0.0 && a.noise.is_finite()) {
+        return Err(Failure::input("--noise: give a positive number"));
+    }
+    if !(a.angle_error >= 0.0 && a.angle_error.is_finite()) {
+        return Err(Failure::input("--angle-error: give degrees, 0 or more"));
+    }
+    match a.captures.iter().find(|k| !(1..=256).contains(*k)) {
+        Some(k) => Err(Failure::input(format!("-k {k}: learn 1 to 256 captures"))),
+        None => Ok(()),
+    }
+}
+
+fn rays(a: &Arguments) -> Vec<Ray> {
+    a.wavelengths.iter().copied().map(Ray::axial).collect()
+}
+
+fn templates(a: &Arguments) -> Result<Vec<Scheme>, Failure> {
+    if let Some(path) = &a.template {
+        let scheme = load(path)?;
+        if scheme.motors().is_empty() {
+            return Err(Failure::input(format!(
+                "{}: nothing in it changes from capture to capture; give lists of angles or retardances",
+                path.display()
+            )));
+        }
+        return Ok(vec![scheme]);
+    }
+    let mut out = vec![];
+    for sensor in &a.sensor {
+        for k in &a.captures {
+            out.push(Scheme::quad(*k, *sensor == SensorArgument::PolarizerArray).map_err(Failure::input)?);
+        }
+    }
+    Ok(out)
+}
+
+/// Learns one scheme; its error is that of materials left out, if there are folds and it depends on materials.
+fn one(
+    a: &Arguments,
+    template: &Scheme,
+    estimator: EstimatorArgument,
+    materials: Option<&Materials>,
+) -> (Scheme, Row) {
+    let search = Search {
+        starts: a.starts,
+        iterations: a.iterations,
+        adam_steps: a.adam_steps,
+        seed: a.seed,
+    };
+    let objective = |second_moment: Moment| Objective {
+        sigma: a.noise,
+        angle_error: a.angle_error.to_radians(),
+        second_moment,
+        estimator: estimator.estimator(),
+        rays: rays(a),
+    };
+    let all = objective(materials.map_or_else(Moment::identity, |m| m.all));
+    let Learned { scheme, loss, .. } = learn(template, &all, &search);
+    let mut row = Row {
+        kind: format!("{}, {}", kind(template), estimator.name()),
+        captures: template.captures(),
+        error: loss,
+        spread: 0.0,
+        seen: loss,
+        seconds: 0.0,
+    };
+    let depends = estimator == EstimatorArgument::Prior || template.captures() < template.least_captures();
+    if let Some(materials) = materials.filter(|m| depends && !m.folds.is_empty()) {
+        let errors: Vec<FoldError> = materials
+            .folds
+            .iter()
+            .map(|(train, test)| {
+                let o = objective(*train);
+                // What is good for all materials but some is near what is good for all: one more start, not all anew.
+                let own = Search {
+                    starts: a.starts.div_ceil(4),
+                    adam_steps: 0,
+                    ..search
+                };
+                validate(&learn(template, &o, &own).scheme, &o, train, test)
+            })
+            .collect();
+        let n = errors.len() as f64;
+        let mean = |f: fn(&FoldError) -> f64| errors.iter().map(f).sum::<f64>() / n;
+        row.seen = mean(|e| e.seen);
+        row.error = mean(|e| e.unseen);
+        let var = errors.iter().map(|e| (e.unseen - row.error).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        row.spread = (var / n).sqrt();
+    }
+    (scheme, row)
+}
+
+/// A scheme's name without its number of captures.
+fn kind(scheme: &Scheme) -> String {
+    let suffix = format!(" {}", scheme.captures());
+    scheme
+        .name
+        .strip_suffix(&suffix)
+        .unwrap_or(&scheme.name)
+        .to_owned()
+}
+
+fn rmse(error: f64) -> f64 {
+    (error / 16.0).sqrt()
+}
+
+fn line(row: &Row, noise: f64) -> String {
+    format!(
+        "{:<26} {:>3} captures: rms error of an element {:.3e} (materials learned from {:.3e}), {:.4} noise variances in all, {:.1} s",
+        row.kind,
+        row.captures,
+        rmse(row.error),
+        rmse(row.seen),
+        row.error / noise.powi(2),
+        row.seconds
+    )
+}
+
+fn csv(rows: &[Row]) -> String {
+    let mut out = String::from(
+        "scheme,captures,squared_error_unseen,standard_error,squared_error_seen,rms_element_unseen,seconds\n",
+    );
+    for row in rows {
+        out.push_str(&format!(
+            "\"{}\",{},{:e},{:e},{:e},{:e},{:.2}\n",
+            row.kind,
+            row.captures,
+            row.error,
+            row.spread,
+            row.seen,
+            rmse(row.error),
+            row.seconds
+        ));
+    }
+    out
+}
+
+fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Result<(), Failure> {
+    let mut series: Vec<Series> = vec![];
+    for row in rows {
+        let point = (row.captures as f64, rmse(row.error));
+        // d√(x/16) = dx/(2·16·√(x/16)).
+        let error = row.spread / (32.0 * rmse(row.error)).max(f64::MIN_POSITIVE);
+        match series.iter_mut().find(|s| s.name == row.kind) {
+            Some(s) => {
+                s.points.push(point);
+                if let Some(errors) = &mut s.errors {
+                    errors.push(error);
+                }
+            }
+            None => series.push(Series {
+                name: row.kind.clone(),
+                points: vec![point],
+                errors: Some(vec![error]),
+                style: SeriesStyle::LineMarkers,
+                colour: 0,
+            }),
+        }
+    }
+    let ray = rays(a).first().copied().unwrap_or(Ray::axial(550.0));
+    let most = a.captures.iter().copied().max().unwrap_or(0).max(36);
+    for array in [false, true] {
+        if !templates.iter().any(|t| (t.sensor.channels() > 1) == array) {
+            continue;
+        }
+        let mut drr = vec![];
+        let mut least = vec![];
+        for k in 1..=most {
+            let scheme = Scheme::drr(k, array).map_err(Failure::failed)?;
+            if let Ok(v) = DesignMatrix::new(&scheme, &ray).error_variance() {
+                drr.push((k as f64, rmse(v * a.noise.powi(2))));
+            }
+            if k >= scheme.least_captures() {
+                least.push((k as f64, rmse(bound(&scheme) * a.noise.powi(2))));
+            }
+        }
+        let (name, tail) = if array { ("DRR-P", ", array") } else { ("DRR", "") };
+        for (name, points, style) in [
+            (name.to_owned(), drr, SeriesStyle::LineMarkers),
+            (
+                format!("bound of least squares{tail}"),
+                least,
+                SeriesStyle::Dashed,
+            ),
+        ] {
+            series.push(Series {
+                name,
+                points,
+                errors: None,
+                style,
+                colour: 0,
+            });
+        }
+    }
+    for (i, s) in series.iter_mut().enumerate() {
+        s.colour = if s.style == SeriesStyle::Dashed {
+            chart::BLACK
+        } else {
+            i
+        };
+    }
+    let chart = Chart {
+        title: "Error of rotating ellipsometry on materials not learned from".to_owned(),
+        x: ChartAxis {
+            label: "captures".to_owned(),
+            log: false,
+            range: Some((0.0, most as f64 + 1.0)),
+        },
+        y: ChartAxis {
+            label: "rms error of an element, T00 = 1".to_owned(),
+            log: true,
+            range: Some((rmse(0.5 * bound_at(most, a)), 0.5)),
+        },
+        series,
+        notes: vec![format!(
+            "Noise {:e} of an intensity. Least squares on fewer captures than a Mueller matrix needs: the matrix of least norm. \
+             Bars: one standard error over {} folds of materials.",
+            a.noise, a.folds
+        )],
+    };
+    let image = chart::draw(&chart).map_err(Failure::failed)?;
+    super::figure::save(&image, path)
+}
+
+/// The least error that the chart shows.
+fn bound_at(most: usize, a: &Arguments) -> f64 {
+    let array = a.sensor.contains(&SensorArgument::PolarizerArray);
+    (if array { 440.0 } else { 1600.0 }) / most as f64 * a.noise.powi(2)
+}

@@ -1,0 +1,72 @@
+//! Materials that other commands learn from: a folder of tables, or the stand-ins.
+
+use super::stand_ins::{Resolution, Sets};
+use crate::cli::failure::Failure;
+use std::path::PathBuf;
+use sunstone::material::measured::axes::Axes;
+use sunstone::reconstruct::loss::Moment;
+use sunstone::reconstruct::pca::data_set::{Analytic, DataSet, Settings};
+use sunstone::reconstruct::pca::moments::Moments;
+
+/// Where materials come from.
+#[derive(clap::Args)]
+pub struct Source {
+    /// Folder of .pbsdf tables; without it, the stand-ins for the materials of the KAIST set.
+    #[arg(long = "data", value_name = "FOLDER")]
+    folder: Option<PathBuf>,
+    /// Bands, nanometres; of tables the nearest they have.
+    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650])]
+    bands: Vec<u16>,
+    /// Entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
+    #[arg(
+        long,
+        value_name = "PHI_DxTHETA_DxTHETA_H",
+        default_value = "41x31x91",
+        conflicts_with = "folder"
+    )]
+    resolution: Resolution,
+}
+
+impl Source {
+    /// Reads tables, or evaluates the stand-ins; keeps `samples` matrices of each.
+    pub fn load(&self, samples: usize) -> Result<DataSet, Failure> {
+        self.load_mapped(Settings::default().c, samples)
+    }
+
+    /// As [`Source::load`], with the c of arctan(c M).
+    pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
+        let settings = Settings { c, samples };
+        match &self.folder {
+            Some(folder) => {
+                let bands: Vec<f64> = self.bands.iter().copied().map(f64::from).collect();
+                DataSet::read(folder, &bands, &settings)
+            }
+            None => {
+                let sets = Sets::load(None, &self.bands)?;
+                let material = |name: &String| -> Analytic { (name.clone(), sets.sources(name)) };
+                let materials: Vec<Analytic> = sets.stand_ins().iter().map(material).collect();
+                let axes = Axes::even(self.resolution.0, self.bands.clone());
+                DataSet::tabulate(&axes, &materials, &settings)
+            }
+        }
+        .map_err(Failure::input)
+    }
+
+    /// The bands asked for, nanometres.
+    pub fn bands(&self) -> &[u16] {
+        &self.bands
+    }
+
+    /// What it is, for people.
+    pub fn name(&self) -> String {
+        self.folder
+            .as_ref()
+            .map_or_else(|| "stand-ins".to_owned(), |folder| folder.display().to_string())
+    }
+}
+
+/// E[t tᵀ] of matrices.
+pub fn moment(moments: &Moments) -> Moment {
+    let s = moments.second();
+    Moment::from_fn(|i, j| s[i][j])
+}

@@ -1,0 +1,260 @@
+//! `sunstone reconstruct`.
+
+use super::failure::Failure;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use sunstone::capture::element::Ray;
+use sunstone::capture::scheme::Scheme;
+use sunstone::capture::scheme_file::load;
+use sunstone::reconstruct::pixels::{Options, Reconstruction, Tally};
+use sunstone::reconstruct::second_moment;
+use sunstone::tensor::numpy::{self, Number, NumpyReader};
+use sunstone::tensor::store::write_file_with;
+use tracing::info;
+
+/// Reconstruct Mueller matrices from the intensities of all captures.
+///
+/// Reads an array of shape (K, ...), or (K, 4, ...) of a polarizer array with channels 0°, 45°, 90°, 135°, where ... are the
+/// pixels: places, time bins, whatever there is. Writes Mueller matrices of shape (..., 4, 4), by least squares, or with a prior
+/// where captures are few. Intensities that are NaN or saturated are left out pixel by pixel. Images are read and written
+/// piece by piece, in any size.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone reconstruct I.npy --scheme drr36.toml -o M.npy
+  sunstone reconstruct I.npy --scheme drr36.toml -o M.npy --errors E.npy --saturation 65535
+  sunstone reconstruct I.npy --scheme rgb.toml --wavelengths 450,550,660 -o M.npy      last axis of I: wavelengths
+  sunstone reconstruct I.npy --scheme lqrpr8.toml --prior prior.toml --noise 0.002 -o M.npy")]
+pub struct Arguments {
+    /// Intensities (.npy).
+    #[arg(value_name = "I.npy")]
+    source: PathBuf,
+    /// Scheme of the captures.
+    #[arg(long, value_name = "SCHEME")]
+    scheme: PathBuf,
+    /// Wavelengths of the last axis of the intensities, nanometres. One: of all of them.
+    #[arg(long, value_delimiter = ',', default_value = "550")]
+    wavelengths: Vec<f64>,
+    /// Standard deviation of the intensities' noise.
+    #[arg(long)]
+    noise: Option<f64>,
+    /// Variances of the intensities (.npy), of the same shape: weights.
+    #[arg(long, value_name = "V.npy")]
+    variance: Option<PathBuf>,
+    /// Leave out intensities from here on.
+    #[arg(long)]
+    saturation: Option<f64>,
+    /// Second moment of matrices (.toml) to expect; needs --noise.
+    #[arg(long, value_name = "PRIOR.toml")]
+    prior: Option<PathBuf>,
+    /// Replace each matrix by the nearest one that can exist (Cloude).
+    #[arg(long)]
+    realizable: bool,
+    /// Also write standard errors of the elements. Without --noise and --variance they come from what the estimate
+    /// leaves over, which takes more than 16 measurements.
+    #[arg(long, value_name = "E.npy")]
+    errors: Option<PathBuf>,
+    /// File to write.
+    #[arg(short, long, value_name = "M.npy")]
+    output: PathBuf,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let scheme = load(&a.scheme)?;
+    for path in [Some(&a.output), a.errors.as_ref()].into_iter().flatten() {
+        if path.extension().is_none_or(|e| e != "npy") {
+            return Err(Failure::input(format!(
+                "{}: arrays are written as .npy; name the file so",
+                path.display()
+            )));
+        }
+    }
+    if a.noise.is_some_and(|n| !(n > 0.0 && n.is_finite())) {
+        return Err(Failure::input(
+            "--noise: give a positive number, in units of the intensities",
+        ));
+    }
+    let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
+    if prior.is_some() && a.noise.is_none() {
+        return Err(Failure::input(
+            "--prior weighs what is expected against the noise: give the intensities' standard deviation with --noise",
+        ));
+    }
+    let reader = NumpyReader::open(&a.source).map_err(Failure::input)?;
+    let options = Options {
+        noise: a.noise,
+        saturation: a.saturation,
+        realizable: a.realizable,
+        prior,
+    };
+    if reader.is_double() {
+        go::<f64>(a, &scheme, reader, options)
+    } else {
+        go::<f32>(a, &scheme, reader, options)
+    }
+}
+
+/// The shape of the pixels: what is behind the captures and channels.
+fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>, Failure> {
+    let (k, channels) = (scheme.captures(), scheme.sensor.channels());
+    let want: &[usize] = if channels == 1 { &[k] } else { &[k, channels] };
+    if !shape.starts_with(want) {
+        let want = if channels == 1 {
+            format!("({k}, ...)")
+        } else {
+            format!("({k}, {channels}, ...)")
+        };
+        return Err(Failure::input(format!(
+            "{}: its shape is {shape:?}, but {} captures are of shape {want}; give the scheme that they were made with, \
+             captures first",
+            a.source.display(),
+            scheme.name
+        )));
+    }
+    let pixels = shape[want.len()..].to_vec();
+    let lanes = a.wavelengths.len();
+    if lanes != 1 && pixels.last() != Some(&lanes) {
+        return Err(Failure::input(format!(
+            "{}: its last axis of shape {shape:?} is not as long as the {lanes} --wavelengths",
+            a.source.display()
+        )));
+    }
+    Ok(pixels)
+}
+
+/// Numbers that are in memory at once, intensities and variances each: few enough for the last cache, so that what has been
+/// read is still there when it is used.
+const AT_ONCE: usize = 2_000_000;
+
+fn go<T: Number + npyz::AutoSerialize>(
+    a: &Arguments,
+    scheme: &Scheme,
+    mut reader: NumpyReader,
+    options: Options,
+) -> Result<(), Failure> {
+    let leading = leading(a, scheme, &reader.shape)?;
+    let pixels: usize = leading.iter().product();
+    let mut variances = a
+        .variance
+        .as_deref()
+        .map(NumpyReader::open)
+        .transpose()
+        .map_err(Failure::input)?;
+    if let Some(other) = variances.as_ref().filter(|v| v.shape != reader.shape) {
+        return Err(Failure::input(format!(
+            "--variance: its shape is {:?}, that of the intensities {:?}",
+            other.shape, reader.shape
+        )));
+    }
+    let rays: Vec<Ray> = a.wavelengths.iter().copied().map(Ray::axial).collect();
+    let reconstruction = Reconstruction::<T>::new(scheme, &rays, options).map_err(Failure::input)?;
+    let (lanes, count) = (rays.len(), scheme.measurements());
+    let most = (AT_ONCE * 4 / size_of::<T>() / count / lanes).max(1) * lanes;
+    let shape: Vec<usize> = leading.iter().copied().chain([4, 4]).collect();
+    let mut tally = Tally::default();
+    let mut computing = Duration::ZERO;
+    let start = Instant::now();
+    let mut fill =
+        |out: &mut BufWriter<File>, mut errors: Option<&mut BufWriter<File>>| -> Result<(), Failure> {
+            let failed = |e: std::io::Error| Failure::failed(format!("{}: {e}", a.output.display()));
+            numpy::begin::<T>(out, &shape).map_err(failed)?;
+            if let Some(errors) = errors.as_deref_mut() {
+                numpy::begin::<T>(errors, &shape).map_err(failed)?;
+            }
+            let room = most.min(pixels.max(1));
+            let zero = T::default();
+            let (mut i, mut m) = (vec![zero; room * count], vec![zero; room * 16]);
+            let mut v = vec![zero; if variances.is_some() { room * count } else { 0 }];
+            let mut e = vec![zero; if errors.is_some() { room * 16 } else { 0 }];
+            for first in (0..pixels).step_by(most) {
+                let n = most.min(pixels - first);
+                read(&mut reader, &mut i, first, n, pixels)?;
+                if let Some(variances) = &mut variances {
+                    read(variances, &mut v, first, n, pixels)?;
+                }
+                let begun = Instant::now();
+                let weights = (!v.is_empty()).then(|| &v[..n * count]);
+                let wanted = (!e.is_empty()).then(|| &mut e[..n * 16]);
+                tally = tally.with(reconstruction.apply(&i[..n * count], weights, &mut m[..n * 16], wanted));
+                computing += begun.elapsed();
+                numpy::append(out, &m[..n * 16]).map_err(failed)?;
+                if let Some(errors) = errors.as_deref_mut() {
+                    numpy::append(errors, &e[..n * 16]).map_err(failed)?;
+                }
+            }
+            Ok(())
+        };
+    write_both(&a.output, a.errors.as_deref(), &mut fill)?;
+    info!(
+        "{} pixels of {count} measurements: {:.4} seconds to compute, {:.4} in all",
+        tally.pixels,
+        computing.as_secs_f64(),
+        start.elapsed().as_secs_f64()
+    );
+    if tally.partial > 0 {
+        eprintln!(
+            "note: {} of {} pixels without some of their measurements",
+            tally.partial, tally.pixels
+        );
+    }
+    if tally.lost > 0 {
+        eprintln!(
+            "note: {} of {} pixels are not determined by what is not saturated: NaN",
+            tally.lost, tally.pixels
+        );
+    }
+    for path in [Some(&a.output), a.errors.as_ref()].into_iter().flatten() {
+        super::print(&path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// Reads pixels `first..first + n` of all measurements.
+fn read<T: Number>(
+    reader: &mut NumpyReader,
+    out: &mut [T],
+    first: usize,
+    n: usize,
+    pixels: usize,
+) -> Result<(), Failure> {
+    for (m, plane) in out
+        .chunks_exact_mut(n)
+        .take(reader.len() / pixels.max(1))
+        .enumerate()
+    {
+        reader.read(m * pixels + first, plane).map_err(Failure::input)?;
+    }
+    Ok(())
+}
+
+type Fill<'a> = dyn FnMut(&mut BufWriter<File>, Option<&mut BufWriter<File>>) -> Result<(), Failure> + 'a;
+
+/// Writes one or two files, which appear whole or not at all.
+fn write_both(output: &Path, errors: Option<&Path>, fill: &mut Fill) -> Result<(), Failure> {
+    // What fails inside is told as it is, not as a fault of the file that is written.
+    let mut fault = None;
+    let written = write_file_with(output, |out| {
+        let result = match errors {
+            Some(path) => {
+                let mut inner = None;
+                write_file_with(path, |e| {
+                    inner = fill(out, Some(e)).err();
+                    if inner.is_some() {
+                        Err(std::io::Error::other("given up"))
+                    } else {
+                        e.flush()
+                    }
+                })
+                .map_err(|e| inner.unwrap_or_else(|| Failure::failed(format!("{}: {e}", path.display()))))
+            }
+            None => fill(out, None),
+        };
+        result.map_err(|e| {
+            fault = Some(e);
+            std::io::Error::other("given up")
+        })
+    });
+    written.map_err(|e| fault.unwrap_or_else(|| Failure::failed(format!("{}: {e}", output.display()))))
+}

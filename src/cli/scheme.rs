@@ -1,0 +1,247 @@
+//! `sunstone scheme`: making, showing and checking capture schemes.
+
+use super::failure::Failure;
+use clap::{Subcommand, ValueEnum};
+use std::path::{Path, PathBuf};
+use sunstone::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::capture::element::{Quantity, Ray};
+use sunstone::capture::scheme::{Scheme, SchemeError};
+use sunstone::capture::scheme_file::{load, to_toml};
+use sunstone::figure::angles;
+use sunstone::tensor::numpy;
+use sunstone::tensor::store::write_file_with;
+
+/// Make, show and check capture schemes: which polarizing elements stand where, and how they are set in each capture.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone scheme drr -k 36 -o drr36.toml                dual rotating retarders, 5 and 25 degrees a capture
+  sunstone scheme drr -k 9 --sensor polarizer-array -o drr9p.toml
+  sunstone scheme show drr36.toml angles.csv             rank, condition, error variance over the bound
+  sunstone scheme plot drr36.toml -o angles.png
+  sunstone scheme matrix drr36.toml -o A.npy             intensities = A @ M.reshape(16)
+
+A scheme file is TOML (see what `drr` writes), or a CSV table with columns polarizer_1,retarder_2,retarder_3,polarizer_4 in
+degrees; without polarizer_4 it is for a polarizer array.")]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Dual rotating retarders (Azzam 1978): retarder 2 by 5°, retarder 3 by 25° a capture.
+    Drr(New),
+    /// Quad rotating polarizers and retarders at hand-made angles; `sunstone learn` finds better ones.
+    Qrpr(New),
+    /// Liquid-crystal retarders, two a side: nothing turns, retardances change.
+    Lc(New),
+    /// Print rank, condition number, error variance and what no scheme can beat.
+    Show(Show),
+    /// Write the design matrix as .npy.
+    Matrix(Matrix),
+    /// Draw the settings of all captures.
+    Plot(Plot),
+}
+
+/// What light falls on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SensorArgument {
+    /// Pixels that do not care for polarization.
+    #[default]
+    Intensity,
+    /// Pixels behind polarizers at 0°, 45°, 90° and 135°.
+    PolarizerArray,
+}
+
+#[derive(clap::Args)]
+struct New {
+    /// Captures.
+    #[arg(short = 'k', long)]
+    captures: usize,
+    /// Sensor.
+    #[arg(long, value_enum, default_value_t)]
+    sensor: SensorArgument,
+    /// Scheme to write.
+    #[arg(short, long, value_name = "SCHEME.toml")]
+    output: PathBuf,
+}
+
+#[derive(clap::Args)]
+struct Show {
+    /// Scheme files.
+    #[arg(required = true, value_name = "SCHEME")]
+    schemes: Vec<PathBuf>,
+    /// Wavelengths, nanometres.
+    #[arg(long, value_delimiter = ',', default_value = "550")]
+    wavelengths: Vec<f64>,
+}
+
+#[derive(clap::Args)]
+struct Matrix {
+    #[arg(value_name = "SCHEME")]
+    scheme: PathBuf,
+    /// Wavelength, nanometres.
+    #[arg(long, default_value_t = 550.0)]
+    wavelength: f64,
+    /// Angle of the rays to the optical axis, degrees.
+    #[arg(long, default_value_t = 0.0)]
+    incidence: f64,
+    /// Azimuth of their plane of incidence, degrees.
+    #[arg(long, default_value_t = 0.0)]
+    azimuth: f64,
+    /// File to write: (K, 16) or (4K, 16), columns the elements of a Mueller matrix row by row.
+    #[arg(short, long, value_name = "A.npy")]
+    output: PathBuf,
+}
+
+#[derive(clap::Args)]
+struct Plot {
+    #[arg(value_name = "SCHEME")]
+    scheme: PathBuf,
+    /// Picture to write.
+    #[arg(short, long, default_value = "angles.png")]
+    output: PathBuf,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    match &a.command {
+        Command::Drr(new) => make(new, Scheme::drr),
+        Command::Qrpr(new) => make(new, Scheme::qrpr),
+        Command::Lc(new) => make(new, Scheme::liquid_crystal),
+        Command::Show(show) => {
+            let mut schemes = vec![];
+            for path in &show.schemes {
+                schemes.push(load(path)?);
+            }
+            let rays: Vec<Ray> = show.wavelengths.iter().copied().map(Ray::axial).collect();
+            super::print(table(&schemes, &rays).trim_end())
+        }
+        Command::Matrix(matrix) => write_matrix(matrix),
+        Command::Plot(plot) => draw(plot),
+    }
+}
+
+/// The most captures that a scheme is made for: what a rig could take in a day.
+const MOST: usize = 100_000;
+
+fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {
+    if new.captures > MOST {
+        return Err(Failure::input(format!(
+            "-k {}: at most {MOST} captures",
+            new.captures
+        )));
+    }
+    let scheme = of(new.captures, new.sensor == SensorArgument::PolarizerArray).map_err(Failure::input)?;
+    save(&scheme, &new.output)?;
+    super::print(table(&[scheme], &[Ray::axial(550.0)]).trim_end())?;
+    super::print(&new.output.display().to_string())
+}
+
+/// Writes a scheme file.
+pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
+    if path.extension().is_none_or(|e| e != "toml") {
+        return Err(Failure::input(format!(
+            "{}: schemes are written as .toml; name the file so",
+            path.display()
+        )));
+    }
+    let text = to_toml(scheme).map_err(Failure::failed)?;
+    write_file_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+        .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+}
+
+/// A row for each scheme and wavelength.
+pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
+    let mut out = String::from(
+        "scheme                captures  nm    rank  condition  error variance     bound  over bound\n",
+    );
+    for scheme in schemes {
+        for ray in rays {
+            let design = DesignMatrix::new(scheme, ray);
+            let (rank, bound) = (design.rank(), bound(scheme));
+            let row = match design.error_variance() {
+                Ok(v) => format!(
+                    "{:>9.4}  {v:>14.4}  {bound:>8.3}  {:>10.4}",
+                    design.condition(),
+                    v / bound
+                ),
+                Err(_) => format!(
+                    "        -               -  {bound:>8.3}  takes {} captures",
+                    scheme.least_captures()
+                ),
+            };
+            out.push_str(&format!(
+                "{:<20}  {:>8}  {:<4}  {rank:>4}  {row}\n",
+                scheme.name,
+                scheme.captures(),
+                ray.nm
+            ));
+        }
+    }
+    out.push_str("error variance: sum over the 16 elements, over that of an intensity; bound: least that as many captures allow\n");
+    out
+}
+
+fn write_matrix(a: &Matrix) -> Result<(), Failure> {
+    let scheme = load(&a.scheme)?;
+    let ray = Ray {
+        nm: a.wavelength,
+        incidence: a.incidence.to_radians(),
+        azimuth: a.azimuth.to_radians(),
+    };
+    let matrix = DesignMatrix::new(&scheme, &ray).a;
+    let values: Vec<f64> = matrix.transpose().iter().copied().collect();
+    write_file_with(&a.output, |file| {
+        numpy::begin::<f64>(file, &[matrix.nrows(), matrix.ncols()])?;
+        numpy::append(file, &values)
+    })
+    .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
+    super::print(&a.output.display().to_string())
+}
+
+fn draw(a: &Plot) -> Result<(), Failure> {
+    let scheme = load(&a.scheme)?;
+    picture(&scheme, &a.output)?;
+    super::print(&a.output.display().to_string())
+}
+
+/// Draws the settings of a scheme.
+pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
+    let motors = scheme.motors();
+    if motors.is_empty() {
+        return Err(Failure::input(
+            "the scheme has nothing that changes from capture to capture",
+        ));
+    }
+    let period = |quantity| match quantity {
+        Quantity::Angle => 180.0,
+        Quantity::Retardance => 360.0,
+    };
+    let names: Vec<String> = motors
+        .iter()
+        .map(|m| scheme.element(*m).name.replace('_', " "))
+        .collect();
+    let elements: Vec<(&str, &str, f64)> = motors
+        .iter()
+        .zip(&names)
+        .map(|(m, name)| {
+            let label = match m.quantity {
+                Quantity::Angle => "angle [°]",
+                Quantity::Retardance => "retardance [°]",
+            };
+            (name.as_str(), label, period(m.quantity))
+        })
+        .collect();
+    let all = scheme.parameters();
+    let captures = scheme.captures();
+    let values: Vec<Vec<f64>> = (0..captures)
+        .map(|k| {
+            (0..motors.len())
+                .map(|m| all[m * captures + k].to_degrees())
+                .collect()
+        })
+        .collect();
+    let image = angles::draw(&scheme.name, &elements, &values).map_err(Failure::failed)?;
+    super::figure::save(&image, path)
+}
