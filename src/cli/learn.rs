@@ -428,7 +428,8 @@ fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Resul
         s.colour = if s.style == SeriesStyle::Dashed {
             chart::BLACK
         } else {
-            i
+            // Black is the bounds'.
+            i + usize::from(i >= chart::BLACK)
         };
     }
     let chart = Chart {

@@ -153,6 +153,7 @@ fn together(t: &Tensor) -> Vec<f32> {
 pub struct Target {
     /// 16 elements a pixel.
     pub matrices: Vec<f64>,
+    /// The order of the pixels.
     pub layout: Layout,
     /// One a wavelength.
     pub rays: Vec<Ray>,

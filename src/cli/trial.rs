@@ -4,18 +4,20 @@ use super::capture::{NoiseArguments, typical_noise};
 use super::failure::Failure;
 use super::matrices::{MatrixSource, Target};
 use nalgebra::DMatrix;
+use report::{Row, csv, curve, short, table};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use sunstone::capture::design_matrix::DesignMatrix;
 use sunstone::capture::scheme::Scheme;
 use sunstone::capture::scheme_file::load;
 use sunstone::capture::simulate::{Captured, Layout, Noise, averaged, simulate};
-use sunstone::figure::chart::{self, Chart, ChartAxis, Series, SeriesStyle};
-use sunstone::figure::{error_maps, save_png};
+use sunstone::figure::{chart, error_maps, save_png};
 use sunstone::reconstruct::loss::Moment;
 use sunstone::reconstruct::pixels::{Options, Reconstruction};
 use sunstone::reconstruct::second_moment;
 use sunstone::tensor::store::write_file_with;
+
+mod report;
 
 /// Try capture schemes in simulation: capture known Mueller matrices, reconstruct them, and compare.
 ///
@@ -58,23 +60,6 @@ pub struct Arguments {
     /// Chart of the errors against the number of captures, a line for each kind of scheme (its name without the number).
     #[arg(long, value_name = "CURVE.png")]
     curve: Option<PathBuf>,
-}
-
-/// How a scheme did.
-struct Row {
-    name: String,
-    captures: usize,
-    rank: usize,
-    condition: f64,
-    method: &'static str,
-    /// RMSE over mean T00 by the closed form, where it has one.
-    predicted: Option<f64>,
-    rmse: f64,
-    /// Standard error of `rmse`; NaN from one try.
-    rmse_error: f64,
-    normalized: f64,
-    /// Share of pixels.
-    lost: f64,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -294,129 +279,5 @@ fn error_map(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> error_m
         caption: String::new(),
         width: layout.width,
         data: data.collect(),
-    }
-}
-
-/// Four figures, as 1.234e-3 where decimals would not show them.
-fn short(v: f64) -> String {
-    match v {
-        v if !v.is_finite() => "-".to_owned(),
-        v if v == 0.0 || (0.01..1000.0).contains(&v) => format!("{v:.4}"),
-        v => format!("{v:.3e}"),
-    }
-}
-
-fn table(rows: &[Row]) -> String {
-    let mut out = format!(
-        "{:<20}  {:>8}  {:>4}  {:>9}  {:<13}  {:>10}  {:>10}  {:>10}  {:>10}  {:>7}\n",
-        "scheme",
-        "captures",
-        "rank",
-        "condition",
-        "estimate",
-        "predicted",
-        "RMSE",
-        "± (s.e.)",
-        "ΔTij/T00",
-        "lost %"
-    );
-    for r in rows {
-        out.push_str(&format!(
-            "{:<20}  {:>8}  {:>4}  {:>9}  {:<13}  {:>10}  {:>10}  {:>10}  {:>10}  {:>7.3}\n",
-            r.name,
-            r.captures,
-            r.rank,
-            short(r.condition),
-            r.method,
-            r.predicted.map_or_else(|| "-".to_owned(), short),
-            short(r.rmse),
-            short(r.rmse_error),
-            short(r.normalized),
-            100.0 * r.lost
-        ));
-    }
-    out
-}
-
-/// The table for other programs; what is not known is empty.
-fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
-    let mut writer = csv::Writer::from_writer(vec![]);
-    writer.write_record([
-        "scheme",
-        "captures",
-        "rank",
-        "condition",
-        "estimate",
-        "predicted_rmse",
-        "rmse",
-        "rmse_std_error",
-        "normalized_error",
-        "lost_share",
-    ])?;
-    for r in rows {
-        let number = |v: f64| {
-            if v.is_finite() {
-                format!("{v:e}")
-            } else {
-                String::new()
-            }
-        };
-        writer.write_record([
-            r.name.clone(),
-            r.captures.to_string(),
-            r.rank.to_string(),
-            number(r.condition),
-            r.method.to_owned(),
-            r.predicted.map_or_else(String::new, number),
-            number(r.rmse),
-            number(r.rmse_error),
-            number(r.normalized),
-            number(r.lost),
-        ])?;
-    }
-    writer
-        .into_inner()
-        .map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))
-}
-
-/// Errors against captures; the kind of a scheme is its name up to the last space.
-fn curve(rows: &[Row]) -> Chart {
-    let mut series: Vec<Series> = vec![];
-    let mut order: Vec<&Row> = rows.iter().collect();
-    order.sort_by_key(|r| r.captures);
-    for row in order {
-        let kind = row
-            .name
-            .rsplit_once(' ')
-            .map_or(row.name.as_str(), |(kind, _)| kind);
-        let found = series.iter().position(|s| s.name == kind);
-        let at = found.unwrap_or_else(|| {
-            series.push(Series {
-                name: kind.to_owned(),
-                errors: Some(vec![]),
-                style: SeriesStyle::LineMarkers,
-                colour: series.len(),
-                ..Series::default()
-            });
-            series.len() - 1
-        });
-        series[at].points.push((row.captures as f64, row.rmse));
-        if let Some(errors) = &mut series[at].errors {
-            errors.push(row.rmse_error);
-        }
-    }
-    Chart {
-        title: "Error of reconstruction against captures".to_owned(),
-        x: ChartAxis {
-            label: "captures".to_owned(),
-            ..ChartAxis::default()
-        },
-        y: ChartAxis {
-            label: "RMSE / mean T00".to_owned(),
-            log: true,
-            range: None,
-        },
-        series,
-        notes: vec![],
     }
 }
