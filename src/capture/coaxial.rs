@@ -1,11 +1,9 @@
 //! The optics that both ways of a coaxial rig share: a beamsplitter and a pair of galvo mirrors.
 //!
-//! Baek & Heide 2021, eqs. 12 and 14: light reaches the scene as G B_t Q p and is detected as [L Q B_r G' …]_0. The
-//! beamsplitter is the same for all pixels and belongs to the states of generator and analyzer; the galvo's G depends on
-//! the direction. It multiplies T from both sides, so that T' = G' T G is what captures see, and T is found from T' by the
-//! inverses of the two.
+//! Baek & Heide 2021, eqs. 12 and 14: light reaches the scene as G B_t Q p and is detected as [L Q B_r G' …]_0. They belong
+//! to the states of generator and analyzer; the galvo's G depends on the direction, which is the ray's.
 
-use super::element::{Mueller, diattenuator, retarder};
+use super::element::{Mueller, Ray, diattenuator, retarder};
 use super::spectral_value::SpectralValue;
 use crate::polarization::fresnel;
 use crate::spectrum::Spectral;
@@ -60,6 +58,22 @@ impl Coaxial {
     #[must_use]
     pub fn reflection(&self, nm: f64) -> Mueller {
         self.reflection.matrix(nm) * mirror_image()
+    }
+
+    /// G B_t of the ray's direction, from the elements to the scene.
+    #[must_use]
+    pub fn outward(&self, ray: &Ray) -> Mueller {
+        let b = self.transmission(ray.nm);
+        let galvo = self.galvo.as_ref();
+        galvo.map_or(b, |g| g.outward(ray.nm, ray.direction()) * b)
+    }
+
+    /// B_r G' of the ray's direction, from the scene to the elements.
+    #[must_use]
+    pub fn inward(&self, ray: &Ray) -> Mueller {
+        let b = self.reflection(ray.nm);
+        let galvo = self.galvo.as_ref();
+        galvo.map_or(b, |g| b * g.inward(ray.nm, ray.direction()))
     }
 }
 

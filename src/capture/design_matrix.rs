@@ -239,6 +239,40 @@ mod tests {
         }
     }
 
+    /// A coaxial rig: beamsplitter and galvo on both ways, in the order of eqs. 12 and 14, for a direction off the axis.
+    #[test]
+    fn shared_optics_are_passed_twice() {
+        let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\
+             [coaxial]\ntransmission = { efficiency = 0.45, diattenuation = 0.05, retardance_deg = 10 }\n\
+             reflection = { efficiency = 0.5, diattenuation = -0.03 }\ngalvo = { n = 0.06, k = 3.6 }\n\
+             [[generator]]\nkind = \"retarder\"\nangle_deg = [0, 20, 40]\n\
+             [[analyzer]]\nkind = \"retarder\"\nangle_deg = [0, 100, 200]\n\
+             [[analyzer]]\nkind = \"polarizer\"\nangle_deg = 30\n";
+        let scheme =
+            crate::capture::scheme_file::from_toml(std::path::Path::new("c.toml"), text).expect("a scheme");
+        let ray = Ray {
+            nm: 635.0,
+            incidence: 0.1,
+            azimuth: 0.7,
+        };
+        let axial = Ray::axial(635.0);
+        let rig = scheme.coaxial.as_ref().expect("coaxial");
+        let galvo = rig.galvo.as_ref().expect("a galvo");
+        let t: [f64; 16] = std::array::from_fn(|e| (e as f64 * 0.9).sin());
+        let m = nalgebra::Matrix4::from_row_slice(&t);
+        let found = DesignMatrix::new(&scheme, &ray).intensities(&t);
+        let still = DesignMatrix::new(&scheme, &axial).intensities(&t);
+        for k in 0..3 {
+            let [q2, q3] = [&scheme.generator()[0], &scheme.analyzer()[0]].map(|e| e.jet(k, &axial).value);
+            let l4 = scheme.analyzer()[1].jet(k, &axial).value;
+            let out = galvo.outward(635.0, ray.direction()) * rig.transmission(635.0) * q2;
+            let back = l4 * q3 * rig.reflection(635.0) * galvo.inward(635.0, ray.direction());
+            let want = (back * m * out * nalgebra::Vector4::new(1.0, 1.0, 0.0, 0.0))[0];
+            assert!((found[k] - want).abs() < 1e-12);
+            assert!((found[k] - still[k]).abs() > 1e-5);
+        }
+    }
+
     /// Least squares gives back what was put in, for every scheme of full rank.
     #[test]
     fn without_noise_recovery_is_exact() {

@@ -84,6 +84,13 @@ pub struct Ray {
 }
 
 impl Ray {
+    /// Its angles from the axis in x and y, radians: where a galvo points for it.
+    #[must_use]
+    pub fn direction(&self) -> [f64; 2] {
+        let (s, c) = self.azimuth.sin_cos();
+        [c, s].map(|part| (self.incidence.tan() * part).atan())
+    }
+
     /// Along the optical axis.
     #[must_use]
     pub fn axial(nm: f64) -> Self {

@@ -76,20 +76,30 @@ fn motors_of(scheme: &Scheme, side: Side, element: usize) -> Vec<(usize, Quantit
         .collect()
 }
 
+/// The ray at the elements: of a coaxial rig they stand before the mirrors that point it, where it is on the axis.
+fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
+    if scheme.coaxial.is_some() {
+        Ray::axial(ray.nm)
+    } else {
+        *ray
+    }
+}
+
 /// The Stokes vector that meets the scene in capture `k`, with derivatives up to `orders` (0, 1 or 2).
 #[must_use]
 pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJet {
     let mut state = StateJet::constant(Stokes::from(scheme.source));
+    let elements_ray = &at_elements(scheme, ray);
     for (i, e) in scheme.generator().iter().enumerate() {
         let motors = if orders > 0 {
             motors_of(scheme, Side::Generator, i)
         } else {
             vec![]
         };
-        state.pass(&e.jet(k, ray), &motors, orders);
+        state.pass(&e.jet(k, elements_ray), &motors, orders);
     }
     if let Some(coaxial) = &scheme.coaxial {
-        state.through(&coaxial.transmission(ray.nm));
+        state.through(&coaxial.outward(ray));
     }
     state
 }
@@ -137,6 +147,7 @@ pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) 
     if few {
         rows = sufficient(&rows);
     }
+    let elements_ray = &at_elements(scheme, ray);
     let elements: Vec<(Jet, Vec<(usize, Quantity)>)> = scheme
         .analyzer()
         .iter()
@@ -148,17 +159,17 @@ pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) 
             } else {
                 vec![]
             };
-            (transposed(&e.jet(k, ray)), motors)
+            (transposed(&e.jet(k, elements_ray)), motors)
         })
         .collect();
-    let splitter = scheme.coaxial.as_ref().map(|c| c.reflection(ray.nm).transpose());
+    let shared = scheme.coaxial.as_ref().map(|c| c.inward(ray).transpose());
     rows.into_iter()
         .map(|row| {
             let mut state = StateJet::constant(row);
             for (jet, motors) in &elements {
                 state.pass(jet, motors, orders);
             }
-            if let Some(m) = &splitter {
+            if let Some(m) = &shared {
                 state.through(m);
             }
             state

@@ -22,6 +22,8 @@ pub struct Map {
     pub data: Vec<f32>,
 }
 
+/// Span of the values from which the scale is logarithmic: methods differ by tens, and each is to show its structure.
+const LOG_FROM: f32 = 30.0;
 /// Room for the two lines above a map, and between maps.
 const HEAD: u32 = 48;
 const GAP: u32 = 24;
@@ -46,7 +48,7 @@ pub fn draw(
     quantity: &str,
     notes: &[String],
 ) -> Result<RgbImage, FigureError> {
-    let scale = Scale::of(maps.iter().flat_map(|m| m.data.iter().copied()));
+    let scale = Scale::log_from(maps.iter().flat_map(|m| m.data.iter().copied()), LOG_FROM);
     let mut pictures = vec![];
     for map in maps {
         let rows = map.data.len() / map.width.max(1);

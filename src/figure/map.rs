@@ -30,11 +30,16 @@ pub(super) enum Scale {
 
 impl Scale {
     /// The scale for some intensities.
-    pub(super) fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
+    fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
+        Self::log_from(values, LOG_FROM)
+    }
+
+    /// A logarithmic scale if the 99.9th percentile is more than `ratio` times the 5th of what is above zero.
+    pub(super) fn log_from(values: impl Iterator<Item = f32> + Clone, ratio: f32) -> Self {
         let positive = values.filter(|v| *v > 0.0);
         let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);
         let low = percentile(positive, 0.05).unwrap_or(1.0);
-        if top / low > LOG_FROM {
+        if top / low > ratio {
             let high = top.log10();
             Self::Log {
                 low: low.log10().max(high - DECADES),

@@ -44,7 +44,10 @@ fn sunstone(folder: &Path, line: &str) -> String {
 
 fn schemes(folder: &Path) {
     sunstone(folder, "scheme drr -k 36 -o drr36.toml");
-    sunstone(folder, "scheme drr -k 9 --sensor polarizer-array -o drr9p.toml");
+    sunstone(
+        folder,
+        "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml",
+    );
     sunstone(folder, "scheme drr -k 10 -o drr10.toml");
     // Plates that are right at 550 nm alone.
     let text = std::fs::read_to_string(folder.join("drr36.toml")).expect("a scheme");
@@ -66,7 +69,7 @@ fn what_is_captured_is_reconstructed() {
     let d = folder.path();
     let truth = matrices(d);
     schemes(d);
-    for (scheme, shape) in [("plates", &[36, 6, 8, 3][..]), ("drr9p", &[9, 4, 6, 8, 3])] {
+    for (scheme, shape) in [("plates", &[36, 6, 8, 3][..]), ("array12", &[12, 4, 6, 8, 3])] {
         let said = sunstone(
             d,
             &format!("capture M.npy --scheme {scheme}.toml --wavelengths 450,550,660 -o I.npy"),
@@ -113,9 +116,9 @@ fn what_is_captured_is_reconstructed() {
     .expect("space");
     sunstone(
         d,
-        "capture M.npy --scheme drr9p.toml --wavelengths 450,550,660 --detector mosaic.toml -o I.npy",
+        "capture M.npy --scheme array12.toml --wavelengths 450,550,660 --detector mosaic.toml -o I.npy",
     );
-    assert_eq!(read(&d.join("I.npy")).0, [9, 4, 3, 4, 3]);
+    assert_eq!(read(&d.join("I.npy")).0, [12, 4, 3, 4, 3]);
 }
 
 /// A slice brings its wavelengths and time bins; a diode counts in them.
@@ -195,7 +198,7 @@ fn schemes_are_tried() {
     schemes(d);
     let printed = sunstone(
         d,
-        "trial M.npy --wavelengths 450,550,660 --scheme drr36.toml --scheme drr9p.toml --scheme drr10.toml \
+        "trial M.npy --wavelengths 450,550,660 --scheme drr36.toml --scheme array12.toml --scheme drr10.toml \
          --relative-noise 0.001 --repeat 8 -o t.csv --figure maps.png --curve curve.png",
     );
     assert!(
@@ -209,8 +212,8 @@ fn schemes_are_tried() {
     let rows: Vec<Vec<&str>> = text.lines().skip(1).map(|l| l.split(',').collect()).collect();
     assert_eq!(rows.len(), 3);
     let number = |r: usize, c: usize| rows[r][c].parse::<f64>().unwrap_or(f64::NAN);
-    for r in 0..2 {
-        assert_eq!((rows[r][2], rows[r][4]), ("16", "least squares"));
+    for (r, row) in rows.iter().enumerate().take(2) {
+        assert_eq!((row[2], row[4]), ("16", "least squares"));
         let (predicted, rmse, error) = (number(r, 5), number(r, 6), number(r, 7));
         // The standard error of 8 tries is itself uncertain; the mean of squares is over 18 432 numbers.
         assert!((rmse / predicted - 1.0).abs() < 0.06, "{rmse} {predicted}");

@@ -10,7 +10,7 @@
 use super::cmos::Cmos;
 use super::polarizer_array::Method;
 use super::spad::Spad;
-use super::{DetectorError, demand};
+use super::{DetectorError, demand, positive};
 use crate::scene::locate::{Located, SceneError};
 use serde::Deserialize;
 use std::ops::Range;
@@ -123,7 +123,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Detector, SceneError> {
                     help,
                 ));
             }
-            checked(diode.span(), diode.check())?;
+            checked(diode.span(), without_bins(&diode).check())?;
             Ok(Detector::Spad((*diode).clone()))
         }
         (None, None) => Err(error(
@@ -155,6 +155,18 @@ fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<us
         at += line.len();
     }
     section.clone()
+}
+
+/// What can be checked of a diode before the bins of a slice are known: with bins that fit where those are the default ones.
+fn without_bins(diode: &Spad) -> Spad {
+    let (standard, mut out) = (Spad::default(), diode.clone());
+    if diode.bins == standard.bins {
+        out.bins = 1;
+    }
+    if diode.bin_ps == standard.bin_ps && positive(diode.period_ps) {
+        out.bin_ps = diode.period_ps / out.bins.max(1) as f64;
+    }
+    out
 }
 
 /// A diode whose counter has the time bins of a histogram: `bins` of `bin_ps` each, from the laser pulse on. Settings that
@@ -214,6 +226,14 @@ mod tests {
         assert!(matches!(none, Detector::Cmos { demosaic: None, .. }));
         let diode = read("[spad]\npulses = 5").expect("a diode");
         assert!(matches!(diode, Detector::Spad(d) if d.pulses == 5));
+        // The bins of a slice may fit a period that the default ones do not.
+        for text in [
+            "[spad]\nperiod_ps = 9990",
+            "[spad]\nperiod_ps = 9990\nbin_ps = 30",
+            "[spad]\nbins = 7000",
+        ] {
+            assert!(read(text).is_ok(), "{text}");
+        }
     }
 
     #[test]
@@ -223,6 +243,8 @@ mod tests {
             fault("[cmos]\nbit_depth = 12\n  exposure_s = -1").contains("d.toml:3:3: `exposure_s` is -1")
         );
         assert!(fault("[spad]\nbins = 0").contains("d.toml:2:1: `bins` is 0"));
+        assert!(fault("[spad]\nperiod_ps = -1").contains("d.toml:2:1: `period_ps` is -1"));
+        assert!(fault("[spad]\nperiod_ps = 100\nbin_ps = 30").contains("d.toml:2:1: `period_ps` is 100"));
         assert!(fault("").contains("neither"));
         assert!(fault("[cmos]\n[spad]").contains("both"));
         assert!(fault("demosaic = \"bilinear\"\n[spad]").contains("d.toml:1:12"));
