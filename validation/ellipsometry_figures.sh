@@ -10,10 +10,13 @@ results=validation/results/ellipsometry
 work=out/ellipsometry
 mkdir -p "$results" "$work"
 
+captures=2,3,4,5,6,7,8,9,10,11,12,14,16,18,20,24,30,36
 search="--starts 6 --iterations 250 --adam-steps 300"
-"$sunstone" learn -k 2,3,4,5,6,7,8,9,10,11,12,14,16,18,20,24,30,36 --sensor intensity,polarizer-array \
-    --estimator least-squares,prior $search -o "$work/learned" --save-prior "$work/prior.toml" \
-    --figure "$results/loss.png" --csv "$results/loss.csv"
+# Between frames of the plane of scattering, as tables and the paper have them; then as images do, whose frames are any.
+"$sunstone" learn -k $captures --sensor intensity,polarizer-array --estimator least-squares,prior $search --frames plane \
+    -o "$work/plane" --figure "$results/loss_plane.png" --csv "$results/loss_plane.csv"
+"$sunstone" learn -k $captures --sensor intensity,polarizer-array --estimator least-squares,prior $search \
+    -o "$work/learned" --save-prior "$work/prior.toml" --figure "$results/loss.png" --csv "$results/loss.csv"
 "$sunstone" pbrdf pca -o "$results/components.png"
 for k in 8 9 12 16 20 25 36; do
     "$sunstone" scheme drr -k $k --sensor polarizer-array -o "$work/drr_p_$k.toml"

@@ -1,7 +1,7 @@
 //! `sunstone learn`.
 
 use super::failure::Failure;
-use super::pbrdf::data::{Source, moment};
+use super::pbrdf::data::Source;
 use super::scheme::{SensorArgument, picture, save, table};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -142,10 +142,10 @@ impl Materials {
             n => folds(data, n, Weight::Bins).map_err(Failure::input)?,
         };
         Ok(Self {
-            all: moment(&data.plain(Weight::Bins)),
+            all: a.data.moment(&data.plain(Weight::Bins)),
             folds: folds
                 .iter()
-                .map(|f| (moment(&f.train), moment(&f.test)))
+                .map(|f| (a.data.moment(&f.train), a.data.moment(&f.test)))
                 .collect(),
         })
     }

@@ -76,12 +76,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             "--noise: give a positive number, in units of the intensities",
         ));
     }
-    let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
-    if prior.is_some() && a.noise.is_none() {
+    if a.prior.is_some() && a.noise.is_none() {
         return Err(Failure::input(
             "--prior weighs what is expected against the noise: give the intensities' standard deviation with --noise",
         ));
     }
+    let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let reader = NumpyReader::open(&a.source).map_err(Failure::input)?;
     let options = Options {
         noise: a.noise,

@@ -15,10 +15,10 @@
 //! k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are normalized, T00 = 1.
 
 use crate::capture::design_matrix::minimum_norm;
-use crate::capture::element::Ray;
+use crate::capture::element::{Ray, rotator};
 use crate::capture::scheme::Scheme;
 use crate::capture::states::{StateJet, analyzed, generated};
-use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector};
+use nalgebra::{Cholesky, DMatrix, SMatrix, SVector};
 
 /// A 16 × 16 matrix over the elements of Mueller matrices, row-major vectors.
 pub type Moment = SMatrix<f64, 16, 16>;
@@ -354,16 +354,57 @@ pub fn expected_error(w: &DMatrix<f64>, a: &DMatrix<f64>, second_moment: &Moment
     (unseen * second_moment * unseen.transpose()).trace() + sigma.powi(2) * w.norm_squared()
 }
 
-/// The mean of a random vector's second moment with some of the identity, which keeps an estimate from trusting directions
-/// that its data never showed.
+/// The second moment of the same matrices between frames that are turned by any angles, independently on both sides:
+/// E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
+///
+/// Tables of materials hold matrices between frames of the plane of scattering; in an image, those of camera and projector
+/// cut that plane at any angle.
 #[must_use]
-pub fn regularized(second_moment: &Moment, share: f64) -> Moment {
-    let mean = second_moment.trace() / 16.0;
-    second_moment * (1.0 - share) + Moment::identity() * (share * mean)
+pub fn in_any_frames(second_moment: &Moment) -> Moment {
+    // The turned moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β: eight angles each average it
+    // exactly.
+    const ANGLES: usize = 8;
+    let turns: Vec<_> = (0..ANGLES)
+        .map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64))
+        .collect();
+    let mut sum = Moment::zeros();
+    for a in &turns {
+        for b in &turns {
+            let both = a.kronecker(b);
+            sum += both * second_moment * both.transpose();
+        }
+    }
+    sum / (ANGLES * ANGLES) as f64
 }
 
-/// Standard errors of the 16 elements from their covariance.
-#[must_use]
-pub fn standard_errors(covariance: &Moment) -> DVector<f64> {
-    DVector::from_fn(16, |i, _| covariance[(i, i)].max(0.0).sqrt())
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::stream::Stream;
+
+    /// Turned moments are those of turned matrices, 20 000 of them, to 5 sigma of their scatter; turning again does nothing.
+    #[test]
+    fn moments_are_turned_with_their_matrices() {
+        let t = Row::from_fn(|e, _| (e as f64 * 1.3).cos());
+        let turned = in_any_frames(&(t * t.transpose()));
+        assert!((in_any_frames(&turned) - turned).amax() < 1e-12);
+        assert!((turned.trace() - t.norm_squared()).abs() < 1e-12);
+        let n = 20_000;
+        let (mut sum, mut squares) = (Moment::zeros(), Moment::zeros());
+        let m = nalgebra::Matrix4::from_fn(|i, j| t[4 * i + j]);
+        let mut stream = Stream::new(2, 0, 0);
+        for _ in 0..n {
+            let [a, b] = stream.uniform2().map(|u| std::f64::consts::PI * f64::from(u));
+            let seen = rotator(a) * m * rotator(b).transpose();
+            let v = Row::from_fn(|e, _| seen[(e / 4, e % 4)]);
+            let product = v * v.transpose();
+            sum += product;
+            squares += product.component_mul(&product);
+        }
+        let n = f64::from(n);
+        for (mean, (square, want)) in sum.iter().zip(squares.iter().zip(turned.iter())) {
+            let deviation = ((square / n - (mean / n).powi(2)).max(0.0) / n).sqrt();
+            assert!((mean / n - want).abs() <= 5.0 * deviation + 1e-9);
+        }
+    }
 }

@@ -101,9 +101,15 @@ fn every_scene_is_known_here() {
         .map(|e| e.file_name().into_string().unwrap())
         .collect();
     found.sort();
-    let mut known: Vec<_> = SHIPPED.iter().map(|s| s.folder).chain(["mirror_room"]).collect();
+    let mut known: Vec<_> = SHIPPED
+        .iter()
+        .map(|s| s.folder)
+        .chain(["gold_mirror", "mirror_room"])
+        .collect();
     known.sort_unstable();
     assert_eq!(found, known);
+    let gold = path("gold_mirror", "scene.toml");
+    Scene::load(&gold).unwrap_or_else(|e| panic!("{e}"));
 }
 
 /// True if the ball is in the device's image, at least `pixels` wide, and the first opaque thing on the way to its

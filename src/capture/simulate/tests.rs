@@ -1,3 +1,5 @@
+//! Simulated captures against the design matrix, and their noise against what it is stated to be.
+
 use super::*;
 use crate::capture::detector::testing::Moments;
 

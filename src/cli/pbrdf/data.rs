@@ -4,7 +4,7 @@ use super::stand_ins::{Resolution, Sets};
 use crate::cli::failure::Failure;
 use std::path::PathBuf;
 use sunstone::material::measured::axes::Axes;
-use sunstone::reconstruct::loss::Moment;
+use sunstone::reconstruct::loss::{Moment, in_any_frames};
 use sunstone::reconstruct::pca::data_set::{Analytic, DataSet, Settings};
 use sunstone::reconstruct::pca::moments::Moments;
 
@@ -17,6 +17,9 @@ pub struct Source {
     /// Bands, nanometres; of tables the nearest they have.
     #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650])]
     bands: Vec<u16>,
+    /// Frames between which matrices are expected.
+    #[arg(long, value_enum, default_value_t)]
+    frames: Frames,
     /// Entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
     #[arg(
         long,
@@ -52,6 +55,16 @@ impl Source {
         .map_err(Failure::input)
     }
 
+    /// E[t tᵀ] of matrices, in the frames asked for.
+    pub fn moment(&self, moments: &Moments) -> Moment {
+        let s = moments.second();
+        let s = Moment::from_fn(|i, j| s[i][j]);
+        match self.frames {
+            Frames::Any => in_any_frames(&s),
+            Frames::Plane => s,
+        }
+    }
+
     /// The bands asked for, nanometres.
     pub fn bands(&self) -> &[u16] {
         &self.bands
@@ -65,8 +78,12 @@ impl Source {
     }
 }
 
-/// E[t tᵀ] of matrices.
-pub fn moment(moments: &Moments) -> Moment {
-    let s = moments.second();
-    Moment::from_fn(|i, j| s[i][j])
+/// Frames of matrices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Frames {
+    /// Turned by any angle, as those of a camera and a projector are to the plane of scattering.
+    #[default]
+    Any,
+    /// Of the plane of scattering, as in tables and in Baek & Heide's learning.
+    Plane,
 }

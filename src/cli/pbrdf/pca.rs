@@ -1,6 +1,6 @@
 //! `sunstone pbrdf pca`: principal components of a folder of tables, or of the stand-ins.
 
-use super::data::{Source, moment};
+use super::data::Source;
 use crate::cli::failure::Failure;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -88,7 +88,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
     if let Some(path) = &a.prior {
-        second_moment::save(path, &a.data.name(), &moment(&data.plain(Weight::Bins)))
+        second_moment::save(path, &a.data.name(), &a.data.moment(&data.plain(Weight::Bins)))
             .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
     crate::cli::print(table(&data, &components, &quantity).trim_end())?;

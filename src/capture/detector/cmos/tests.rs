@@ -1,3 +1,5 @@
+//! Tests of the detector against closed forms.
+
 use super::super::stream;
 use super::super::testing::Moments;
 use super::*;
