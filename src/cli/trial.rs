@@ -6,12 +6,12 @@ use super::matrices::{MatrixSource, Target};
 use nalgebra::DMatrix;
 use report::{Row, csv, curve, short, table};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use sunstone::capture::design_matrix::DesignMatrix;
 use sunstone::capture::scheme::Scheme;
 use sunstone::capture::scheme_file::load;
 use sunstone::capture::simulate::{Captured, Layout, Noise, averaged, simulate};
-use sunstone::figure::{chart, error_maps, save_png};
+use sunstone::figure::{chart, error_maps};
 use sunstone::reconstruct::loss::Moment;
 use sunstone::reconstruct::pixels::{Options, Reconstruction};
 use sunstone::reconstruct::second_moment;
@@ -106,19 +106,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             quantity,
             &[note.to_owned()],
         );
-        save(&image.map_err(Failure::failed)?, path)?;
+        super::figure::save(&image.map_err(Failure::failed)?, path)?;
     }
     if let Some(path) = &a.curve {
-        save(&chart::draw(&curve(&rows)).map_err(Failure::failed)?, path)?;
+        let image = chart::draw(&curve(&rows)).map_err(Failure::failed)?;
+        super::figure::save(&image, path)?;
     }
     for path in [&a.output, &a.figure, &a.curve].into_iter().flatten() {
         super::print(&path.display().to_string())?;
     }
     Ok(())
-}
-
-fn save(image: &image::RgbImage, path: &Path) -> Result<(), Failure> {
-    save_png(image, path).map_err(Failure::failed)
 }
 
 /// All tries of a scheme, and the errors of the first in a map without a name.

@@ -311,6 +311,7 @@ mod tests {
     use super::*;
     use crate::decompose::cloude::is_realizable;
     use crate::sampling::stream::Stream;
+    use proptest::prelude::*;
     use rand_distr::{Distribution, StandardNormal};
 
     fn t(p: usize) -> [f64; 16] {
@@ -516,6 +517,41 @@ mod tests {
         for (p, m) in out.chunks(16).enumerate() {
             let t = truth(p);
             assert!((0..16).all(|e| (m[e] - t[e]).abs() < 1e-3 * t[0]), "{p}: {m:?}");
+        }
+    }
+
+    proptest! {
+        /// Realizable matrices of any kind, captured without noise, come back from any built-in scheme of full rank, and
+        /// projecting them changes nothing.
+        #[test]
+        fn realizable_matrices_come_back(
+            raw in prop::array::uniform16(-1.0_f64..1.0),
+            bright in -6_i32..6,
+            kind in 0_usize..4,
+            realizable in any::<bool>(),
+        ) {
+            let mut m: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| raw[4 * i + j]));
+            m[0][0] = 1.0;
+            let m = nearest(&m).expect("finite numbers");
+            prop_assert!(is_realizable(&m, 1e-9));
+            let t: [f64; 16] = std::array::from_fn(|e| m[e / 4][e % 4] * 10.0_f64.powi(bright));
+            let scheme = match kind {
+                0 => Scheme::drr(36, false),
+                1 => Scheme::qrpr(24, false),
+                2 => Scheme::qrpr(9, true),
+                _ => Scheme::liquid_crystal(24, false),
+            };
+            let scheme = scheme.expect("a scheme");
+            let ray = Ray::axial(550.0);
+            let seen = DesignMatrix::new(&scheme, &ray).intensities(&t);
+            let options = Options { realizable, ..Options::default() };
+            let mut out = [0.0; 16];
+            Reconstruction::new(&scheme, &[ray], options)
+                .expect("rank 16")
+                .apply(seen.as_slice(), None, &mut out, None);
+            for e in 0..16 {
+                prop_assert!((out[e] - t[e]).abs() < 1e-8 * t[0], "{} {e}: {} is not {}", scheme.name, out[e], t[e]);
+            }
         }
     }
 }
