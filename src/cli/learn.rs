@@ -208,10 +208,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         picture(scheme, path)?;
     }
     if let Some(path) = &a.csv {
-        write_file_with(path, |file| {
-            std::io::Write::write_all(file, csv(&rows).as_bytes())
-        })
-        .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        let text = csv(&rows).map_err(Failure::failed)?;
+        write_file_with(path, |file| std::io::Write::write_all(file, &text))
+            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     if let Some(path) = &a.figure {
         draw(a, &rows, &templates, path)?;
@@ -348,23 +347,29 @@ fn line(row: &Row, noise: f64) -> String {
     )
 }
 
-fn csv(rows: &[Row]) -> String {
-    let mut out = String::from(
-        "scheme,captures,squared_error_unseen,standard_error,squared_error_seen,rms_element_unseen,seconds\n",
-    );
+fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
+    let mut out = csv::Writer::from_writer(vec![]);
+    out.write_record([
+        "scheme",
+        "captures",
+        "squared_error_unseen",
+        "standard_error",
+        "squared_error_seen",
+        "rms_element_unseen",
+        "seconds",
+    ])?;
     for row in rows {
-        out.push_str(&format!(
-            "\"{}\",{},{:e},{:e},{:e},{:e},{:.2}\n",
-            row.kind,
-            row.captures,
-            row.error,
-            row.spread,
-            row.seen,
-            rmse(row.error),
-            row.seconds
-        ));
+        out.write_record([
+            row.kind.clone(),
+            row.captures.to_string(),
+            format!("{:e}", row.error),
+            format!("{:e}", row.spread),
+            format!("{:e}", row.seen),
+            format!("{:e}", rmse(row.error)),
+            format!("{:.2}", row.seconds),
+        ])?;
     }
-    out
+    out.into_inner().map_err(|e| e.into_error().into())
 }
 
 fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Result<(), Failure> {
