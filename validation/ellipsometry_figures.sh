@@ -44,7 +44,8 @@ for scene in gold_mirror mirror_room; do
         -o "$results/$scene.csv" --curve "$results/$scene.png"
     "$sunstone" trial "out/$scene.zarr" polarimetric "${few[@]}" --prior "$work/prior.toml" --relative-noise 5e-4 --repeat 4 \
         -o "$results/${scene}_prior.csv" --curve "$results/${scene}_prior.png"
-    "$sunstone" trial "out/$scene.zarr" polarimetric --relative-noise 5e-4 --figure "$results/${scene}_maps.png" \
+    # Maps of errors with a camera's noise, which follows the light.
+    "$sunstone" trial "out/$scene.zarr" polarimetric --detector validation/camera.toml --figure "$results/${scene}_maps.png" \
         --scheme "$work/drr_25.toml" --scheme "$work/drr_36.toml" --scheme "$work/learned/l-qrpr_16.toml" \
         --scheme "$work/learned/l-qrpr_36.toml" --scheme "$work/drr_p_16.toml" --scheme "$work/learned/l-qrpr-p_8.toml"
 done
