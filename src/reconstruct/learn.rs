@@ -85,33 +85,44 @@ fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
     out
 }
 
+/// A descent to make.
+enum Start {
+    Adam,
+    Template,
+    Random(u32),
+}
+
 /// Learns all settings of a template that change from capture to capture.
 #[must_use]
 pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
     let f = Settings { template, objective };
     let own = template.parameters();
-    let mut jobs: Vec<Option<u32>> = vec![];
-    jobs.push(None);
-    jobs.extend((0..search.starts).map(Some));
-    let mut found: Vec<(String, Minimum)> = vec![];
-    if search.adam_steps > 0 {
-        let name = "Adam from the template".to_owned();
-        found.push((name, adam(&f, &own, search.adam_steps, 0.02)));
-    }
-    let quasi: Vec<(String, Minimum)> = jobs
+    // Adam is the longest of them, and so begins first.
+    let adam_first = (search.adam_steps > 0).then_some(Start::Adam);
+    let random_starts = (0..search.starts).map(Start::Random);
+    let starts: Vec<Start> = adam_first
+        .into_iter()
+        .chain([Start::Template])
+        .chain(random_starts)
+        .collect();
+    let found: Vec<(String, Minimum)> = starts
         .into_par_iter()
+        .with_max_len(1)
         .map(|start| match start {
-            None => {
+            Start::Adam => {
+                let minimum = adam(&f, &own, search.adam_steps, 0.02);
+                ("Adam from the template".to_owned(), minimum)
+            }
+            Start::Template => {
                 let minimum = quasi_newton(&f, &own, search.iterations);
                 ("quasi-Newton from the template".to_owned(), minimum)
             }
-            Some(i) => {
+            Start::Random(i) => {
                 let minimum = quasi_newton(&f, &random(template, search.seed, i), search.iterations);
                 (format!("quasi-Newton, start {}", i + 1), minimum)
             }
         })
         .collect();
-    found.extend(quasi);
     let scale = objective.sigma.powi(2);
     let descents = found.iter().map(|(name, minimum)| Descent {
         name: name.clone(),
