@@ -15,7 +15,7 @@ use super::properties::Properties;
 use wide::f64x4;
 
 /// Matrices that are decomposed together.
-pub const LANES: usize = 8;
+pub const LANES: usize = 4;
 
 /// Most steps of Newton's method, and how many of them are scaled: it brings far matrices near fast, and costs two roots.
 const STEPS: usize = 16;
@@ -43,13 +43,13 @@ fn each(mut f: impl FnMut(usize) -> f64) -> Lanes {
 /// a·b - c·d.
 #[inline(always)]
 fn minor(a: &Lanes, b: &Lanes, c: &Lanes, d: &Lanes) -> Lanes {
-    each(|k| a[k] * b[k] - c[k] * d[k])
+    each(|k| a[k].mul_add(b[k], -(c[k] * d[k])))
 }
 
 /// Scalar product of two rows of three.
 #[inline(always)]
 fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
-    each(|k| a[0][k] * b[0][k] + a[1][k] * b[1][k] + a[2][k] * b[2][k])
+    each(|k| a[0][k].mul_add(b[0][k], a[1][k].mul_add(b[1][k], a[2][k] * b[2][k])))
 }
 
 /// Cofactors: the inverse transposed, times the determinant.
@@ -92,7 +92,7 @@ fn orthogonal(m: &Three) -> (Three, Lanes) {
         change = [0.0; LANES];
         for i in 0..3 {
             for j in 0..3 {
-                let next = each(|k| x[i][j][k] * a[k] + c[i][j][k] * b[k]);
+                let next = each(|k| x[i][j][k].mul_add(a[k], c[i][j][k] * b[k]));
                 change = each(|k| change[k].max((next[k] - x[i][j][k]).abs()));
                 x[i][j] = next;
             }
@@ -138,7 +138,7 @@ impl Batch {
     #[must_use]
     pub fn new(m: &[Matrix; LANES], rounding: f64) -> Self {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
             // SAFETY: the processor has what the function asks for.
             return unsafe { Self::avx2(m, rounding) };
         }
@@ -146,7 +146,7 @@ impl Batch {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,fma")]
     fn avx2(m: &[Matrix; LANES], rounding: f64) -> Self {
         Self::any(m, rounding)
     }
@@ -174,9 +174,9 @@ impl Batch {
             let row_d = dot(&row, &d);
             p_delta[i] = each(|k| (p[k] - row_d[k]) * per_rest[k]);
             // m (c + D Dᵀ/(1 + c)) - P Dᵀ, over 1 - D².
-            let along = each(|k| row_d[k] * per_c[k] - p[k]);
+            let along = each(|k| row_d[k].mul_add(per_c[k], -p[k]));
             for j in 0..3 {
-                inner[i][j] = each(|k| (row[j][k] * c[k] + along[k] * d[j][k]) * per_rest[k]);
+                inner[i][j] = each(|k| row[j][k].mul_add(c[k], along[k] * d[j][k]) * per_rest[k]);
             }
         }
         let det = dot(&inner[0], &cofactors(&inner)[0]);
@@ -336,7 +336,7 @@ mod tests {
         assert!(found[2].is_none() && batch.properties(2, &wrong, DOUBLE).is_none());
         assert_eq!(
             found[1],
-            Batch::new(&[good; LANES], DOUBLE).parts(5, &good, DOUBLE)
+            Batch::new(&[good; LANES], DOUBLE).parts(LANES - 1, &good, DOUBLE)
         );
     }
 }

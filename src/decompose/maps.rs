@@ -104,16 +104,39 @@ impl Quantity {
             out.fill(T::new(f64::NAN));
             return;
         };
-        let all: &[f64] = match (self, parts) {
-            (Self::Depolarizer, Some(parts)) => parts.depolarizer.as_flattened(),
-            (Self::Retarder, Some(parts)) => parts.retarder.as_flattened(),
-            (Self::Diattenuator, Some(parts)) => parts.diattenuator.as_flattened(),
-            (Self::RetardanceAxis, _) => &p.axis,
-            (Self::Entropy, _) => &[entropy(m).unwrap_or(f64::NAN)],
+        let all: &[f64] = match self {
+            Self::Depolarizer => parts.depolarizer.as_flattened(),
+            Self::Retarder => parts.retarder.as_flattened(),
+            Self::Diattenuator => parts.diattenuator.as_flattened(),
+            Self::RetardanceAxis => &p.axis,
+            Self::Entropy => &[entropy(m).unwrap_or(f64::NAN)],
             _ => &[self.scalar(p)],
         };
         for (o, e) in out.iter_mut().zip(all) {
             *o = T::new(*e);
+        }
+    }
+
+    /// Of the first of some matrices, as many as `out` has room for; only where no factors are needed. What it is, is asked once
+    /// for all of them.
+    #[inline(always)]
+    fn write_scalars<T: Real>(self, m: &[Matrix; LANES], found: &[Option<Properties>; LANES], out: &mut [T]) {
+        let fill = |out: &mut [T], f: fn(&Properties) -> f64| {
+            for (o, p) in out.iter_mut().zip(found) {
+                *o = T::new(p.as_ref().map_or(f64::NAN, f));
+            }
+        };
+        match self {
+            Self::Polarizance => fill(out, |p| p.polarizance),
+            Self::Diattenuation => fill(out, |p| p.diattenuation),
+            Self::Retardance => fill(out, |p| p.retardance),
+            Self::Depolarization => fill(out, |p| p.depolarization),
+            _ => {
+                for ((o, m), p) in out.iter_mut().zip(m).zip(found) {
+                    let value = p.as_ref().and_then(|_| entropy(m));
+                    *o = T::new(value.unwrap_or(f64::NAN));
+                }
+            }
         }
     }
 
@@ -129,8 +152,8 @@ impl Quantity {
     }
 }
 
-/// The factors of a matrix, if they are asked for, and its properties; `None` where there is no decomposition.
-type Found = Option<(Option<Parts>, Properties)>;
+/// The factors of a matrix and its properties; `None` where there is no decomposition.
+type Found = Option<(Parts, Properties)>;
 
 fn matrix<T: Real>(values: &[T]) -> Matrix {
     let mut m = [[0.0; 4]; 4];
@@ -174,13 +197,19 @@ pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
                     *m = matrix(elements);
                 }
                 let batch = Batch::new(&m, T::ROUNDING);
+                if !whole {
+                    let found: [Option<Properties>; LANES] =
+                        std::array::from_fn(|i| batch.properties(i, &m[i], T::ROUNDING));
+                    missing += found[..count].iter().filter(|p| p.is_none()).count();
+                    for (q, values) in quantities.iter().zip(&mut piece) {
+                        let at = LANES * k;
+                        q.write_scalars(&m, &found, &mut values[at..at + count]);
+                    }
+                    continue;
+                }
                 for (i, m) in m.iter().take(count).enumerate() {
-                    let found: Found = if whole {
-                        let parts = batch.parts(i, m, T::ROUNDING);
-                        parts.map(|parts| (Some(parts), Properties::of(m, &parts)))
-                    } else {
-                        batch.properties(i, m, T::ROUNDING).map(|p| (None, p))
-                    };
+                    let parts = batch.parts(i, m, T::ROUNDING);
+                    let found: Found = parts.map(|parts| (parts, Properties::of(m, &parts)));
                     missing += usize::from(found.is_none());
                     for (q, values) in quantities.iter().zip(&mut piece) {
                         let (at, size) = (LANES * k + i, q.size());
@@ -279,7 +308,7 @@ mod tests {
                         continue;
                     };
                     let mut want = vec![0.0; q.size()];
-                    q.write(&m, &Some((Some(*parts), Properties::of(&m, parts))), &mut want);
+                    q.write(&m, &Some((*parts, Properties::of(&m, parts))), &mut want);
                     for (g, w) in got.iter().zip(&want) {
                         assert!(
                             (g - w).abs() < 1e-6 * (1.0 + w.abs()),
