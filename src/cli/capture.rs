@@ -10,7 +10,6 @@ use sunstone::capture::scheme::Scheme;
 use sunstone::capture::scheme_file::load;
 use sunstone::capture::simulate::{Captured, Noise, simulate};
 use sunstone::tensor::numpy;
-use sunstone::tensor::store::write_file_with;
 
 /// Simulate what a rig with a capture scheme reads of known Mueller matrices.
 ///
@@ -165,11 +164,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 fn save(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Failure> {
-    write_file_with(path, |file| {
-        numpy::begin::<f32>(file, shape)?;
-        numpy::append(file, values)
-    })
-    .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+    numpy::save(path, shape, values).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
 
 fn summary(scheme: &Scheme, target: &Target, noise: &Noise, captured: &Captured, shape: &[usize]) -> String {

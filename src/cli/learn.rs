@@ -378,21 +378,7 @@ fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Resul
         let point = (row.captures as f64, rmse(row.error));
         // d√(x/16) = dx/(2·16·√(x/16)).
         let error = row.spread / (32.0 * rmse(row.error)).max(f64::MIN_POSITIVE);
-        match series.iter_mut().find(|s| s.name == row.kind) {
-            Some(s) => {
-                s.points.push(point);
-                if let Some(errors) = &mut s.errors {
-                    errors.push(error);
-                }
-            }
-            None => series.push(Series {
-                name: row.kind.clone(),
-                points: vec![point],
-                errors: Some(vec![error]),
-                style: SeriesStyle::LineMarkers,
-                colour: 0,
-            }),
-        }
+        chart::add_point(&mut series, &row.kind, point, error);
     }
     let ray = rays(a).first().copied().unwrap_or(Ray::axial(550.0));
     let most = a.captures.iter().copied().max().unwrap_or(0).max(36);

@@ -192,11 +192,8 @@ fn write_matrix(a: &Matrix) -> Result<(), Failure> {
     };
     let matrix = DesignMatrix::new(&scheme, &ray).a;
     let values: Vec<f64> = matrix.transpose().iter().copied().collect();
-    write_file_with(&a.output, |file| {
-        numpy::begin::<f64>(file, &[matrix.nrows(), matrix.ncols()])?;
-        numpy::append(file, &values)
-    })
-    .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
+    numpy::save(&a.output, &[matrix.nrows(), matrix.ncols()], &values)
+        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
     super::print(&a.output.display().to_string())
 }
 

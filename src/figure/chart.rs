@@ -109,6 +109,24 @@ impl Scales {
     }
 }
 
+/// Adds a point, with its standard error, to the series of this name, which is begun where there is none yet.
+pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error: f64) {
+    let found = series.iter().position(|s| s.name == name);
+    let at = found.unwrap_or_else(|| {
+        series.push(Series {
+            name: name.to_owned(),
+            errors: Some(vec![]),
+            colour: series.len(),
+            ..Series::default()
+        });
+        series.len() - 1
+    });
+    series[at].points.push(point);
+    if let Some(errors) = &mut series[at].errors {
+        errors.push(error);
+    }
+}
+
 /// Draws a chart of 900 × 520 pixels with its axes and legend around or in it.
 ///
 /// # Errors

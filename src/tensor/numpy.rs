@@ -316,6 +316,21 @@ pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Re
     writer.write_all(bytemuck::cast_slice(values))
 }
 
+/// Writes an array as `.npy`; the file appears whole or not at all.
+///
+/// # Errors
+/// If the file system refuses.
+pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
+    path: &Path,
+    shape: &[usize],
+    values: &[T],
+) -> io::Result<()> {
+    write_file_with(path, |file| {
+        begin::<T>(file, shape)?;
+        append(file, values)
+    })
+}
+
 /// Writes named arrays as an uncompressed `.npz`, as numpy.savez does; the file appears whole or not at all.
 ///
 /// # Errors

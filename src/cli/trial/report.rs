@@ -1,6 +1,6 @@
 //! What a trial says: a table to read, the same for other programs, and a chart.
 
-use sunstone::figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
+use sunstone::figure::chart::{Chart, ChartAxis, Series, add_point};
 
 /// How a scheme did.
 pub struct Row {
@@ -118,21 +118,7 @@ pub fn curve(rows: &[Row]) -> Chart {
             .name
             .rsplit_once(' ')
             .map_or(row.name.as_str(), |(kind, _)| kind);
-        let found = series.iter().position(|s| s.name == kind);
-        let at = found.unwrap_or_else(|| {
-            series.push(Series {
-                name: kind.to_owned(),
-                errors: Some(vec![]),
-                style: SeriesStyle::LineMarkers,
-                colour: series.len(),
-                ..Series::default()
-            });
-            series.len() - 1
-        });
-        series[at].points.push((row.captures as f64, row.rmse));
-        if let Some(errors) = &mut series[at].errors {
-            errors.push(row.rmse_error);
-        }
+        add_point(&mut series, kind, (row.captures as f64, row.rmse), row.rmse_error);
     }
     Chart {
         title: "Error of reconstruction against captures".to_owned(),

@@ -10,6 +10,7 @@
 //! that the result depends neither on threads nor on how a file is cut.
 
 use super::moments::{Moments, Row};
+use crate::sampling::stream::mix;
 
 /// Greatest magnitude of a normalised element: 1, and 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
@@ -43,14 +44,6 @@ impl Tally {
 #[must_use]
 pub fn arctan(v: &Row, c: f64) -> Row {
     v.map(|e| (c * e).atan())
-}
-
-/// SplitMix64's finalizer (Steele, Lea & Flood 2014): a bijection, so that no two entries share a key.
-#[inline]
-fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 /// A uniform choice without replacement of at most `most` entries: those with the least keys.
