@@ -4,10 +4,11 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
 use std::hint::black_box;
 use std::path::Path;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::Lanes;
-use sunstone::sampling::{stream::Stream, warp};
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::sampling::warp;
 use sunstone::scene::materials::MaterialSet;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::Lanes;
 
 /// One line per material: its name in the report and its definition in a scene file.
 const MATERIALS: &[(&str, &str)] = &[

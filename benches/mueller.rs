@@ -3,12 +3,12 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
 use std::hint::black_box;
-use sunstone::decompose::maps::{Quantity, maps};
-use sunstone::polarization::chain::Chain;
-use sunstone::polarization::fresnel;
-use sunstone::polarization::mueller::Mueller;
-use sunstone::polarization::scatter::Scatter;
-use sunstone::spectrum::Spectral;
+use sunstone::optics::polarization::chain::Chain;
+use sunstone::optics::polarization::fresnel;
+use sunstone::optics::polarization::mueller::Mueller;
+use sunstone::optics::polarization::scatter::Scatter;
+use sunstone::optics::spectrum::Spectral;
+use sunstone::polarimetry::decompose::maps::{Quantity, maps};
 
 fn mueller(c: &mut Criterion) {
     let (n, k) = (

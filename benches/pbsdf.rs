@@ -2,18 +2,19 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::facets::Roughness;
-use sunstone::material::measured::Measured;
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::table::{Options, Table};
-use sunstone::material::measured::write::tabulate;
-use sunstone::material::rough_conductor::RoughConductor;
-use sunstone::material::texture::Scalar;
-use sunstone::material::{Lanes, Material, Materials};
-use sunstone::sampling::microfacet::{Distribution, Masking};
-use sunstone::sampling::{stream::Stream, warp};
-use sunstone::spectrum::{Spectral, Wavelengths};
+use sunstone::optics::sampling::microfacet::{Distribution, Masking};
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::sampling::warp;
+use sunstone::optics::spectrum::{Spectral, Wavelengths};
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::facets::Roughness;
+use sunstone::transport::material::measured::Measured;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::table::{Options, Table};
+use sunstone::transport::material::measured::write::tabulate;
+use sunstone::transport::material::rough_conductor::RoughConductor;
+use sunstone::transport::material::texture::Scalar;
+use sunstone::transport::material::{Lanes, Material, Materials};
 
 fn pbsdf(c: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a folder");

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::time::Instant;
-use sunstone::geometry::bvh::{Geometry, GeometryBuilder};
-use sunstone::geometry::import;
-use sunstone::geometry::ray::{Hit, Ray};
+use sunstone::scene::import;
+use sunstone::transport::geometry::bvh::{Geometry, GeometryBuilder};
+use sunstone::transport::geometry::ray::{Hit, Ray};
 
 type Failure = Box<dyn std::error::Error>;
 

@@ -3,12 +3,12 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
 use std::hint::black_box;
-use sunstone::capture::design_matrix::DesignMatrix;
-use sunstone::capture::element::Ray;
-use sunstone::capture::scheme::Scheme;
-use sunstone::reconstruct::estimator::LinearEstimate;
-use sunstone::reconstruct::loss::{Estimator, Moment, Objective};
-use sunstone::reconstruct::product::Weights;
+use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
+use sunstone::polarimetry::capture::element::Ray;
+use sunstone::polarimetry::capture::scheme::Scheme;
+use sunstone::polarimetry::reconstruct::estimator::LinearEstimate;
+use sunstone::polarimetry::reconstruct::loss::{Estimator, Moment, Objective};
+use sunstone::polarimetry::reconstruct::product::Weights;
 
 const PIXELS: usize = 1224 * 1024;
 

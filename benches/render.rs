@@ -2,8 +2,8 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::path::Path;
-use sunstone::render::tile::{Target, Unwatched, render};
-use sunstone::scene::Scene;
+use sunstone::render::{Target, Unwatched, render};
+use sunstone::transport::scene::Scene;
 
 fn whole(c: &mut Criterion) {
     let text = std::fs::read_to_string("scenes/mirror_room/scene.toml")
@@ -13,7 +13,7 @@ fn whole(c: &mut Criterion) {
         .replace("binned = [1, 256]", "binned = [1, 64]")
         .replace("spp = 128", "spp = 16");
     let path = Path::new("scenes/mirror_room/scene.toml");
-    let mut scene = Scene::from_text(path, &text).expect("the small scene builds");
+    let mut scene = sunstone::scene::from_text(path, &text).expect("the small scene builds");
     let dir = tempfile::tempdir().expect("a temporary folder");
     let target = Target {
         path: dir.path().join("bench.zarr"),

@@ -1,30 +1,9 @@
 //! Sunstone computes polarized, time-resolved light transport: the 7D tensor T(s, s', p, p', t) of
 //! Baek & Heide, "Polarimetric Spatio-Temporal Light Transport Probing" (SIGGRAPH Asia 2021).
 //!
-//! Modules are listed in dependency order: a module uses only those above it.
-
-pub mod spectrum;
-pub mod units;
-
-pub mod polarization;
-pub mod sampling;
-
-pub mod geometry;
-
-pub mod material;
-
-pub mod medium;
-
-pub mod tensor;
-
-pub mod scene;
+//! This is the front door. Behind it are rooms, crates of their own, each of which uses only those above it:
+//! [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`pbrdf`], [`figure`].
 
 pub mod render;
 
-pub mod decompose;
-
-pub mod capture;
-
-pub mod reconstruct;
-
-pub mod figure;
+pub use {base, figure, optics, pbrdf, polarimetry, scene, store, tensor, transport};

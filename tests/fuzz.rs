@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use sunstone::scene::Scene;
-use sunstone::tensor::store::Field;
+use sunstone::tensor::field::Field;
+use sunstone::transport::scene::Scene;
 
 /// Remembers the largest piece of memory that was asked for.
 struct Watched;
@@ -103,7 +103,7 @@ fn room() -> String {
 fn build(text: &str) -> Option<Scene> {
     LARGEST.store(0, Ordering::Relaxed);
     let begun = Instant::now();
-    let scene = Scene::from_text(Path::new("fuzz.toml"), text);
+    let scene = sunstone::scene::from_text(Path::new("fuzz.toml"), text);
     assert!(begun.elapsed() < PATIENCE, "it took {:?}", begun.elapsed());
     let largest = LARGEST.load(Ordering::Relaxed);
     assert!(largest <= MEMORY, "it asked for {largest} bytes at once");
@@ -383,7 +383,7 @@ fn huge_sizes_are_bounded_or_refused() {
     let everything = "projector = \"all\"\npolarization = \"mueller\"\ntime = { bin_ps = 1, bins = 1048576 }";
     let message = |text: &str| {
         assert!(build(text).is_none(), "it was built");
-        Scene::from_text(Path::new("fuzz.toml"), text)
+        sunstone::scene::from_text(Path::new("fuzz.toml"), text)
             .err()
             .map_or(String::new(), |e| e.to_string())
     };

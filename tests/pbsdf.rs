@@ -6,17 +6,17 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
-use sunstone::geometry::ray::Surface;
-use sunstone::material::measured::Measured;
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::error::PbsdfError;
-use sunstone::material::measured::table::{Options, Table};
-use sunstone::material::measured::write::write;
-use sunstone::material::{Lanes, Material, Materials};
-use sunstone::polarization::scatter::Scatter;
-use sunstone::sampling::stream::Stream;
-use sunstone::scene::Scene;
+use sunstone::optics::polarization::scatter::Scatter;
+use sunstone::optics::sampling::stream::Stream;
 use sunstone::scene::materials::MaterialSet;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::measured::Measured;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::error::PbsdfError;
+use sunstone::transport::material::measured::table::{Options, Table};
+use sunstone::transport::material::measured::write::write;
+use sunstone::transport::material::{Lanes, Material, Materials};
+use sunstone::transport::scene::Scene;
 
 /// Remembers the largest piece of memory that a thread asked for.
 struct Watched;
@@ -176,7 +176,7 @@ fn other_layouts_of_the_same_table_read_alike() {
     let mut stream = Stream::new(5, 0, 0);
     for _ in 0..200 {
         let [a, b] = stream.uniform2();
-        let at = sunstone::material::measured::rusinkiewicz::Coordinates {
+        let at = sunstone::transport::material::measured::rusinkiewicz::Coordinates {
             phi_d: PI * (2.0 * stream.uniform() - 1.0),
             theta_d: FRAC_PI_2 * a,
             theta_h: FRAC_PI_2 * b,
@@ -368,7 +368,7 @@ fn scenes_know_tables_by_their_pieces() {
         let text = "[camera]\nresolution = [2, 2]\nfov_x_deg = 50\n\
                     pose.look_at = { origin = [0, 0, 1], target = [0, 0, 0] }\n[[emitters]]\nenvironment.radiance = 1\n\
                     [materials]\nx.measured = { file = \"table.pbsdf\" }\n";
-        let scene = Scene::from_text(&folder.path().join("scene.toml"), text);
+        let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), text);
         scene.unwrap_or_else(|e| panic!("{e}")).sha256
     };
     let before = hash();

@@ -3,13 +3,14 @@
 use super::failure::Failure;
 use super::matrices::{MatrixSource, Target};
 use std::path::{Path, PathBuf};
-use sunstone::capture::design_matrix::DesignMatrix;
-use sunstone::capture::detector::file::{self, Detector, with_bins};
-use sunstone::capture::detector::polarizer_array::Method;
-use sunstone::capture::scheme::Scheme;
-use sunstone::capture::scheme_file::load;
-use sunstone::capture::simulate::{Captured, Noise, simulate};
-use sunstone::tensor::numpy;
+use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
+use sunstone::polarimetry::capture::detector::file;
+use sunstone::polarimetry::capture::detector::file::{Detector, with_bins};
+use sunstone::polarimetry::capture::detector::polarizer_array::Method;
+use sunstone::polarimetry::capture::scheme::Scheme;
+use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::polarimetry::capture::simulate::{Captured, Noise, simulate};
+use sunstone::store::numpy;
 
 /// Simulate what a rig with a capture scheme reads of known Mueller matrices.
 ///

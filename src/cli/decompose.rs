@@ -4,8 +4,8 @@ use super::failure::Failure;
 use super::matrices::{Matrices, MatrixSource, array};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use sunstone::decompose::maps::{Quantity, Real, WITH_ERRORS, errors, maps};
-use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
+use sunstone::polarimetry::decompose::maps::{Quantity, Real, WITH_ERRORS, errors, maps};
+use sunstone::store::numpy::{NumpyArray, Values, write_npz};
 use tracing::info;
 
 /// Decompose Mueller matrices after Lu and Chipman: M = M_Δ M_R M_D.

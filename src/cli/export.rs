@@ -3,8 +3,8 @@
 use super::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::scene::mitsuba::export::Export;
-use sunstone::tensor::exr::{ExrOptions, export};
-use sunstone::tensor::probe::{Selection, parse_axes};
+use sunstone::store::exr::{ExrOptions, export};
+use sunstone::store::probe::{Selection, parse_axes};
 
 /// Export an image slice as OpenEXR, or a scene for Mitsuba 3.
 ///

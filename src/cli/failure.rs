@@ -3,12 +3,12 @@
 use miette::{Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode};
 use std::fmt;
 use std::process::ExitCode;
-use sunstone::scene::locate::SceneError;
+use sunstone::base::locate::InputError;
 
 /// Why a command did not succeed.
 pub enum Failure {
     /// A scene file is wrong: exit code 2.
-    Scene(SceneError),
+    Scene(InputError),
     /// Other bad input: exit code 2.
     Input(String),
     /// Something failed on the way (disk full, …): exit code 1.
@@ -51,8 +51,8 @@ impl Failure {
     }
 }
 
-impl From<SceneError> for Failure {
-    fn from(e: SceneError) -> Self {
+impl From<InputError> for Failure {
+    fn from(e: InputError) -> Self {
         Self::Scene(e)
     }
 }
@@ -87,7 +87,7 @@ impl Diagnostic for Shown {
 }
 
 /// First the line that editors and scripts read, `file:line:column: message`, then the place in the file.
-fn report_scene(e: &SceneError) {
+fn report_scene(e: &InputError) {
     eprintln!("error: {e}");
     let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {
         return;

@@ -2,9 +2,10 @@
 
 use super::failure::Failure;
 use std::path::{Path, PathBuf};
+use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use sunstone::figure::{Panel, draw, save_png};
-use sunstone::tensor::store::{Field, TensorStore};
-use sunstone::tensor::view::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
+use sunstone::store::zarr::TensorStore;
+use sunstone::tensor::field::Field;
 
 /// Draw pictures of a store's slices as PNG.
 ///

@@ -4,11 +4,12 @@ use super::failure::Failure;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::PathBuf;
-use sunstone::render::coverage::missing;
-use sunstone::scene::Scene;
-use sunstone::scene::pinhole::Pinhole;
+use sunstone::store::zarr::{StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
-use sunstone::tensor::store::{Field, StoredSlice, TensorStore};
+use sunstone::tensor::field::Field;
+use sunstone::transport::device::pinhole::Pinhole;
+use sunstone::transport::render::coverage::missing;
+use sunstone::transport::scene::Scene;
 
 /// Show what a store holds (provenance, slices with their axes, light, errors, and overflow), or what a scene file
 /// describes and what of its light the integrator would not find.
@@ -20,7 +21,7 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.store.is_file() {
-        return super::print(scene(&Scene::load(&a.store)?).trim_end());
+        return super::print(scene(&sunstone::scene::load(&a.store)?).trim_end());
     }
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let attributes = store.attributes();

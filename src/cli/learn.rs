@@ -6,17 +6,18 @@ use super::scheme::{SensorArgument, picture, save, table};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use sunstone::capture::design_matrix::{DesignMatrix, bound};
-use sunstone::capture::element::Ray;
-use sunstone::capture::scheme::Scheme;
-use sunstone::capture::scheme_file::load;
-use sunstone::figure::chart::{self, Chart, ChartAxis, Series, SeriesStyle};
-use sunstone::reconstruct::learn::{FoldError, Learned, Search, learn, validate};
-use sunstone::reconstruct::loss::{Estimator, Moment, Objective};
-use sunstone::reconstruct::pca::data_set::DataSet;
-use sunstone::reconstruct::pca::folds::{Weight, folds};
-use sunstone::reconstruct::second_moment;
-use sunstone::tensor::store::write_file_with;
+use sunstone::base::whole_file;
+use sunstone::figure::chart;
+use sunstone::figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::polarimetry::capture::element::Ray;
+use sunstone::polarimetry::capture::scheme::Scheme;
+use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::polarimetry::reconstruct::learn::{FoldError, Learned, Search, learn, validate};
+use sunstone::polarimetry::reconstruct::loss::{Estimator, Moment, Objective};
+use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Weight};
+use sunstone::polarimetry::reconstruct::pca::folds::folds;
+use sunstone::polarimetry::reconstruct::second_moment;
 
 /// Learn a scheme's settings: the angles of least expected error.
 ///
@@ -209,7 +210,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if let Some(path) = &a.csv {
         let text = csv(&rows).map_err(Failure::failed)?;
-        write_file_with(path, |file| std::io::Write::write_all(file, &text))
+        whole_file::write_with(path, |file| std::io::Write::write_all(file, &text))
             .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     if let Some(path) = &a.figure {

@@ -2,12 +2,12 @@
 
 use super::failure::Failure;
 use std::path::{Path, PathBuf};
-use sunstone::capture::element::Ray;
-use sunstone::capture::simulate::Layout;
+use sunstone::polarimetry::capture::element::Ray;
+use sunstone::polarimetry::capture::simulate::Layout;
+use sunstone::store::numpy::{NumpyArray, Values};
+use sunstone::store::probe::{CoordRange, Probe, Selection};
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::{Axis, AxisKind};
-use sunstone::tensor::numpy::{NumpyArray, Values};
-use sunstone::tensor::probe::{CoordRange, Probe, Selection};
 
 /// Where matrices are.
 #[derive(clap::Args)]
@@ -166,7 +166,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Lays matrices out for [`sunstone::capture::simulate`]. `wavelengths` are those of an array's last axis (none: 550 nm
+    /// Lays matrices out for [`sunstone::polarimetry::capture::simulate`]. `wavelengths` are those of an array's last axis (none: 550 nm
     /// everywhere).
     pub fn new(m: Matrices, wavelengths: &[f64]) -> Result<Self, Failure> {
         let shape = m.shape;

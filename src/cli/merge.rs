@@ -20,6 +20,6 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    sunstone::tensor::merge::merge(&a.inputs, &a.output, a.force).map_err(Failure::input)?;
+    sunstone::store::merge::merge(&a.inputs, &a.output, a.force).map_err(Failure::input)?;
     super::print(&a.output.display().to_string())
 }

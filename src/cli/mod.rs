@@ -23,8 +23,8 @@ use failure::Failure;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use sunstone::tensor::probe::Selection;
-use sunstone::tensor::store::{StoredSlice, TensorStore};
+use sunstone::store::probe::Selection;
+use sunstone::store::zarr::{StoredSlice, TensorStore};
 
 /// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
 ///
@@ -147,7 +147,8 @@ fn start_logging(verbose: u8) {
 }
 
 fn schema() -> Result<(), Failure> {
-    let schema = schemars::schema_for!(sunstone::scene::file::SceneFile);
+    let mut schema = schemars::schema_for!(sunstone::scene::file::SceneFile);
+    sunstone::figure::spec::describe_in(&mut schema);
     let text = serde_json::to_string_pretty(&schema).map_err(Failure::failed)?;
     print(&text)
 }

@@ -6,9 +6,10 @@ use glam::Vec3A;
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
-use sunstone::scene::media::{self, MediumSet};
-use sunstone::spectrum::Wavelengths;
-use sunstone::tensor::store::write_file_with;
+use sunstone::base::whole_file;
+use sunstone::optics::spectrum::Wavelengths;
+use sunstone::scene::media;
+use sunstone::scene::media::MediumSet;
 
 /// Look at how participating media scatter.
 #[derive(clap::Args)]
@@ -133,7 +134,7 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
     let Some(path) = &a.output else {
         return super::print(text.trim_end());
     };
-    write_file_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+    whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
         .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     super::print(&path.display().to_string())
 }

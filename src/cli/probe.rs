@@ -3,8 +3,8 @@
 use super::failure::Failure;
 use std::fmt::Write;
 use std::path::PathBuf;
+use sunstone::store::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes};
 use sunstone::tensor::array::Tensor;
-use sunstone::tensor::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes};
 
 /// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
 ///

@@ -5,13 +5,15 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use sunstone::capture::element::Ray;
-use sunstone::capture::scheme::Scheme;
-use sunstone::capture::scheme_file::load;
-use sunstone::reconstruct::pixels::{Options, Reconstruction, Tally};
-use sunstone::reconstruct::second_moment;
-use sunstone::tensor::numpy::{self, Number, NumpyReader};
-use sunstone::tensor::store::write_file_with;
+use sunstone::base::whole_file;
+use sunstone::polarimetry::capture::element::Ray;
+use sunstone::polarimetry::capture::scheme::Scheme;
+use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::polarimetry::reconstruct::pixels::{Options, Reconstruction, Tally};
+use sunstone::polarimetry::reconstruct::second_moment;
+use sunstone::store::numpy;
+use sunstone::store::numpy::NumpyReader;
+use sunstone::tensor::number::Number;
 use tracing::info;
 
 /// Reconstruct Mueller matrices from the intensities of all captures.
@@ -235,11 +237,11 @@ type Fill<'a> = dyn FnMut(&mut BufWriter<File>, Option<&mut BufWriter<File>>) ->
 fn write_both(output: &Path, errors: Option<&Path>, fill: &mut Fill) -> Result<(), Failure> {
     // What fails inside is told as it is, not as a fault of the file that is written.
     let mut fault = None;
-    let written = write_file_with(output, |out| {
+    let written = whole_file::write_with(output, |out| {
         let result = match errors {
             Some(path) => {
                 let mut inner = None;
-                write_file_with(path, |e| {
+                whole_file::write_with(path, |e| {
                     inner = fill(out, Some(e)).err();
                     if inner.is_some() {
                         Err(std::io::Error::other("given up"))

@@ -2,14 +2,17 @@
 
 use super::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use sunstone::render::coverage::missing;
-use sunstone::render::tile::{self, RenderError, Summary, Target, Watch};
-use sunstone::scene::Scene;
+use sunstone::figure::spec::{self, Figure};
+use sunstone::render::{RenderError, SinkError, Summary, Target, Watch, render_with};
+use sunstone::store::sink::is_unfinished;
+use sunstone::transport::render::coverage::missing;
+use sunstone::transport::scene::Scene;
 
 /// Render a scene file to slices of T, with error bars, and draw its figures.
 ///
@@ -111,7 +114,10 @@ impl Watch for Progress {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
-    let mut scene = Scene::load(&a.scene)?;
+    let text = sunstone::scene::read(&a.scene)?;
+    let mut scene = sunstone::scene::from_text(&a.scene, &text)?;
+    let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+    let mut figures = spec::from_text(&a.scene, &text, &slices)?;
     if let Some(spp) = a.spp {
         if !(1..=1 << 30).contains(&spp) {
             return Err(Failure::input(format!("--spp is {spp}; give 1 to {}", 1 << 30)));
@@ -119,7 +125,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         scene.settings.spp = spp;
     }
     scene.settings.seed = a.seed.unwrap_or(scene.settings.seed);
-    keep_slices(&mut scene, &a.slices)?;
+    keep_slices(&mut scene, &mut figures, &a.slices)?;
     let (triangles, quadrics) = scene.geometry.counts();
     tracing::info!(
         "scene {}: {triangles} triangles, {quadrics} quadrics, read in {:.2?}",
@@ -130,7 +136,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let path = a.output.clone().unwrap_or(default);
     let target = Target {
         // A finished store that nobody named may be made again; an unfinished one holds work that may be wanted.
-        replace: a.force || (a.output.is_none() && !tile::is_unfinished(&path)),
+        replace: a.force || (a.output.is_none() && !is_unfinished(&path)),
         resume: a.resume,
         path,
     };
@@ -149,13 +155,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .map_err(Failure::failed)?;
     let progress = Progress::new(missing(&scene));
     let summary = pool
-        .install(|| tile::render(&scene, &target, &progress))
+        .install(|| render_with(&scene, &[("figures", json!(figures))], &target, &progress))
         .map_err(|e| match e {
-            RenderError::Create(_)
-            | RenderError::Open(_)
-            | RenderError::Mismatch { .. }
-            | RenderError::NoSlices => Failure::input(e),
-            RenderError::Access(_) | RenderError::Journal { .. } => Failure::failed(e),
+            RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => Failure::failed(e),
+            RenderError::Sink(_) | RenderError::NoSlices => Failure::input(e),
         })?;
     if let Some(bar) = &progress.bar {
         bar.finish_and_clear();
@@ -207,7 +210,7 @@ fn quoted(path: &Path) -> String {
 }
 
 /// Drops slices that were not asked for, and the figures that draw them.
-fn keep_slices(scene: &mut Scene, names: &[String]) -> Result<(), Failure> {
+fn keep_slices(scene: &mut Scene, figures: &mut Vec<Figure>, names: &[String]) -> Result<(), Failure> {
     if names.is_empty() {
         return Ok(());
     }
@@ -219,8 +222,6 @@ fn keep_slices(scene: &mut Scene, names: &[String]) -> Result<(), Failure> {
         )));
     }
     scene.slices.retain(|s| names.contains(&s.name));
-    scene
-        .figures
-        .retain(|f| names.iter().any(|n| n == f.view.slice()));
+    figures.retain(|f| names.iter().any(|n| n == f.view.slice()));
     Ok(())
 }

@@ -3,13 +3,13 @@
 use super::failure::Failure;
 use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
-use sunstone::capture::design_matrix::{DesignMatrix, bound};
-use sunstone::capture::element::{Quantity, Ray};
-use sunstone::capture::scheme::{Scheme, SchemeError};
-use sunstone::capture::scheme_file::{load, to_toml};
+use sunstone::base::whole_file;
 use sunstone::figure::angles;
-use sunstone::tensor::numpy;
-use sunstone::tensor::store::write_file_with;
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::polarimetry::capture::element::{Quantity, Ray};
+use sunstone::polarimetry::capture::scheme::{Scheme, SchemeError};
+use sunstone::polarimetry::capture::scheme_file::{load, to_toml};
+use sunstone::store::numpy;
 
 /// Make, show and check capture schemes: which polarizing elements stand where, and how they are set in each capture.
 #[derive(clap::Args)]
@@ -147,7 +147,7 @@ pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
         )));
     }
     let text = to_toml(scheme).map_err(Failure::failed)?;
-    write_file_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+    whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
         .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
 

@@ -7,15 +7,15 @@ use nalgebra::DMatrix;
 use report::{Row, csv, curve, short, table};
 use std::io::Write;
 use std::path::PathBuf;
-use sunstone::capture::design_matrix::DesignMatrix;
-use sunstone::capture::scheme::Scheme;
-use sunstone::capture::scheme_file::load;
-use sunstone::capture::simulate::{Captured, Layout, Noise, averaged, simulate};
+use sunstone::base::whole_file;
 use sunstone::figure::{chart, error_maps};
-use sunstone::reconstruct::loss::Moment;
-use sunstone::reconstruct::pixels::{Options, Reconstruction};
-use sunstone::reconstruct::second_moment;
-use sunstone::tensor::store::write_file_with;
+use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
+use sunstone::polarimetry::capture::scheme::Scheme;
+use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::polarimetry::capture::simulate::{Captured, Layout, Noise, averaged, simulate};
+use sunstone::polarimetry::reconstruct::loss::Moment;
+use sunstone::polarimetry::reconstruct::pixels::{Options, Reconstruction};
+use sunstone::polarimetry::reconstruct::second_moment;
 
 mod report;
 
@@ -91,7 +91,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::print(table(&rows).trim_end())?;
     if let Some(path) = &a.output {
         let text = csv(&rows).map_err(Failure::failed)?;
-        write_file_with(path, |file| file.write_all(&text))
+        whole_file::write_with(path, |file| file.write_all(&text))
             .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     if let Some(path) = &a.figure {

@@ -258,7 +258,7 @@ mod tests {
         .unwrap();
         assert!((900..1100).contains(&img.width()) && (600..900).contains(&img.height()));
         if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
-            crate::figure::save_png(&img, &std::path::Path::new(&folder).join("angles.png")).unwrap();
+            crate::save_png(&img, &std::path::Path::new(&folder).join("angles.png")).unwrap();
         }
     }
 

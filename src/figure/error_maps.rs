@@ -116,7 +116,7 @@ pub fn draw(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::colour::UNDEFINED;
+    use crate::colour::UNDEFINED;
 
     fn map(data: Vec<f32>) -> Map {
         Map {

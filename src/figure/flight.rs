@@ -13,8 +13,8 @@ use super::reduce::Source;
 use super::text::{Align, INK, fit, width, write};
 use super::ticks::brief;
 use super::{FigureError, Panel};
-use crate::tensor::axes::AxisKind;
-use crate::tensor::view::FlightView;
+use crate::spec::FlightView;
+use tensor::axes::AxisKind;
 
 const GAP: usize = 12;
 /// Height of the line that holds the time.

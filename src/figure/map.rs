@@ -13,8 +13,8 @@ use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::ticks::Ticks;
 use super::{FigureError, Panel};
-use crate::tensor::axes::AxisKind;
-use crate::tensor::view::MapView;
+use crate::spec::MapView;
+use tensor::axes::AxisKind;
 
 /// Ratio of the 99.9th to the 5th percentile of what is above zero from which a logarithmic scale is used.
 const LOG_FROM: f32 = 300.0;

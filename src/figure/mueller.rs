@@ -12,8 +12,8 @@ use super::reduce::Source;
 use super::text::{Align, INK, Style, blend, width, write};
 use super::ticks::{Ticks, brief};
 use super::{FigureError, Panel};
-use crate::tensor::axes::AxisKind;
-use crate::tensor::view::MuellerView;
+use crate::spec::MuellerView;
+use tensor::axes::AxisKind;
 
 /// Pixels between panels.
 const GAP: usize = 8;

@@ -8,8 +8,8 @@ use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::ticks::{Ticks, brief};
 use super::{FigureError, Panel};
-use crate::tensor::axes::AxisKind;
-use crate::tensor::view::PhotoView;
+use crate::spec::PhotoView;
+use tensor::axes::AxisKind;
 
 /// Draws the photograph.
 pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {

@@ -11,8 +11,8 @@ use super::stroke::Mask;
 use super::text::{Align, TICK, blend, width, write};
 use super::ticks::{Ticks, brief};
 use super::{FigureError, Panel};
-use crate::tensor::axes::AxisKind;
-use crate::tensor::view::ProfileView;
+use crate::spec::ProfileView;
+use tensor::axes::AxisKind;
 
 const WIDTH: u32 = 900;
 const HEIGHT: u32 = 520;

@@ -2,8 +2,8 @@
 
 use super::FigureError;
 use super::colour::nearest;
-use crate::tensor::array::Tensor;
-use crate::tensor::axes::AxisKind;
+use tensor::array::Tensor;
+use tensor::axes::AxisKind;
 
 /// A tensor that was checked: its values fill its axes, none of which is empty or there twice.
 #[derive(Clone, Copy)]
@@ -191,7 +191,7 @@ pub fn ruler(coords: &[f64]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tensor::axes::Axis;
+    use tensor::axes::Axis;
 
     fn tensor(axes: &[(AxisKind, usize)]) -> Tensor {
         let axes = axes

@@ -110,7 +110,7 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::colour::{UNDEFINED, srgb};
+    use crate::colour::{UNDEFINED, srgb};
     use image::Rgb;
 
     fn grid(label: &str, m: [f32; 16]) -> Grid {

@@ -1,15 +1,15 @@
 //! Cameras, projectors and other emitters of a scene file → calibrated devices.
 
-use super::build::{Context, HUGE};
-use super::emitter::{Environment, PointEmitter};
 use super::file::{
     ApertureFile, DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile, SceneFile,
 };
-use super::locate::{Located, SceneError};
-use super::pinhole::{Distortion, Lens, Pinhole};
-use super::projector::Projector;
+use crate::context::{Context, HUGE};
+use base::locate::{InputError, Located};
 use glam::{DVec2, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
+use transport::device::emitter::{Environment, PointEmitter};
+use transport::device::pinhole::{Distortion, Lens, Pinhole};
+use transport::device::projector::Projector;
 
 /// Three finite numbers of sane size.
 pub(super) fn vector(
@@ -17,7 +17,7 @@ pub(super) fn vector(
     v: [f64; 3],
     span: Range<usize>,
     what: &str,
-) -> Result<Vec3A, SceneError> {
+) -> Result<Vec3A, InputError> {
     if v.iter().all(|x| x.abs() <= HUGE) {
         return Ok(DVec3::from_array(v).as_vec3a());
     }
@@ -28,7 +28,7 @@ pub(super) fn vector(
     ))
 }
 
-pub(super) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Result<Pinhole, SceneError> {
+pub(super) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Result<Pinhole, InputError> {
     let [w, h] = *p.resolution;
     if !(1..=32768).contains(&w) || !(1..=32768).contains(&h) {
         return Err(ctx.error(
@@ -101,7 +101,7 @@ pub(super) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     Ok(device)
 }
 
-fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), SceneError> {
+fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), InputError> {
     let span = pose.span();
     match &**pose {
         PoseFile::LookAt(l) => {
@@ -150,7 +150,7 @@ pub(super) fn projector(
     p: &ProjectorFile,
     span: Range<usize>,
     camera: &Pinhole,
-) -> Result<Projector, SceneError> {
+) -> Result<Projector, InputError> {
     let irradiance = ctx.located(&p.irradiance, "irradiance", 0.0..=HUGE)?;
     if p.coaxial {
         let own = p.resolution.is_some()
@@ -204,7 +204,7 @@ pub(super) fn projector(
 
 type Emitters = (Vec<PointEmitter>, Option<Environment>);
 
-pub(super) fn emitters(ctx: &Context, file: &SceneFile) -> Result<Emitters, SceneError> {
+pub(super) fn emitters(ctx: &Context, file: &SceneFile) -> Result<Emitters, InputError> {
     let (mut points, mut environment) = (Vec::new(), None);
     for e in &file.emitters {
         let axis = |a: [f64; 3]| {

@@ -1,14 +1,13 @@
 //! The syntax of a scene file (TOML). Unknown keys are errors; every value that can be wrong in meaning is [`Located`].
 
-use super::Integrator;
-use super::locate::Located;
 use super::material_file::MaterialFile;
 use super::medium_file::MediumFile;
 use super::values::{BinSize, SpectrumFile, TimeFile};
-use crate::tensor::view::Figure;
+use base::locate::Located;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use transport::scene::Integrator;
 
 /// A whole scene file.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -42,9 +41,10 @@ pub struct SceneFile {
     /// What to keep of T(s, s', p, p', t).
     #[serde(default)]
     pub slices: Vec<Located<SliceFile>>,
-    /// Pictures drawn at the end of a render.
+    /// Pictures drawn at the end of a render: their syntax is that of `figure::spec::Figure`, which reads them.
     #[serde(default)]
-    pub figures: Vec<Located<Figure>>,
+    #[schemars(with = "Vec<BTreeMap<String, String>>")]
+    pub figures: Vec<toml::Table>,
 }
 
 /// How to render.
@@ -83,7 +83,7 @@ impl Default for RenderFile {
 }
 
 pub(super) fn default_wavelengths() -> Located<Vec<f64>> {
-    Located::nowhere(crate::spectrum::Wavelengths::default().nm().to_vec())
+    Located::nowhere(optics::spectrum::Wavelengths::default().nm().to_vec())
 }
 
 /// A camera: resolution, one kind of intrinsics, pose.
@@ -427,23 +427,12 @@ fn sum_of_time() -> TimeFile {
     TimeFile::Sum
 }
 
-impl Default for Located<CameraSelectFile> {
-    fn default() -> Self {
-        Self::nowhere(CameraSelectFile::All)
-    }
-}
-
-impl Default for Located<ProjectorSelectFile> {
-    fn default() -> Self {
-        Self::nowhere(ProjectorSelectFile::Sum)
-    }
-}
-
 /// Camera pixels of a slice.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum CameraSelectFile {
     /// Every pixel.
+    #[default]
     All,
     /// Rows, by index.
     Rows(Vec<u32>),
@@ -456,10 +445,11 @@ pub enum CameraSelectFile {
 }
 
 /// Projector pixels of a slice.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProjectorSelectFile {
     /// All pixels on.
+    #[default]
     Sum,
     /// Every pixel for itself.
     All,

@@ -1,9 +1,9 @@
 //! The syntax of materials, in scene files and in files of their own.
 
 use super::file::{default_wavelengths, unit_spectrum};
-use super::locate::Located;
 use super::values::{AlbedoFile, IndexFile, ScalarFile, SpectrumFile};
-use crate::sampling::microfacet::{Distribution, Masking};
+use base::locate::Located;
+use optics::sampling::microfacet::{Distribution, Masking};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;

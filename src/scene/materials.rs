@@ -1,26 +1,26 @@
 //! Materials of a file → the flat table of [`Materials`].
 
-use super::build::{Context, parse, read};
-use super::locate::{Located, SceneError};
 use super::material_file::{MaterialFile, MaterialSetFile, MeasuredFile};
 use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
-use crate::material::constants::{self, ConstantsError};
-use crate::material::dielectric::Dielectric;
-use crate::material::facets::Roughness;
-use crate::material::measured::error::PbsdfError;
-use crate::material::measured::table::{Options, Table};
-use crate::material::texture::{Scalar, Spectrum};
-use crate::material::{
-    Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
-    plastic, rough_conductor, rough_dielectric, thin_dielectric, two_sided, varies,
-};
-use crate::sampling::microfacet::{Distribution, Masking};
-use crate::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
+use crate::context::{Context, parse, read};
+use base::locate::{InputError, Located};
+use optics::sampling::microfacet::{Distribution, Masking};
+use optics::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
 use sha2::Digest;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
+use transport::material::constants::ConstantsError;
+use transport::material::dielectric::Dielectric;
+use transport::material::facets::Roughness;
+use transport::material::measured::error::PbsdfError;
+use transport::material::measured::table::{Options, Table};
+use transport::material::texture::{Scalar, Spectrum};
+use transport::material::{
+    Lanes, Material, Materials, blend, conductor, constants, diffuse, measured, normal_map,
+    partial_depolarizer, plastic, rough_conductor, rough_dielectric, thin_dielectric, two_sided, varies,
+};
 
 /// A file of materials, built.
 pub struct MaterialSet {
@@ -34,8 +34,8 @@ impl MaterialSet {
     /// Reads and builds a file of materials: `wavelengths_nm` and `[materials]` as in a scene file.
     ///
     /// # Errors
-    /// [`SceneError`] naming file, line, column and mend.
-    pub fn load(path: &Path) -> Result<Self, SceneError> {
+    /// [`InputError`] naming file, line, column and mend.
+    pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "material file")?)
     }
 
@@ -43,7 +43,7 @@ impl MaterialSet {
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn from_text(path: &Path, text: &str) -> Result<Self, SceneError> {
+    pub fn from_text(path: &Path, text: &str) -> Result<Self, InputError> {
         let file: MaterialSetFile = parse(path, text)?;
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
     }
@@ -52,7 +52,7 @@ impl MaterialSet {
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, SceneError> {
+    pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, InputError> {
         let file: MaterialSetFile = parse(path, text)?;
         let ctx = Context {
             wavelengths,
@@ -61,7 +61,7 @@ impl MaterialSet {
         Self::build(ctx, &file)
     }
 
-    fn build(mut ctx: Context, file: &MaterialSetFile) -> Result<Self, SceneError> {
+    fn build(mut ctx: Context, file: &MaterialSetFile) -> Result<Self, InputError> {
         let (materials, names) = build(&mut ctx, &file.materials)?;
         Ok(Self {
             wavelengths: ctx.wavelengths,
@@ -100,7 +100,7 @@ pub(super) struct Builder<'c, 'a> {
 pub(super) fn build<'a>(
     ctx: &mut Context,
     files: &'a Named,
-) -> Result<(Materials, BTreeMap<&'a str, u32>), SceneError> {
+) -> Result<(Materials, BTreeMap<&'a str, u32>), InputError> {
     let mut builder = Builder {
         ctx,
         files,
@@ -115,7 +115,7 @@ pub(super) fn build<'a>(
 }
 
 impl<'a> Builder<'_, 'a> {
-    fn named(&mut self, name: &'a str) -> Result<u32, SceneError> {
+    fn named(&mut self, name: &'a str) -> Result<u32, InputError> {
         if let Some(id) = self.done.get(name) {
             return Ok(*id);
         }
@@ -130,7 +130,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// The material that another one names.
-    fn inner(&mut self, name: &Located<String>) -> Result<u32, SceneError> {
+    fn inner(&mut self, name: &Located<String>) -> Result<u32, InputError> {
         let files = self.files;
         let Some((key, _)) = files.get_key_value(name.as_str()) else {
             let known = files.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
@@ -150,7 +150,7 @@ impl<'a> Builder<'_, 'a> {
         self.named(key)
     }
 
-    fn material(&mut self, m: &'a Located<MaterialFile>) -> Result<Material, SceneError> {
+    fn material(&mut self, m: &'a Located<MaterialFile>) -> Result<Material, InputError> {
         Ok(match &**m {
             MaterialFile::Diffuse(d) => Material::Diffuse(diffuse::Diffuse {
                 albedo: self.albedo(&d.albedo)?,
@@ -234,7 +234,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// Maps a table. Only [`Table::pieces`] of it count into the scene's hash, since whole tables take seconds to read.
-    fn measured(&mut self, m: &MeasuredFile) -> Result<u32, SceneError> {
+    fn measured(&mut self, m: &MeasuredFile) -> Result<u32, InputError> {
         let path = self.ctx.path(&m.file);
         let options = Options {
             even_axes: m.even_axes,
@@ -254,7 +254,7 @@ impl<'a> Builder<'_, 'a> {
         Ok(self.table.tables.len() as u32 - 1)
     }
 
-    fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, SceneError> {
+    fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let span = albedo.span();
         Ok(match &**albedo {
             AlbedoFile::Spectrum(s) => Spectrum::uniform(self.ctx.spectrum(s, span, "albedo", 0.0..=1.0)?),
@@ -274,7 +274,7 @@ impl<'a> Builder<'_, 'a> {
         s: &Located<ScalarFile>,
         what: &str,
         range: RangeInclusive<f64>,
-    ) -> Result<Scalar, SceneError> {
+    ) -> Result<Scalar, InputError> {
         let (value, image) = match &**s {
             ScalarFile::Number(v) => (*v, None),
             ScalarFile::Image(ImageAlbedo { image, scale }) => (*scale, Some(image)),
@@ -291,7 +291,7 @@ impl<'a> Builder<'_, 'a> {
         alpha: &Located<ScalarFile>,
         distribution: Distribution,
         masking: Masking,
-    ) -> Result<Roughness, SceneError> {
+    ) -> Result<Roughness, InputError> {
         Ok(Roughness {
             distribution,
             masking,
@@ -299,7 +299,7 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, SceneError> {
+    fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, InputError> {
         self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("alpha") {
                 e.help =
@@ -314,7 +314,7 @@ impl<'a> Builder<'_, 'a> {
         &mut self,
         interior: &Located<IndexFile>,
         exterior: &Located<IndexFile>,
-    ) -> Result<Dielectric, SceneError> {
+    ) -> Result<Dielectric, InputError> {
         let unused = Spectral::ONE - self.ctx.wavelengths.ones();
         let interior = self.index(interior, "ior")? + unused;
         let exterior = self.index(exterior, "exterior_ior")? + unused;
@@ -327,7 +327,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// Refractive index of something transparent; 0 in unused lanes.
-    pub(super) fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, SceneError> {
+    pub(super) fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
         let name = match &**index {
             IndexFile::Values(s) => return self.ctx.spectrum(s, index.span(), what, 1.0..=10.0),
             IndexFile::Named(name) => name,
@@ -353,7 +353,7 @@ impl<'a> Builder<'_, 'a> {
         metal: &Option<Located<String>>,
         n: &Option<Located<SpectrumFile>>,
         k: &Option<Located<SpectrumFile>>,
-    ) -> Result<(Spectral, Spectral), SceneError> {
+    ) -> Result<(Spectral, Spectral), InputError> {
         let unused = Spectral::ONE - self.ctx.wavelengths.ones();
         match (metal, n, k) {
             (None, Some(n), Some(k)) => Ok((
@@ -377,7 +377,7 @@ impl<'a> Builder<'_, 'a> {
         &self,
         name: &str,
         span: Range<usize>,
-    ) -> Result<[[f64; 2]; MAX_WAVELENGTHS], SceneError> {
+    ) -> Result<[[f64; 2]; MAX_WAVELENGTHS], InputError> {
         let mut rows = [[0.0; 2]; MAX_WAVELENGTHS];
         for (row, nm) in rows.iter_mut().zip(self.ctx.wavelengths.nm()) {
             let (n, k) = constants::lookup(name, *nm).map_err(|e| {
@@ -400,14 +400,14 @@ impl<'a> Builder<'_, 'a> {
         &self,
         name: &str,
         span: Range<usize>,
-    ) -> Result<(Spectral, Spectral), SceneError> {
+    ) -> Result<(Spectral, Spectral), InputError> {
         let rows = self.constants_f64(name, span)?;
         let column = |i: usize| Spectral::new(rows.map(|row| row[i] as f32));
         Ok((column(0), column(1)))
     }
 
     /// Reads an image of colours: sRGB to linear, red, green or blue for each wavelength.
-    fn colour_image(&mut self, name: &Located<String>) -> Result<u32, SceneError> {
+    fn colour_image(&mut self, name: &Located<String>) -> Result<u32, InputError> {
         let linear = |c: f32| {
             if c <= 0.04045 {
                 c / 12.92
@@ -425,7 +425,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// Reads an image of numbers: channels as they are.
-    fn linear_image(&mut self, name: &Located<String>) -> Result<u32, SceneError> {
+    fn linear_image(&mut self, name: &Located<String>) -> Result<u32, InputError> {
         self.image(name, |[r, g, b]| [r, g, b, 0.0])
     }
 
@@ -433,7 +433,7 @@ impl<'a> Builder<'_, 'a> {
         &mut self,
         name: &Located<String>,
         texel: impl Fn([f32; 3]) -> [f32; 4],
-    ) -> Result<u32, SceneError> {
+    ) -> Result<u32, InputError> {
         let bytes = self.ctx.read(name, name.span())?;
         let image = image::load_from_memory(&bytes).map_err(|e| {
             self.ctx.error(

@@ -1,22 +1,23 @@
 //! Media of a file → the flat table of [`Media`].
 
-use super::build::{Context, parse, read};
-use super::locate::{Located, SceneError};
 use super::medium_file::{
     AmountFile, HomogeneousFile, KindFile, MediumFile, MediumSetFile, MilkFile, ParticlesFile, PhaseFile,
     PolystyreneFile, SizesFile,
 };
 use super::values::IndexFile;
-use crate::material::constants::{self, ConstantsError};
-use crate::medium::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
-use crate::medium::henyey_greenstein::{HenyeyGreenstein, LARGEST_G};
-use crate::medium::rayleigh::{LARGEST_DEPOLARIZATION, Rayleigh};
-use crate::medium::size_distribution::SizeDistribution;
-use crate::medium::{Media, presets, water};
-use crate::spectrum::Wavelengths;
+use crate::context::{Context, parse, read};
+use base::locate::{InputError, Located};
+use optics::spectrum::Wavelengths;
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
+use transport::material::constants;
+use transport::material::constants::ConstantsError;
+use transport::medium::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
+use transport::medium::henyey_greenstein::{HenyeyGreenstein, LARGEST_G};
+use transport::medium::rayleigh::{LARGEST_DEPOLARIZATION, Rayleigh};
+use transport::medium::size_distribution::SizeDistribution;
+use transport::medium::{Media, presets, water};
 
 /// A file of media, built.
 pub struct MediumSet {
@@ -34,12 +35,12 @@ impl MediumSet {
     /// the file's own, between which its lists are interpolated.
     ///
     /// # Errors
-    /// [`SceneError`] naming file, line, column and mend.
+    /// [`InputError`] naming file, line, column and mend.
     pub fn load(
         path: &Path,
         only: Option<&str>,
         wavelengths: Option<Wavelengths>,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, InputError> {
         let text = read(path, "file of media")?;
         let file: MediumSetFile = parse(path, &text)?;
         let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?;
@@ -62,7 +63,7 @@ impl MediumSet {
 ///
 /// # Errors
 /// As [`MediumSet::load`].
-pub fn names(path: &Path) -> Result<Vec<String>, SceneError> {
+pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
     let file: MediumSetFile = parse(path, &read(path, "file of media")?)?;
     Ok(file.media.into_keys().collect())
 }
@@ -76,7 +77,7 @@ const LARGEST_COEFFICIENT: f64 = 1e9;
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
 /// Builds all media.
-pub(super) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, SceneError> {
+pub(super) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
     for (name, file) in files {
         let optics = optics(ctx, file)?;
@@ -86,7 +87,7 @@ pub(super) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, Sc
     Ok((media, names, bulk))
 }
 
-fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, SceneError> {
+fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, InputError> {
     match &**m {
         MediumFile::Homogeneous(h) => homogeneous(ctx, h),
         MediumFile::Particles(p) => particles(ctx, p),
@@ -100,12 +101,12 @@ fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, SceneError> 
 /// The range of a mean cosine.
 const COSINES: RangeInclusive<f64> = -LARGEST_G..=LARGEST_G;
 
-fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, SceneError> {
+fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {
     ctx.number(g, "g", COSINES)
 }
 
 /// What the theory refuses, at a place.
-fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> SceneError {
+fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let mend = match e {
         BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
         BulkError::Size(_) => "correct the sizes; `sunstone schema` describes them",
@@ -117,7 +118,7 @@ fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> SceneError {
 }
 
 /// n and k on the wavelengths.
-fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f64; 2]>, SceneError> {
+fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f64; 2]>, InputError> {
     match &**index {
         IndexFile::Values(s) => {
             let n = ctx.values(s, index.span(), what, 0.01..=100.0)?;
@@ -132,7 +133,7 @@ fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f
 }
 
 /// The real index of a host, and what the named substance absorbs.
-fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64>; 2], SceneError> {
+fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64>; 2], InputError> {
     let rows = index(ctx, host, what)?;
     if let Some([n, k]) = rows.iter().find(|[n, k]| !(1.0..=10.0).contains(n) || *k > 1e-3) {
         return Err(ctx.error(
@@ -153,7 +154,7 @@ fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64
     Ok([rows.iter().map(|[n, _]| *n).collect(), absorption.collect()])
 }
 
-fn homogeneous(ctx: &Context, h: &HomogeneousFile) -> Result<Optics, SceneError> {
+fn homogeneous(ctx: &Context, h: &HomogeneousFile) -> Result<Optics, InputError> {
     let coefficient = |s, what| {
         let s: &Located<_> = s;
         ctx.values(s, s.span(), what, 0.0..=LARGEST_COEFFICIENT)
@@ -202,7 +203,7 @@ fn homogeneous(ctx: &Context, h: &HomogeneousFile) -> Result<Optics, SceneError>
     Ok(Optics { bulk, phase })
 }
 
-fn particles(ctx: &Context, p: &ParticlesFile) -> Result<Optics, SceneError> {
+fn particles(ctx: &Context, p: &ParticlesFile) -> Result<Optics, InputError> {
     let [index, own] = host(ctx, &p.host, "host")?;
     let absorption = match &p.host_absorption {
         Some(s) => ctx.values(s, s.span(), "host_absorption", 0.0..=LARGEST_COEFFICIENT)?,
@@ -217,7 +218,7 @@ fn mixture(
     kinds: &Located<Vec<Located<KindFile>>>,
     host: &[f64],
     absorption: &[f64],
-) -> Result<Optics, SceneError> {
+) -> Result<Optics, InputError> {
     if kinds.is_empty() {
         return Err(ctx.error(
             kinds.span(),
@@ -247,7 +248,7 @@ fn mixture(
         .map_err(|e| refused(ctx, kinds[e.kind].span(), &e.error))
 }
 
-fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, SceneError> {
+fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, InputError> {
     const NM: f64 = 1e-9;
     let sizes = match &**file {
         SizesFile::Single(s) => SizeDistribution::Single {
@@ -288,7 +289,7 @@ fn amount(file: &AmountFile) -> Amount {
     }
 }
 
-fn milk(ctx: &Context, m: &MilkFile, span: Range<usize>) -> Result<Optics, SceneError> {
+fn milk(ctx: &Context, m: &MilkFile, span: Range<usize>) -> Result<Optics, InputError> {
     let milk = presets::Milk {
         fat_percent: ctx.number(&m.fat_percent, "fat_percent", 0.0..=20.0)?,
         protein_percent: ctx.number(&m.protein_percent, "protein_percent", 0.0..=20.0)?,
@@ -298,7 +299,7 @@ fn milk(ctx: &Context, m: &MilkFile, span: Range<usize>) -> Result<Optics, Scene
     milk.optics(&ctx.wavelengths).map_err(|e| refused(ctx, span, &e))
 }
 
-fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result<Optics, SceneError> {
+fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result<Optics, InputError> {
     let mean = 0.5e-9 * ctx.number(&p.diameter_nm, "diameter_nm", 1.0..=1e5)?;
     let spread = ctx.number(&p.spread, "spread", 0.0..=1.0)?;
     let sizes = if spread < 1e-3 {

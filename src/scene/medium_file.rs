@@ -1,9 +1,9 @@
 //! The syntax of participating media, in scene files and in files of their own.
 
 use super::file::default_wavelengths;
-use super::locate::Located;
 use super::material_file::unit_index;
 use super::values::{IndexFile, SpectrumFile};
+use base::locate::Located;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;

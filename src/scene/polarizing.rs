@@ -1,21 +1,21 @@
 //! Polarizing materials of a file → their tables: coated mirrors, polarizer and retarder sheets, crystals.
 
-use super::locate::{Located, SceneError};
 use super::material_file::{
     CoatedConductorFile, CrystalFile, FilmFile, MaterialFile, PolarizerFile, RetarderFile, TiltFile,
 };
 use super::materials::Builder;
 use super::values::{IndexFile, SpectrumFile};
-use crate::material::coated_conductor::{CoatedConductor, MAX_FILMS};
-use crate::material::crystal::Crystal;
-use crate::material::dielectric::Dielectric;
-use crate::material::polarizer::Polarizer;
-use crate::material::retarder::{Retarder, Tilt};
-use crate::material::sheet::SheetAxis;
-use crate::material::varies;
-use crate::polarization::thin_film::Film;
-use crate::spectrum::{MAX_WAVELENGTHS, Spectral};
+use base::locate::{InputError, Located};
 use glam::{DVec3, Vec3A};
+use optics::polarization::thin_film::Film;
+use optics::spectrum::{MAX_WAVELENGTHS, Spectral};
+use transport::material::coated_conductor::{CoatedConductor, MAX_FILMS};
+use transport::material::crystal::Crystal;
+use transport::material::dielectric::Dielectric;
+use transport::material::polarizer::Polarizer;
+use transport::material::retarder::{Retarder, Tilt};
+use transport::material::sheet::SheetAxis;
+use transport::material::varies;
 
 /// Uniaxial crystals that the optical constants know: their name there ends in `_o` and `_e`.
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
@@ -25,7 +25,7 @@ impl Builder<'_, '_> {
         &mut self,
         place: &Located<MaterialFile>,
         file: &CoatedConductorFile,
-    ) -> Result<CoatedConductor, SceneError> {
+    ) -> Result<CoatedConductor, InputError> {
         let (n, k) = self.complex_index(place, &file.metal, &file.n, &file.k)?;
         if file.films.len() > MAX_FILMS {
             return Err(self.ctx.error(
@@ -46,7 +46,7 @@ impl Builder<'_, '_> {
         })
     }
 
-    fn film(&mut self, film: &FilmFile) -> Result<Film, SceneError> {
+    fn film(&mut self, film: &FilmFile) -> Result<Film, InputError> {
         let unused = Spectral::ONE - self.ctx.wavelengths.ones();
         let (n, k) = match (&*film.ior, &film.k) {
             (IndexFile::Named(name), None) => self.constants(name, film.ior.span())?,
@@ -73,7 +73,7 @@ impl Builder<'_, '_> {
         })
     }
 
-    pub(super) fn polarizer(&mut self, file: &PolarizerFile) -> Result<Polarizer, SceneError> {
+    pub(super) fn polarizer(&mut self, file: &PolarizerFile) -> Result<Polarizer, InputError> {
         Ok(Polarizer {
             axis: self.sheet_axis(&file.angle_deg, &file.axis)?,
             transmittance: self
@@ -87,7 +87,7 @@ impl Builder<'_, '_> {
         &mut self,
         place: &Located<MaterialFile>,
         file: &RetarderFile,
-    ) -> Result<Retarder, SceneError> {
+    ) -> Result<Retarder, InputError> {
         let retardance = match (&file.retardance_deg, &file.retardance_nm) {
             (Some(deg), None) => {
                 self.ctx.located(deg, "retardance_deg", 0.0..=36_000.0)? * Spectral::splat(1_f32.to_radians())
@@ -135,7 +135,7 @@ impl Builder<'_, '_> {
         &mut self,
         place: &Located<MaterialFile>,
         file: &CrystalFile,
-    ) -> Result<Crystal, SceneError> {
+    ) -> Result<Crystal, InputError> {
         let (n_o, n_e) = self.crystal_indices(place, file)?;
         let exterior =
             self.index(&file.exterior_ior, "exterior_ior")? + Spectral::ONE - self.ctx.wavelengths.ones();
@@ -178,7 +178,7 @@ impl Builder<'_, '_> {
         &mut self,
         place: &Located<MaterialFile>,
         file: &CrystalFile,
-    ) -> Result<([f64; MAX_WAVELENGTHS], [f64; MAX_WAVELENGTHS]), SceneError> {
+    ) -> Result<([f64; MAX_WAVELENGTHS], [f64; MAX_WAVELENGTHS]), InputError> {
         let count = self.ctx.wavelengths.count();
         let used = |column: [f64; MAX_WAVELENGTHS]| {
             std::array::from_fn(|lane| if lane < count { column[lane] } else { 1.0 })
@@ -220,7 +220,7 @@ impl Builder<'_, '_> {
         &self,
         angle_deg: &Option<Located<f64>>,
         axis: &Option<Located<[f64; 3]>>,
-    ) -> Result<SheetAxis, SceneError> {
+    ) -> Result<SheetAxis, InputError> {
         match (angle_deg, axis) {
             (None, None) => Ok(SheetAxis::Angle(0.0)),
             (Some(angle), None) => {
@@ -237,7 +237,7 @@ impl Builder<'_, '_> {
     }
 
     /// A unit vector.
-    fn direction(&self, axis: &Located<[f64; 3]>) -> Result<Vec3A, SceneError> {
+    fn direction(&self, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
         DVec3::from_array(**axis)
             .try_normalize()
             .map(|d| d.as_vec3a())

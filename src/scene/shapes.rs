@@ -1,16 +1,16 @@
 //! Objects of a scene file → triangles and quadrics.
 
-use super::build::{Context, HUGE};
 use super::devices::vector;
 use super::file::{MeshFile, ObjectFile, ShapeFile, TransformFile};
-use super::locate::{Located, SceneError};
 use super::values::SpectrumFile;
-use crate::geometry::bvh::GeometryBuilder;
-use crate::geometry::import;
-use crate::geometry::mesh::Mesh;
-use crate::geometry::quadric::{Quadric, QuadricKind};
+use crate::context::{Context, HUGE};
+use crate::import;
+use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
+use transport::geometry::bvh::GeometryBuilder;
+use transport::geometry::mesh::Mesh;
+use transport::geometry::quadric::{Quadric, QuadricKind};
 
 /// A shape in the world, before it is cut into what the tracer knows.
 pub(super) struct Placed {
@@ -36,7 +36,7 @@ pub(super) fn add(
     object: &Located<ObjectFile>,
     Placed { form, material }: Placed,
     geometry: &mut GeometryBuilder,
-) -> Result<(), SceneError> {
+) -> Result<(), InputError> {
     match form {
         Form::Quadric(kind, map) => geometry.quadric(Quadric::new(kind, affine(map), material)),
         Form::Rectangle(map) => geometry.mesh(&moved(ctx, Mesh::rectangle(), map, object)?, material),
@@ -51,7 +51,7 @@ pub(super) fn place(
     ctx: &mut Context,
     object: &Located<ObjectFile>,
     materials: &BTreeMap<&str, u32>,
-) -> Result<Vec<Placed>, SceneError> {
+) -> Result<Vec<Placed>, InputError> {
     let find = |ctx: &Context, name: &Located<String>| {
         materials.get(name.as_str()).copied().ok_or_else(|| {
             let known = materials.keys().copied().collect::<Vec<_>>().join(", ");
@@ -178,7 +178,7 @@ pub(super) fn place(
 }
 
 /// Reads a mesh file in the format that the shape names.
-fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import::MeshPart>, SceneError> {
+fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import::MeshPart>, InputError> {
     let bytes = ctx.read(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
     let parsed = match shape {
@@ -201,7 +201,7 @@ pub(super) fn moved(
     mut mesh: Mesh,
     place: DAffine3,
     object: &Located<ObjectFile>,
-) -> Result<Mesh, SceneError> {
+) -> Result<Mesh, InputError> {
     if !is_solid(&place) {
         return Err(ctx.error(
             object.shape.span(),
@@ -233,7 +233,7 @@ fn affine(a: DAffine3) -> Affine3A {
 /// Unit disk or tube to one of `radius` about `origin`, its z axis along `axis`, of length `length`.
 fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     let z = axis.normalize_or(Vec3A::Z);
-    let m = crate::polarization::frame::basis(z);
+    let m = optics::polarization::frame::basis(z);
     let r = radius.abs();
     DAffine3::from_mat3_translation(
         DMat3::from_cols(
@@ -245,7 +245,7 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, SceneError> {
+fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
     if let Some(m) = t.matrix {
         if t.scale.is_some()
             || t.rotate_deg.is_some()

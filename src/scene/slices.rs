@@ -1,16 +1,16 @@
 //! Slices of a scene file → [`Slice`]s, checked against camera and projector.
 
-use super::build::{Context, bin_multiple};
 use super::file::{
     CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SceneFile, SliceFile,
 };
-use super::locate::{Located, SceneError};
-use super::pinhole::Pinhole;
-use super::projector::Projector;
 use super::values::TimeFile;
-use crate::tensor::axes::SliceLayout;
-use crate::tensor::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+use crate::context::Context;
+use base::locate::{InputError, Located};
 use std::ops::Range;
+use tensor::axes::SliceLayout;
+use tensor::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+use transport::device::pinhole::Pinhole;
+use transport::device::projector::Projector;
 
 /// Names that a slice cannot have because the store uses them.
 const RESERVED: [&str; 2] = ["samples", "zarr.json"];
@@ -30,7 +30,7 @@ pub(super) fn build(
     file: &SceneFile,
     camera: &Pinhole,
     projector: Option<&Projector>,
-) -> Result<Vec<Slice>, SceneError> {
+) -> Result<Vec<Slice>, InputError> {
     let mut slices: Vec<Slice> = Vec::new();
     for s in &file.slices {
         let name = &*s.name;
@@ -77,7 +77,7 @@ pub(super) fn build(
             format!("set render.tile to a multiple of {multiple}, or choose other bins"),
         ));
     }
-    let extents = crate::tensor::axes::Extents {
+    let extents = tensor::axes::Extents {
         camera: camera.resolution,
         projector: projector.map(|p| p.pinhole.resolution),
         wavelengths_nm: ctx.wavelengths.nm().to_vec(),
@@ -114,7 +114,7 @@ fn listed(
     limit: u32,
     span: Range<usize>,
     what: &str,
-) -> Result<Vec<u32>, SceneError> {
+) -> Result<Vec<u32>, InputError> {
     let rising = list.windows(2).all(|w| w[0] < w[1]);
     if list.is_empty() || !rising || list.iter().any(|&i| i >= limit) {
         return Err(ctx.error(
@@ -126,7 +126,7 @@ fn listed(
     Ok(list.to_vec())
 }
 
-fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Result<Block, SceneError> {
+fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Result<Block, InputError> {
     let [x, y, bw, bh] = b;
     let fits = |a: u32, n: u32, limit: u32| n >= 1 && a.checked_add(n).is_some_and(|e| e <= limit);
     if !fits(x, bw, w) || !fits(y, bh, h) {
@@ -144,7 +144,7 @@ fn bin(
     [nx, ny]: [u32; 2],
     [w, h]: [u32; 2],
     span: Range<usize>,
-) -> Result<(u32, u32), SceneError> {
+) -> Result<(u32, u32), InputError> {
     if nx == 0 || ny == 0 || nx > w || ny > h {
         return Err(ctx.error(
             span,
@@ -159,7 +159,7 @@ fn camera_select(
     ctx: &Context,
     s: &Located<CameraSelectFile>,
     size: [u32; 2],
-) -> Result<CameraSelect, SceneError> {
+) -> Result<CameraSelect, InputError> {
     let span = s.span();
     Ok(match &**s {
         CameraSelectFile::All => CameraSelect::All,
@@ -180,7 +180,7 @@ fn projector_select(
     slice: &SliceFile,
     camera: &Pinhole,
     projector: Option<&Projector>,
-) -> Result<ProjectorSelect, SceneError> {
+) -> Result<ProjectorSelect, InputError> {
     let s = &slice.projector;
     let span = s.span();
     if matches!(**s, ProjectorSelectFile::Sum) {
@@ -269,7 +269,7 @@ fn mask(
     name: &str,
     [w, h]: [u32; 2],
     span: Range<usize>,
-) -> Result<ProjectorSelect, SceneError> {
+) -> Result<ProjectorSelect, InputError> {
     let bytes = ctx.read(name, span.clone())?;
     let image = image::load_from_memory(&bytes).map_err(|e| {
         ctx.error(
@@ -299,7 +299,7 @@ fn mask(
     })
 }
 
-fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, SceneError> {
+fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     let TimeFile::Bins(b) = t else {
         return Ok(TimeSelect::Sum);
     };
@@ -321,5 +321,22 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, SceneError> {
         start_ps: b.start_ps,
         bin_ps: *b.bin_ps,
         bins: *b.bins,
+    })
+}
+
+/// The camera bins' least common multiple: tiles must be a multiple of it.
+fn bin_multiple(slices: &[Slice]) -> u64 {
+    let gcd = |mut a: u64, mut b: u64| {
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    slices.iter().fold(1, |m, s| match s.camera {
+        CameraSelect::Binned { nx, ny } => {
+            let m = m / gcd(m, u64::from(nx)) * u64::from(nx);
+            m / gcd(m, u64::from(ny)) * u64::from(ny)
+        }
+        _ => m,
     })
 }

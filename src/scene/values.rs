@@ -2,7 +2,7 @@
 //!
 //! Each has a visitor of its own, so that errors keep their place in the file (serde's untagged enums lose it).
 
-use super::locate::Located;
+use base::locate::Located;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};

@@ -6,10 +6,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use sunstone::render::tile::{Target, Unwatched, render};
-use sunstone::scene::Scene;
+use sunstone::render::{Target, Unwatched, render};
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
+use sunstone::transport::scene::Scene;
 
 /// The scene of mirrors, metal and glass that ships with the program.
 pub const MIRROR_ROOM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mirror_room/scene.toml");
@@ -51,7 +52,7 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
 
 /// A scene from text.
 pub fn scene(text: &str) -> Scene {
-    Scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+    sunstone::scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Renders into `path`.

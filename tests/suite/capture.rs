@@ -3,9 +3,11 @@
 use crate::commands::{refused, rendered, run};
 use std::fs::File;
 use std::path::Path;
+use sunstone::store::numpy;
+use sunstone::store::numpy::{NumpyArray, Values};
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::axes::AxisKind;
-use sunstone::tensor::numpy::{self, NumpyArray, Values};
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
 
 /// Saves numbers as `NAME.npy`.
 fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {

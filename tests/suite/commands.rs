@@ -2,8 +2,9 @@
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::axes::AxisKind;
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
 
 const SCENE: &str = r#"
 wavelengths_nm = [450, 550, 660]

@@ -5,11 +5,13 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use sunstone::decompose::lu_chipman::{SINGLE, decompose};
-use sunstone::decompose::properties::Properties;
+use sunstone::polarimetry::decompose::lu_chipman::{SINGLE, decompose};
+use sunstone::polarimetry::decompose::properties::Properties;
+use sunstone::store::numpy;
+use sunstone::store::numpy::{NumpyArray, Values};
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::axes::AxisKind;
-use sunstone::tensor::numpy::{self, NumpyArray, Values};
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
 
 /// All arrays of an archive.
 fn arrays(path: &Path) -> HashMap<String, NumpyArray> {

@@ -3,10 +3,10 @@
 use crate::commands::{refused, run};
 use crate::decompose::{save, values};
 use std::path::Path;
-use sunstone::capture::design_matrix::{DesignMatrix, bound};
-use sunstone::capture::element::Ray;
-use sunstone::capture::scheme_file::load;
-use sunstone::tensor::numpy::NumpyArray;
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::polarimetry::capture::element::Ray;
+use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::store::numpy::NumpyArray;
 
 /// Elements of pixel number `p`.
 fn truth(p: usize) -> [f64; 16] {

@@ -5,10 +5,11 @@
 use crate::harness::{mirror_room, read, rendered, scene};
 use std::path::Path;
 use std::sync::LazyLock;
-use sunstone::decompose::cloude::{Matrix, eigenvalues};
+use sunstone::polarimetry::decompose::cloude::{Matrix, eigenvalues};
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
 
 /// Camera and projector pixels along an edge.
 const N: usize = 32;

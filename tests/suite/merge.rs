@@ -2,7 +2,8 @@
 
 use crate::harness::{mirror_room, read, run, stderr};
 use std::path::Path;
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::store::zarr::TensorStore;
+use sunstone::tensor::field::Field;
 
 const SPP: f64 = 32.0;
 

@@ -4,17 +4,18 @@ use glam::Vec3A;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
-use sunstone::geometry::ray::Ray;
-use sunstone::material::Lobe;
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::write::write as write_table;
-use sunstone::sampling::{stream::Stream, warp};
-use sunstone::scene::Scene;
-use sunstone::scene::locate::SceneError;
+use sunstone::base::locate::InputError;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::sampling::warp;
+use sunstone::optics::spectrum::Spectral;
 use sunstone::scene::mitsuba::export::Export;
 use sunstone::scene::mitsuba::import::Import;
-use sunstone::scene::pinhole::Pinhole;
-use sunstone::spectrum::Spectral;
+use sunstone::transport::device::pinhole::Pinhole;
+use sunstone::transport::geometry::ray::Ray;
+use sunstone::transport::material::Lobe;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::write as write_table;
+use sunstone::transport::scene::Scene;
 
 /// Every material and every shape that Mitsuba has too.
 const ALL: &str = r#"
@@ -138,11 +139,11 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn exported(folder: &Path, text: &str) -> Result<Export, SceneError> {
+fn exported(folder: &Path, text: &str) -> Result<Export, InputError> {
     Export::from_text(&folder.join("scene.toml"), text, None)
 }
 
-fn imported(folder: &Path, xml: &str) -> Result<Import, SceneError> {
+fn imported(folder: &Path, xml: &str) -> Result<Import, InputError> {
     Import::from_text(
         &folder.join("scene.xml"),
         xml,
@@ -224,7 +225,7 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
         assert!((sa.ng - sb.ng).length() < 1e-4 && (sa.ns - sb.ns).length() < 1e-4);
         assert!((sa.tangent_frame().x_axis - sb.tangent_frame().x_axis).length() < 1e-3);
         let (wo, wi) = (-ray.dir, warp::sphere(stream.uniform2()));
-        let x = sunstone::polarization::frame::perpendicular;
+        let x = sunstone::optics::polarization::frame::perpendicular;
         for way in [wi, -wi] {
             let values = [(a, &sa), (b, &sb)].map(|(scene, at)| {
                 let m = scene.materials.eval(at.material, at, wo, way);
@@ -264,8 +265,8 @@ fn there_and_back_is_the_same_scene() {
     export.write(&out, false).unwrap();
     let back = Import::load(&out.join("scene.xml"), &path, &BTreeMap::new()).unwrap();
     let (a, b) = (
-        Scene::from_text(&path, ALL).unwrap(),
-        Scene::from_text(&path, &back.toml).unwrap(),
+        sunstone::scene::from_text(&path, ALL).unwrap(),
+        sunstone::scene::from_text(&path, &back.toml).unwrap(),
     );
     let (hits, matrices) = assert_same(&a, &b);
     assert!(hits > 500 && matrices > 800, "{hits} {matrices}");
@@ -287,8 +288,8 @@ fn several_wavelengths_come_back() {
     let xml = folder.path().join("out/scene.xml");
     let back = Import::load(&xml, &path, &BTreeMap::new()).unwrap();
     let (a, b) = (
-        Scene::from_text(&path, &text).unwrap(),
-        Scene::from_text(&path, &back.toml).unwrap(),
+        sunstone::scene::from_text(&path, &text).unwrap(),
+        sunstone::scene::from_text(&path, &back.toml).unwrap(),
     );
     assert_same(&a, &b);
     // One of them alone is the scene at that wavelength.
@@ -462,8 +463,8 @@ fn the_mirror_room_goes_there_and_back() {
         .unwrap()
         .replace("alpha = 0.18", "alpha = 0.18, masking = \"separable\"");
     let (hits, _) = assert_same(
-        &Scene::from_text(&path, &text).unwrap(),
-        &Scene::load(&toml).unwrap(),
+        &sunstone::scene::from_text(&path, &text).unwrap(),
+        &sunstone::scene::load(&toml).unwrap(),
     );
     assert!(hits > 1000, "{hits}");
     assert!(back.write(&toml, false).is_err(), "it is there already");
@@ -528,7 +529,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 fn a_scene_by_hand_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let import = imported(folder.path(), HAND).unwrap();
-    let scene = Scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
+    let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
     // The vertical field of view is the smaller one: 30° over 16 pixels.
     let focal = 8.0 / 15_f64.to_radians().tan();
     assert!((scene.camera.focal.x - focal).abs() < 1e-9);
@@ -737,7 +738,7 @@ fn flipped_rectangles_face_the_other_way() {
         (HAND.replace("<ref id=\"wall\"/>", flipped), Vec3A::NEG_Z),
     ] {
         let import = imported(folder.path(), &text).unwrap();
-        let scene = Scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
+        let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), &import.toml).unwrap();
         let ray = Ray {
             origin: Vec3A::Z,
             dir: Vec3A::NEG_Z,

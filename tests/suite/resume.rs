@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use sunstone::render::tile::{Summary, Target, Unwatched, Watch, render};
+use sunstone::render::{Summary, Target, Unwatched, Watch, render};
 
 const SLICES: &str = r#"
 [[slices]]

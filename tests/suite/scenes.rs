@@ -4,12 +4,12 @@
 use glam::{DVec2, Vec3, Vec3A, vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use sunstone::geometry::import;
-use sunstone::geometry::mesh::Mesh;
-use sunstone::geometry::ray::Ray;
-use sunstone::material::Material;
-use sunstone::scene::Scene;
-use sunstone::scene::pinhole::Pinhole;
+use sunstone::scene::import;
+use sunstone::transport::device::pinhole::Pinhole;
+use sunstone::transport::geometry::mesh::Mesh;
+use sunstone::transport::geometry::ray::Ray;
+use sunstone::transport::material::Material;
+use sunstone::transport::scene::Scene;
 use toml::{Table, Value};
 
 /// A scene, its twin, and balls (centre, radius in metres) round what both devices must see.
@@ -109,7 +109,7 @@ fn every_scene_is_known_here() {
     known.sort_unstable();
     assert_eq!(found, known);
     let gold = path("gold_mirror", "scene.toml");
-    Scene::load(&gold).unwrap_or_else(|e| panic!("{e}"));
+    sunstone::scene::load(&gold).unwrap_or_else(|e| panic!("{e}"));
 }
 
 /// True if the ball is in the device's image, at least `pixels` wide, and the first opaque thing on the way to its
@@ -151,7 +151,7 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
     for shipped in SHIPPED {
         for file in ["scene.toml", shipped.twin] {
             let path = path(shipped.folder, file);
-            let scene = Scene::load(&path).unwrap_or_else(|e| panic!("{e}"));
+            let scene = sunstone::scene::load(&path).unwrap_or_else(|e| panic!("{e}"));
             let projector = scene.projector.as_ref().unwrap();
             for (device, who) in [(&scene.camera, "camera"), (&projector.pinhole, "projector")] {
                 for (centre, radius) in shipped.seen {

@@ -1,7 +1,7 @@
 //! Standard errors are honest: over many seeds, deviations from the mean over seeds are as large as they say.
 
 use crate::harness::{mirror_room, read, rendered, scene};
-use sunstone::tensor::store::Field;
+use sunstone::tensor::field::Field;
 
 const SEEDS: u64 = 64;
 

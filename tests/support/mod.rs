@@ -1,10 +1,11 @@
 //! Renders a scene given as text into a store in a temporary folder.
 
 use std::path::Path;
-use sunstone::render::tile::{Target, Unwatched, render};
-use sunstone::scene::Scene;
+use sunstone::render::{Target, Unwatched, render};
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
+use sunstone::transport::scene::Scene;
 use tempfile::TempDir;
 
 /// A finished render; its files live as long as it does.
@@ -37,7 +38,8 @@ pub fn render_text(text: &str) -> Rendered {
 
 /// The scene; panics with its text if it is refused.
 pub fn scene_of(text: &str) -> Scene {
-    Scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))
+    sunstone::scene::from_text(Path::new("test.toml"), text)
+        .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))
 }
 
 /// Renders a scene.

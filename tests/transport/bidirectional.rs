@@ -4,9 +4,9 @@ use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate,
 use crate::support::{Rendered, render_scene, scene_of};
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunstone::scene::{Integrator, Scene};
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
+use sunstone::transport::scene::{Integrator, Scene};
 
 /// Camera and projector of 16 x 16 pixels over a box of 2 m, and slices that hold all that a path carries.
 fn devices(spp: u32, depth: u32, seed: u32) -> String {

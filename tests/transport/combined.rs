@@ -3,13 +3,14 @@
 use crate::support::render_text;
 use glam::Vec3A;
 use std::path::Path;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::{Lanes, Lobe};
-use sunstone::polarization::frame::perpendicular;
-use sunstone::polarization::mueller::Mueller;
-use sunstone::sampling::{stream::Stream, warp};
+use sunstone::optics::polarization::frame::perpendicular;
+use sunstone::optics::polarization::mueller::Mueller;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::sampling::warp;
+use sunstone::optics::spectrum::max_lane;
 use sunstone::scene::materials::MaterialSet;
-use sunstone::spectrum::max_lane;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::{Lanes, Lobe};
 
 const FILE: &str = r#"
 [materials]
@@ -55,7 +56,7 @@ fn off(a: &Mueller, b: &Mueller) -> f32 {
 
 fn weighted(terms: &[(f32, Mueller)]) -> Mueller {
     terms.iter().fold(Mueller::ZERO, |sum, (w, m)| {
-        sum + m.scaled(sunstone::spectrum::Spectral::splat(*w))
+        sum + m.scaled(sunstone::optics::spectrum::Spectral::splat(*w))
     })
 }
 

@@ -8,13 +8,13 @@ use crate::support::{Rendered, render_text};
 use glam::{DVec3, Vec3A};
 use std::f64::consts::TAU;
 use std::path::Path;
-use sunstone::decompose::cloude::is_realizable;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::constants::lookup;
-use sunstone::material::{Lanes, Lobe, Medium};
-use sunstone::sampling::stream::Stream;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::polarimetry::decompose::cloude::is_realizable;
 use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, Wavelength};
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::constants::lookup;
+use sunstone::transport::material::{Lanes, Lobe, Medium};
 
 /// n_o and n_e of quartz at 550 nm (Ghosh 1999).
 const QUARTZ: [f64; 2] = [1.54595, 1.55511];
@@ -319,7 +319,7 @@ fn ways_are_realizable_and_reciprocal() {
         let k = (Vec3A::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vec3A::Z * z).normalize();
         let medium = inside_of(&set, ["a", "b"][case % 2]);
         let length = 1e-3 * f64::from(stream.uniform());
-        let x = sunstone::polarization::frame::perpendicular(k);
+        let x = sunstone::optics::polarization::frame::perpendicular(k);
         let matrix = |k: Vec3A| {
             let s = set.materials.propagate(medium, k, length).expect("a crystal");
             s.between(k, x, -k, x)
@@ -400,7 +400,7 @@ fn faces_are_those_of_the_mean_index() {
             let want = if wo.z > 0.0 {
                 a
             } else {
-                sunstone::material::NO_CRYSTAL
+                sunstone::transport::material::NO_CRYSTAL
             };
             assert_eq!(s.medium.map(|m| m.crystal), through.then_some(want));
         }

@@ -5,12 +5,12 @@ use crate::support::{Rendered, render_text};
 use glam::{DVec3, Vec3A};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
-use sunstone::decompose::cloude::is_realizable;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::Lanes;
-use sunstone::sampling::stream::Stream;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::polarimetry::decompose::cloude::is_realizable;
 use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::Lanes;
 
 /// Calcite at 550 nm.
 const N_O: f64 = 1.66127;
@@ -165,8 +165,8 @@ fn faces_of_a_splitting_crystal() {
             0.999..1.001
         };
         assert!(range.contains(&weight), "{weight} at {wo}");
-        let x = sunstone::polarization::frame::perpendicular(wo);
-        let y = sunstone::polarization::frame::perpendicular(sampled.wi);
+        let x = sunstone::optics::polarization::frame::perpendicular(wo);
+        let y = sunstone::optics::polarization::frame::perpendicular(sampled.wi);
         let m = sampled.scatter.between(wo, x, sampled.wi, y).lane(0);
         let m = m.map(|row| row.map(f64::from));
         assert!(is_realizable(&m, 1e-5), "{m:?}");

@@ -17,7 +17,7 @@
 use crate::optics::{M, turn};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
-use sunstone::medium::scattered::Elements;
+use sunstone::transport::medium::scattered::Elements;
 
 /// A square matrix by rows.
 #[derive(Clone)]

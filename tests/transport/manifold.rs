@@ -5,8 +5,8 @@ use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunstone::scene::Integrator;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
+use sunstone::transport::scene::Integrator;
 
 pub const ALBEDO: f64 = 0.6;
 const BIN_PS: f64 = 0.5;

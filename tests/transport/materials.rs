@@ -4,17 +4,17 @@
 use crate::optics::{M, turn};
 use glam::{DVec3, Mat3A, Vec3A};
 use std::f64::consts::TAU;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::diffuse::Diffuse;
-use sunstone::material::facets::Roughness;
-use sunstone::material::rough_conductor::RoughConductor;
-use sunstone::material::texture::{Scalar, Spectrum};
-use sunstone::material::{Lanes, Material, Materials};
-use sunstone::polarization::frame::perpendicular;
-use sunstone::polarization::scatter::Scatter;
-use sunstone::sampling::microfacet::{Distribution, Masking};
-use sunstone::sampling::stream::Stream;
-use sunstone::spectrum::Spectral;
+use sunstone::optics::polarization::frame::perpendicular;
+use sunstone::optics::polarization::scatter::Scatter;
+use sunstone::optics::sampling::microfacet::{Distribution, Masking};
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::spectrum::Spectral;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::diffuse::Diffuse;
+use sunstone::transport::material::facets::Roughness;
+use sunstone::transport::material::rough_conductor::RoughConductor;
+use sunstone::transport::material::texture::{Scalar, Spectrum};
+use sunstone::transport::material::{Lanes, Material, Materials};
 
 /// A table of one material, which has number 0.
 pub fn table(material: Material) -> Materials {

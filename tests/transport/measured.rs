@@ -6,22 +6,22 @@ use glam::{Mat3A, Vec3A};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
-use sunstone::decompose::cloude;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::facets::Roughness;
-use sunstone::material::measured::Measured;
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::rusinkiewicz::{Coordinates, directions};
-use sunstone::material::measured::table::{Options, Table};
-use sunstone::material::measured::write::{tabulate, write};
-use sunstone::material::rough_conductor::RoughConductor;
-use sunstone::material::texture::Scalar;
-use sunstone::material::{Lanes, Material, Materials};
-use sunstone::polarization::frame::project;
-use sunstone::polarization::scatter::Scatter;
-use sunstone::sampling::microfacet::{Distribution, Masking};
-use sunstone::sampling::stream::Stream;
-use sunstone::spectrum::{Spectral, Wavelengths};
+use sunstone::optics::polarization::frame::project;
+use sunstone::optics::polarization::scatter::Scatter;
+use sunstone::optics::sampling::microfacet::{Distribution, Masking};
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::spectrum::{Spectral, Wavelengths};
+use sunstone::polarimetry::decompose::cloude;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::facets::Roughness;
+use sunstone::transport::material::measured::Measured;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::rusinkiewicz::{Coordinates, directions};
+use sunstone::transport::material::measured::table::{Options, Table};
+use sunstone::transport::material::measured::write::{tabulate, write};
+use sunstone::transport::material::rough_conductor::RoughConductor;
+use sunstone::transport::material::texture::Scalar;
+use sunstone::transport::material::{Lanes, Material, Materials};
 
 /// Rough gold (550 nm) and silver-like metal in two lanes.
 fn metal(alpha: f32) -> Materials {
@@ -469,8 +469,8 @@ fn importance_tables_reduce_variance() {
         }));
         let (m, s) = (materials.clone(), at);
         let cosine = moments(Box::new(move |stream| {
-            let local = sunstone::sampling::warp::cosine_hemisphere(stream.uniform2());
-            let pdf = sunstone::sampling::warp::cosine_pdf(local);
+            let local = sunstone::optics::sampling::warp::cosine_hemisphere(stream.uniform2());
+            let pdf = sunstone::optics::sampling::warp::cosine_pdf(local);
             let value = m.eval(0, &s, wo, axes() * local);
             value.map_or(0.0, |v| f64::from(v.m00().to_array()[0] / pdf))
         }));

@@ -6,18 +6,18 @@ use crate::optics::{M, turn};
 use glam::{DVec3, Vec3A};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
-use sunstone::decompose::cloude::is_realizable;
-use sunstone::material::Lanes;
-use sunstone::medium::bulk::{Amount, Bulk, Ensemble, Kind, Optics, PhaseOptics};
-use sunstone::medium::henyey_greenstein::HenyeyGreenstein;
-use sunstone::medium::presets::{MARBLE, Milk, SKIN, polystyrene, polystyrene_index};
-use sunstone::medium::rayleigh::Rayleigh;
-use sunstone::medium::size_distribution::SizeDistribution;
-use sunstone::medium::table::TOLERANCE;
-use sunstone::medium::{Media, Phase};
-use sunstone::polarization::scatter::Scatter;
-use sunstone::sampling::stream::Stream;
-use sunstone::spectrum::{Spectral, Wavelengths};
+use sunstone::optics::polarization::scatter::Scatter;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::spectrum::{Spectral, Wavelengths};
+use sunstone::polarimetry::decompose::cloude::is_realizable;
+use sunstone::transport::material::Lanes;
+use sunstone::transport::medium::bulk::{Amount, Bulk, Ensemble, Kind, Optics, PhaseOptics};
+use sunstone::transport::medium::henyey_greenstein::HenyeyGreenstein;
+use sunstone::transport::medium::presets::{MARBLE, Milk, SKIN, polystyrene, polystyrene_index};
+use sunstone::transport::medium::rayleigh::Rayleigh;
+use sunstone::transport::medium::size_distribution::SizeDistribution;
+use sunstone::transport::medium::table::TOLERANCE;
+use sunstone::transport::medium::{Media, Phase};
 
 fn media(phase: PhaseOptics) -> Media {
     let mut media = Media::default();
@@ -386,7 +386,7 @@ fn light_may_run_backwards() {
     for (name, media) in cases() {
         let mut stream = Stream::new(80, 0, 0);
         for _ in 0..300 {
-            let [a, b] = std::array::from_fn(|_| sunstone::sampling::warp::sphere(stream.uniform2()));
+            let [a, b] = std::array::from_fn(|_| sunstone::optics::sampling::warp::sphere(stream.uniform2()));
             let mut axis = |d: Vec3A| {
                 let (d, t) = (d.as_dvec3().normalize(), f64::from(stream.uniform()) * TAU);
                 let x = d.any_orthonormal_vector();
@@ -432,7 +432,7 @@ fn tables_meet_the_theory() {
             // As many near the ends as between.
             let s = f64::from(stream.uniform());
             let theta = PI * s * s * (3.0 - 2.0 * s);
-            let angle = sunstone::medium::scattered::Angle {
+            let angle = sunstone::transport::medium::scattered::Angle {
                 forward: (2.0 * (theta / 2.0).sin().powi(2)) as f32,
                 backward: (2.0 * (theta / 2.0).cos().powi(2)) as f32,
             };

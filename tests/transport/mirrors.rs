@@ -5,8 +5,8 @@ use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, assert_close, head, mirror, m
 use crate::support::{Rendered, render_scene, scene_of};
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunstone::scene::Integrator;
 use sunstone::tensor::axes::AxisKind::{Bounces, T, Wavelength};
+use sunstone::transport::scene::Integrator;
 
 /// A plane by its normal and distance from the origin.
 type Plane = (DVec3, f64);

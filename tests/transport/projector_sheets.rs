@@ -12,7 +12,7 @@ use glam::DVec3;
 use std::f64::consts::PI;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind::{Bounces, T, U, V};
-use sunstone::tensor::store::Field;
+use sunstone::tensor::field::Field;
 
 /// Sheets across the projector's axis, `metres` in front of it: u is image right, v image up.
 fn in_front(lamp: &Device, metres: f64, material: &str) -> String {

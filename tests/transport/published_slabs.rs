@@ -7,7 +7,7 @@ use crate::doubling::{Slab, phase_matrix, rayleigh};
 use crate::optics::{M, assert_close};
 use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
-use sunstone::medium::scattered::Elements;
+use sunstone::transport::medium::scattered::Elements;
 
 /// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground under a sun of flux π at
 /// cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as computed anew by Natraj, Li & Yung

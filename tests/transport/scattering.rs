@@ -7,8 +7,8 @@ use crate::slab::{WATER, mie, phase, spheres};
 use crate::support::{Rendered, render_text};
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunstone::medium::scattered::Elements;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, T, Wavelength, X, Y};
+use sunstone::transport::medium::scattered::Elements;
 
 const MUELLER: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 const NULL: &str = "[materials.b.null]\n";

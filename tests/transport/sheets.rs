@@ -9,11 +9,11 @@ use glam::{DVec3, Vec3A};
 use nalgebra::{Complex, Matrix4x1};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
-use sunstone::decompose::cloude::is_realizable;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::{Lanes, Lobe};
-use sunstone::sampling::stream::Stream;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::polarimetry::decompose::cloude::is_realizable;
 use sunstone::scene::materials::MaterialSet;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::{Lanes, Lobe};
 
 /// A sheet of half width 0.2 about `centre`: its u direction is `u`, its normal `u × v`.
 pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
@@ -287,7 +287,7 @@ fn sheets_are_realizable_and_reciprocal() {
         }
         let id = case % 5;
         // An axis across the ray, the same from both sides.
-        let x = sunstone::polarization::frame::perpendicular(wo);
+        let x = sunstone::optics::polarization::frame::perpendicular(wo);
         let lobe = |wo: Vec3A| {
             let sampled = set
                 .materials
@@ -351,7 +351,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
             .specular(0, &at, wo, Lobe::Transmitted, 0)
             .expect("a lobe")
             .scatter;
-        let sunstone::polarization::scatter::Scatter::Fresnel { block, s } = m else {
+        let sunstone::optics::polarization::scatter::Scatter::Fresnel { block, s } = m else {
             panic!("a retarder has block form");
         };
         let got = f64::from(block.d.to_array()[1]).atan2(f64::from(block.c.to_array()[1]));
@@ -454,7 +454,7 @@ fn names_stand_for_numbers() {
          mirror.coated_conductor = { metal = \"Al\", films = [{ ior = \"SiO\", thickness_nm = 120 }] }\n",
     );
     let list = |name: &str| &set.materials.list[set.names[name] as usize];
-    use sunstone::material::Material::{CoatedConductor, Conductor, Dielectric};
+    use sunstone::transport::material::Material::{CoatedConductor, Conductor, Dielectric};
     let (Conductor(gold), Dielectric(glass), CoatedConductor(mirror)) =
         (list("gold"), list("glass"), list("mirror"))
     else {

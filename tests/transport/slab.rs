@@ -8,9 +8,9 @@ use crate::doubling::{Scattering, Slab, direction, horizontal, rayleigh};
 use crate::optics::{Device, M, head, mueller, project, turn};
 use crate::support::render_text;
 use glam::DVec3;
-use sunstone::medium::bulk::{Amount, Ensemble};
-use sunstone::medium::scattered::Elements;
-use sunstone::medium::size_distribution::SizeDistribution;
+use sunstone::transport::medium::bulk::{Amount, Ensemble};
+use sunstone::transport::medium::scattered::Elements;
+use sunstone::transport::medium::size_distribution::SizeDistribution;
 
 pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;

@@ -4,15 +4,15 @@
 use crate::support::render_text;
 use glam::Vec3A;
 use std::path::Path;
-use sunstone::decompose::cloude;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::Lanes;
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::write::tabulate;
-use sunstone::polarization::frame::perpendicular;
-use sunstone::sampling::stream::Stream;
+use sunstone::optics::polarization::frame::perpendicular;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::optics::spectrum::Spectral;
+use sunstone::polarimetry::decompose::cloude;
 use sunstone::scene::materials::MaterialSet;
-use sunstone::spectrum::Spectral;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::Lanes;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::tabulate;
 
 fn stand_ins() -> MaterialSet {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("pbrdf/stand_ins.toml");

@@ -9,13 +9,13 @@ use glam::{DVec3, Vec3A};
 use nalgebra::Complex;
 use std::f64::consts::PI;
 use std::path::Path;
-use sunstone::decompose::cloude::is_realizable;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::{Lanes, Lobe};
-use sunstone::polarization::frame::perpendicular;
-use sunstone::sampling::stream::Stream;
+use sunstone::optics::polarization::frame::perpendicular;
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::polarimetry::decompose::cloude::is_realizable;
 use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::{Lanes, Lobe};
 
 /// A Mueller matrix of amplitudes of s and p, times a factor of power.
 fn of_amplitudes(s: f64, p: f64, factor: f64) -> M {

@@ -8,12 +8,13 @@ use nalgebra::Complex;
 use std::f64::consts::PI;
 use std::path::Path;
 use std::process::Command;
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::write::{tabulate, write};
 use sunstone::scene::materials::MaterialSet;
+use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind::{Component, StokesIn, StokesOut, U, V, Wavelength, X, Y};
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::tensor::field::Field;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::{tabulate, write};
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 

@@ -3,10 +3,11 @@
 use super::stand_ins::{Resolution, Sets};
 use crate::cli::failure::Failure;
 use std::path::PathBuf;
-use sunstone::material::measured::axes::Axes;
-use sunstone::reconstruct::loss::{Moment, in_any_frames};
-use sunstone::reconstruct::pca::data_set::{Analytic, DataSet, Settings};
-use sunstone::reconstruct::pca::moments::Moments;
+use sunstone::pbrdf::data_set::{self, Analytic};
+use sunstone::polarimetry::reconstruct::loss::{Moment, in_any_frames};
+use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Settings};
+use sunstone::polarimetry::reconstruct::pca::moments::Moments;
+use sunstone::transport::material::measured::axes::Axes;
 
 /// Where materials come from.
 #[derive(clap::Args)]
@@ -42,14 +43,14 @@ impl Source {
         match &self.folder {
             Some(folder) => {
                 let bands: Vec<f64> = self.bands.iter().copied().map(f64::from).collect();
-                DataSet::read(folder, &bands, &settings)
+                data_set::read(folder, &bands, &settings)
             }
             None => {
                 let sets = Sets::load(None, &self.bands)?;
                 let material = |name: &String| -> Analytic { (name.clone(), sets.sources(name)) };
                 let materials: Vec<Analytic> = sets.stand_ins().iter().map(material).collect();
                 let axes = Axes::even(self.resolution.0, self.bands.clone());
-                DataSet::tabulate(&axes, &materials, &settings)
+                data_set::evaluate(&axes, &materials, &settings)
             }
         }
         .map_err(Failure::input)

@@ -5,11 +5,11 @@ use glam::Vec3A;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use sunstone::geometry::ray::Surface;
-use sunstone::material::{Lanes, Lobe};
-use sunstone::polarization::mueller::Mueller;
+use sunstone::optics::polarization::mueller::Mueller;
+use sunstone::optics::spectrum::Spectral;
 use sunstone::scene::materials::MaterialSet;
-use sunstone::spectrum::Spectral;
+use sunstone::transport::geometry::ray::Surface;
+use sunstone::transport::material::{Lanes, Lobe};
 
 /// Print the Mueller matrix of a material at given directions, as JSON.
 ///

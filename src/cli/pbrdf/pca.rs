@@ -5,11 +5,10 @@ use crate::cli::failure::Failure;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
-use sunstone::reconstruct::pca::components::Components;
-use sunstone::reconstruct::pca::data_set::{DataSet, Settings};
-use sunstone::reconstruct::pca::folds::Weight;
-use sunstone::reconstruct::second_moment;
-use sunstone::tensor::numpy::{NumpyArray, Values, write_npz};
+use sunstone::polarimetry::reconstruct::pca::components::Components;
+use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Settings, Weight};
+use sunstone::polarimetry::reconstruct::second_moment;
+use sunstone::store::numpy::{NumpyArray, Values, write_npz};
 
 /// Principal components of measured materials: the few Mueller matrices of which most matter is made.
 ///

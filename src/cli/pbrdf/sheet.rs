@@ -3,10 +3,10 @@
 use crate::cli::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::figure::sheet::{Grid, draw};
-use sunstone::render::tile::{Target, Unwatched, render};
-use sunstone::scene::Scene;
+use sunstone::render::{Target, Unwatched, render};
 use sunstone::scene::materials::MaterialSet;
-use sunstone::tensor::store::{Field, TensorStore};
+use sunstone::store::zarr::TensorStore;
+use sunstone::tensor::field::Field;
 
 /// Render every material of a file as a sphere in a 4×4 Mueller grid, all on one page.
 ///
@@ -83,7 +83,7 @@ fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid,
         spp = a.spp,
         size = a.size,
     );
-    let mut scene = Scene::from_text(&a.material, &text)?;
+    let mut scene = sunstone::scene::from_text(&a.material, &text)?;
     scene.materials = set.materials.clone();
     scene.geometry.textured = true;
     let folder = tempfile::tempdir().map_err(Failure::failed)?;

@@ -3,9 +3,9 @@
 use crate::cli::failure::Failure;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use sunstone::material::Materials;
+use sunstone::optics::spectrum::{MAX_WAVELENGTHS, Wavelengths};
 use sunstone::scene::materials::MaterialSet;
-use sunstone::spectrum::{MAX_WAVELENGTHS, Wavelengths};
+use sunstone::transport::material::Materials;
 
 /// The stand-ins that come with the program.
 const STAND_INS: &str = include_str!("../../../pbrdf/stand_ins.toml");

@@ -4,9 +4,9 @@ use super::stand_ins::{Resolution, Sets};
 use crate::cli::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
-use sunstone::material::measured::axes::Axes;
-use sunstone::material::measured::write::tabulate;
-use sunstone::tensor::store::write_file_with;
+use sunstone::base::whole_file;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::tabulate;
 
 /// Tabulate analytic materials as .pbsdf files.
 ///
@@ -98,7 +98,7 @@ fn list(folder: &Path, bands: &[u16]) -> Result<(), Failure> {
     let mut shown = [450, 550, 650].map(nearest).to_vec();
     shown.dedup();
     let path = folder.join("materials.toml");
-    write_file_with(&path, |file| {
+    whole_file::write_with(&path, |file| {
         use std::io::Write;
         writeln!(file, "wavelengths_nm = {shown:?}\n\n[materials]")?;
         for table in &tables {

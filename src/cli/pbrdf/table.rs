@@ -3,10 +3,10 @@
 use crate::cli::failure::Failure;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use sunstone::base::whole_file;
 use sunstone::figure::sheet::{Grid, draw};
-use sunstone::material::measured::table::{Options, Table};
-use sunstone::tensor::numpy;
-use sunstone::tensor::store::write_file_with;
+use sunstone::store::numpy;
+use sunstone::transport::material::measured::table::{Options, Table};
 
 /// A table to read.
 #[derive(clap::Args)]
@@ -217,13 +217,13 @@ fn entries<'a>(
 
 fn npy(table: &Table, kept: &[Vec<usize>], stays: &[usize], path: &Path) -> std::io::Result<()> {
     let shape = [stays, &[4, 4]].concat();
-    write_file_with(path, |file| {
+    whole_file::write_with(path, |file| {
         numpy::write(file, &shape, entries(table, kept).flat_map(|(_, m)| m))
     })
 }
 
 fn csv(table: &Table, kept: &[Vec<usize>], path: &Path) -> std::io::Result<()> {
-    write_file_with(path, |file| {
+    whole_file::write_with(path, |file| {
         write!(file, "phi_d_deg,theta_d_deg,theta_h_deg,wavelength_nm")?;
         for i in 0..16 {
             write!(file, ",m{}{}", i / 4, i % 4)?;

@@ -3,10 +3,10 @@
 use image::{Rgb, RgbImage};
 
 use super::{HALF_LINE, HALO, RADIUS, Series, SeriesStyle};
-use crate::figure::FigureError;
-use crate::figure::layout::Rect;
-use crate::figure::stroke::{Marker, Mask, palette};
-use crate::figure::text::{Align, TICK, blend, fit, width, write};
+use crate::FigureError;
+use crate::layout::Rect;
+use crate::stroke::{Marker, Mask, palette};
+use crate::text::{Align, TICK, blend, fit, width, write};
 
 /// Height of an entry, width of its sample, and the room around and between them.
 const LINE: u32 = 24;

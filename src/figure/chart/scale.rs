@@ -1,9 +1,9 @@
 //! Scale of a chart's axis: its range, places of values along it and its ticks.
 
 use super::ChartAxis;
-use crate::figure::FigureError;
-use crate::figure::text::{TICK, width};
-use crate::figure::ticks::{Ticks, brief};
+use crate::FigureError;
+use crate::text::{TICK, width};
+use crate::ticks::{Ticks, brief};
 
 /// Automatic ranges go no further than this, so that differences stay finite.
 const LARGEST: f64 = 1e300;

@@ -273,8 +273,7 @@ fn examples_come_out_at_a_useful_size_and_the_same_again() {
         );
         assert_eq!(img, draw(&chart).unwrap());
         if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
-            crate::figure::save_png(&img, &std::path::Path::new(&folder).join(format!("{name}.png")))
-                .unwrap();
+            crate::save_png(&img, &std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
         }
     }
 }

@@ -128,10 +128,10 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
         let (img, r) = draw_with_plot(&view, "t", &panel(&t)).unwrap();
         colour(&img, r, 0.12, 0.12)
     };
-    assert_eq!(one(660.0, 0.5), crate::figure::colour::signed(1.0).0);
-    assert_eq!(one(400.0, 0.5), crate::figure::colour::signed(-1.0).0);
-    assert_eq!(one(540.0, 0.5), crate::figure::colour::signed(0.0).0);
-    assert_eq!(one(700.0, 1.0), crate::figure::colour::signed(0.5).0);
+    assert_eq!(one(660.0, 0.5), crate::colour::signed(1.0).0);
+    assert_eq!(one(400.0, 0.5), crate::colour::signed(-1.0).0);
+    assert_eq!(one(540.0, 0.5), crate::colour::signed(0.0).0);
+    assert_eq!(one(700.0, 1.0), crate::colour::signed(0.5).0);
 }
 
 /// Column 3 of 8 is bright at bin 5 of 10; only camera row 7 has light.
@@ -162,13 +162,10 @@ fn bright_bin_of_a_space_time_map_is_in_its_place() {
         |r: usize, nm| draw_with_plot(&View::SpaceTime(map_view(r, [0, 0], nm)), "t", &panel(&t)).unwrap();
     let (img, r) = place(1, Some(550.0));
     // Time rises upward: bin 5 of 10 lies from 0.4 to 0.5 below the top.
-    let bright = crate::figure::colour::sequential(1.0).0;
+    let bright = crate::colour::sequential(1.0).0;
     assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), bright);
     for (x, y) in [(2.5, 0.45), (4.5, 0.45), (3.5, 0.35), (3.5, 0.55)] {
-        assert_eq!(
-            colour(&img, r, x / 8.0, y),
-            crate::figure::colour::sequential(0.0).0
-        );
+        assert_eq!(colour(&img, r, x / 8.0, y), crate::colour::sequential(0.0).0);
     }
     // In colour: no 450 nm makes yellow.
     let (img, r) = place(1, None);
@@ -193,7 +190,7 @@ fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
         let m = if at.i(StokesOut) == 0 { 2.0 } else { -2.0 };
         if on { m } else { 0.0 }
     };
-    let bright = crate::figure::colour::sequential(1.0).0;
+    let bright = crate::colour::sequential(1.0).0;
     for (rows, columns) in [(1, 8), (8, 1)] {
         let t = tensor(axes(rows, columns), value);
         let (img, r) = draw_with_plot(&View::SpaceSpace(map_view(0, [0, 0], None)), "t", &panel(&t)).unwrap();
@@ -205,7 +202,7 @@ fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
         let (img, r) = draw_with_plot(&View::SpaceSpace(map_view(0, [1, 0], None)), "t", &panel(&t)).unwrap();
         assert_eq!(
             colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
-            crate::figure::colour::signed(-1.0).0
+            crate::colour::signed(-1.0).0
         );
         assert_eq!(colour(&img, r, 5.5 / 8.0, 5.5 / 8.0), UNDEFINED.0);
     }
@@ -270,15 +267,15 @@ fn lines_and_bands_of_a_profile_pass_through_their_rows() {
         overflow: Some(&overflow),
     };
     let (img, r) = draw_with_plot(&View::Profile(view.clone()), "t", &full).unwrap();
-    let source = crate::figure::reduce::Source::new("s", &mean).unwrap();
-    let errors = crate::figure::reduce::Source::new("s", &error).unwrap();
+    let source = crate::reduce::Source::new("s", &mean).unwrap();
+    let errors = crate::reduce::Source::new("s", &error).unwrap();
     let scales = profile::read(&view, source, Some(errors)).unwrap().scales();
     assert_eq!(scales.time, (0.0, 200.0));
     assert!(
         scales.value.0 == 0.0 && (3.2..3.5).contains(&scales.value.1),
         "{scales:?}"
     );
-    let colours = crate::figure::colour::line_colours(&RGB_NM);
+    let colours = crate::colour::line_colours(&RGB_NM);
     for (lane, line) in colours.iter().enumerate() {
         let pixel = |value: f64| {
             let (x, y) = scales.point(50.0, value);

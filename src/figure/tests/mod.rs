@@ -5,9 +5,9 @@ use image::RgbImage;
 use super::colour::UNDEFINED;
 use super::layout::Rect;
 use super::{FigureError, Panel, draw, draw_with_plot, flight, mueller, profile, save_png};
-use crate::tensor::array::Tensor;
-use crate::tensor::axes::{Axis, AxisKind};
-use crate::tensor::view::{FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
+use crate::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
+use tensor::array::Tensor;
+use tensor::axes::{Axis, AxisKind};
 
 const RGB_NM: [f64; 3] = [450.0, 550.0, 660.0];
 

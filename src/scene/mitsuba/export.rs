@@ -7,26 +7,28 @@
 //! Mitsuba's spectral variants interpolate between the scene's wavelengths and find our values there. Its mono variants
 //! reduce pairs wavelength:value to their luminance, so a scene for them is exported at one wavelength, as plain numbers.
 
-use super::super::build::{Context, parse, read, settings};
-use super::super::devices::{emitters, pinhole, projector};
-use super::super::file::{ObjectFile, SceneFile};
-use super::super::locate::{Located, SceneError};
-use super::super::pinhole::Pinhole;
-use super::super::projector::Projector;
-use super::super::shapes::{Form, Placed, moved, place};
-use super::super::{Settings, materials, slices};
 use super::export_materials::MaterialWriter;
 use super::files::{Contents, WriteError, write};
 use super::xml::{Element, number, single};
 use super::{PROJECTOR_RESOLUTION, WAVELENGTHS, ply};
-use crate::geometry::mesh::Mesh;
-use crate::geometry::quadric::QuadricKind;
-use crate::spectrum::{Spectral, Wavelengths};
+use crate::assemble::settings;
+use crate::context::{Context, parse, read};
+use crate::devices::{emitters, pinhole, projector};
+use crate::file::{ObjectFile, SceneFile};
+use crate::shapes::{Form, Placed, moved, place};
+use crate::{materials, slices};
+use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
+use optics::spectrum::{Spectral, Wavelengths};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::Path;
+use transport::device::pinhole::Pinhole;
+use transport::device::projector::Projector;
+use transport::geometry::mesh::Mesh;
+use transport::geometry::quadric::QuadricKind;
+use transport::scene::Settings;
 
 /// A scene in Mitsuba's language.
 #[derive(Clone, Debug)]
@@ -44,7 +46,7 @@ impl Export {
     ///
     /// # Errors
     /// As there.
-    pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, SceneError> {
+    pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
 
@@ -52,8 +54,8 @@ impl Export {
     /// own, its lists are interpolated).
     ///
     /// # Errors
-    /// [`SceneError`] as for a render, or naming what Mitsuba cannot express.
-    pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, SceneError> {
+    /// [`InputError`] as for a render, or naming what Mitsuba cannot express.
+    pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         let file: SceneFile = parse(path, text)?;
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
         if let Some(nm) = wavelength_nm {
@@ -120,10 +122,10 @@ pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -
 
 /// True if all used lanes agree.
 pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
-    !crate::material::varies(value, wavelengths.count())
+    !transport::material::varies(value, wavelengths.count())
 }
 
-fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, SceneError> {
+fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
     let projector = file
@@ -222,7 +224,7 @@ fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
 }
 
 /// Horizontal field of view in degrees of a pinhole that Mitsuba has, which has square pixels and no distortion.
-fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, SceneError> {
+fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, InputError> {
     if !p.distortion.is_none() {
         return Err(ctx.error(
             span,
@@ -246,7 +248,7 @@ fn off_centre(p: &Pinhole) -> [f64; 2] {
     [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
 }
 
-fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, SceneError> {
+fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, InputError> {
     let mut sensor = Element::plugin("sensor", "perspective")
         .float("fov", field_of_view(ctx, camera, span, "camera")?)
         .string("fov_axis", "x")
@@ -275,7 +277,7 @@ fn projector_element(
     p: &Projector,
     span: Range<usize>,
     out: &mut Output,
-) -> Result<Element, SceneError> {
+) -> Result<Element, InputError> {
     let pinhole = &p.pinhole;
     if off_centre(pinhole) != [0.0; 2] {
         return Err(ctx.error(
@@ -334,7 +336,7 @@ pub(super) fn png(
     ctx: &Context,
     span: Range<usize>,
     image: &image::DynamicImage,
-) -> Result<Contents, SceneError> {
+) -> Result<Contents, InputError> {
     let mut bytes = std::io::Cursor::new(vec![]);
     image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| {
         ctx.error(
@@ -362,7 +364,7 @@ fn shape(
     placed: &Placed,
     needs: Needs,
     out: &mut Output,
-) -> Result<Element, SceneError> {
+) -> Result<Element, InputError> {
     let cannot = |what: &str, mend: &str| {
         let name = object.name.as_deref().unwrap_or(&object.material);
         let message = format!("Mitsuba cannot express {what} (object `{name}`)");

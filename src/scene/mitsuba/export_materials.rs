@@ -3,21 +3,23 @@
 //! An opaque material is two-sided here and one-sided there, so `twosided` goes round it, at the leaves: blends and normal
 //! maps then work from both sides too.
 
-use super::super::build::Context;
-use super::super::locate::{Located, SceneError};
-use super::super::material_file::MaterialFile;
 use super::export::{Needs, Output, bitmap, is_even, plain_id, png, spectrum};
 use super::files::Contents;
 use super::xml::{Element, single};
-use crate::material::facets::Roughness;
-use crate::material::retarder::Tilt;
-use crate::material::sheet::SheetAxis;
-use crate::material::texture::{Scalar, Spectrum};
-use crate::material::{Material, Materials, dielectric::Dielectric, plastic::Plastic};
-use crate::sampling::microfacet::{Distribution, Masking};
-use crate::spectrum::Spectral;
+use crate::context::Context;
+use crate::material_file::MaterialFile;
+use base::locate::{InputError, Located};
 use image::{DynamicImage, ImageBuffer, Luma, Rgb};
+use optics::sampling::microfacet::{Distribution, Masking};
+use optics::spectrum::Spectral;
 use std::collections::BTreeMap;
+use transport::material::dielectric::Dielectric;
+use transport::material::facets::Roughness;
+use transport::material::plastic::Plastic;
+use transport::material::retarder::Tilt;
+use transport::material::sheet::SheetAxis;
+use transport::material::texture::{Scalar, Spectrum};
+use transport::material::{Material, Materials};
 
 /// Writes the materials that shapes use.
 pub(super) struct MaterialWriter<'a> {
@@ -51,7 +53,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// The BSDFs of `used` and of what they are made of, each after those that it names.
-    pub fn all(&mut self, used: &[u32]) -> Result<Vec<Element>, SceneError> {
+    pub fn all(&mut self, used: &[u32]) -> Result<Vec<Element>, InputError> {
         let mut done = vec![];
         for &id in used {
             self.named(id, &mut done)?;
@@ -69,7 +71,7 @@ impl<'a> MaterialWriter<'a> {
         self.needs.clone()
     }
 
-    fn named(&mut self, id: u32, done: &mut Vec<Element>) -> Result<(), SceneError> {
+    fn named(&mut self, id: u32, done: &mut Vec<Element>) -> Result<(), InputError> {
         if self.ids.contains_key(&id) {
             return Ok(());
         }
@@ -124,14 +126,14 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// That Mitsuba cannot express something of a material.
-    fn cannot<T>(&self, id: u32, what: &str, mend: &str) -> Result<T, SceneError> {
+    fn cannot<T>(&self, id: u32, what: &str, mend: &str) -> Result<T, InputError> {
         let name = self.names[&id];
         let message = format!("Mitsuba cannot express {what} (material `{name}`)");
         Err(self.ctx.error(self.files[name].span(), message, mend))
     }
 
     /// One element with an id, as seen from both sides.
-    fn bsdf(&mut self, id: u32, name: &str) -> Result<Element, SceneError> {
+    fn bsdf(&mut self, id: u32, name: &str) -> Result<Element, InputError> {
         let open = |kind: &str| Element::plugin("bsdf", kind).with("id", name);
         Ok(match self.table.list[id as usize] {
             Material::Dielectric(d) => self.interface(id, open("dielectric"), &d)?,
@@ -249,7 +251,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// A material as seen from its front, black or undefined from behind.
-    fn one_sided(&mut self, id: u32, name: Option<&str>) -> Result<Element, SceneError> {
+    fn one_sided(&mut self, id: u32, name: Option<&str>) -> Result<Element, InputError> {
         let open = |kind: &str| {
             let element = Element::plugin("bsdf", kind);
             match name {
@@ -313,7 +315,7 @@ impl<'a> MaterialWriter<'a> {
         spectrum(&self.ctx.wavelengths, name, value)
     }
 
-    fn interface(&self, id: u32, element: Element, d: &Dielectric) -> Result<Element, SceneError> {
+    fn interface(&self, id: u32, element: Element, d: &Dielectric) -> Result<Element, InputError> {
         if d.dispersive {
             return self.cannot(
                 id,
@@ -327,7 +329,7 @@ impl<'a> MaterialWriter<'a> {
             .float("ext_ior", first(d.exterior)))
     }
 
-    fn plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, SceneError> {
+    fn plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         if p.internal.is_some() {
             return self.cannot(
                 id,
@@ -354,7 +356,7 @@ impl<'a> MaterialWriter<'a> {
         self.roughness(id, element, &p.roughness)
     }
 
-    fn measured(&mut self, id: u32, element: Element) -> Result<Element, SceneError> {
+    fn measured(&mut self, id: u32, element: Element) -> Result<Element, InputError> {
         let MaterialFile::Measured(m) = &*self.files[self.names[&id]] else {
             return self.cannot(id, "this table", "name its file");
         };
@@ -374,7 +376,7 @@ impl<'a> MaterialWriter<'a> {
         })
     }
 
-    fn roughness(&mut self, id: u32, element: Element, r: &Roughness) -> Result<Element, SceneError> {
+    fn roughness(&mut self, id: u32, element: Element, r: &Roughness) -> Result<Element, InputError> {
         if r.masking == Masking::Correlated {
             self.out.note(format!(
                 "material `{}`: Mitsuba masks facets by the separable G1(wi) G1(wo), ours is height-correlated and brighter \
@@ -392,7 +394,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// A number, or a grey image of linear values.
-    fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, SceneError> {
+    fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(Element::new("float")
                 .with("name", name)
@@ -402,7 +404,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// A spectrum, or a grey image with the encoding of colours, which both programs undo.
-    fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, SceneError> {
+    fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));
         };
@@ -426,7 +428,7 @@ impl<'a> MaterialWriter<'a> {
         texture: u32,
         raw: bool,
         value: impl Fn(&[f32; 4]) -> f32,
-    ) -> Result<Element, SceneError> {
+    ) -> Result<Element, InputError> {
         let (size, texels) = self.texels(texture);
         let pixels = texels.iter().map(|t| sixteen_bits(value(t))).collect();
         let image: Option<ImageBuffer<Luma<u16>, Vec<u16>>> = ImageBuffer::from_raw(size.0, size.1, pixels);

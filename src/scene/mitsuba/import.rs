@@ -4,16 +4,14 @@
 //! above 590 nm, green from 500 to 590 nm, blue below (660, 550 and 450 nm unless the file or `-D wavelengths_nm=…` says
 //! otherwise). One-sided BSDFs become `two_sided` with a black back.
 
-use super::super::Scene;
-use super::super::locate::SceneError;
-use super::WAVELENGTHS;
 use super::files::{Contents, WriteError, write_one};
 use super::import_materials::MaterialReader;
-use super::import_shapes;
 use super::reader::Document;
 use super::toml_text::{list, quoted, relative};
 use super::tree::{Inside, Node, Source, Value, numbers};
 use super::xml::number as digits;
+use super::{WAVELENGTHS, import_shapes};
+use base::locate::InputError;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -32,9 +30,9 @@ impl Import {
     /// `$name` (as Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`SceneError`] naming file, line, column, what is not understood, and the mend.
-    pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(xml).map_err(|e| SceneError {
+    /// [`InputError`] naming file, line, column, what is not understood, and the mend.
+    pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, InputError> {
+        let text = std::fs::read_to_string(xml).map_err(|e| InputError {
             file: xml.to_owned(),
             text: "".into(),
             span: None,
@@ -53,7 +51,7 @@ impl Import {
         text: &str,
         toml: &Path,
         parameters: &BTreeMap<String, String>,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, InputError> {
         let document = Document::parse(xml, text, parameters)?;
         Importer::new(&document, toml)?.run(toml)
     }
@@ -84,7 +82,7 @@ pub(super) struct Importer<'a> {
 }
 
 impl<'a> Importer<'a> {
-    fn new(document: &'a Document, toml: &Path) -> Result<Self, SceneError> {
+    fn new(document: &'a Document, toml: &Path) -> Result<Self, InputError> {
         let source = &document.source;
         let mut ids = BTreeMap::new();
         let mut twice = None;
@@ -107,10 +105,10 @@ impl<'a> Importer<'a> {
             path.parent().unwrap_or(Path::new("")).to_owned()
         };
         let wavelengths = match document.parameters.get(WAVELENGTHS) {
-            None => crate::spectrum::Wavelengths::default().nm().to_vec(),
+            None => optics::spectrum::Wavelengths::default().nm().to_vec(),
             Some(text) => {
                 let listed = numbers(text).unwrap_or_default();
-                let listed = crate::spectrum::Wavelengths::new(listed).map_err(|e| {
+                let listed = optics::spectrum::Wavelengths::new(listed).map_err(|e| {
                     source.error(
                         &document.scene.span,
                         format!("{WAVELENGTHS} is `{text}`: {e}"),
@@ -134,7 +132,7 @@ impl<'a> Importer<'a> {
         })
     }
 
-    fn run(mut self, toml: &Path) -> Result<Import, SceneError> {
+    fn run(mut self, toml: &Path) -> Result<Import, InputError> {
         let scene = &self.document.scene;
         let mut parts = Parts::default();
         for child in scene.children() {
@@ -211,8 +209,8 @@ impl<'a> Importer<'a> {
     }
 
     /// Builds what was written; a fault is told at its place in the XML file.
-    fn check(&self, toml: &Path) -> Result<(), SceneError> {
-        let Err(e) = Scene::from_text(toml, &self.text) else {
+    fn check(&self, toml: &Path) -> Result<(), InputError> {
+        let Err(e) = crate::from_text(toml, &self.text) else {
             return Ok(());
         };
         let at = e.span.map_or(0, |s| s.start);
@@ -249,7 +247,7 @@ impl<'a> Importer<'a> {
         span: &Range<usize>,
         message: impl Into<String>,
         help: &str,
-    ) -> Result<T, SceneError> {
+    ) -> Result<T, InputError> {
         Err(self.source.error(span, message, help))
     }
 
@@ -265,7 +263,7 @@ impl<'a> Importer<'a> {
     }
 
     /// A spectrum as TOML, or `None` if it is not given: a number, one per wavelength, or a table.
-    pub fn spectrum(&mut self, node: &Node, name: &str) -> Result<Option<String>, SceneError> {
+    pub fn spectrum(&mut self, node: &Node, name: &str) -> Result<Option<String>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {
                 inner if inner.tag == "spectrum" => self.spectrum_plugin(inner).map(Some),
@@ -306,7 +304,7 @@ impl<'a> Importer<'a> {
     }
 
     /// Mitsuba's spectra are zero beyond their last pair, ours go on as they are.
-    fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<String, SceneError> {
+    fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<String, InputError> {
         let covers =
             |nm: f64| pairs.first().is_some_and(|p| p[0] <= nm) && pairs.last().is_some_and(|p| p[0] >= nm);
         if let Some(nm) = self.wavelengths.iter().find(|nm| !covers(**nm)) {
@@ -339,8 +337,8 @@ impl<'a> Importer<'a> {
         (level && same).then(|| inner.iter().map(|p| p[1]).collect())
     }
 
-    fn spectrum_plugin(&mut self, node: &Node) -> Result<String, SceneError> {
-        let numbers_of = |name: &str| -> Result<Vec<f64>, SceneError> {
+    fn spectrum_plugin(&mut self, node: &Node) -> Result<String, InputError> {
+        let numbers_of = |name: &str| -> Result<Vec<f64>, InputError> {
             let text = node.text(self.source, name)?.unwrap_or_default();
             numbers(text).ok_or_else(|| {
                 self.source.error(
@@ -377,7 +375,7 @@ impl<'a> Importer<'a> {
     }
 
     /// The plugin that a child is, or refers to.
-    pub fn resolve(&self, child: &'a super::tree::Child) -> Result<&'a Node, SceneError> {
+    pub fn resolve(&self, child: &'a super::tree::Child) -> Result<&'a Node, InputError> {
         match child.take() {
             Inside::Node(node) => Ok(node),
             Inside::Reference { id, span, .. } => self.ids.get(id.as_str()).copied().ok_or_else(|| {
@@ -403,7 +401,7 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    fn sort(&mut self, source: &Source, node: &'a Node) -> Result<(), SceneError> {
+    fn sort(&mut self, source: &Source, node: &'a Node) -> Result<(), InputError> {
         match node.tag.as_str() {
             "sensor" if self.sensor.is_none() => self.sensor = Some(node),
             "integrator" if self.integrator.is_none() => {

@@ -1,18 +1,18 @@
 //! Mitsuba's sensor, integrator and emitters → camera, settings, projector and emitters of a scene file.
 
-use super::super::locate::SceneError;
 use super::PROJECTOR_RESOLUTION;
 use super::import::Importer;
 use super::toml_text::{list, matrix, scaled};
 use super::tree::{Node, number, numbers};
 use super::xml::number as digits;
+use base::locate::InputError;
 use glam::DAffine3;
 use std::f64::consts::PI;
 use std::ops::Range;
 
 impl<'a> Importer<'a> {
     /// Writes the camera; gives the samples per pixel.
-    pub(super) fn sensor(&mut self, node: &'a Node) -> Result<i64, SceneError> {
+    pub(super) fn sensor(&mut self, node: &'a Node) -> Result<i64, InputError> {
         let source = self.source;
         if node.kind != "perspective" {
             return self.error(
@@ -73,7 +73,7 @@ impl<'a> Importer<'a> {
         Ok(spp)
     }
 
-    fn film(&self, node: &Node) -> Result<[i64; 2], SceneError> {
+    fn film(&self, node: &Node) -> Result<[i64; 2], InputError> {
         let source = self.source;
         if !["hdrfilm", "specfilm"].contains(&node.kind.as_str()) {
             return self.error(
@@ -109,7 +109,7 @@ impl<'a> Importer<'a> {
         Ok([width, height])
     }
 
-    pub(super) fn integrator(&mut self, node: Option<&'a Node>, spp: i64) -> Result<(), SceneError> {
+    pub(super) fn integrator(&mut self, node: Option<&'a Node>, spp: i64) -> Result<(), InputError> {
         let source = self.source;
         let mut depth = (6, 5);
         let mut at = self.document.scene.span.clone();
@@ -160,7 +160,7 @@ impl<'a> Importer<'a> {
         &mut self,
         node: &'a Node,
         environment: &mut Option<Range<usize>>,
-    ) -> Result<(), SceneError> {
+    ) -> Result<(), InputError> {
         let source = self.source;
         match node.kind.as_str() {
             "point" => {
@@ -196,7 +196,7 @@ impl<'a> Importer<'a> {
     }
 
     /// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
-    fn projector(&mut self, node: &'a Node) -> Result<(), SceneError> {
+    fn projector(&mut self, node: &'a Node) -> Result<(), InputError> {
         let source = self.source;
         if std::mem::replace(&mut self.has_projector, true) {
             return self.error(&node.span, "a second projector", "keep one");
@@ -240,7 +240,7 @@ impl<'a> Importer<'a> {
     }
 
     /// Size of a projector's image, which must be white: patterns are chosen in probing.
-    fn white(&self, node: &'a Node) -> Result<[f64; 2], SceneError> {
+    fn white(&self, node: &'a Node) -> Result<[f64; 2], InputError> {
         let source = self.source;
         let name = node.text(source, "filename")?.unwrap_or_default();
         let refused = |what: String| {
@@ -270,7 +270,7 @@ impl<'a> Importer<'a> {
 }
 
 /// Horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm film.
-fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, SceneError> {
+fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, InputError> {
     let source = importer.source;
     let axis = node.text(source, "fov_axis")?.unwrap_or("x").to_lowercase();
     let focal = node.text(source, "focal_length")?;
@@ -318,7 +318,7 @@ fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, S
 }
 
 /// The pose as TOML: Mitsuba's devices have +x left and +y up.
-fn pose(importer: &Importer, node: &Node) -> Result<String, SceneError> {
+fn pose(importer: &Importer, node: &Node) -> Result<String, InputError> {
     let place = node
         .transform(importer.source, "to_world")?
         .unwrap_or(DAffine3::IDENTITY);

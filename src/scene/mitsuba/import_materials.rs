@@ -3,14 +3,14 @@
 //! Opaque BSDFs are black from behind unless `twosided` stands round them; what is bare becomes `two_sided` with a front
 //! alone.
 
-use super::super::locate::SceneError;
 use super::import::Importer;
 use super::toml_text::quoted;
 use super::tree::{Node, Value};
 use super::xml::number as digits;
-use crate::material::constants;
+use base::locate::InputError;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use transport::material::constants;
 
 /// Which way up the images of a material are, on coordinates that count v from the image's lower edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,7 +74,7 @@ const INDICES: [(&str, f64); 20] = [
 
 impl MaterialReader {
     /// The material of a BSDF; its name.
-    pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node) -> Result<String, SceneError> {
+    pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node) -> Result<String, InputError> {
         self.material(importer, node, false, None)
     }
 
@@ -115,7 +115,7 @@ impl MaterialReader {
         node: &'a Node,
         both: bool,
         outer: Option<&'a Node>,
-    ) -> Result<String, SceneError> {
+    ) -> Result<String, InputError> {
         if node.tag != "bsdf" {
             return importer.error(
                 &node.span,
@@ -177,7 +177,7 @@ impl MaterialReader {
         importer: &mut Importer<'a>,
         node: &'a Node,
         both: bool,
-    ) -> Result<(String, Upright), SceneError> {
+    ) -> Result<(String, Upright), InputError> {
         let source = importer.source;
         let mut images = Upright::NoImages;
         let body = match node.kind.as_str() {
@@ -335,7 +335,7 @@ impl MaterialReader {
         both: bool,
         count: usize,
         images: &mut Upright,
-    ) -> Result<Vec<String>, SceneError> {
+    ) -> Result<Vec<String>, InputError> {
         let mut names = vec![];
         for child in node.children() {
             if !["bsdf", "ref"].contains(&child.tag()) {
@@ -361,7 +361,7 @@ impl MaterialReader {
 }
 
 /// What is alone inside of a `twosided`, and so shows on both sides.
-fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, SceneError> {
+fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     if node.kind != "twosided" || node.children().len() != 1 {
         return Ok(None);
     }
@@ -372,7 +372,7 @@ fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&
 }
 
 /// That a `twosided` holds nothing that light passes through.
-fn one_way(importer: &Importer, node: &Node) -> Result<(), SceneError> {
+fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     if node.boolean(importer.source, "allow_transmission")? == Some(true) {
         return importer.error(
             &node.span,
@@ -384,7 +384,7 @@ fn one_way(importer: &Importer, node: &Node) -> Result<(), SceneError> {
 }
 
 /// n and k.
-fn metal(importer: &mut Importer, node: &Node) -> Result<String, SceneError> {
+fn metal(importer: &mut Importer, node: &Node) -> Result<String, InputError> {
     let source = importer.source;
     one(importer, node, "specular_reflectance")?;
     let (n, k) = (importer.spectrum(node, "eta")?, importer.spectrum(node, "k")?);
@@ -409,7 +409,7 @@ fn metal(importer: &mut Importer, node: &Node) -> Result<String, SceneError> {
 }
 
 /// A factor that must be 1, since sunstone's materials have none.
-fn one(importer: &mut Importer, node: &Node, name: &str) -> Result<(), SceneError> {
+fn one(importer: &mut Importer, node: &Node, name: &str) -> Result<(), InputError> {
     match importer.spectrum(node, name)?.as_deref() {
         None | Some("1") => Ok(()),
         Some(_) => importer.error(
@@ -421,7 +421,7 @@ fn one(importer: &mut Importer, node: &Node, name: &str) -> Result<(), SceneErro
 }
 
 /// A refractive index, by number or by Mitsuba's names.
-fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f64, SceneError> {
+fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f64, InputError> {
     let Some(p) = node.get(name) else {
         return Ok(missing);
     };
@@ -455,7 +455,7 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
 }
 
 /// The angle of a sheet in degrees, Mitsuba's way round.
-fn angle(importer: &Importer, node: &Node) -> Result<f64, SceneError> {
+fn angle(importer: &Importer, node: &Node) -> Result<f64, InputError> {
     let Some(p) = node.get("theta") else {
         return Ok(0.0);
     };
@@ -471,7 +471,7 @@ fn facets<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
     images: &mut Upright,
-) -> Result<String, SceneError> {
+) -> Result<String, InputError> {
     let source = importer.source;
     let kind = node
         .text(source, "distribution")?
@@ -507,7 +507,7 @@ fn scalar<'a>(
     name: &str,
     missing: Option<f64>,
     images: &mut Upright,
-) -> Result<String, SceneError> {
+) -> Result<String, InputError> {
     if let Some(child) = node.named(name) {
         let inner = importer.resolve(child)?;
         if inner.tag == "texture" {
@@ -532,7 +532,7 @@ fn albedo<'a>(
     name: &str,
     missing: &str,
     images: &mut Upright,
-) -> Result<String, SceneError> {
+) -> Result<String, InputError> {
     if let Some(child) = node.named(name) {
         let inner = importer.resolve(child)?;
         if inner.tag == "texture" {
@@ -546,7 +546,7 @@ fn albedo<'a>(
 }
 
 /// The file of a bitmap, as a TOML string.
-fn bitmap(importer: &Importer, node: &Node, raw: bool, images: &mut Upright) -> Result<String, SceneError> {
+fn bitmap(importer: &Importer, node: &Node, raw: bool, images: &mut Upright) -> Result<String, InputError> {
     let source = importer.source;
     if node.kind != "bitmap" {
         return importer.error(

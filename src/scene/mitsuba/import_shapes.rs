@@ -1,11 +1,11 @@
 //! Mitsuba's shapes → objects of a scene file.
 
-use super::super::locate::SceneError;
 use super::import::Importer;
 use super::import_materials::{MaterialReader, Upright};
 use super::toml_text::{list, matrix, quoted};
 use super::tree::Node;
 use super::xml::number as digits;
+use base::locate::InputError;
 use glam::{DAffine3, DVec3};
 
 /// The text of one object.
@@ -13,12 +13,12 @@ pub(super) fn object<'a>(
     importer: &mut Importer<'a>,
     materials: &mut MaterialReader,
     node: &'a Node,
-) -> Result<String, SceneError> {
+) -> Result<String, InputError> {
     let source = importer.source;
     let mut place = node.transform(source, "to_world")?.unwrap_or(DAffine3::IDENTITY);
     let flip = node.boolean(source, "flip_normals")?.unwrap_or(false);
-    let point = |name, otherwise| Ok::<_, SceneError>(node.vector(source, name)?.unwrap_or(otherwise));
-    let mesh_file = || -> Result<String, SceneError> {
+    let point = |name, otherwise| Ok::<_, InputError>(node.vector(source, name)?.unwrap_or(otherwise));
+    let mesh_file = || -> Result<String, InputError> {
         match node.text(source, "filename")? {
             Some(name) => Ok(importer.file(name)),
             None => importer.error(

@@ -1,6 +1,6 @@
 //! Meshes as binary little-endian PLY files (G. Turk, "The PLY polygon file format", 1994), as Mitsuba reads them.
 
-use crate::geometry::mesh::Mesh;
+use transport::geometry::mesh::Mesh;
 
 /// Positions, and normals and texture coordinates where the mesh has them, with f32 as they are.
 pub(super) fn write(mesh: &Mesh) -> Vec<u8> {

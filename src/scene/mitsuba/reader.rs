@@ -4,8 +4,8 @@
 //! values separated by spaces or commas. What nobody asked for by name is an error ([`Node::finish`]), so that nothing is
 //! silently ignored.
 
-use super::super::locate::SceneError;
 use super::tree::{Child, Inside, Node, Property, Source, Value, number, numbers, pairs};
+use base::locate::InputError;
 use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -29,8 +29,8 @@ impl Document {
     /// Reads a file; `given` are the parameters of the command line, which win over `<default>`.
     ///
     /// # Errors
-    /// [`SceneError`] with the place.
-    pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, SceneError> {
+    /// [`InputError`] with the place.
+    pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
         let source = Source {
             file: file.to_owned(),
             text: text.into(),
@@ -127,7 +127,7 @@ struct Reader<'s> {
 }
 
 impl Reader<'_> {
-    fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, SceneError> {
+    fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
         let span = start_tag(xml);
         if depth > DEEPEST {
             return Err(self.source.error(
@@ -173,7 +173,7 @@ impl Reader<'_> {
         Ok(node)
     }
 
-    fn inside(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), SceneError> {
+    fn inside(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         let tag = xml.tag_name().name();
         let span = start_tag(xml);
         match tag {
@@ -208,7 +208,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn property(&mut self, xml: &roxmltree::Node, node: &mut Node) -> Result<(), SceneError> {
+    fn property(&mut self, xml: &roxmltree::Node, node: &mut Node) -> Result<(), InputError> {
         let name = self.needed(xml, "name")?;
         let span = start_tag(xml);
         if node.properties.iter().any(|p| p.name == name) {
@@ -221,7 +221,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn value(&mut self, xml: &roxmltree::Node) -> Result<Value, SceneError> {
+    fn value(&mut self, xml: &roxmltree::Node) -> Result<Value, InputError> {
         let tag = xml.tag_name().name();
         match tag {
             "vector" | "point" => {
@@ -278,7 +278,7 @@ impl Reader<'_> {
     }
 
     /// The product of the operations inside; later ones act after earlier ones.
-    fn transform(&mut self, xml: &roxmltree::Node) -> Result<DAffine3, SceneError> {
+    fn transform(&mut self, xml: &roxmltree::Node) -> Result<DAffine3, InputError> {
         let mut all = DAffine3::IDENTITY;
         for op in xml.children().filter(roxmltree::Node::is_element) {
             all = self.operation(&op)? * all;
@@ -293,7 +293,7 @@ impl Reader<'_> {
         ))
     }
 
-    fn operation(&mut self, op: &roxmltree::Node) -> Result<DAffine3, SceneError> {
+    fn operation(&mut self, op: &roxmltree::Node) -> Result<DAffine3, InputError> {
         let wrong = |reader: &Self, message: &str, mend: &str| {
             Err(reader.source.error(&start_tag(op), message, mend))
         };
@@ -372,7 +372,7 @@ impl Reader<'_> {
     }
 
     /// `x`, `y`, `z`, or one or three numbers in `value`.
-    fn xyz(&mut self, xml: &roxmltree::Node, missing: Option<f64>) -> Result<DVec3, SceneError> {
+    fn xyz(&mut self, xml: &roxmltree::Node, missing: Option<f64>) -> Result<DVec3, InputError> {
         if xml.attribute("value").is_some() {
             return self.triple(xml, "value");
         }
@@ -393,7 +393,7 @@ impl Reader<'_> {
         Ok(DVec3::from_array(out))
     }
 
-    fn triple(&mut self, xml: &roxmltree::Node, key: &str) -> Result<DVec3, SceneError> {
+    fn triple(&mut self, xml: &roxmltree::Node, key: &str) -> Result<DVec3, InputError> {
         let text = self.needed(xml, key)?;
         match numbers(&text).as_deref() {
             Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
@@ -407,7 +407,7 @@ impl Reader<'_> {
     }
 
     /// An attribute with `$name` replaced; longer names are tried first, a backslash keeps the dollar sign.
-    fn attribute(&mut self, xml: &roxmltree::Node, key: &str) -> Result<Option<String>, SceneError> {
+    fn attribute(&mut self, xml: &roxmltree::Node, key: &str) -> Result<Option<String>, InputError> {
         let Some(text) = xml.attribute(key) else {
             return Ok(None);
         };
@@ -441,7 +441,7 @@ impl Reader<'_> {
         Ok(Some(out))
     }
 
-    fn needed(&mut self, xml: &roxmltree::Node, key: &str) -> Result<String, SceneError> {
+    fn needed(&mut self, xml: &roxmltree::Node, key: &str) -> Result<String, InputError> {
         let value = self.attribute(xml, key)?.filter(|v| !v.is_empty());
         value.ok_or_else(|| {
             let tag = xml.tag_name().name();
@@ -453,7 +453,7 @@ impl Reader<'_> {
         })
     }
 
-    fn only(&self, xml: &roxmltree::Node, known: &[&str]) -> Result<(), SceneError> {
+    fn only(&self, xml: &roxmltree::Node, known: &[&str]) -> Result<(), InputError> {
         match xml.attributes().find(|a| !known.contains(&a.name())) {
             None => Ok(()),
             Some(other) => Err(self.source.error(

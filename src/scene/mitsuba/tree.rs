@@ -3,7 +3,7 @@
 //! Whoever understands a property asks for it by name. What nobody asked for is an error ([`Node::finish`]), so that nothing
 //! is silently ignored.
 
-use super::super::locate::SceneError;
+use base::locate::InputError;
 use glam::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::ops::Range;
@@ -18,8 +18,8 @@ pub(super) struct Source {
 }
 
 impl Source {
-    pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> SceneError {
-        SceneError {
+    pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {
+        InputError {
             file: self.file.clone(),
             text: self.text.clone(),
             span: Some(span.clone()),
@@ -124,12 +124,12 @@ impl Node {
         Some(found)
     }
 
-    fn mistyped<T>(&self, source: &Source, p: &Property, wanted: &str) -> Result<T, SceneError> {
+    fn mistyped<T>(&self, source: &Source, p: &Property, wanted: &str) -> Result<T, InputError> {
         let message = format!("`{}` of {} `{}` is not {wanted}", p.name, self.tag, self.kind);
         Err(source.error(&p.span, message, "correct the element's name and value"))
     }
 
-    pub fn float(&self, source: &Source, name: &str) -> Result<Option<f64>, SceneError> {
+    pub fn float(&self, source: &Source, name: &str) -> Result<Option<f64>, InputError> {
         match self.get(name) {
             None => Ok(None),
             Some(p) => match p.value {
@@ -140,7 +140,7 @@ impl Node {
         }
     }
 
-    pub fn integer(&self, source: &Source, name: &str) -> Result<Option<i64>, SceneError> {
+    pub fn integer(&self, source: &Source, name: &str) -> Result<Option<i64>, InputError> {
         match self.get(name) {
             None => Ok(None),
             Some(p) => match p.value {
@@ -150,7 +150,7 @@ impl Node {
         }
     }
 
-    pub fn boolean(&self, source: &Source, name: &str) -> Result<Option<bool>, SceneError> {
+    pub fn boolean(&self, source: &Source, name: &str) -> Result<Option<bool>, InputError> {
         match self.get(name) {
             None => Ok(None),
             Some(p) => match p.value {
@@ -160,7 +160,7 @@ impl Node {
         }
     }
 
-    pub fn text(&self, source: &Source, name: &str) -> Result<Option<&str>, SceneError> {
+    pub fn text(&self, source: &Source, name: &str) -> Result<Option<&str>, InputError> {
         match self.get(name) {
             None => Ok(None),
             Some(p) => match &p.value {
@@ -170,7 +170,7 @@ impl Node {
         }
     }
 
-    pub fn vector(&self, source: &Source, name: &str) -> Result<Option<DVec3>, SceneError> {
+    pub fn vector(&self, source: &Source, name: &str) -> Result<Option<DVec3>, InputError> {
         match self.get(name) {
             None => Ok(None),
             Some(p) => match p.value {
@@ -180,7 +180,7 @@ impl Node {
         }
     }
 
-    pub fn transform(&self, source: &Source, name: &str) -> Result<Option<DAffine3>, SceneError> {
+    pub fn transform(&self, source: &Source, name: &str) -> Result<Option<DAffine3>, InputError> {
         match self.get(name) {
             None => Ok(None),
             Some(p) => match p.value {
@@ -203,7 +203,7 @@ impl Node {
     }
 
     /// That the element has nothing that nobody asked for, apart from what is known not to matter.
-    pub fn finish(&self, source: &Source, ignored: &[&str]) -> Result<(), SceneError> {
+    pub fn finish(&self, source: &Source, ignored: &[&str]) -> Result<(), InputError> {
         let unknown = |name: &str, span: &Range<usize>| {
             Err(source.error(
                 span,

@@ -1,0 +1,37 @@
+//! TOML documents, read so that every error names file, line, column and mend.
+
+use crate::locate::InputError;
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
+/// Reads the text of a file that the user named; `what` it is stands in the message, `mend` below it.
+///
+/// # Errors
+/// [`InputError`] without a place, if it cannot be read.
+pub fn read(path: &Path, what: &str, mend: &str) -> Result<String, InputError> {
+    std::fs::read_to_string(path).map_err(|e| InputError {
+        file: path.to_owned(),
+        text: "".into(),
+        span: None,
+        message: format!("cannot read the {what}: {e}"),
+        help: Some(mend.to_owned()),
+    })
+}
+
+/// Reads the syntax of a document; `mend` makes the help of a message.
+///
+/// # Errors
+/// [`InputError`] at the place where the text is not TOML, or not of the type's shape.
+pub fn parse<T: DeserializeOwned>(
+    path: &Path,
+    text: &str,
+    mend: impl FnOnce(&str) -> String,
+) -> Result<T, InputError> {
+    toml::from_str(text).map_err(|e| InputError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: e.span(),
+        message: e.message().lines().collect::<Vec<_>>().join("; "),
+        help: Some(mend(e.message())),
+    })
+}

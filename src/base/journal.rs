@@ -1,0 +1,103 @@
+//! Journals: what parts of a long work are finished, so that one that was killed resumes.
+//!
+//! An append-only file of JSON lines in the folder of what is being made. A part's line is appended after all its files are
+//! in place; a line torn by a crash is ignored, and that part is simply made again, to the same bytes.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// Name of the journal inside the folder.
+const FILE: &str = ".sunstone-progress";
+
+/// An open journal.
+#[derive(Debug)]
+pub struct Journal<T> {
+    path: PathBuf,
+    file: Mutex<File>,
+    record: PhantomData<fn(&T)>,
+}
+
+impl<T: Serialize + DeserializeOwned> Journal<T> {
+    /// Opens (or begins) the journal in the folder `of` and returns what it holds.
+    ///
+    /// # Errors
+    /// If the file cannot be read or written.
+    pub fn open(of: &Path) -> std::io::Result<(Self, Vec<T>)> {
+        let path = of.join(FILE);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(e) => return Err(e),
+        };
+        let records = text
+            .lines()
+            .filter_map(|l| serde_json::from_str(l).ok())
+            .collect();
+        let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
+        if !text.is_empty() && !text.ends_with('\n') {
+            file.write_all(b"\n")?;
+        }
+        let file = Mutex::new(file);
+        let record = PhantomData;
+        Ok((Self { path, file, record }, records))
+    }
+
+    /// Notes a finished part.
+    ///
+    /// # Errors
+    /// If the line cannot be written.
+    pub fn push(&self, record: &T) -> std::io::Result<()> {
+        let mut line = serde_json::to_string(record)?;
+        line.push('\n');
+        // A poisoned lock means another thread died between two whole lines; the file is still sound.
+        let mut file = self
+            .file
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        file.write_all(line.as_bytes())
+    }
+
+    /// Removes the journal: the work is complete.
+    ///
+    /// # Errors
+    /// If the file cannot be removed.
+    pub fn remove(self) -> std::io::Result<()> {
+        std::fs::remove_file(self.path)
+    }
+}
+
+/// True if the folder `of` has a journal, that is, holds unfinished work.
+#[must_use]
+pub fn exists(of: &Path) -> bool {
+    of.join(FILE).exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torn_line_is_ignored() {
+        let dir = tempfile::tempdir().unwrap();
+        let record = |tile: u32| [tile, 10, 20];
+        let (journal, old) = Journal::<[u32; 3]>::open(dir.path()).unwrap();
+        assert!(old.is_empty());
+        journal.push(&record(3)).unwrap();
+        drop(journal);
+        let path = dir.path().join(FILE);
+        let mut text = std::fs::read_to_string(&path).unwrap();
+        text.push_str("[4, 1");
+        std::fs::write(&path, text).unwrap();
+        let (journal, old) = Journal::open(dir.path()).unwrap();
+        assert_eq!(old, [record(3)]);
+        journal.push(&record(5)).unwrap();
+        drop(journal);
+        let (_, old) = Journal::<[u32; 3]>::open(dir.path()).unwrap();
+        assert_eq!(old, [record(3), record(5)]);
+    }
+}

@@ -1,0 +1,87 @@
+//! Files that appear whole or not at all.
+//!
+//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) beside the destination, which is then renamed over it. A
+//! process that is killed at any moment therefore leaves either the old file or the new one, never a torn one; at worst the
+//! temporary file stays behind. Files are not synced one by one: the guarantee is against the death of the process, not
+//! against the loss of power.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Numbers the temporary files of this process.
+static COUNTER: AtomicU64 = AtomicU64::new(0);
+
+/// The temporary name beside `path`, unique in this process and among running processes.
+#[must_use]
+pub fn temporary_beside(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let n = COUNTER.fetch_add(1, Ordering::Relaxed);
+    path.with_file_name(format!(".{name}.{}-{n}.tmp", std::process::id()))
+}
+
+/// True of the names that [`temporary_beside`] gives.
+#[must_use]
+pub fn is_temporary(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".tmp")
+}
+
+/// Writes a file whole: temporary file in the same directory, then rename. Creates missing directories.
+///
+/// # Errors
+/// If the file system refuses; the old file, if any, is as it was.
+pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    // A second process that opens a store for writing may sweep the temporary file away: write it again.
+    let mut attempts = 3;
+    loop {
+        attempts -= 1;
+        match write_with(path, |file| file.write_all(bytes)) {
+            Err(e) if e.kind() == ErrorKind::NotFound && attempts > 0 => {}
+            result => return result,
+        }
+    }
+}
+
+/// Writes a file whole as [`write()`] does, its bytes given to a buffered writer.
+///
+/// # Errors
+/// As [`write()`], and what `fill` returns.
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent)?;
+    }
+    let temporary = temporary_beside(path);
+    let result = (|| {
+        let mut file = BufWriter::new(File::create(&temporary)?);
+        fill(&mut file)?;
+        file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        fs::rename(&temporary, path)
+    })();
+    if result.is_err() {
+        let _ = fs::remove_file(&temporary);
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn replaces_and_leaves_no_temporary() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("f");
+        write(&path, b"one").expect("writes");
+        write(&path, b"two").expect("writes");
+        assert_eq!(fs::read(&path).expect("reads"), b"two");
+        assert_eq!(fs::read_dir(dir.path()).expect("lists").count(), 1);
+        let failed = write_with(&path, |file| {
+            file.write_all(b"half")?;
+            Err(io::Error::other("no more"))
+        });
+        assert!(failed.is_err());
+        assert_eq!(fs::read(&path).expect("reads"), b"two");
+        assert_eq!(fs::read_dir(dir.path()).expect("lists").count(), 1);
+    }
+}

@@ -1,0 +1,150 @@
+//! Pictures fit for a paper: RGB images from tensors in memory, one file per kind of [`View`].
+//!
+//! Every picture has a white background, DejaVu Sans text, axes with units and the scale stated on the picture. The
+//! tensor may have more axes than the picture: what a picture does not show is summed, a Mueller element and a
+//! wavelength are picked. Values that are not finite are drawn in one grey ([`colour::UNDEFINED`]), and so is a
+//! normalized element where M00 is not positive. The same input gives the same pixels.
+
+use base::whole_file;
+use std::path::Path;
+
+use image::RgbImage;
+
+use crate::spec::View;
+use tensor::array::Tensor;
+
+pub mod angles;
+pub mod chart;
+pub mod colour;
+pub mod components;
+pub mod error_maps;
+mod flight;
+mod layout;
+mod map;
+mod mueller;
+mod photo;
+mod profile;
+mod raster;
+mod reduce;
+pub mod sheet;
+pub mod spec;
+mod stroke;
+mod text;
+mod ticks;
+
+#[cfg(test)]
+mod tests;
+
+/// What is drawn: the mean of a slice and, where there are any, its standard error and what its time bins missed.
+#[derive(Clone, Copy, Debug)]
+pub struct Panel<'a> {
+    /// Mean values.
+    pub mean: &'a Tensor,
+    /// Standard error of every mean, over the same axes: the band of a profile.
+    pub std_error: Option<&'a Tensor>,
+    /// Light outside the time bins, over the same axes without time: the note of a profile.
+    pub overflow: Option<&'a Tensor>,
+}
+
+/// Why a picture was not drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum FigureError {
+    /// The slice does not resolve what the picture shows.
+    #[error("slice `{slice}` has no {axis} axis; draw a slice with `{mend}`")]
+    MissingAxis {
+        /// Name of the slice.
+        slice: String,
+        /// The missing axis in words.
+        axis: &'static str,
+        /// The line of a slice that adds the axis.
+        mend: &'static str,
+    },
+    /// An axis of the slice has no entries.
+    #[error("slice `{slice}` holds no values: its axis `{axis}` is empty; keep at least one entry of it")]
+    Empty {
+        /// Name of the slice.
+        slice: String,
+        /// Name of the empty axis.
+        axis: &'static str,
+    },
+    /// The values do not fill the axes, or an axis is there twice.
+    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; read or render it again")]
+    Damaged {
+        /// Name of the slice.
+        slice: String,
+        /// Number of values.
+        found: usize,
+        /// Axes and their lengths.
+        axes: String,
+    },
+    /// A row or element that the slice does not have.
+    #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; choose 0 to {}", len.saturating_sub(1))]
+    Index {
+        /// Name of the slice.
+        slice: String,
+        /// What is counted.
+        what: &'static str,
+        /// The index asked for.
+        index: usize,
+        /// How many there are.
+        len: usize,
+    },
+    /// An option of the view that cannot be drawn.
+    #[error("option `{option}` of the view is {value}; it must be {must}")]
+    Option {
+        /// Name of the option.
+        option: &'static str,
+        /// Its value.
+        value: String,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// The built-in font could not be read.
+    #[error("the built-in font could not be used: {0}")]
+    Font(String),
+    /// The picture could not be encoded.
+    #[error("the picture could not be encoded as PNG")]
+    Encode(#[from] image::ImageError),
+    /// The picture could not be written.
+    #[error("cannot write picture {path}")]
+    Write {
+        /// Where it should have gone.
+        path: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+/// Draws one view of a slice under a title.
+///
+/// # Errors
+/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or an option is out of range.
+pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<RgbImage, FigureError> {
+    Ok(draw_with_plot(view, title, panel)?.0)
+}
+
+/// As [`draw`], together with the rectangle that holds the data.
+fn draw_with_plot(view: &View, title: &str, panel: &Panel) -> Result<(RgbImage, layout::Rect), FigureError> {
+    match view {
+        View::Photo(v) => photo::draw(v, title, panel),
+        View::Mueller(v) => mueller::draw(v, title, panel),
+        View::SpaceSpace(v) => map::draw_space_space(v, title, panel),
+        View::SpaceTime(v) => map::draw_space_time(v, title, panel),
+        View::Flight(v) => flight::draw(v, title, panel),
+        View::Profile(v) => profile::draw(v, title, panel),
+    }
+}
+
+/// Writes a picture as PNG, whole or not at all.
+///
+/// # Errors
+/// [`FigureError::Encode`] or [`FigureError::Write`].
+pub fn save_png(img: &RgbImage, path: &Path) -> Result<(), FigureError> {
+    let failed = |source| FigureError::Write {
+        path: path.display().to_string(),
+        source,
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    img.write_to(&mut bytes, image::ImageFormat::Png)?;
+    whole_file::write(path, bytes.get_ref()).map_err(failed)
+}

@@ -1,0 +1,7 @@
+//! Polarization optics and the mathematics of sampling. No files, no scenes.
+//!
+//! Conventions of Stokes vectors, Mueller matrices and their frames are those of `CONVENTIONS.md`.
+
+pub mod polarization;
+pub mod sampling;
+pub mod spectrum;

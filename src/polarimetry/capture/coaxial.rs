@@ -1,0 +1,237 @@
+//! The optics that both ways of a coaxial rig share: a beamsplitter and a pair of galvo mirrors.
+//!
+//! Baek & Heide 2021, eqs. 12 and 14: light reaches the scene as G B_t Q p and is detected as [L Q B_r G' …]_0. They belong
+//! to the states of generator and analyzer; the galvo's G depends on the direction, which is the ray's.
+
+use super::element::{Mueller, Ray, diattenuator, retarder};
+use super::spectral_value::SpectralValue;
+use nalgebra::Vector3;
+use optics::polarization::fresnel;
+use optics::spectrum::Spectral;
+use serde::{Deserialize, Serialize};
+
+/// One arm of a beamsplitter, its axes along the frame's.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Arm {
+    /// Mean transmittance or reflectance.
+    pub efficiency: SpectralValue,
+    /// (T_x - T_y)/(T_x + T_y).
+    #[serde(default = "nothing")]
+    pub diattenuation: SpectralValue,
+    /// Phase by which y lags x, degrees (beyond the mirror image that reflection makes).
+    #[serde(default = "nothing")]
+    pub retardance_deg: SpectralValue,
+}
+
+fn nothing() -> SpectralValue {
+    SpectralValue::Same(0.0)
+}
+
+impl Arm {
+    fn matrix(&self, nm: f64) -> Mueller {
+        let (t, d) = (self.efficiency.at(nm), self.diattenuation.at(nm));
+        diattenuator(t * (1.0 + d), t * (1.0 - d)) * retarder(self.retardance_deg.at(nm).to_radians())
+    }
+}
+
+/// A coaxial rig's shared optics.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coaxial {
+    /// B_t, on the way out.
+    pub transmission: Arm,
+    /// B_r, on the way back.
+    pub reflection: Arm,
+    /// The mirrors that point the beam; absent where it stands still.
+    pub galvo: Option<Galvo>,
+}
+
+impl Coaxial {
+    /// B_t.
+    #[must_use]
+    pub fn transmission(&self, nm: f64) -> Mueller {
+        self.transmission.matrix(nm)
+    }
+
+    /// B_r: the arm's matrix and the mirror image.
+    #[must_use]
+    pub fn reflection(&self, nm: f64) -> Mueller {
+        self.reflection.matrix(nm) * mirror_image()
+    }
+
+    /// G B_t of the ray's direction, from the elements to the scene.
+    #[must_use]
+    pub fn outward(&self, ray: &Ray) -> Mueller {
+        let b = self.transmission(ray.nm);
+        let galvo = self.galvo.as_ref();
+        galvo.map_or(b, |g| g.outward(ray.nm, ray.direction()) * b)
+    }
+
+    /// B_r G' of the ray's direction, from the scene to the elements.
+    #[must_use]
+    pub fn inward(&self, ray: &Ray) -> Mueller {
+        let b = self.reflection(ray.nm);
+        let galvo = self.galvo.as_ref();
+        galvo.map_or(b, |g| b * g.inward(ray.nm, ray.direction()))
+    }
+}
+
+/// Reflection exchanges handedness and ±45°.
+fn mirror_image() -> Mueller {
+    Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0))
+}
+
+/// Two metal mirrors at right angles, each at 45° to the beam at rest.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Galvo {
+    /// Refractive index of the metal.
+    pub n: SpectralValue,
+    /// Its extinction coefficient.
+    pub k: SpectralValue,
+}
+
+/// A ray with the frame its Stokes vectors are written in: x is perpendicular to it, y = direction × x.
+#[derive(Clone, Copy, Debug)]
+struct Framed {
+    direction: Vector3<f64>,
+    x: Vector3<f64>,
+}
+
+impl Galvo {
+    /// G of a direction (x and y angles from the axis at rest, radians): from the frame before the mirrors to that of the
+    /// beam beyond them.
+    ///
+    /// Before the mirrors light travels along +X; the first turns it to +Y, the second to +Z. Frames have as x axis the
+    /// projection of Y before the mirrors, and of X beyond them, onto the plane across the beam.
+    #[must_use]
+    pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
+        let (normals, beam) = self.bounces(direction);
+        let start = Framed {
+            direction: Vector3::x(),
+            x: Vector3::y(),
+        };
+        self.along(nm, start, &normals, across(Vector3::x(), beam))
+    }
+
+    /// G' of light that comes back from the same direction, frames as of [`Galvo::outward`] but with y turned round with
+    /// the ray.
+    #[must_use]
+    pub fn inward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
+        // Sekera 1966: a way that is travelled backwards has the matrix Q Mᵀ Q.
+        let q = Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
+        q * self.outward(nm, direction).transpose() * q
+    }
+
+    /// The mirrors' normals and the beam's direction beyond them.
+    fn bounces(&self, [alpha_x, alpha_y]: [f64; 2]) -> ([Vector3<f64>; 2], Vector3<f64>) {
+        // A mirror that turns by half an angle turns the beam by all of it.
+        let (s, c) = (std::f64::consts::FRAC_PI_4 + alpha_x / 2.0).sin_cos();
+        let first = Vector3::new(-s, c, 0.0);
+        let (s, c) = (std::f64::consts::FRAC_PI_4 + alpha_y / 2.0).sin_cos();
+        let second = Vector3::new(0.0, -s, c);
+        let beam = reflected(reflected(Vector3::x(), first), second);
+        ([first, second], beam)
+    }
+
+    fn along(&self, nm: f64, start: Framed, normals: &[Vector3<f64>], end_x: Vector3<f64>) -> Mueller {
+        let (mut m, mut ray) = (Mueller::identity(), start);
+        for normal in normals {
+            let s = ray.direction.cross(normal);
+            // At normal incidence any axis is an s axis.
+            let s = s.try_normalize(1e-9).unwrap_or(ray.x);
+            m = turned(&ray, s) * m;
+            let cos = ray.direction.dot(normal).abs();
+            m = self.reflection(nm, cos) * m;
+            ray = Framed {
+                direction: reflected(ray.direction, *normal),
+                x: s,
+            };
+        }
+        turned(&ray, end_x) * m
+    }
+
+    /// Fresnel reflection between s frames.
+    fn reflection(&self, nm: f64, cos: f64) -> Mueller {
+        let lane = |v: f64| Spectral::splat(v as f32);
+        let block = fresnel::conductor(cos as f32, lane(self.n.at(nm)), lane(self.k.at(nm)));
+        let m = block.to_mueller().lane(0);
+        Mueller::from_fn(|i, j| f64::from(m[i][j]))
+    }
+}
+
+fn reflected(d: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
+    d - normal * (2.0 * d.dot(&normal))
+}
+
+/// The part of an axis across a direction.
+fn across(axis: Vector3<f64>, direction: Vector3<f64>) -> Vector3<f64> {
+    (axis - direction * axis.dot(&direction)).normalize()
+}
+
+/// From a ray's frame to that with x axis `x`.
+fn turned(ray: &Framed, x: Vector3<f64>) -> Mueller {
+    let y = ray.direction.cross(&ray.x);
+    super::element::rotator(x.dot(&y).atan2(x.dot(&ray.x)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn silver() -> Galvo {
+        Galvo {
+            n: SpectralValue::Same(0.0596),
+            k: SpectralValue::Same(3.5974),
+        }
+    }
+
+    /// The way back, walked mirror by mirror, is what reciprocity says.
+    #[test]
+    fn the_way_back_is_the_way_out_reversed() {
+        let galvo = silver();
+        for direction in [[0.0, 0.0], [0.1, -0.05], [-0.2, 0.15]] {
+            let (normals, beam) = galvo.bounces(direction);
+            let start = Framed {
+                direction: -beam,
+                x: across(Vector3::x(), beam),
+            };
+            let back = galvo.along(550.0, start, &[normals[1], normals[0]], Vector3::y());
+            assert!((back - galvo.inward(550.0, direction)).amax() < 1e-6);
+        }
+    }
+
+    /// Perfect mirrors at rest only turn the frame: two s axes at right angles, two mirror images.
+    #[test]
+    fn perfect_mirrors_keep_all_light_polarized() {
+        let mut galvo = silver();
+        (galvo.n, galvo.k) = (SpectralValue::Same(0.0), SpectralValue::Same(1e4));
+        let m = galvo.outward(550.0, [0.0, 0.0]);
+        assert!((m * m.transpose() - Mueller::identity()).amax() < 1e-3, "{m}");
+        assert!((m[(3, 3)] - 1.0).abs() < 1e-3);
+        // The beam leaves along its axis; angles of the beam are those asked for.
+        let (_, beam) = galvo.bounces([0.0, 0.0]);
+        assert!((beam - Vector3::z()).norm() < 1e-12);
+        let (_, beam) = galvo.bounces([0.0, 0.1]);
+        assert!((beam.dot(&Vector3::z()) - 0.1_f64.cos()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn arms_do_what_they_state() {
+        let arm = Arm {
+            efficiency: SpectralValue::Same(0.45),
+            diattenuation: SpectralValue::Same(0.1),
+            retardance_deg: SpectralValue::Same(30.0),
+        };
+        let m = arm.matrix(550.0);
+        assert!((m[(0, 0)] - 0.45).abs() < 1e-12 && (m[(0, 1)] / m[(0, 0)] - 0.1).abs() < 1e-12);
+        assert!((m[(2, 3)].atan2(m[(2, 2)]) - 30.0_f64.to_radians()).abs() < 1e-12);
+        let rig = Coaxial {
+            transmission: arm.clone(),
+            reflection: arm,
+            galvo: None,
+        };
+        assert!((rig.reflection(550.0)[(3, 3)] + rig.transmission(550.0)[(3, 3)]).abs() < 1e-12);
+    }
+}

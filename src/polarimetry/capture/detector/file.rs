@@ -1,0 +1,290 @@
+//! Detector files: TOML with the settings of one instrument.
+//!
+//! ```toml
+//! demosaic = "bilinear"         # of a polarizer array: "none" (every pixel sees all four), "bilinear", "superpixel"
+//! [cmos]                        # or [spad]; what is left out has the default value
+//! exposure_s = 0.02
+//! photons_per_unit = 2e6
+//! ```
+
+use super::cmos::Cmos;
+use super::polarizer_array::Method;
+use super::spad::Spad;
+use super::{DetectorError, demand, positive};
+use base::document;
+use base::locate::{InputError, Located};
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The instrument that a file describes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Detector {
+    /// A camera.
+    Cmos {
+        /// Its settings.
+        camera: Cmos,
+        /// How the mosaic of a polarizer array is taken apart; without it every pixel sees all four channels.
+        demosaic: Option<Method>,
+    },
+    /// A single-photon avalanche diode.
+    Spad(Spad),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum DemosaicFile {
+    None,
+    Bilinear,
+    Superpixel,
+}
+
+impl DemosaicFile {
+    fn method(self) -> Option<Method> {
+        match self {
+            Self::None => None,
+            Self::Bilinear => Some(Method::Bilinear),
+            Self::Superpixel => Some(Method::Superpixel),
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DetectorFile {
+    demosaic: Option<Located<DemosaicFile>>,
+    cmos: Option<Located<Cmos>>,
+    spad: Option<Located<Spad>>,
+}
+
+/// Reads a detector file.
+///
+/// # Errors
+/// [`InputError`] naming file, place and mend.
+pub fn load(path: &Path) -> Result<Detector, InputError> {
+    let mend = "write a file with the line [cmos] or [spad]; all settings have defaults";
+    let text = document::read(path, "detector", mend)?;
+    from_toml(path, &text)
+}
+
+/// A detector from TOML text; `path` is for messages.
+///
+/// # Errors
+/// As [`load`].
+pub fn from_toml(path: &Path, text: &str) -> Result<Detector, InputError> {
+    let whole: Arc<str> = text.into();
+    let error = |span: Option<Range<usize>>, message: String, help: &str| InputError {
+        file: path.to_owned(),
+        text: whole.clone(),
+        span,
+        message,
+        help: Some(help.to_owned()),
+    };
+    let file: DetectorFile = document::parse(path, text, |_| {
+        "a detector is a table [cmos] or [spad], and above it `demosaic` for a polarizer array".to_owned()
+    })?;
+    let checked = |section: Range<usize>, result: Result<(), DetectorError>| {
+        result.map_err(|e| {
+            let span = field_span(text, &section, &e);
+            error(
+                Some(span),
+                e.to_string(),
+                "mend it, or leave it out for the default",
+            )
+        })
+    };
+    match (file.cmos, file.spad) {
+        (Some(camera), None) => {
+            checked(camera.span(), camera.check())?;
+            let demosaic = file.demosaic.as_ref().and_then(|d| d.method());
+            let both = demosaic.is_some() && camera.binning > 1;
+            if let (true, Some(at)) = (both, &file.demosaic) {
+                let message = "`binning` would average pixels behind different polarizers before `demosaic`";
+                let help = "take one of them out; demosaic = \"superpixel\" halves the size as well";
+                return Err(error(Some(at.span()), message.to_owned(), help));
+            }
+            Ok(Detector::Cmos {
+                camera: (*camera).clone(),
+                demosaic,
+            })
+        }
+        (None, Some(diode)) => {
+            if let Some(at) = file.demosaic {
+                let help = "take it out: each channel of a polarizer array has a diode of its own";
+                return Err(error(
+                    Some(at.span()),
+                    "`demosaic` is for [cmos]".to_owned(),
+                    help,
+                ));
+            }
+            checked(diode.span(), without_bins(&diode).check())?;
+            Ok(Detector::Spad((*diode).clone()))
+        }
+        (None, None) => Err(error(
+            None,
+            "there is neither [cmos] nor [spad]".to_owned(),
+            "add the line [cmos] for a camera; all its settings have defaults",
+        )),
+        (Some(_), Some(second)) => Err(error(
+            Some(second.span()),
+            "there are both [cmos] and [spad]".to_owned(),
+            "keep the one that detects",
+        )),
+    }
+}
+
+/// Where the field that an error names is set: its name at the beginning of a line, else the whole table.
+fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<usize> {
+    let DetectorError::Field { field, .. } = e else {
+        return section.clone();
+    };
+    let mut at = 0;
+    for line in text.split_inclusive('\n') {
+        let bare = line.trim_start();
+        let rest = bare.strip_prefix(field).map(str::trim_start);
+        if rest.is_some_and(|r| r.starts_with('=')) {
+            let start = at + line.len() - bare.len();
+            return start..start + field.len();
+        }
+        at += line.len();
+    }
+    section.clone()
+}
+
+/// What can be checked of a diode before the bins of a slice are known: with bins that fit where those are the default ones.
+fn without_bins(diode: &Spad) -> Spad {
+    let (standard, mut out) = (Spad::default(), diode.clone());
+    if diode.bins == standard.bins {
+        out.bins = 1;
+    }
+    if diode.bin_ps == standard.bin_ps && positive(diode.period_ps) {
+        out.bin_ps = diode.period_ps / out.bins.max(1) as f64;
+    }
+    out
+}
+
+/// A diode whose counter has the time bins of a histogram: `bins` of `bin_ps` each, from the laser pulse on. Settings that
+/// are not the default ones must agree with it.
+///
+/// # Errors
+/// [`DetectorError::Field`] if they do not, or the histogram is longer than the period.
+pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, DetectorError> {
+    let (standard, mut out) = (Spad::default(), diode.clone());
+    let free = diode.bin_ps == standard.bin_ps;
+    let agrees = free || (diode.bin_ps - bin_ps).abs() < 1e-6 * bin_ps;
+    demand(
+        "bin_ps",
+        diode.bin_ps,
+        agrees,
+        "the width of the slice's time bins, or leave it out",
+    )?;
+    let agrees = diode.bins == standard.bins || diode.bins == bins;
+    demand(
+        "bins",
+        diode.bins as f64,
+        agrees,
+        "the number of the slice's time bins, or leave it out",
+    )?;
+    out.bin_ps = bin_ps;
+    out.bins = bins;
+    if diode.period_ps == standard.period_ps {
+        // The default period, or what holds all bins, in whole bins.
+        out.period_ps = (diode.period_ps / bin_ps).ceil().max(bins as f64) * bin_ps;
+    }
+    out.check()?;
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(text: &str) -> Result<Detector, InputError> {
+        from_toml(Path::new("d.toml"), text)
+    }
+
+    fn fault(text: &str) -> String {
+        read(text).expect_err("a fault").to_string()
+    }
+
+    #[test]
+    fn both_instruments_are_read() {
+        let camera = read("demosaic = \"superpixel\"\n[cmos]\nexposure_s = 0.5\n").expect("a camera");
+        let Detector::Cmos { camera, demosaic } = camera else {
+            panic!("{camera:?}")
+        };
+        assert_eq!((camera.exposure_s, demosaic), (0.5, Some(Method::Superpixel)));
+        assert_eq!(camera.bit_depth, Cmos::default().bit_depth);
+        let none = read("demosaic = \"none\"\n[cmos]\nbinning = 2").expect("a camera");
+        assert!(matches!(none, Detector::Cmos { demosaic: None, .. }));
+        let diode = read("[spad]\npulses = 5").expect("a diode");
+        assert!(matches!(diode, Detector::Spad(d) if d.pulses == 5));
+        // The bins of a slice may fit a period that the default ones do not.
+        for text in [
+            "[spad]\nperiod_ps = 9990",
+            "[spad]\nperiod_ps = 9990\nbin_ps = 30",
+            "[spad]\nbins = 7000",
+        ] {
+            assert!(read(text).is_ok(), "{text}");
+        }
+    }
+
+    #[test]
+    fn faults_have_places_and_mends() {
+        assert!(fault("[cmos]\nexposure = 1").contains("d.toml:2:1: unknown field `exposure`"));
+        assert!(
+            fault("[cmos]\nbit_depth = 12\n  exposure_s = -1").contains("d.toml:3:3: `exposure_s` is -1")
+        );
+        assert!(fault("[spad]\nbins = 0").contains("d.toml:2:1: `bins` is 0"));
+        assert!(fault("[spad]\nperiod_ps = -1").contains("d.toml:2:1: `period_ps` is -1"));
+        assert!(fault("[spad]\nperiod_ps = 100\nbin_ps = 30").contains("d.toml:2:1: `period_ps` is 100"));
+        assert!(fault("").contains("neither"));
+        assert!(fault("[cmos]\n[spad]").contains("both"));
+        assert!(fault("demosaic = \"bilinear\"\n[spad]").contains("d.toml:1:12"));
+        assert!(fault("demosaic = \"bilinear\"\n[cmos]\nbinning = 2").contains("superpixel"));
+        assert!(fault("demosaic = \"best\"\n[cmos]").contains("d.toml:1:12"));
+        let missing = load(Path::new("/nowhere/d.toml"))
+            .expect_err("no file")
+            .to_string();
+        assert!(missing.contains("[cmos]"), "{missing}");
+    }
+
+    #[test]
+    fn diodes_take_the_bins_of_a_slice() {
+        let diode = with_bins(&Spad::default(), 640, 25.0).expect("fits");
+        assert_eq!((diode.bins, diode.period_bins()), (640, 4000));
+        let diode = with_bins(&Spad::default(), 50, 30.0).expect("fits");
+        assert_eq!((diode.bin_ps, diode.period_bins()), (30.0, 3334));
+        let long = with_bins(&Spad::default(), 5000, 25.0).expect("fits");
+        assert_eq!(long.period_bins(), 5000);
+        let set = |bins, bin_ps| Spad {
+            bins,
+            bin_ps,
+            period_ps: 80_000.0,
+            ..Spad::default()
+        };
+        assert!(with_bins(&set(64, 50.0), 64, 50.0).is_ok());
+        for (diode, field) in [
+            (set(63, 50.0), "bins"),
+            (set(64, 40.0), "bin_ps"),
+            (set(4000, 25.0), "period_ps"),
+        ] {
+            let error = with_bins(&diode, 64, if field == "period_ps" { 30.0 } else { 50.0 });
+            let error = error.expect_err("contradicts").to_string();
+            assert!(error.starts_with(&format!("`{field}`")), "{error}");
+        }
+        assert!(with_bins(&Spad::default(), 64, 0.0).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn damage_is_survived(text in "[ -~\n]{0,80}", at in 0_usize..60) {
+            let _ = read(&text);
+            let mut whole = "demosaic = \"bilinear\"\n[cmos]\nexposure_s = 0.01\nbit_depth = 12\n".to_owned();
+            whole.insert_str(at, &text);
+            let _ = read(&whole);
+        }
+    }
+}

@@ -1,0 +1,287 @@
+//! A single-photon avalanche diode with time-correlated counting (TCSPC).
+//!
+//! Light of radiance L_j in time bin j of a laser's period gives, per pulse and while the diode is armed,
+//!
+//! > λ_i = η Φ Σ_j h_{i-j} L_j + d Δ
+//!
+//! detections in bin i, with detection efficiency η, photons Φ per pulse and unit of radiance, the instrument's response h
+//! on the circle of the period (`response.rs`), dark counts d per second and bins of length Δ. Dead time makes the
+//! histogram of N pulses from it (`tcspc.rs`), and [`super::pile_up`] undoes that. The response stays in the estimates:
+//! they are of h ∗ L, later than L by [`Spad::response_mean_ps`] on average.
+//!
+//! The jitter is applied to the rates, before the dead time; the difference is of the order of the jitter over the
+//! dead time.
+
+use super::super::spectral_value::SpectralValue;
+use super::response::{FWHM_PER_SIGMA, Response};
+use super::tcspc::{self, Recovery};
+use super::{DetectorError, Estimate, demand, efficiency, finite, non_negative, pile_up, positive, share};
+use optics::sampling::stream::Stream;
+use serde::{Deserialize, Serialize};
+
+/// Most bins of a period.
+const MAX_BINS: f64 = 1_048_576.0;
+
+/// Most pulses of a capture; a day at 10 MHz.
+const MAX_PULSES: u64 = 1_000_000_000_000;
+
+/// Most detections of a free-running diode in one capture: they are followed one by one, some 10⁷ a second.
+const MAX_DETECTIONS: f64 = 1e9;
+
+/// When the diode is armed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// At each laser pulse: classical counting, at most one detection per pulse. `dead_time_ps` and after-pulses have no
+    /// part in it: they are to be over at the next pulse.
+    #[default]
+    Synchronous,
+    /// A fixed dead time after each detection (not prolonged by photons that come meanwhile).
+    FreeRunning,
+}
+
+/// A diode's and its counter's settings. The defaults are typical numbers of silicon SPADs with a 10 MHz laser;
+/// `photons_per_unit` depends on the scene, the laser and the lens and is only a placeholder.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Spad {
+    /// When the diode is armed.
+    pub mode: Mode,
+    /// Length of a bin, ps.
+    pub bin_ps: f64,
+    /// Bins from the start of the period of which estimates are made; counts are kept of all.
+    pub bins: usize,
+    /// Time from one laser pulse to the next, ps; a whole number of bins.
+    pub period_ps: f64,
+    /// Laser pulses of a capture.
+    pub pulses: u64,
+    /// Photons that reach the diode per pulse and unit of the scene's radiance.
+    pub photons_per_unit: f64,
+    /// Detections per photon while the diode is armed.
+    pub detection_efficiency: SpectralValue,
+    /// Detections per second without light.
+    pub dark_counts_per_s: f64,
+    /// Time after a detection in which there is none, ps (free-running).
+    pub dead_time_ps: f64,
+    /// Probability that a detection causes another one (free-running).
+    pub after_pulsing: f64,
+    /// Mean time from the end of the dead time to an after-pulse, ps.
+    pub after_pulse_time_ps: f64,
+    /// Full width at half maximum of the Gaussian part of the response, ps.
+    pub irf_fwhm_ps: f64,
+    /// Share of the response that has an exponential tail.
+    pub irf_tail: f64,
+    /// Time constant of that tail, ps.
+    pub irf_tail_ps: f64,
+}
+
+impl Default for Spad {
+    fn default() -> Self {
+        Self {
+            mode: Mode::Synchronous,
+            bin_ps: 25.0,
+            bins: 4000,
+            period_ps: 100_000.0,
+            pulses: 1_000_000,
+            photons_per_unit: 1.0,
+            detection_efficiency: SpectralValue::Same(0.3),
+            dark_counts_per_s: 100.0,
+            dead_time_ps: 50_000.0,
+            after_pulsing: 0.01,
+            after_pulse_time_ps: 50_000.0,
+            irf_fwhm_ps: 70.0,
+            irf_tail: 0.2,
+            irf_tail_ps: 200.0,
+        }
+    }
+}
+
+impl Spad {
+    /// Checks the settings.
+    ///
+    /// # Errors
+    /// [`DetectorError::Field`] with the name of the first bad field.
+    pub fn check(&self) -> Result<(), DetectorError> {
+        let number = |field, value, need| demand(field, value, positive(value), need);
+        let or_zero = |field, value, need| demand(field, value, non_negative(value), need);
+        number("bin_ps", self.bin_ps, "a positive time in picoseconds")?;
+        number("period_ps", self.period_ps, "a positive time in picoseconds")?;
+        let bins = self.period_ps / self.bin_ps;
+        let whole =
+            (bins - bins.round()).abs() < 1e-6 * bins.max(1.0) && (1.0..=MAX_BINS).contains(&bins.round());
+        demand(
+            "period_ps",
+            self.period_ps,
+            whole,
+            "a whole number of bins (`bin_ps`), at most 1048576",
+        )?;
+        let inside = (1..=self.period_bins()).contains(&self.bins);
+        demand("bins", self.bins as f64, inside, "1 to the bins of `period_ps`")?;
+        let holds = (1..=MAX_PULSES).contains(&self.pulses);
+        demand("pulses", self.pulses as f64, holds, "1 to 1e12 pulses")?;
+        number(
+            "photons_per_unit",
+            self.photons_per_unit,
+            "a positive number of photons",
+        )?;
+        efficiency("detection_efficiency", &self.detection_efficiency)?;
+        or_zero(
+            "dark_counts_per_s",
+            self.dark_counts_per_s,
+            "zero or more counts per second",
+        )?;
+        let dead = self.dead_time_ps;
+        or_zero("dead_time_ps", dead, "zero or more picoseconds")?;
+        let p = self.after_pulsing;
+        demand(
+            "after_pulsing",
+            p,
+            (0.0..=0.9).contains(&p),
+            "a probability of at most 0.9",
+        )?;
+        let time = self.after_pulse_time_ps;
+        or_zero("after_pulse_time_ps", time, "zero or more picoseconds")?;
+        let within = |field, value: f64| {
+            let holds = (0.0..=self.period_ps).contains(&value);
+            demand(
+                field,
+                value,
+                holds,
+                "zero or more picoseconds, at most `period_ps`",
+            )
+        };
+        within("irf_fwhm_ps", self.irf_fwhm_ps)?;
+        demand("irf_tail", self.irf_tail, share(self.irf_tail), "0 to 1")?;
+        within("irf_tail_ps", self.irf_tail_ps)
+    }
+
+    /// Bins of the laser's period.
+    #[must_use]
+    pub fn period_bins(&self) -> usize {
+        (self.period_ps / self.bin_ps).round() as usize
+    }
+
+    fn instrument(&self) -> Response {
+        Response {
+            sigma: self.irf_fwhm_ps / FWHM_PER_SIGMA,
+            tail: self.irf_tail,
+            tau: self.irf_tail_ps,
+        }
+    }
+
+    fn recovery(&self) -> Recovery {
+        Recovery {
+            dead: self.dead_time_ps / self.bin_ps,
+            after_pulsing: self.after_pulsing,
+            after_pulse: self.after_pulse_time_ps / self.bin_ps,
+        }
+    }
+
+    /// Dark counts per pulse and bin.
+    fn dark(&self) -> f64 {
+        self.dark_counts_per_s * self.bin_ps * 1e-12
+    }
+
+    /// Detections per pulse and unit of radiance.
+    fn per_unit(&self, nm: f64) -> f64 {
+        self.detection_efficiency.at(nm) * self.photons_per_unit
+    }
+
+    /// Mean delay of the response, ps: that of its tail.
+    #[must_use]
+    pub fn response_mean_ps(&self) -> f64 {
+        self.instrument().mean()
+    }
+
+    /// Shares of light that are detected 0, 1, … bins later on the circle of the period; their sum is 1.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
+    pub fn response(&self) -> Result<Vec<f64>, DetectorError> {
+        self.check()?;
+        Ok(self.instrument().binned(self.bin_ps, self.period_bins()))
+    }
+
+    /// Detections per pulse in each bin of the period while the diode is armed.
+    ///
+    /// `histogram` is the radiance (scene's unit) in each bin since the laser pulse, at wavelength `nm`; light that comes
+    /// later than a period is seen with the next pulses. Sums that are negative count as none.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
+    pub fn rates(&self, histogram: &[f64], nm: f64) -> Result<Vec<f64>, DetectorError> {
+        finite(histogram)?;
+        let response = self.response()?;
+        let bins = response.len();
+        let (per_unit, dark) = (self.per_unit(nm), self.dark());
+        // Most of the response, and often of the light, is zero.
+        let taps: Vec<_> = response
+            .iter()
+            .enumerate()
+            .filter(|(_, share)| **share > 0.0)
+            .collect();
+        let mut rates = vec![0.0; bins];
+        for (j, radiance) in histogram
+            .iter()
+            .enumerate()
+            .filter(|(_, radiance)| **radiance != 0.0)
+        {
+            let start = j % bins;
+            for (k, share) in &taps {
+                let i = start + k;
+                rates[if i < bins { i } else { i - bins }] += per_unit * radiance * *share;
+            }
+        }
+        rates.iter_mut().for_each(|rate| *rate = rate.max(0.0) + dark);
+        Ok(rates)
+    }
+
+    /// Counts in each bin of the period after all pulses of one capture, for rates of [`Self::rates`].
+    ///
+    /// # Errors
+    /// Those of [`Self::check`]; [`DetectorError::Count`] if there is not a rate for each bin of the period,
+    /// [`DetectorError::Detections`] if a free-running diode would have more than 10⁹ of them.
+    pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
+        self.check()?;
+        super::count("the rates of a period", self.period_bins(), rates.len())?;
+        if self.mode == Mode::Synchronous {
+            return Ok(tcspc::synchronous(rates, self.pulses, stream));
+        }
+        let recovery = self.recovery();
+        let most = tcspc::most_detections(rates, &recovery, self.pulses);
+        if most > MAX_DETECTIONS {
+            return Err(DetectorError::Detections(most));
+        }
+        Ok(tcspc::free_running(rates, &recovery, self.pulses, stream))
+    }
+
+    /// The radiance in each of the first `bins` bins that counts in all bins of the period tell of, dead time undone and
+    /// dark counts subtracted (see [`pile_up`] for what is neglected).
+    ///
+    /// The variances are unbiased, and so 0 in bins without counts: no weights for single bins.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`]; [`DetectorError::Count`] if there is not a count for each bin of the period.
+    pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
+        self.check()?;
+        super::count("the counts of a period", self.period_bins(), counts.len())?;
+        let rates = match self.mode {
+            Mode::Synchronous => pile_up::coates(counts, self.pulses),
+            Mode::FreeRunning => pile_up::live_time(counts, self.pulses, self.recovery().dead),
+        };
+        let (per_unit, dark) = (self.per_unit(nm), self.dark());
+        let radiance = |rate: pile_up::Rate| match rate.saturated {
+            true => Estimate::SATURATED,
+            false if !positive(per_unit) => Estimate::UNKNOWN,
+            false => Estimate {
+                radiance: (rate.value - dark) / per_unit,
+                variance: rate.variance / per_unit.powi(2),
+                saturated: false,
+            },
+        };
+        Ok(rates.into_iter().take(self.bins).map(radiance).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,392 @@
+//! Polarizers and retarders of a rig as Mueller matrices in f64, with their imperfections, and with derivatives for
+//! angles and retardances, which learning needs.
+//!
+//! The signs are those of [`optics::polarization::elements`]: angles counter-clockwise from the frame's x axis looking
+//! toward the source, the slow axis lags. An element at angle θ is R(-θ) M R(θ); with R(θ) = exp(2θG) its derivative
+//! for θ is 2(MG - GM).
+
+use super::spectral_value::SpectralValue;
+use nalgebra::{Matrix4, Vector4};
+
+/// Mueller matrices of a rig.
+pub type Mueller = Matrix4<f64>;
+/// Stokes vectors of a rig.
+pub type Stokes = Vector4<f64>;
+
+/// What an element does to light that passes it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// A linear polarizer; its angle is that of the light it passes.
+    Polarizer {
+        /// Least over greatest transmittance for linearly polarized light.
+        extinction: SpectralValue,
+    },
+    /// A linear retarder; its angle is that of the fast axis.
+    Retarder {
+        /// Nominal retardance, radians: a quarter-wave plate has π/2.
+        retardance: Setting,
+        /// Added to the nominal one at a wavelength, radians.
+        error: SpectralValue,
+        /// Whole waves that it has besides, which an oblique ray changes too.
+        order: u32,
+        /// Mean refractive index, for oblique rays.
+        index: f64,
+    },
+}
+
+/// A number that is the same for all captures, or one for each. Angles and retardances, radians.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Setting {
+    /// For all captures.
+    Fixed(f64),
+    /// Capture by capture.
+    Each(Vec<f64>),
+}
+
+impl Setting {
+    /// The value at capture number `k`.
+    ///
+    /// # Panics
+    /// If there is no such capture; [`super::scheme::Scheme`] sees to it that there is.
+    #[must_use]
+    pub fn at(&self, k: usize) -> f64 {
+        match self {
+            Self::Fixed(value) => *value,
+            Self::Each(values) => values[k],
+        }
+    }
+}
+
+/// An element of a rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    /// What it is called, e.g. `retarder_2`.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Angle of its stage.
+    pub angle: Setting,
+    /// Its axis' angle when the stage reads zero, radians.
+    pub axis_offset: f64,
+    /// Transmittance: of a polarizer, for light along its axis.
+    pub transmittance: SpectralValue,
+}
+
+/// Where and at which wavelength light passes a rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Wavelength, nanometres.
+    pub nm: f64,
+    /// Angle to the optical axis in air, radians.
+    pub incidence: f64,
+    /// Azimuth of the plane of incidence from the frame's x axis, radians.
+    pub azimuth: f64,
+}
+
+impl Ray {
+    /// Its angles from the axis in x and y, radians: where a galvo points for it.
+    #[must_use]
+    pub fn direction(&self) -> [f64; 2] {
+        let (s, c) = self.azimuth.sin_cos();
+        [c, s].map(|part| (self.incidence.tan() * part).atan())
+    }
+
+    /// Along the optical axis.
+    #[must_use]
+    pub fn axial(nm: f64) -> Self {
+        Self {
+            nm,
+            incidence: 0.0,
+            azimuth: 0.0,
+        }
+    }
+}
+
+/// The generator of rotations: R(θ) = exp(2θG).
+fn generator() -> Mueller {
+    let mut g = Mueller::zeros();
+    g[(1, 2)] = 1.0;
+    g[(2, 1)] = -1.0;
+    g
+}
+
+/// R(θ): Stokes vectors re-expressed in a basis turned by θ.
+#[must_use]
+pub fn rotator(theta: f64) -> Mueller {
+    let (s, c) = (2.0 * theta).sin_cos();
+    let mut r = Mueller::identity();
+    (r[(1, 1)], r[(1, 2)], r[(2, 1)], r[(2, 2)]) = (c, s, -s, c);
+    r
+}
+
+/// Linear diattenuator at 0° that passes `most` along x and `least` along y, both of light's power.
+#[must_use]
+pub fn diattenuator(most: f64, least: f64) -> Mueller {
+    let (mean, half, cross) = (
+        (most + least) / 2.0,
+        (most - least) / 2.0,
+        (most * least).max(0.0).sqrt(),
+    );
+    let mut m = Mueller::from_diagonal(&Stokes::new(mean, mean, cross, cross));
+    (m[(0, 1)], m[(1, 0)]) = (half, half);
+    m
+}
+
+/// Linear retarder with its fast axis at 0°.
+#[must_use]
+pub fn retarder(delta: f64) -> Mueller {
+    let (s, c) = delta.sin_cos();
+    let mut m = Mueller::from_diagonal(&Stokes::new(1.0, 1.0, c, c));
+    (m[(2, 3)], m[(3, 2)]) = (s, -s);
+    m
+}
+
+/// A matrix at some setting with its derivatives for the angle and for the retardance.
+#[derive(Clone, Copy, Debug)]
+pub struct Jet {
+    /// M.
+    pub value: Mueller,
+    /// dM/dθ and dM/dδ.
+    pub first: [Mueller; 2],
+    /// d²M/dθ², d²M/dθdδ, d²M/dδ².
+    pub second: [Mueller; 3],
+}
+
+/// What of an element changes from capture to capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Angle of the stage.
+    Angle,
+    /// Retardance, as liquid crystals change it.
+    Retardance,
+}
+
+impl Element {
+    /// An ideal linear polarizer.
+    #[must_use]
+    pub fn polarizer(name: &str, angle: Setting) -> Self {
+        Self::ideal(
+            name,
+            angle,
+            Kind::Polarizer {
+                extinction: SpectralValue::Same(0.0),
+            },
+        )
+    }
+
+    /// An ideal retarder.
+    #[must_use]
+    pub fn retarder(name: &str, angle: Setting, retardance: Setting) -> Self {
+        let kind = Kind::Retarder {
+            retardance,
+            error: SpectralValue::Same(0.0),
+            order: 0,
+            index: 1.55,
+        };
+        Self::ideal(name, angle, kind)
+    }
+
+    fn ideal(name: &str, angle: Setting, kind: Kind) -> Self {
+        Self {
+            name: name.to_owned(),
+            kind,
+            angle,
+            axis_offset: 0.0,
+            transmittance: SpectralValue::Same(1.0),
+        }
+    }
+
+    /// Retardance at a capture for a ray, radians; 0 of a polarizer.
+    ///
+    /// Of a plate that is weakly birefringent with index n, whose slow axis lies in it, a ray at angle α in air, whose
+    /// plane of incidence is at β from the slow axis, meets the retardance (δ + 2πm)(1 - s² cos² β)/√(1 - s²), s = sin α/n:
+    /// the first term of the extraordinary and ordinary waves' k_z (Yeh & Gu, "Optics of Liquid Crystal Displays", 2010,
+    /// sec. 3.2) in their difference.
+    #[must_use]
+    pub fn retardance(&self, k: usize, ray: &Ray) -> f64 {
+        let Kind::Retarder {
+            retardance, error, ..
+        } = &self.kind
+        else {
+            return 0.0;
+        };
+        let (scale, waves) = self.oblique(k, ray);
+        scale * (retardance.at(k) + error.at(ray.nm) + waves) - waves
+    }
+
+    /// What an oblique ray multiplies the whole retardance with, and the whole waves of it, radians.
+    fn oblique(&self, k: usize, ray: &Ray) -> (f64, f64) {
+        let Kind::Retarder { order, index, .. } = &self.kind else {
+            return (1.0, 0.0);
+        };
+        let waves = f64::from(*order) * std::f64::consts::TAU;
+        let s2 = (ray.incidence.sin() / index).powi(2);
+        let slow = self.angle.at(k) + self.axis_offset + std::f64::consts::FRAC_PI_2;
+        let along = (ray.azimuth - slow).cos().powi(2);
+        ((1.0 - s2 * along) / (1.0 - s2).sqrt(), waves)
+    }
+
+    /// Mueller matrix at a capture, with derivatives. Those for the angle leave out that turning an oblique plate changes
+    /// its retardance, which is of second order in the incidence.
+    #[must_use]
+    pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
+        let theta = self.angle.at(k) + self.axis_offset;
+        let t = self.transmittance.at(ray.nm);
+        let (plain, by_delta, by_delta2) = match &self.kind {
+            Kind::Polarizer { extinction } => (
+                diattenuator(t, t * extinction.at(ray.nm)),
+                Mueller::zeros(),
+                Mueller::zeros(),
+            ),
+            Kind::Retarder { .. } => {
+                let delta = self.retardance(k, ray);
+                let (scale, _) = self.oblique(k, ray);
+                let m = retarder(delta) * t;
+                let quarter = retarder(delta + std::f64::consts::FRAC_PI_2);
+                // d/dδ shifts sine and cosine by a quarter of a turn; what δ does not touch has no derivative.
+                let mut first = quarter * (t * scale);
+                let mut second = m * (-scale * scale);
+                for d in [&mut first, &mut second] {
+                    (d[(0, 0)], d[(1, 1)]) = (0.0, 0.0);
+                }
+                (m, first, second)
+            }
+        };
+        let g = generator();
+        let turn = |m: Mueller| rotator(-theta) * m * rotator(theta);
+        let by_theta = |m: &Mueller| (m * g - g * m) * 2.0;
+        let (value, delta1, delta2) = (turn(plain), turn(by_delta), turn(by_delta2));
+        let theta1 = by_theta(&value);
+        Jet {
+            value,
+            first: [theta1, delta1],
+            second: [by_theta(&theta1), by_theta(&delta1), delta2],
+        }
+    }
+
+    /// What of it changes from capture to capture.
+    pub fn driven(&self) -> impl Iterator<Item = Quantity> {
+        let angle = matches!(self.angle, Setting::Each(_)).then_some(Quantity::Angle);
+        let each = matches!(
+            self.kind,
+            Kind::Retarder {
+                retardance: Setting::Each(_),
+                ..
+            }
+        );
+        angle.into_iter().chain(each.then_some(Quantity::Retardance))
+    }
+
+    /// The settings of what [`Element::driven`] names.
+    #[must_use]
+    pub fn setting(&self, quantity: Quantity) -> Option<&Setting> {
+        match (quantity, &self.kind) {
+            (Quantity::Angle, _) => Some(&self.angle),
+            (Quantity::Retardance, Kind::Retarder { retardance, .. }) => Some(retardance),
+            (Quantity::Retardance, Kind::Polarizer { .. }) => None,
+        }
+    }
+
+    /// As [`Element::setting`], to be changed.
+    pub fn setting_mut(&mut self, quantity: Quantity) -> Option<&mut Setting> {
+        match (quantity, &mut self.kind) {
+            (Quantity::Angle, _) => Some(&mut self.angle),
+            (Quantity::Retardance, Kind::Retarder { retardance, .. }) => Some(retardance),
+            (Quantity::Retardance, Kind::Polarizer { .. }) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use optics::polarization::elements;
+    use optics::polarization::mueller::Mueller as Lanes;
+
+    fn near(a: &Mueller, b: &Lanes) -> bool {
+        let b = b.lane(0);
+        (0..4).all(|i| (0..4).all(|j| (a[(i, j)] - f64::from(b[i][j])).abs() < 1e-6))
+    }
+
+    /// One convention everywhere: the elements of the renderer.
+    #[test]
+    fn the_signs_are_the_renderers() {
+        let ray = Ray::axial(550.0);
+        for step in 0..24 {
+            let theta = f64::from(step) * 0.3;
+            let p = Element::polarizer("p", Setting::Fixed(theta)).jet(0, &ray);
+            assert!(near(&p.value, &elements::polarizer(theta as f32)));
+            let delta = f64::from(step) * 0.2;
+            let r = Element::retarder("r", Setting::Fixed(theta), Setting::Fixed(delta)).jet(0, &ray);
+            assert!(near(&r.value, &elements::retarder(theta as f32, delta as f32)));
+        }
+    }
+
+    /// Derivatives against central differences.
+    #[test]
+    fn derivatives_are_those_of_the_matrix() {
+        let ray = Ray {
+            nm: 550.0,
+            incidence: 0.0,
+            azimuth: 0.4,
+        };
+        let of = |theta: f64, delta: f64| {
+            let mut e = Element::retarder("r", Setting::Fixed(theta), Setting::Fixed(delta));
+            e.axis_offset = 0.1;
+            e.transmittance = SpectralValue::Same(0.9);
+            e.jet(0, &ray)
+        };
+        let (h, at) = (1e-5, (0.7, 1.1));
+        let jet = of(at.0, at.1);
+        let differ = |plus: Jet, minus: Jet, f: fn(&Jet) -> Mueller| (f(&plus) - f(&minus)) / (2.0 * h);
+        let (t_plus, t_minus) = (of(at.0 + h, at.1), of(at.0 - h, at.1));
+        let (d_plus, d_minus) = (of(at.0, at.1 + h), of(at.0, at.1 - h));
+        let pairs = [
+            (differ(t_plus, t_minus, |j| j.value), jet.first[0]),
+            (differ(d_plus, d_minus, |j| j.value), jet.first[1]),
+            (differ(t_plus, t_minus, |j| j.first[0]), jet.second[0]),
+            (differ(d_plus, d_minus, |j| j.first[0]), jet.second[1]),
+            (differ(t_plus, t_minus, |j| j.first[1]), jet.second[1]),
+            (differ(d_plus, d_minus, |j| j.first[1]), jet.second[2]),
+        ];
+        for (i, (found, exact)) in pairs.iter().enumerate() {
+            assert!((found - exact).amax() < 1e-7, "{i}: {found} is not {exact}");
+        }
+    }
+
+    /// An oblique ray in the plane of the fast axis lengthens the path only; in that of the slow axis it lowers the
+    /// extraordinary index too. Against the waves' k_z of a plate with indices 1.5499 and 1.5501.
+    #[test]
+    fn oblique_rays_see_the_waves_retardance() {
+        let (no, ne, alpha) = (1.5499_f64, 1.5501_f64, 0.3_f64);
+        let exact = |beta: f64| {
+            let s = alpha.sin();
+            let along = ne * ne * (1.0 - (s * beta.cos() / no).powi(2));
+            let extraordinary = (along - (s * beta.sin()).powi(2)).sqrt();
+            (extraordinary - (no * no - s * s).sqrt()) / (ne - no)
+        };
+        for (beta, azimuth) in [(0.0, 90.0_f64), (std::f64::consts::FRAC_PI_2, 0.0)] {
+            let ray = Ray {
+                nm: 550.0,
+                incidence: alpha,
+                azimuth: azimuth.to_radians(),
+            };
+            let e = Element::retarder("r", Setting::Fixed(0.0), Setting::Fixed(1.0));
+            let found = e.retardance(0, &ray);
+            assert!((found - exact(beta)).abs() < 1e-4, "{found} {}", exact(beta));
+        }
+    }
+
+    #[test]
+    fn a_leaky_polarizer_passes_what_it_should() {
+        let mut p = Element::polarizer("p", Setting::Fixed(0.0));
+        p.kind = Kind::Polarizer {
+            extinction: SpectralValue::Same(0.01),
+        };
+        p.transmittance = SpectralValue::Same(0.8);
+        let m = p.jet(0, &Ray::axial(550.0)).value;
+        let through = |s1: f64| (m * Stokes::new(1.0, s1, 0.0, 0.0))[0];
+        assert!((through(1.0) - 0.8).abs() < 1e-12);
+        assert!((through(-1.0) - 0.008).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,265 @@
+//! Cloude's coherency matrix: which Mueller matrices can exist, and how far one is from a single Jones matrix.
+//!
+//! H = ¼ Σ m_ij σ_i ⊗ σ_j* (Cloude 1986, Optik 75:26; Gil & Ossikovski 2016, ch. 5). H is Hermitian with trace m00. A
+//! matrix can be made by a mixture of Jones matrices, that is, by passive or active matter, exactly if H has no
+//! negative eigenvalue. For a single Jones matrix J, H = ½ |J⟩⟨J| with |J⟩ = (J00, J01, J10, J11).
+//!
+//! Pauli matrices in the order of the Stokes elements of CONVENTIONS.md: σ0 = 1, σ1 = diag(1, -1) (horizontal minus
+//! vertical), σ2 = [[0, 1], [1, 0]] (+45° minus -45°), σ3 = [[0, -i], [i, 0]] (right minus left circular, for fields
+//! Re E·exp(+iωt), in which a lagging slow axis has the factor exp(-iδ)). The other sign of time conjugates H and
+//! keeps its eigenvalues.
+
+use nalgebra::{Complex, Matrix2, Matrix4, SymmetricEigen};
+
+/// A Mueller matrix `m[out][in]`.
+pub type Matrix = [[f64; 4]; 4];
+
+/// σ_i in the order of the Stokes elements.
+#[must_use]
+pub fn pauli(i: usize) -> Matrix2<Complex<f64>> {
+    let (o, l, j) = (
+        Complex::new(0.0, 0.0),
+        Complex::new(1.0, 0.0),
+        Complex::new(0.0, 1.0),
+    );
+    match i {
+        0 => Matrix2::new(l, o, o, l),
+        1 => Matrix2::new(l, o, o, -l),
+        2 => Matrix2::new(o, l, l, o),
+        _ => Matrix2::new(o, -j, j, o),
+    }
+}
+
+fn basis(i: usize, j: usize) -> Matrix4<Complex<f64>> {
+    pauli(i).kronecker(&pauli(j).conjugate())
+}
+
+/// H of a Mueller matrix.
+#[must_use]
+pub fn coherency(m: &Matrix) -> Matrix4<Complex<f64>> {
+    let mut h = Matrix4::zeros();
+    for (i, row) in m.iter().enumerate() {
+        for (j, e) in row.iter().enumerate() {
+            h += basis(i, j) * Complex::from(e / 4.0);
+        }
+    }
+    h
+}
+
+/// The Mueller matrix of a Hermitian H: m_ij = tr(H σ_i ⊗ σ_j*).
+#[must_use]
+pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
+    let mut m = [[0.0; 4]; 4];
+    for (i, row) in m.iter_mut().enumerate() {
+        for (j, e) in row.iter_mut().enumerate() {
+            *e = (h * basis(i, j)).trace().re;
+        }
+    }
+    m
+}
+
+/// The four eigenvalues of H, falling; their sum is m00. `None` if an element is not finite.
+#[must_use]
+pub fn eigenvalues(m: &Matrix) -> Option<[f64; 4]> {
+    let mut values: [f64; 4] = decomposed(m)?.eigenvalues.into();
+    values.sort_by(|a, b| b.total_cmp(a));
+    Some(values)
+}
+
+fn decomposed(m: &Matrix) -> Option<SymmetricEigen<Complex<f64>, nalgebra::U4>> {
+    let finite = m.iter().flatten().all(|e| e.is_finite());
+    finite.then(|| coherency(m).symmetric_eigen())
+}
+
+/// True if no eigenvalue of H lies below -`tolerance`·m00. A dark matrix (all zero) is realizable, one that is not
+/// finite is not.
+#[must_use]
+pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
+    eigenvalues(m).is_some_and(|v| v[3] >= -tolerance * m[0][0].max(0.0))
+}
+
+/// The realizable matrix nearest in the sum of squared differences of the elements: negative eigenvalues are set to
+/// zero (the map from M to H keeps lengths up to a factor). `None` if an element is not finite.
+#[must_use]
+pub fn nearest(m: &Matrix) -> Option<Matrix> {
+    let mut eigen = decomposed(m)?;
+    eigen.eigenvalues.apply(|v| *v = v.max(0.0));
+    Some(mueller(&eigen.recompose()))
+}
+
+/// Cloude entropy -Σ p log₄ p of the eigenvalues' shares p (negative ones count as zero): 0 for a single Jones
+/// matrix, 1 for the ideal depolarizer. `None` for a matrix that is dark or not finite.
+#[must_use]
+pub fn entropy(m: &Matrix) -> Option<f64> {
+    let values = eigenvalues(m)?.map(|v| v.max(0.0));
+    let sum: f64 = values.iter().sum();
+    let terms = values
+        .iter()
+        .filter(|v| **v > 0.0)
+        .map(|v| -(v / sum) * (v / sum).ln() / 4.0_f64.ln());
+    (sum > 0.0).then(|| terms.sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decompose::testing::product;
+    use optics::polarization::elements::{depolarizer, ideal_mirror, polarizer, retarder};
+    use optics::polarization::fresnel::{conductor, dielectric};
+    use optics::polarization::mueller::Mueller;
+    use optics::spectrum::Spectral;
+    use proptest::prelude::*;
+
+    fn matrix(m: Mueller) -> Matrix {
+        m.lane(0).map(|row| row.map(f64::from))
+    }
+
+    fn diagonal(d: [f64; 4]) -> Matrix {
+        let mut m = [[0.0; 4]; 4];
+        (0..4).for_each(|i| m[i][i] = d[i]);
+        m
+    }
+
+    fn distance(a: &Matrix, b: &Matrix) -> f64 {
+        let pairs = a.iter().flatten().zip(b.iter().flatten());
+        pairs.map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt()
+    }
+
+    fn assert_eigenvalues(m: &Matrix, want: [f64; 4]) {
+        let got = eigenvalues(m).unwrap();
+        assert!(
+            got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12),
+            "{got:?} is not {want:?}"
+        );
+    }
+
+    /// M of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
+    fn of_jones(j: &Matrix2<Complex<f64>>) -> Matrix {
+        let e = |a: usize, b: usize| (pauli(a) * j * pauli(b) * j.adjoint()).trace().re / 2.0;
+        std::array::from_fn(|a| std::array::from_fn(|b| e(a, b)))
+    }
+
+    #[test]
+    fn known_spectra() {
+        assert_eigenvalues(&diagonal([1.0; 4]), [1.0, 0.0, 0.0, 0.0]);
+        assert_eigenvalues(&diagonal([3.0; 4]), [3.0, 0.0, 0.0, 0.0]);
+        assert_eigenvalues(&matrix(depolarizer()), [0.25; 4]);
+        assert_eigenvalues(&diagonal([1.0, 1.0, 1.0, -1.0]), [0.5, 0.5, 0.5, -0.5]);
+        assert_eigenvalues(&diagonal([1.0, -1.0, -1.0, -1.0]), [0.5, 0.5, 0.5, -0.5]);
+        // The first depolarizer of Cloude's cone: (1 + d1 + d2 + d3)/4 and so on.
+        assert_eigenvalues(&diagonal([1.0, 0.5, 0.3, 0.1]), [0.475, 0.275, 0.175, 0.075]);
+        assert!(eigenvalues(&diagonal([f64::NAN, 0.0, 0.0, 0.0])).is_none());
+    }
+
+    /// Order and signs of the Pauli matrices are the program's: H of its elements is the projector on their Jones
+    /// vectors, for a retarder with the slow axis' factor exp(-iδ), which the wrong sign of σ3 would conjugate.
+    #[test]
+    fn paulis_are_those_of_the_conventions() {
+        let (o, l) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0));
+        let delta = 0.7_f64;
+        let slow = Complex::from_polar(1.0, -delta);
+        let (c, s) = (Complex::from(0.3_f64.cos()), Complex::from(0.3_f64.sin()));
+        let cases = [
+            (retarder(0.0, delta as f32), Matrix2::new(l, o, o, slow)),
+            (polarizer(0.3), Matrix2::new(c * c, c * s, c * s, s * s)),
+        ];
+        for (element, jones) in cases {
+            let vec = nalgebra::Vector4::new(jones[(0, 0)], jones[(0, 1)], jones[(1, 0)], jones[(1, 1)]);
+            let want = vec * vec.adjoint() * Complex::from(0.5);
+            let got = coherency(&matrix(element));
+            assert!((got - want).norm() < 1e-6, "{got} is not {want}");
+            assert!(distance(&matrix(element), &of_jones(&jones)) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn what_optics_makes_is_realizable() {
+        let mut all = vec![matrix(ideal_mirror())];
+        for i in 0..18 {
+            let t = i as f32 * 0.3;
+            all.extend([matrix(polarizer(t)), matrix(retarder(t, 0.1 + t))]);
+            let c = (i as f32 * 5.0).to_radians().cos();
+            let gold = conductor(c, Spectral::splat(0.4242), Spectral::splat(2.4721));
+            let glass = dielectric(c, Spectral::splat(1.5));
+            let inside = dielectric(c, Spectral::splat(1.0 / 1.5));
+            for block in [
+                gold,
+                glass.reflection,
+                glass.transmission,
+                inside.reflection,
+                inside.transmission,
+            ] {
+                all.push(matrix(block.to_mueller()));
+            }
+        }
+        for m in &all {
+            // Single-precision elements of matrices that lie on the border of the cone.
+            assert!(is_realizable(m, 2e-6), "{m:?} has {:?}", eigenvalues(m));
+            if m[0][0] > 0.0 {
+                assert!(entropy(m).unwrap() < 1e-4, "{m:?} is a single Jones matrix");
+            }
+        }
+        assert!(!is_realizable(&diagonal([1.0, 1.0, 1.0, -1.0]), 0.4));
+        assert!(!is_realizable(&diagonal([1.0, 1.0001, 1.0, 1.0]), 1e-6));
+        assert!(is_realizable(&[[0.0; 4]; 4], 0.0));
+        assert!(!is_realizable(&diagonal([-1.0, 0.0, 0.0, 0.0]), 1.0));
+    }
+
+    #[test]
+    fn entropy_runs_from_pure_to_random() {
+        assert!((entropy(&matrix(depolarizer())).unwrap() - 1.0).abs() < 1e-12);
+        assert!(entropy(&diagonal([1.0; 4])).unwrap().abs() < 1e-12);
+        // Half the light keeps its polarization: shares 5/8, 1/8, 1/8, 1/8.
+        let want = -(0.625 * 0.625_f64.ln() + 0.375 * 0.125_f64.ln()) / 4.0_f64.ln();
+        assert!((entropy(&diagonal([1.0, 0.5, 0.5, 0.5])).unwrap() - want).abs() < 1e-12);
+        assert!(entropy(&[[0.0; 4]; 4]).is_none());
+    }
+
+    #[test]
+    fn the_nearest_realizable_matrix_is_known_for_a_flip() {
+        // Eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0: the element -1 is met half way by all.
+        let near = nearest(&diagonal([1.0, 1.0, 1.0, -1.0])).unwrap();
+        assert!(
+            distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12,
+            "{near:?}"
+        );
+    }
+
+    prop_compose! {
+        /// A mixture of up to three Jones matrices.
+        fn mixture()(parts in prop::collection::vec(prop::array::uniform8(-1.0..1.0_f64), 1..4)) -> Matrix {
+            let mut sum = [[0.0; 4]; 4];
+            for p in &parts {
+                let z = |k: usize| Complex::new(p[2 * k], p[2 * k + 1]);
+                let m = of_jones(&Matrix2::new(z(0), z(1), z(2), z(3)));
+                sum.iter_mut().flatten().zip(m.iter().flatten()).for_each(|(s, e)| *s += e);
+            }
+            sum
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn products_and_sums_of_realizable_matrices_are_realizable(a in mixture(), b in mixture()) {
+            let mut sum = a;
+            sum.iter_mut().flatten().zip(b.iter().flatten()).for_each(|(s, e)| *s += e);
+            for m in [a, sum, product(&a, &b)] {
+                prop_assert!(is_realizable(&m, 1e-12), "{:?} has {:?}", m, eigenvalues(&m));
+                prop_assert!(distance(&nearest(&m).unwrap(), &m) < 1e-12 * (1.0 + m[0][0]));
+            }
+        }
+
+        #[test]
+        fn coherency_and_back_is_the_same(e in prop::array::uniform16(-2.0..2.0_f64)) {
+            let m: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| e[4 * i + j]));
+            let h = coherency(&m);
+            prop_assert!((h - h.adjoint()).norm() < 1e-14);
+            prop_assert!(distance(&mueller(&h), &m) < 1e-13);
+            let near = nearest(&m).unwrap();
+            prop_assert!(is_realizable(&near, 1e-10), "{:?}", eigenvalues(&near));
+            // No mixture of the two is nearer: the projection on a convex cone is perpendicular to its point.
+            let dot: f64 = near.iter().flatten().zip(m.iter().flatten()).map(|(n, m)| n * (m - n)).sum();
+            prop_assert!(dot.abs() < 1e-10);
+        }
+    }
+}

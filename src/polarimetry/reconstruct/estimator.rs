@@ -1,0 +1,121 @@
+//! Linear estimates of Mueller matrices from intensities: least squares and the prior.
+//!
+//! t̂ = W I, one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5) has the closed form W = A⁺. The
+//! prior, which the paper leaves as future work, is the linear estimate of least expected squared error for matrices s·t of
+//! second moment E[t tᵀ] = S with T00 = 1 and brightness s, under noise σ: W = P Aᵀs²/σ²,
+//! P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006, eq. 2.8, with mean zero).
+
+use super::loss::{Moment, root};
+use crate::capture::design_matrix::{DesignMatrix, RankError};
+use nalgebra::{Cholesky, DMatrix};
+
+/// A linear estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearEstimate {
+    /// W: 16 rows (elements of a Mueller matrix, row-major), a column for each measurement.
+    pub w: DMatrix<f64>,
+    /// Covariance of the estimate's error over σ²: of least squares (AᵀA)⁻¹; of the prior P/σ², expected bias included.
+    pub covariance: Moment,
+}
+
+impl LinearEstimate {
+    /// Least squares.
+    ///
+    /// # Errors
+    /// If the captures do not determine a Mueller matrix.
+    pub fn least_squares(design: &DesignMatrix) -> Result<Self, RankError> {
+        let w = design.pseudo_inverse()?;
+        let covariance = &w * w.transpose();
+        Ok(Self {
+            covariance: Moment::from_fn(|i, j| covariance[(i, j)]),
+            w,
+        })
+    }
+
+    /// With a prior: second moment `s` of matrices with T00 = 1, and the noise of an intensity over the brightness.
+    #[must_use]
+    pub fn prior(design: &DesignMatrix, s: &Moment, relative_noise: f64) -> Self {
+        let per = relative_noise.max(1e-12).powi(-2);
+        let a = &design.a;
+        let normal = a.transpose() * a;
+        let normal = Moment::from_fn(|i, j| normal[(i, j)] * per);
+        let root = root(s);
+        let inner = Moment::identity() + root.transpose() * normal * root;
+        // Positive definite by construction: the identity and something that is not negative.
+        let inverse = Cholesky::new(inner).map_or_else(Moment::zeros, |c| c.inverse());
+        let p = root * inverse * root.transpose();
+        let dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)] * per);
+        Self {
+            w: dynamic * a.transpose(),
+            covariance: p * per,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::element::Ray;
+    use crate::capture::scheme::Scheme;
+    use optics::sampling::stream::Stream;
+
+    fn design(captures: usize) -> DesignMatrix {
+        DesignMatrix::new(
+            &Scheme::qrpr(captures, false).expect("a scheme"),
+            &Ray::axial(550.0),
+        )
+    }
+
+    /// A prior that knows nothing is least squares.
+    #[test]
+    fn a_vague_prior_is_least_squares() {
+        let design = design(20);
+        let least = LinearEstimate::least_squares(&design).expect("rank 16");
+        let prior = LinearEstimate::prior(&design, &(Moment::identity() * 1e6), 1e-2);
+        assert!((&least.w - &prior.w).amax() < 1e-5 * least.w.amax());
+        assert!((least.covariance - prior.covariance).amax() < 1e-5 * least.covariance.amax());
+    }
+
+    /// With few captures the prior gives back matrices of the kind that it knows, and its covariance is the error's.
+    #[test]
+    fn the_prior_errs_as_it_says() {
+        let mut stream = Stream::new(5, 0, 0);
+        let mut uniform = || 2.0 * f64::from(stream.uniform()) - 1.0;
+        // Matrices of three kinds mixed at random.
+        let kinds: Vec<[f64; 16]> = (0..3).map(|_| std::array::from_fn(|_| uniform())).collect();
+        let n = 20_000;
+        let data: Vec<[f64; 16]> = (0..n)
+            .map(|_| {
+                let mix: [f64; 3] = std::array::from_fn(|_| uniform());
+                std::array::from_fn(|e| (0..3).map(|i| mix[i] * kinds[i][e]).sum())
+            })
+            .collect();
+        let mut s = Moment::zeros();
+        for t in &data {
+            s += Moment::from_fn(|i, j| t[i] * t[j] / n as f64);
+        }
+        let (design, sigma) = (design(5), 0.01);
+        let prior = LinearEstimate::prior(&design, &s, sigma);
+        let mut errors = vec![];
+        for t in &data {
+            let noise: [f64; 5] = std::array::from_fn(|_| {
+                // Six uniforms over -1 to 1 have variance 2.
+                sigma * (0..6).map(|_| uniform()).sum::<f64>() / 2.0_f64.sqrt()
+            });
+            let mut intensities = design.intensities(t);
+            for (i, e) in intensities.iter_mut().zip(noise) {
+                *i += e;
+            }
+            let found = &prior.w * intensities;
+            errors.push((0..16).map(|e| (found[e] - t[e]).powi(2)).sum::<f64>());
+        }
+        let mean = errors.iter().sum::<f64>() / n as f64;
+        let var = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
+        let want = prior.covariance.trace() * sigma.powi(2);
+        assert!(
+            (mean - want).abs() < 5.0 * (var / n as f64).sqrt(),
+            "{mean} is not {want}"
+        );
+        assert!(mean < 0.05 * s.trace(), "{mean} of {}", s.trace());
+    }
+}

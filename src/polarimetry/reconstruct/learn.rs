@@ -1,0 +1,356 @@
+//! Learning the settings of a scheme: minimizing its expected error in closed form.
+//!
+//! Baek & Heide 2021, sec. 4, learn by stochastic gradients with Adam from the angles of dual rotating retarders. The
+//! closed form of [`super::loss`] makes the gradient exact; many random starts with a quasi-Newton method then find what a
+//! single descent misses. Everything follows from the seed, whatever the number of threads.
+
+use super::estimator::LinearEstimate;
+use super::loss::{Estimator, Moment, Objective, expected_error};
+use super::optimize::{Minimum, Smooth, adam, quasi_newton};
+use crate::capture::design_matrix::DesignMatrix;
+use crate::capture::element::Quantity;
+use crate::capture::scheme::Scheme;
+use optics::sampling::stream::Stream;
+use rayon::prelude::*;
+
+/// How the minimum is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Search {
+    /// Random starts of the quasi-Newton method, besides the template's own settings.
+    pub starts: u32,
+    /// Its most iterations from each start.
+    pub iterations: u64,
+    /// Steps of Adam from the template's settings; 0 for none.
+    pub adam_steps: usize,
+    /// Seed of the random starts.
+    pub seed: u64,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self {
+            starts: 24,
+            iterations: 400,
+            adam_steps: 2000,
+            seed: 0,
+        }
+    }
+}
+
+/// Where a descent began, and what it found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Descent {
+    /// For tables: `Adam from the template`, `quasi-Newton, start 3`.
+    pub name: String,
+    /// Expected sum of squared errors (see [`Objective`]).
+    pub loss: f64,
+}
+
+/// A learned scheme.
+#[derive(Clone, Debug)]
+pub struct Learned {
+    pub scheme: Scheme,
+    /// Its expected sum of squared errors.
+    pub loss: f64,
+    /// All descents, the template's first.
+    pub descents: Vec<Descent>,
+}
+
+/// The objective over settings, in units of σ² so that its numbers are of the order of 100 whatever the noise.
+struct Settings<'a> {
+    template: &'a Scheme,
+    objective: &'a Objective,
+}
+
+impl Smooth for Settings<'_> {
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        let (loss, mut gradient) = self.objective.gradient(&self.template.with_parameters(x));
+        let per = self.objective.sigma.powi(-2);
+        gradient.iter_mut().for_each(|g| *g *= per);
+        (loss * per, gradient)
+    }
+}
+
+/// A random start: angles over half a turn, retardances over a whole wave.
+fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
+    let mut stream = Stream::new(seed, start, 0);
+    let mut out = vec![];
+    for motor in template.motors() {
+        let range = match motor.quantity {
+            Quantity::Angle => std::f64::consts::PI,
+            Quantity::Retardance => std::f64::consts::TAU,
+        };
+        out.extend((0..template.captures()).map(|_| range * f64::from(stream.uniform())));
+    }
+    out
+}
+
+/// A descent to make.
+enum Start {
+    Adam,
+    Template,
+    Random(u32),
+}
+
+/// Learns all settings of a template that change from capture to capture.
+#[must_use]
+pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
+    let f = Settings { template, objective };
+    let own = template.parameters();
+    // Adam is the longest of them, and so begins first.
+    let adam_first = (search.adam_steps > 0).then_some(Start::Adam);
+    let random_starts = (0..search.starts).map(Start::Random);
+    let starts: Vec<Start> = adam_first
+        .into_iter()
+        .chain([Start::Template])
+        .chain(random_starts)
+        .collect();
+    let found: Vec<(String, Minimum)> = starts
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|start| match start {
+            Start::Adam => {
+                let minimum = adam(&f, &own, search.adam_steps, 0.02);
+                ("Adam from the template".to_owned(), minimum)
+            }
+            Start::Template => {
+                let minimum = quasi_newton(&f, &own, search.iterations);
+                ("quasi-Newton from the template".to_owned(), minimum)
+            }
+            Start::Random(i) => {
+                let minimum = quasi_newton(&f, &random(template, search.seed, i), search.iterations);
+                (format!("quasi-Newton, start {}", i + 1), minimum)
+            }
+        })
+        .collect();
+    let scale = objective.sigma.powi(2);
+    let descents = found.iter().map(|(name, minimum)| Descent {
+        name: name.clone(),
+        loss: minimum.value * scale,
+    });
+    let descents = descents.collect();
+    let template_loss = objective.loss(template);
+    let mut scheme = template.clone();
+    let mut loss = template_loss;
+    for (_, minimum) in &found {
+        if minimum.value * scale < loss {
+            loss = minimum.value * scale;
+            scheme = template.with_parameters(&tidy(template, &minimum.x));
+        }
+    }
+    Learned {
+        loss: objective.loss(&scheme),
+        scheme,
+        descents,
+    }
+}
+
+/// Angles within 0 to 180°, where they repeat; retardances within 0 to one wave.
+fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
+    let motors = template.motors();
+    let captures = template.captures();
+    let period = |i: usize| match motors[i / captures].quantity {
+        Quantity::Angle => std::f64::consts::PI,
+        Quantity::Retardance => std::f64::consts::TAU,
+    };
+    x.iter()
+        .enumerate()
+        .map(|(i, v)| v.rem_euclid(period(i)))
+        .collect()
+}
+
+/// What one fold of a cross-validation gave.
+#[derive(Clone, Debug)]
+pub struct FoldError {
+    /// Expected squared error on the materials learned from.
+    pub seen: f64,
+    /// On those left out.
+    pub unseen: f64,
+}
+
+/// Expected errors of a scheme with the estimate made for `train`, on `train` and on `test`; averaged over the rays.
+#[must_use]
+pub fn validate(scheme: &Scheme, objective: &Objective, train: &Moment, test: &Moment) -> FoldError {
+    let mut out = FoldError {
+        seen: 0.0,
+        unseen: 0.0,
+    };
+    for ray in &objective.rays {
+        let design = DesignMatrix::new(scheme, ray);
+        let w = match objective.estimator {
+            Estimator::Prior => LinearEstimate::prior(&design, train, objective.sigma).w,
+            Estimator::LeastSquares => design.minimum_norm(),
+        };
+        let per = 1.0 / objective.rays.len() as f64;
+        out.seen += expected_error(&w, &design.a, train, objective.sigma) * per;
+        out.unseen += expected_error(&w, &design.a, test, objective.sigma) * per;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::design_matrix::bound;
+    use crate::capture::element::Ray;
+
+    fn objective(estimator: Estimator, angle_error: f64) -> Objective {
+        // A second moment of full rank with unequal directions.
+        let root = Moment::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin() / 4.0);
+        let mut s = root * root.transpose() + Moment::identity() * 0.02;
+        s /= s[(0, 0)];
+        Objective {
+            sigma: 5e-4,
+            angle_error,
+            second_moment: s,
+            estimator,
+            rays: vec![Ray::axial(450.0), Ray::axial(550.0)],
+        }
+    }
+
+    /// Analytic gradients against central differences: both sensors, both estimates, few and many captures, with and without
+    /// errors of the stages, plates that differ with wavelength, and liquid crystals.
+    #[test]
+    fn gradients_are_exact() {
+        let mut checked = 0;
+        for (captures, array, crystals) in [
+            (20, false, false),
+            (9, false, false),
+            (8, true, false),
+            (3, true, false),
+            (6, true, false),
+            (18, false, true),
+        ] {
+            for estimator in [Estimator::LeastSquares, Estimator::Prior] {
+                for angle_error in [0.0, 0.01] {
+                    let objective = objective(estimator, angle_error);
+                    let scheme = if crystals {
+                        Scheme::liquid_crystal(captures, array)
+                    } else {
+                        Scheme::qrpr(captures, array)
+                    };
+                    let scheme = scheme.expect("a scheme");
+                    let (loss, gradient) = objective.gradient(&scheme);
+                    assert!(loss.is_finite() && (loss - objective.loss(&scheme)).abs() < 1e-9 * loss);
+                    let at = scheme.parameters();
+                    let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+                    for i in (0..at.len()).step_by(5) {
+                        let h = 1e-5;
+                        let moved = |by: f64| {
+                            let mut p = at.clone();
+                            p[i] += by;
+                            objective.loss(&scheme.with_parameters(&p))
+                        };
+                        let found = (moved(h) - moved(-h)) / (2.0 * h);
+                        assert!(
+                            (found - gradient[i]).abs() < 1e-4 * norm,
+                            "{} {estimator:?} {angle_error} {i}: {found} is not {}",
+                            scheme.name,
+                            gradient[i]
+                        );
+                        checked += 1;
+                    }
+                }
+            }
+        }
+        assert!(checked > 150);
+    }
+
+    /// The closed form is the mean of the paper's Monte Carlo loss (eq. 8), over noise, data and errors of the stages.
+    #[test]
+    fn the_closed_form_is_the_sampled_loss() {
+        use rand_distr::{Distribution, StandardNormal};
+        let n = 40_000_u32;
+        for (captures, estimator, angle_error) in [
+            (18, Estimator::LeastSquares, 0.0),
+            (18, Estimator::LeastSquares, 1e-3),
+            (7, Estimator::LeastSquares, 0.0),
+            (7, Estimator::Prior, 0.0),
+        ] {
+            let mut objective = objective(estimator, angle_error);
+            objective.rays.truncate(1);
+            objective.sigma = 5e-3;
+            let ray = objective.rays[0];
+            let scheme = Scheme::qrpr(captures, false).expect("a scheme");
+            let design = DesignMatrix::new(&scheme, &ray);
+            let w = match estimator {
+                Estimator::Prior => {
+                    LinearEstimate::prior(&design, &objective.second_moment, objective.sigma).w
+                }
+                Estimator::LeastSquares => design.minimum_norm(),
+            };
+            let root = super::super::loss::root(&objective.second_moment);
+            let at = scheme.parameters();
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for sample in 0..n {
+                let mut stream = Stream::new(11, sample, 0);
+                let mut normal = || -> f64 { StandardNormal.sample(&mut stream) };
+                let t = root * nalgebra::SVector::<f64, 16>::from_fn(|_, _| normal());
+                let t: [f64; 16] = std::array::from_fn(|e| t[e]);
+                let mut intensities = if angle_error > 0.0 {
+                    let off: Vec<f64> = at.iter().map(|p| p + angle_error * normal()).collect();
+                    DesignMatrix::new(&scheme.with_parameters(&off), &ray).intensities(&t)
+                } else {
+                    design.intensities(&t)
+                };
+                intensities
+                    .iter_mut()
+                    .for_each(|i| *i += objective.sigma * normal());
+                let found = &w * intensities;
+                let error: f64 = (0..16).map(|e| (found[e] - t[e]).powi(2)).sum();
+                sum += error;
+                squares += error * error;
+            }
+            let mean = sum / f64::from(n);
+            let deviation = ((squares / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
+            let want = objective.loss(&scheme);
+            assert!(
+                (mean - want).abs() < 5.0 * deviation,
+                "{captures} {estimator:?}: {mean} is not {want} by {deviation}"
+            );
+        }
+    }
+
+    /// Learned angles reach the bound that no scheme can beat: 1600/K, 440/K.
+    #[test]
+    fn learned_schemes_reach_the_bound() {
+        let mut objective = objective(Estimator::LeastSquares, 0.0);
+        objective.rays.truncate(1);
+        let search = Search {
+            starts: 6,
+            iterations: 250,
+            adam_steps: 0,
+            seed: 1,
+        };
+        for (captures, array) in [(16, false), (20, false), (8, true)] {
+            let template = Scheme::quad(captures, array).expect("a scheme");
+            let learned = learn(&template, &objective, &search);
+            let ratio = learned.loss / objective.sigma.powi(2) / bound(&template);
+            assert!((0.9999..1.02).contains(&ratio), "{captures}: {ratio}");
+            assert!(
+                learned.loss <= learned.descents.iter().map(|d| d.loss).fold(f64::MAX, f64::min) * 1.000_001
+            );
+        }
+    }
+
+    /// The same whatever the number of threads.
+    #[test]
+    fn threads_do_not_matter() {
+        let objective = objective(Estimator::Prior, 0.0);
+        let template = Scheme::quad(4, true).expect("a scheme");
+        let search = Search {
+            starts: 4,
+            iterations: 40,
+            adam_steps: 0,
+            seed: 3,
+        };
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("threads");
+            pool.install(|| learn(&template, &objective, &search).scheme.parameters())
+        };
+        assert_eq!(with(1), with(3));
+    }
+}

@@ -1,0 +1,410 @@
+//! The expected error of a scheme in closed form, and its gradient for every setting.
+//!
+//! Baek & Heide 2021, eq. 8, train angles on the mean squared error over noise and data, by sampling both. The estimates
+//! are linear in the intensities, t̂ = W I, and I = A t + η, so that the expectation needs only the second moment
+//! S = E[t tᵀ] of the data and the covariance Σ of η:
+//!
+//! ```text
+//! E|t̂ - t|² = tr (1 - WA) S (1 - WA)ᵀ + tr W Σ Wᵀ
+//! least squares, rank 16     W = (AᵀA)⁻¹Aᵀ                 tr W Σ Wᵀ; without errors of angles σ² tr (AᵀA)⁻¹
+//! least squares, lower rank  W = A⁺                        the bias of what is not seen comes on top
+//! prior                      W = P AᵀΣ⁻¹                   tr P,   P = (S⁻¹ + AᵀΣ⁻¹A)⁻¹
+//! ```
+//!
+//! Stages that miss their angles by independent errors of variance σ_θ² add noise in proportion to the light: for capture
+//! k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are normalized, T00 = 1.
+
+use crate::capture::design_matrix::minimum_norm;
+use crate::capture::element::{Ray, rotator};
+use crate::capture::scheme::Scheme;
+use crate::capture::states::{StateJet, analyzed, generated};
+use nalgebra::{Cholesky, DMatrix, SMatrix, SVector};
+
+/// A 16 × 16 matrix over the elements of Mueller matrices, row-major vectors.
+pub type Moment = SMatrix<f64, 16, 16>;
+type Row = SVector<f64, 16>;
+
+/// How Mueller matrices are estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimator {
+    /// Least squares; of least norm where captures leave something open.
+    LeastSquares,
+    /// The linear estimate of least expected error for data of a known second moment.
+    Prior,
+}
+
+/// What a scheme is judged by.
+#[derive(Clone, Debug)]
+pub struct Objective {
+    /// Standard deviation of the noise of an intensity, of light for which T00 = 1.
+    pub sigma: f64,
+    /// Standard deviation of a stage's angle (or of a retardance), radians.
+    pub angle_error: f64,
+    /// Second moment of the data, E[t tᵀ].
+    pub second_moment: Moment,
+    /// How matrices are estimated.
+    pub estimator: Estimator,
+    /// Wavelengths (and directions) whose errors are averaged.
+    pub rays: Vec<Ray>,
+}
+
+/// A capture's rows of A with the states that they are products of.
+struct Capture {
+    generated: StateJet,
+    analyzed: Vec<StateJet>,
+}
+
+fn product(a: &nalgebra::Vector4<f64>, g: &nalgebra::Vector4<f64>) -> Row {
+    Row::from_fn(|e, _| a[e / 4] * g[e % 4])
+}
+
+impl Capture {
+    fn rows(&self) -> impl Iterator<Item = Row> {
+        self.analyzed
+            .iter()
+            .map(|a| product(&a.value, &self.generated.value))
+    }
+
+    /// Motors, each with the derivatives of all rows for it.
+    fn derivatives(&self) -> Vec<(usize, Vec<Row>)> {
+        let g = &self.generated;
+        let by_generator = g.first.iter().map(|(m, dg)| {
+            let rows = self.analyzed.iter().map(|a| product(&a.value, dg));
+            (*m, rows.collect())
+        });
+        let motors = self.analyzed.first().map_or(0, |a| a.first.len());
+        let by_analyzer = (0..motors).map(|i| {
+            let rows = self.analyzed.iter().map(|a| product(&a.first[i].1, &g.value));
+            (self.analyzed[0].first[i].0, rows.collect())
+        });
+        by_generator.chain(by_analyzer).collect()
+    }
+
+    /// Pairs of motors, each with the second derivatives of all rows.
+    fn second_derivatives(&self) -> Vec<(usize, usize, Vec<Row>)> {
+        let g = &self.generated;
+        let mut out = vec![];
+        for (m, n, d) in &g.second {
+            out.push((
+                *m,
+                *n,
+                self.analyzed.iter().map(|a| product(&a.value, d)).collect(),
+            ));
+        }
+        let Some(first) = self.analyzed.first() else {
+            return out;
+        };
+        for (i, (m, n, _)) in first.second.iter().enumerate() {
+            let rows = self.analyzed.iter().map(|a| product(&a.second[i].2, &g.value));
+            out.push((*m, *n, rows.collect()));
+        }
+        for (m, dg) in &g.first {
+            for (i, (n, _)) in first.first.iter().enumerate() {
+                let rows = self.analyzed.iter().map(|a| product(&a.first[i].1, dg));
+                out.push((*m, *n, rows.collect()));
+            }
+        }
+        out
+    }
+}
+
+/// The loss of a setting, its derivatives for A (one row a measurement) and for Σ (block by capture).
+struct Parts {
+    loss: f64,
+    by_a: DMatrix<f64>,
+    by_noise: Vec<DMatrix<f64>>,
+}
+
+impl Objective {
+    /// Expected sum of the 16 squared errors, T00 = 1; infinite if that overflows.
+    #[must_use]
+    pub fn loss(&self, scheme: &Scheme) -> f64 {
+        self.with_gradient(scheme, false).0
+    }
+
+    /// The loss and its derivatives, in the order of [`Scheme::parameters`].
+    #[must_use]
+    pub fn gradient(&self, scheme: &Scheme) -> (f64, Vec<f64>) {
+        self.with_gradient(scheme, true)
+    }
+
+    fn with_gradient(&self, scheme: &Scheme, wanted: bool) -> (f64, Vec<f64>) {
+        let mut loss = 0.0;
+        let captures = scheme.captures();
+        let mut gradient = vec![
+            0.0;
+            if wanted {
+                scheme.motors().len() * captures
+            } else {
+                0
+            }
+        ];
+        for ray in &self.rays {
+            let orders = match (wanted, self.angle_error > 0.0) {
+                (false, false) => 0,
+                (true, true) => 2,
+                _ => 1,
+            };
+            let all: Vec<Capture> = (0..captures)
+                .map(|k| Capture {
+                    generated: generated(scheme, k, ray, orders),
+                    analyzed: analyzed(scheme, k, ray, orders, true),
+                })
+                .collect();
+            let rows: Vec<Row> = all.iter().flat_map(Capture::rows).collect();
+            let a = DMatrix::from_fn(rows.len(), 16, |r, e| rows[r][e]);
+            // Settings that are no numbers would keep a singular value decomposition busy for ever.
+            let finite = a.iter().all(|e| e.is_finite());
+            let Some(parts) = finite.then(|| self.parts(&a, &self.noise(&all))).flatten() else {
+                return (f64::INFINITY, gradient);
+            };
+            loss += parts.loss;
+            if wanted {
+                self.chain(&all, &parts, &mut gradient);
+            }
+        }
+        let per = 1.0 / self.rays.len().max(1) as f64;
+        gradient.iter_mut().for_each(|g| *g *= per);
+        (loss * per, gradient)
+    }
+
+    /// Σ of every capture.
+    fn noise(&self, all: &[Capture]) -> Vec<DMatrix<f64>> {
+        all.iter()
+            .map(|capture| {
+                let n = capture.analyzed.len();
+                let mut noise = DMatrix::identity(n, n) * self.sigma.powi(2);
+                if self.angle_error > 0.0 {
+                    for (_, rows) in capture.derivatives() {
+                        let seen: Vec<Row> = rows.iter().map(|r| self.second_moment * r).collect();
+                        for (i, row) in rows.iter().enumerate() {
+                            for (j, s) in seen.iter().enumerate() {
+                                noise[(i, j)] += self.angle_error.powi(2) * row.dot(s);
+                            }
+                        }
+                    }
+                }
+                noise
+            })
+            .collect()
+    }
+
+    fn parts(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
+        match self.estimator {
+            Estimator::Prior => self.prior(a, noise),
+            Estimator::LeastSquares => Some(full_rank(a, noise).unwrap_or_else(|| self.least_norm(a, noise))),
+        }
+    }
+
+    fn prior(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
+        let inverses: Option<Vec<DMatrix<f64>>> = noise.iter().map(|n| n.clone().try_inverse()).collect();
+        let weighted = blocks(&inverses?, a);
+        let root = root(&self.second_moment);
+        let normal = fixed(&(a.transpose() * &weighted));
+        let inner = Moment::identity() + root.transpose() * normal * root;
+        let p = root * Cholesky::new(inner)?.inverse() * root.transpose();
+        let p_dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)]);
+        let w = &p_dynamic * weighted.transpose();
+        Some(Parts {
+            loss: p.trace(),
+            by_a: w.transpose() * &p_dynamic * -2.0,
+            by_noise: outer_blocks(&w, noise),
+        })
+    }
+
+    /// W = A⁺ of any rank, which settings near by share. The derivative of A⁺ is Golub & Pereyra's (1973, eq. 4.12):
+    /// dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
+    fn least_norm(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Parts {
+        let w = minimum_norm(a);
+        let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment[(i, j)]);
+        let unseen = DMatrix::identity(16, 16) - &w * a;
+        let left = DMatrix::identity(a.nrows(), a.nrows()) - a * &w;
+        let noisy = blocks(noise, &w.transpose());
+        // d/dW of tr W Σ Wᵀ + tr (1 - WA) S (1 - WA)ᵀ; (1 - WA) W = 0, so that A itself adds nothing.
+        let v = noisy.transpose() * 2.0 - &unseen * &s * a.transpose() * 2.0;
+        let (wt, vt) = (w.transpose(), v.transpose());
+        let by_a = left * &vt * &w * &wt + &wt * &w * &vt * &unseen - &wt * &v * &wt;
+        Parts {
+            loss: (&unseen * &s * unseen.transpose()).trace() + (&w * noisy).trace(),
+            by_a,
+            by_noise: outer_blocks(&w, noise),
+        }
+    }
+
+    /// From derivatives for A and Σ to those for the settings.
+    fn chain(&self, all: &[Capture], parts: &Parts, gradient: &mut [f64]) {
+        let captures = all.len();
+        let mut first = 0;
+        for (k, capture) in all.iter().enumerate() {
+            let n = capture.analyzed.len();
+            for (motor, rows) in capture.derivatives() {
+                let along = rows
+                    .iter()
+                    .enumerate()
+                    .map(|(c, row)| (0..16).map(|e| parts.by_a[(first + c, e)] * row[e]).sum::<f64>());
+                gradient[motor * captures + k] += along.sum::<f64>();
+            }
+            if self.angle_error > 0.0 {
+                self.chain_noise(capture, &parts.by_noise[k], |motor, value| {
+                    gradient[motor * captures + k] += value;
+                });
+            }
+            first += n;
+        }
+    }
+
+    /// tr V dΣ with Σ = σ_θ² Σ_m D_m S D_mᵀ is 2 σ_θ² <V D_m S, dD_m>.
+    fn chain_noise(&self, capture: &Capture, v: &DMatrix<f64>, mut add: impl FnMut(usize, f64)) {
+        let firsts = capture.derivatives();
+        let pulled: Vec<(usize, Vec<Row>)> = firsts
+            .iter()
+            .map(|(motor, rows)| {
+                let seen: Vec<Row> = rows.iter().map(|r| self.second_moment * r).collect();
+                let mixed = (0..rows.len()).map(|c| {
+                    let terms = seen.iter().enumerate().map(|(d, s)| s * v[(c, d)]);
+                    terms.sum::<Row>() * (2.0 * self.angle_error.powi(2))
+                });
+                (*motor, mixed.collect())
+            })
+            .collect();
+        let of = |motor: usize| pulled.iter().find(|(m, _)| *m == motor).map(|(_, rows)| rows);
+        for (m, n, rows) in capture.second_derivatives() {
+            let dot = |pulled: Option<&Vec<Row>>| -> f64 {
+                pulled.map_or(0.0, |p| p.iter().zip(&rows).map(|(p, r)| p.dot(r)).sum())
+            };
+            // dD_m for motor n, and dD_n for motor m.
+            add(n, dot(of(m)));
+            if m != n {
+                add(m, dot(of(n)));
+            }
+        }
+    }
+}
+
+/// W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
+fn full_rank(a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
+    if a.nrows() < 16 {
+        return None;
+    }
+    let normal = fixed(&(a.transpose() * a));
+    let inverse = Cholesky::new(normal)?.inverse();
+    let inverse = DMatrix::from_fn(16, 16, |i, j| inverse[(i, j)]);
+    let w = &inverse * a.transpose();
+    // Pivots do not show what an inverse is worth; that it inverts does.
+    let recovered = &w * a - DMatrix::identity(16, 16);
+    if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-6) {
+        return None;
+    }
+    let noisy = blocks(noise, &w.transpose());
+    let v = noisy.transpose() * 2.0;
+    // tr W Σ Wᵀ through dW = N⁻¹ dAᵀ - N⁻¹ (dAᵀ A + Aᵀ dA) W.
+    let z = &w * v.transpose() * &inverse;
+    Some(Parts {
+        loss: (&w * noisy).trace(),
+        by_a: v.transpose() * &inverse - a * (&z + z.transpose()),
+        by_noise: outer_blocks(&w, noise),
+    })
+}
+
+/// A block-diagonal matrix times a matrix.
+fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out = DMatrix::zeros(m.nrows(), m.ncols());
+    let mut first = 0;
+    for block in diagonal {
+        let n = block.nrows();
+        out.rows_mut(first, n).copy_from(&(block * m.rows(first, n)));
+        first += n;
+    }
+    out
+}
+
+/// The diagonal blocks of WᵀW.
+fn outer_blocks(w: &DMatrix<f64>, like: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+    let mut first = 0;
+    like.iter()
+        .map(|block| {
+            let n = block.nrows();
+            let columns = w.columns(first, n);
+            first += n;
+            columns.transpose() * columns
+        })
+        .collect()
+}
+
+fn fixed(m: &DMatrix<f64>) -> Moment {
+    Moment::from_fn(|i, j| m[(i, j)])
+}
+
+/// L with L Lᵀ = S, also where S is singular.
+#[must_use]
+pub fn root(s: &Moment) -> Moment {
+    let eigen = s.symmetric_eigen();
+    let mut l = eigen.eigenvectors;
+    for (i, value) in eigen.eigenvalues.iter().enumerate() {
+        l.column_mut(i).scale_mut(value.max(0.0).sqrt());
+    }
+    l
+}
+
+/// Expected sum of squared errors of a linear estimate W (16 × measurements) of data of any second moment: what an estimate
+/// that was made for some materials does to others. Noise is independent, of standard deviation `sigma`.
+#[must_use]
+pub fn expected_error(w: &DMatrix<f64>, a: &DMatrix<f64>, second_moment: &Moment, sigma: f64) -> f64 {
+    let unseen = Moment::identity() - fixed(&(w * a));
+    (unseen * second_moment * unseen.transpose()).trace() + sigma.powi(2) * w.norm_squared()
+}
+
+/// The second moment of the same matrices between frames that are turned by any angles, independently on both sides:
+/// E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
+///
+/// Tables of materials hold matrices between frames of the plane of scattering; in an image, those of camera and projector
+/// cut that plane at any angle.
+#[must_use]
+pub fn in_any_frames(second_moment: &Moment) -> Moment {
+    // The turned moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β: eight angles each average it
+    // exactly.
+    const ANGLES: usize = 8;
+    let turns: Vec<_> = (0..ANGLES)
+        .map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64))
+        .collect();
+    let mut sum = Moment::zeros();
+    for a in &turns {
+        for b in &turns {
+            let both = a.kronecker(b);
+            sum += both * second_moment * both.transpose();
+        }
+    }
+    sum / (ANGLES * ANGLES) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use optics::sampling::stream::Stream;
+
+    /// Turned moments are those of turned matrices, 20 000 of them, to 5 sigma of their scatter; turning again does nothing.
+    #[test]
+    fn moments_are_turned_with_their_matrices() {
+        let t = Row::from_fn(|e, _| (e as f64 * 1.3).cos());
+        let turned = in_any_frames(&(t * t.transpose()));
+        assert!((in_any_frames(&turned) - turned).amax() < 1e-12);
+        assert!((turned.trace() - t.norm_squared()).abs() < 1e-12);
+        let n = 20_000;
+        let (mut sum, mut squares) = (Moment::zeros(), Moment::zeros());
+        let m = nalgebra::Matrix4::from_fn(|i, j| t[4 * i + j]);
+        let mut stream = Stream::new(2, 0, 0);
+        for _ in 0..n {
+            let [a, b] = stream.uniform2().map(|u| std::f64::consts::PI * f64::from(u));
+            let seen = rotator(a) * m * rotator(b).transpose();
+            let v = Row::from_fn(|e, _| seen[(e / 4, e % 4)]);
+            let product = v * v.transpose();
+            sum += product;
+            squares += product.component_mul(&product);
+        }
+        let n = f64::from(n);
+        for (mean, (square, want)) in sum.iter().zip(squares.iter().zip(turned.iter())) {
+            let deviation = ((square / n - (mean / n).powi(2)).max(0.0) / n).sqrt();
+            assert!((mean / n - want).abs() <= 5.0 * deviation + 1e-9);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Data sets of pBRDFs: moments and samples of every material. Where the matrices come from is not said here.
+
+use super::gather::{Gathered, Tally};
+use super::moments::Moments;
+use rayon::prelude::*;
+
+/// Slabs gathered between two merges: enough for many threads, few enough for little memory.
+const BATCH: u32 = 64;
+
+/// What is kept of each material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// c of the map arctan(c T); the paper's is 8.
+    pub c: f64,
+    /// Bins chosen by chance (always the same), for experiments that need matrices themselves.
+    pub samples: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            c: 8.0,
+            samples: 2000,
+        }
+    }
+}
+
+/// A material.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name of the file without its ending, or of the analytic material.
+    pub name: String,
+    /// Of T / T00 over all valid bins and bands.
+    pub plain: Moments,
+    /// Of arctan(c T / T00).
+    pub mapped: Moments,
+    /// How many bins were valid, and why others were not.
+    pub tally: Tally,
+    /// Chosen bins, T / T00, row by row, in an order as good as random.
+    pub samples: Vec<[f32; 16]>,
+}
+
+/// Materials in order of name.
+#[derive(Clone, Debug)]
+pub struct DataSet {
+    pub materials: Vec<Material>,
+}
+
+/// How much each material counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weight {
+    /// As much as it has valid bins, as in the paper, whose X stacks all bins. Where all tables have one resolution this
+    /// is nearly the same as [`Self::Materials`].
+    #[default]
+    Bins,
+    /// All alike, whatever their bins.
+    Materials,
+}
+
+impl Weight {
+    /// Moments of some materials together, of one kind (`of`): T / T00 plain or mapped. The count is that of the bins.
+    #[must_use]
+    pub fn pool<'a>(
+        self,
+        materials: impl IntoIterator<Item = &'a Material>,
+        of: impl Fn(&Material) -> &Moments,
+    ) -> Moments {
+        let parts: Vec<&Moments> = materials.into_iter().map(of).collect();
+        match self {
+            Self::Bins => Moments::sum(parts),
+            Self::Materials => {
+                let bins: f64 = parts.iter().map(|m| m.count()).sum();
+                let each = bins / parts.len().max(1) as f64;
+                let alike: Vec<Moments> = parts.iter().map(|m| m.weighted(each / m.count())).collect();
+                Moments::sum(&alike)
+            }
+        }
+    }
+}
+
+/// Why there is no data set, and the mend.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// Nothing to learn from.
+    #[error("{name}: no bin is valid (finite, M00 > 0, other elements no larger); leave this material out")]
+    NoBins { name: String },
+    /// c of arctan(c T).
+    #[error("arctan(c T) has c = {0}; c must be a positive number, in the paper 8")]
+    Factor(f64),
+    /// One side of a split would be empty.
+    #[error("{materials} materials cannot be split into {folds} folds; two or more of each are needed")]
+    Folds { folds: usize, materials: usize },
+}
+
+impl DataSet {
+    /// Moments of T / T00 over all materials.
+    #[must_use]
+    pub fn plain(&self, weight: Weight) -> Moments {
+        weight.pool(&self.materials, |m| &m.plain)
+    }
+
+    /// Moments of arctan(c T / T00) over all materials.
+    #[must_use]
+    pub fn mapped(&self, weight: Weight) -> Moments {
+        weight.pool(&self.materials, |m| &m.mapped)
+    }
+
+    /// Bins of all materials.
+    #[must_use]
+    pub fn tally(&self) -> Tally {
+        let mut all = Tally::default();
+        self.materials.iter().for_each(|m| all.merge(&m.tally));
+        all
+    }
+}
+
+/// A material from its slabs, each of which `visit` gives to what gathers it.
+///
+/// # Errors
+/// [`DataError::Factor`], [`DataError::NoBins`].
+pub fn gather(
+    name: &str,
+    slabs: usize,
+    settings: &Settings,
+    visit: impl Fn(usize, &mut Gathered) + Sync,
+) -> Result<Material, DataError> {
+    if !(settings.c > 0.0 && settings.c.is_finite()) {
+        return Err(DataError::Factor(settings.c));
+    }
+    // No file holds 2^32 slabs.
+    let slabs = slabs as u32;
+    let mut all = Gathered::new(0, settings.c, settings.samples);
+    for first in (0..slabs).step_by(BATCH as usize) {
+        let batch = first..first.saturating_add(BATCH).min(slabs);
+        let parts: Vec<Gathered> = batch
+            .into_par_iter()
+            .map(|slab| {
+                let mut part = all.beside(slab);
+                visit(slab as usize, &mut part);
+                part
+            })
+            .collect();
+        parts.into_iter().for_each(|part| all.merge(part));
+    }
+    let tally = all.tally;
+    tracing::info!(
+        "{name}: {} bins are valid; {} are holes, {} dark, {} have elements beyond M00",
+        tally.valid,
+        tally.holes,
+        tally.dark,
+        tally.unreal
+    );
+    if tally.valid == 0 {
+        return Err(DataError::NoBins {
+            name: name.to_owned(),
+        });
+    }
+    Ok(Material {
+        name: name.to_owned(),
+        plain: all.plain.clone(),
+        mapped: all.mapped.clone(),
+        tally,
+        samples: all.samples(),
+    })
+}

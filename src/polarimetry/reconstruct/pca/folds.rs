@@ -1,0 +1,121 @@
+//! Cross-validation over materials: what is learned from some is judged on others (Baek & Heide 2021, §4).
+//!
+//! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all others, so that
+//! related materials, whose names are neighbours, do not all go together; nothing is drawn by chance. Where a fold's test
+//! has relatives in its training (a silicone of another colour), it judges new specimens rather than new kinds of matter.
+
+use super::data_set::{DataError, DataSet, Weight};
+use super::moments::Moments;
+
+/// One way to split a data set.
+#[derive(Clone, Debug)]
+pub struct Fold {
+    /// Moments of T / T00 over the materials to learn from.
+    pub train: Moments,
+    /// The same over those to judge on.
+    pub test: Moments,
+    /// Numbers of the latter in [`DataSet::materials`], rising.
+    pub test_materials: Vec<usize>,
+    /// Their names.
+    pub test_names: Vec<String>,
+}
+
+/// Numbers 0..n in k lists, f, f + k, … each; there are never more lists than numbers.
+#[must_use]
+pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
+    let k = k.min(n);
+    (0..k).map(|f| (f..n).step_by(k).collect()).collect()
+}
+
+/// The `k` folds of a data set, at most one for each material; every material is tested once.
+///
+/// # Errors
+/// [`DataError::Folds`] if there are fewer than two folds or materials: one side would be empty.
+pub fn folds(data: &DataSet, k: usize, weight: Weight) -> Result<Vec<Fold>, DataError> {
+    let all = &data.materials;
+    if k < 2 || all.len() < 2 {
+        return Err(DataError::Folds {
+            folds: k,
+            materials: all.len(),
+        });
+    }
+    let fold = |test: Vec<usize>| {
+        let (tested, others): (Vec<_>, Vec<_>) = (0..all.len()).partition(|i| test.contains(i));
+        let pool = |list: Vec<usize>| weight.pool(list.into_iter().map(|i| &all[i]), |m| &m.plain);
+        Fold {
+            train: pool(others),
+            test: pool(tested),
+            test_names: test.iter().map(|i| all[*i].name.clone()).collect(),
+            test_materials: test,
+        }
+    };
+    Ok(split(all.len(), k).into_iter().map(fold).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::pca::data_set::Material;
+    use crate::reconstruct::pca::gather::Tally;
+    use crate::reconstruct::pca::testing::rows;
+
+    fn data(n: u32) -> DataSet {
+        let material = |k: u32| {
+            let moments = Moments::of(&rows(20 + k, u64::from(k)));
+            Material {
+                name: format!("m{k:02}"),
+                plain: moments.clone(),
+                mapped: moments,
+                tally: Tally::default(),
+                samples: vec![],
+            }
+        };
+        DataSet {
+            materials: (0..n).map(material).collect(),
+        }
+    }
+
+    /// Every material is tested once, and each fold holds all bins once.
+    #[test]
+    fn folds_split_the_materials() {
+        let data = data(25);
+        let all = Weight::Bins.pool(&data.materials, |m| &m.plain);
+        let folds = folds(&data, 5, Weight::Bins).unwrap();
+        let mut tested: Vec<usize> = folds.iter().flat_map(|f| f.test_materials.clone()).collect();
+        tested.sort_unstable();
+        assert_eq!(tested, (0..25).collect::<Vec<_>>());
+        assert_eq!(folds[1].test_names, ["m01", "m06", "m11", "m16", "m21"]);
+        for f in &folds {
+            let both = Moments::sum([&f.train, &f.test]);
+            assert_eq!(both.count(), all.count());
+            assert!((both.covariance()[2][9] - all.covariance()[2][9]).abs() < 1e-13);
+        }
+        assert_eq!(split(7, 3), [vec![0, 3, 6], vec![1, 4], vec![2, 5]]);
+        assert_eq!(split(2, 5).len(), 2);
+        assert!(split(0, 5).is_empty());
+    }
+
+    /// Materials that count alike have the mean of their means.
+    #[test]
+    fn materials_can_count_alike() {
+        let data = data(4);
+        let pooled = Weight::Materials.pool(&data.materials, |m| &m.plain);
+        let mean: f64 = data.materials.iter().map(|m| m.plain.mean()[5]).sum::<f64>() / 4.0;
+        assert!((pooled.mean()[5] - mean).abs() < 1e-14);
+        assert!((pooled.count() - 86.0).abs() < 1e-9);
+        assert_eq!(Weight::Materials.pool(&[], |m| &m.plain), Moments::default());
+    }
+
+    #[test]
+    fn one_side_is_never_empty() {
+        assert!(matches!(
+            folds(&data(25), 1, Weight::Bins),
+            Err(DataError::Folds {
+                folds: 1,
+                materials: 25
+            })
+        ));
+        assert!(folds(&data(1), 5, Weight::Bins).is_err());
+        assert_eq!(folds(&data(2), 5, Weight::Bins).unwrap().len(), 2);
+    }
+}

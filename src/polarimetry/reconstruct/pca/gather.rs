@@ -1,0 +1,257 @@
+//! Which entries of a pBRDF count, and what is kept of them.
+//!
+//! An entry (one angular bin at one wavelength) counts if all its elements are finite and T00 is positive; it is divided
+//! by T00. Where an element then exceeds [`GREATEST`] in magnitude, no passive matter has such a matrix: T00 is noise
+//! about 0, the quotient is arbitrarily large, and a few of them would rule the second moments. They are left out and
+//! counted. Entries that noise made unphysical by less stay as measured. There is no least T00: a dim bin is no wrong one,
+//! and the paper stacks them all.
+//!
+//! Entries come slab by slab and in parallel. What is kept of each slab is bounded in size and merged in order of slabs, so
+//! that the result depends neither on threads nor on how a file is cut.
+
+use super::moments::{Moments, Row};
+use optics::sampling::stream::mix;
+
+/// Greatest magnitude of a normalised element: 1, and 10 % for noise and calibration.
+pub const GREATEST: f64 = 1.1;
+/// Below this T00 the other elements lose digits in single precision; it is no light.
+const LEAST: f32 = 1e-30;
+
+/// How many entries there were of each kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Counted.
+    pub valid: u64,
+    /// Not a number, infinite, or below the horizon.
+    pub holes: u64,
+    /// T00 is not positive.
+    pub dark: u64,
+    /// A normalised element beyond [`GREATEST`].
+    pub unreal: u64,
+}
+
+impl Tally {
+    /// Adds the entries of another part.
+    pub fn merge(&mut self, other: &Self) {
+        self.valid += other.valid;
+        self.holes += other.holes;
+        self.dark += other.dark;
+        self.unreal += other.unreal;
+    }
+}
+
+/// The map of §3.2: arctan(c v), element by element. It spreads out the small elements, among which most matter differs.
+#[must_use]
+pub fn arctan(v: &Row, c: f64) -> Row {
+    v.map(|e| (c * e).atan())
+}
+
+/// A uniform choice without replacement of at most `most` entries: those with the least keys.
+#[derive(Clone, Debug)]
+struct Choice {
+    most: usize,
+    /// No key from here on is among the least.
+    bound: u64,
+    kept: Vec<(u64, [f32; 16])>,
+}
+
+impl Choice {
+    fn new(most: usize) -> Self {
+        Self {
+            most,
+            bound: if most == 0 { 0 } else { u64::MAX },
+            kept: vec![],
+        }
+    }
+
+    #[inline]
+    fn offer(&mut self, key: u64, v: impl FnOnce() -> [f32; 16]) {
+        if key < self.bound {
+            self.kept.push((key, v()));
+            if self.kept.len() > self.most.saturating_mul(2).max(64) {
+                self.prune();
+            }
+        }
+    }
+
+    /// Leaves the least `most` keys, in order.
+    fn prune(&mut self) {
+        self.kept.sort_unstable_by_key(|k| k.0);
+        self.kept.truncate(self.most);
+        if self.kept.len() == self.most {
+            self.bound = self.kept.last().map_or(0, |k| k.0);
+        }
+    }
+}
+
+/// What is kept of a slab, or of all of them.
+#[derive(Clone, Debug)]
+pub struct Gathered {
+    /// Of T / T00.
+    pub plain: Moments,
+    /// Of arctan(c T / T00).
+    pub mapped: Moments,
+    /// Entries seen.
+    pub tally: Tally,
+    c: f64,
+    choice: Choice,
+    /// Number of the next entry; the slab is in the upper half.
+    next: u64,
+}
+
+impl Gathered {
+    /// Nothing yet of a slab; maps by arctan(c T) and chooses up to `most` samples.
+    #[must_use]
+    pub fn new(slab: u32, c: f64, most: usize) -> Self {
+        Self {
+            plain: Moments::default(),
+            mapped: Moments::default(),
+            tally: Tally::default(),
+            c,
+            choice: Choice::new(most),
+            next: u64::from(slab) << 32,
+        }
+    }
+
+    /// Nothing yet of another slab, which offers as samples only what those gathered here leave room for.
+    #[must_use]
+    pub fn beside(&self, slab: u32) -> Self {
+        let mut new = Self::new(slab, self.c, self.choice.most);
+        new.choice.bound = self.choice.bound;
+        new
+    }
+
+    /// Takes the next entry, row by row of the matrix; `None` is a hole.
+    #[inline]
+    pub fn take(&mut self, m: Option<&[f32; 16]>) {
+        self.next += 1;
+        let Some(m) = m.filter(|m| m.iter().all(|e| e.is_finite())) else {
+            self.tally.holes += 1;
+            return;
+        };
+        if m[0] < LEAST {
+            self.tally.dark += 1;
+            return;
+        }
+        let v: Row = m.map(|e| f64::from(e) / f64::from(m[0]));
+        if v.iter().any(|e| e.abs() > GREATEST) {
+            self.tally.unreal += 1;
+            return;
+        }
+        self.tally.valid += 1;
+        self.plain.add(&v);
+        self.mapped.add(&arctan(&v, self.c));
+        self.choice.offer(mix(self.next), || v.map(|e| e as f32));
+    }
+
+    /// Adds the entries of another part; parts are merged in their order.
+    pub fn merge(&mut self, other: Self) {
+        self.plain.merge(&other.plain);
+        self.mapped.merge(&other.mapped);
+        self.tally.merge(&other.tally);
+        self.choice.kept.extend(other.choice.kept);
+        self.choice.prune();
+    }
+
+    /// The chosen entries, divided by T00, in an order as good as random: the first so many of them are a uniform choice
+    /// too.
+    #[must_use]
+    pub fn samples(mut self) -> Vec<[f32; 16]> {
+        self.choice.prune();
+        self.choice.kept.into_iter().map(|k| k.1).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// An entry whose second element tells its number.
+    fn entry(k: u32) -> [f32; 16] {
+        std::array::from_fn(|e| match e {
+            0 => 2.0,
+            1 => k as f32 * 1e-4,
+            _ => 0.0,
+        })
+    }
+
+    fn slab(mut g: Gathered, n: u32) -> Gathered {
+        (0..n).for_each(|k| g.take(Some(&entry(k))));
+        g
+    }
+
+    #[test]
+    fn entries_are_told_apart() {
+        let mut g = Gathered::new(0, 8.0, 10);
+        let with = |e: usize, v: f32| {
+            let mut m = entry(3);
+            m[e] = v;
+            m
+        };
+        g.take(None);
+        g.take(Some(&with(5, f32::NAN)));
+        g.take(Some(&with(0, f32::INFINITY)));
+        g.take(Some(&with(0, 0.0)));
+        g.take(Some(&with(0, -1.0)));
+        g.take(Some(&with(7, -2.3)));
+        g.take(Some(&with(7, -2.15)));
+        g.take(Some(&entry(1)));
+        let want = Tally {
+            valid: 2,
+            holes: 3,
+            dark: 2,
+            unreal: 1,
+        };
+        assert_eq!(g.tally, want);
+        assert!((g.plain.mean()[7] + 2.15 / 4.0).abs() < 1e-7, "kept as measured");
+        assert!((g.mapped.mean()[0] - 8.0_f64.atan()).abs() < 1e-15);
+        assert_eq!(g.samples().len(), 2);
+    }
+
+    /// Which samples are chosen does not depend on how slabs are grouped, and all entries are equally likely (5 sigma).
+    #[test]
+    fn choice_is_uniform_and_the_same_in_any_parts() {
+        let (slabs, n, most) = (40, 500, 1000);
+        let alone = |s: u32| slab(Gathered::new(s, 8.0, most), n);
+        let mut all = Gathered::new(0, 8.0, most);
+        let mut later = Gathered::new(0, 8.0, most);
+        for s in 0..slabs {
+            all.merge(alone(s));
+            let beside = slab(later.beside(s), n);
+            later.merge(beside);
+        }
+        let mut backwards = Gathered::new(0, 8.0, most);
+        (0..slabs).rev().for_each(|s| backwards.merge(alone(s)));
+        let chosen = all.samples();
+        assert_eq!(chosen.len(), most);
+        assert_eq!(chosen, later.samples());
+        assert_eq!(chosen, backwards.samples());
+        let mean = |v: &[[f32; 16]]| v.iter().map(|m| f64::from(m[1]) / 0.5e-4).sum::<f64>() / v.len() as f64;
+        for (part, k) in [(&chosen[..], 1000.0), (&chosen[..100], 100.0)] {
+            let sigma = f64::from(n) / (12.0_f64 * k).sqrt();
+            assert!(
+                (mean(part) - f64::from(n) / 2.0).abs() < 5.0 * sigma,
+                "{}",
+                mean(part)
+            );
+        }
+        assert!(slab(Gathered::new(0, 8.0, 0), 300).samples().is_empty());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..Default::default() })]
+
+        /// Any numbers at all: nothing but finite moments comes out.
+        #[test]
+        fn odd_matrices_do_no_harm(all in prop::collection::vec(prop::array::uniform16(any::<f32>()), 0..20), c in any::<f64>()) {
+            let mut g = Gathered::new(7, c, 5);
+            all.iter().for_each(|m| g.take(Some(m)));
+            let t = g.tally;
+            prop_assert_eq!((t.valid + t.holes + t.dark + t.unreal) as usize, all.len());
+            prop_assert!(g.plain.second().iter().flatten().all(|e| e.is_finite()));
+            prop_assert!(g.mapped.second().iter().flatten().all(|e| e.is_finite()));
+            prop_assert!(g.samples().iter().flatten().all(|e| f64::from(e.abs()) <= GREATEST + 1e-6));
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! Reconstruction of whole images, piece by piece: the fast product where all measurements are alike, pixel by pixel where
+//! they are not.
+//!
+//! A pixel is anything that has one intensity a measurement: a place of an image, a time bin, a wavelength. Where the last
+//! axis is the wavelength, pixels go round the designs. The estimate is f32 or f64 as the intensities are; what is solved
+//! pixel by pixel is f64.
+
+use super::estimator::LinearEstimate;
+use super::loss::{Moment, root};
+use super::product::Weights;
+use super::weighted::{Estimated, estimate};
+use crate::capture::design_matrix::{DesignMatrix, RankError};
+use crate::capture::element::Ray;
+use crate::capture::scheme::Scheme;
+use crate::decompose::cloude::nearest;
+use rayon::prelude::*;
+use tensor::number::Number;
+
+/// How images are reconstructed.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Standard deviation of an intensity. Without it, errors come from what the estimate leaves over.
+    pub noise: Option<f64>,
+    /// Intensities from here on are saturated and left out, pixel by pixel.
+    pub saturation: Option<f64>,
+    /// Replace each matrix by the realizable one nearest to it (Cloude).
+    pub realizable: bool,
+    /// Second moment of matrices with T00 = 1.
+    pub prior: Option<Moment>,
+}
+
+/// What became of the pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    pub pixels: usize,
+    /// Estimated without some of their measurements.
+    pub partial: usize,
+    /// Not determined by what is left: NaN.
+    pub lost: usize,
+}
+
+impl Tally {
+    /// Both together.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            pixels: self.pixels + other.pixels,
+            partial: self.partial + other.partial,
+            lost: self.lost + other.lost,
+        }
+    }
+}
+
+/// Halves of an octave of noise over brightness for which priors are at hand, from 2^-24 on.
+const STEPS: i32 = 64;
+const FIRST: i32 = -48;
+
+/// What is known of one wavelength.
+struct Lane<T> {
+    a: DesignMatrix,
+    /// Least squares; none below rank 16.
+    least: Option<(Weights<T>, LinearEstimate)>,
+    /// With the prior, by noise over brightness.
+    priors: Vec<(Weights<T>, LinearEstimate)>,
+    /// tr A S Aᵀ: intensities' expected sum of squares at brightness 1.
+    expected: f64,
+}
+
+/// Estimates for all wavelengths of a scheme.
+pub struct Reconstruction<T> {
+    lanes: Vec<Lane<T>>,
+    options: Options,
+    root: Option<Moment>,
+}
+
+/// A pixel's estimate and whether some measurements were left out.
+struct Solved {
+    found: Option<Estimated>,
+    partial: bool,
+}
+
+impl<T: Number> Reconstruction<T> {
+    /// Prepares the estimates, one for each ray.
+    ///
+    /// # Errors
+    /// If the captures do not determine a Mueller matrix and there is no prior.
+    pub fn new(scheme: &Scheme, rays: &[Ray], options: Options) -> Result<Self, RankError> {
+        let lane = |ray: &Ray| -> Result<Lane<T>, RankError> {
+            let a = DesignMatrix::new(scheme, ray);
+            let least = LinearEstimate::least_squares(&a).map(|e| (Weights::new(&e), e));
+            let (mut priors, mut expected) = (vec![], 0.0);
+            if let Some(s) = &options.prior {
+                let dynamic = nalgebra::DMatrix::from_fn(16, 16, |i, j| s[(i, j)]);
+                expected = (&a.a * dynamic * a.a.transpose()).trace();
+                priors.extend((0..STEPS).map(|i| {
+                    let e = LinearEstimate::prior(&a, s, 2.0_f64.powf(f64::from(FIRST + i) / 2.0));
+                    (Weights::new(&e), e)
+                }));
+            }
+            let least = if options.prior.is_some() {
+                least.ok()
+            } else {
+                Some(least?)
+            };
+            Ok(Lane {
+                a,
+                least,
+                priors,
+                expected,
+            })
+        };
+        Ok(Self {
+            lanes: rays.iter().map(lane).collect::<Result<_, _>>()?,
+            root: options.prior.as_ref().map(root),
+            options,
+        })
+    }
+
+    /// Wavelengths that pixels go round.
+    #[must_use]
+    pub fn lanes(&self) -> usize {
+        self.lanes.len()
+    }
+
+    /// Intensities that a pixel has.
+    #[must_use]
+    pub fn measurements(&self) -> usize {
+        self.lanes.first().map_or(0, |lane| lane.a.a.nrows())
+    }
+
+    /// Reconstructs pixels, the first of which has the first wavelength. `intensities`, and `variances` if there are any, hold
+    /// the measurements one after the other, each for all pixels; `out` gets 16 elements a pixel, and `errors` their
+    /// standard errors.
+    ///
+    /// # Panics
+    /// If lengths do not agree.
+    pub fn apply(
+        &self,
+        intensities: &[T],
+        variances: Option<&[T]>,
+        out: &mut [T],
+        errors: Option<&mut [T]>,
+    ) -> Tally {
+        let pixels = out.len() / 16;
+        assert_eq!(
+            intensities.len(),
+            pixels * self.measurements(),
+            "one intensity a measurement and pixel"
+        );
+        let fast = variances.is_none() && self.options.prior.is_none();
+        if let (true, [lane]) = (fast, self.lanes.as_slice()) {
+            let finite = lane
+                .least
+                .as_ref()
+                .is_some_and(|(weights, _)| weights.apply(intensities, out));
+            let plain = errors.is_none() && self.options.saturation.is_none() && !self.options.realizable;
+            if plain && finite {
+                return Tally {
+                    pixels,
+                    ..Tally::default()
+                };
+            }
+        }
+        let done = fast && self.lanes.len() == 1;
+        let each = |(p, (out, errors)): (usize, (&mut [T], Option<&mut [T]>))| -> Tally {
+            let lane = &self.lanes[p % self.lanes.len()];
+            let at = |m: usize| intensities[m * pixels + p];
+            let variance = |m: usize| variances.map(|v| v[m * pixels + p].get());
+            let known = done.then(|| std::array::from_fn(|e| out[e].get()));
+            let solved = self.pixel(lane, &at, &variance, known, errors.is_some());
+            let lost = solved.found.is_none();
+            let found = solved.found.unwrap_or(Estimated {
+                elements: [f64::NAN; 16],
+                errors: [f64::NAN; 16],
+            });
+            let elements = self.projected(found.elements);
+            for (o, v) in out.iter_mut().zip(elements) {
+                *o = T::new(v);
+            }
+            if let Some(errors) = errors {
+                for (o, v) in errors.iter_mut().zip(found.errors) {
+                    *o = T::new(v);
+                }
+            }
+            Tally {
+                pixels: 1,
+                partial: usize::from(solved.partial && !lost),
+                lost: usize::from(lost),
+            }
+        };
+        let rows = out.par_chunks_exact_mut(16);
+        match errors {
+            Some(errors) => rows
+                .zip(errors.par_chunks_exact_mut(16).map(Some))
+                .enumerate()
+                .with_min_len(256)
+                .map(each)
+                .reduce(Tally::default, Tally::with),
+            None => rows
+                .map(|row| (row, None))
+                .enumerate()
+                .with_min_len(256)
+                .map(each)
+                .reduce(Tally::default, Tally::with),
+        }
+    }
+
+    fn projected(&self, elements: [f64; 16]) -> [f64; 16] {
+        if !self.options.realizable {
+            return elements;
+        }
+        let m = std::array::from_fn(|i| std::array::from_fn(|j| elements[4 * i + j]));
+        nearest(&m).map_or(elements, |m| std::array::from_fn(|e| m[e / 4][e % 4]))
+    }
+
+    /// One pixel. `known` is what the product gave.
+    fn pixel(
+        &self,
+        lane: &Lane<T>,
+        at: &dyn Fn(usize) -> T,
+        variance: &dyn Fn(usize) -> Option<f64>,
+        known: Option<[f64; 16]>,
+        errors: bool,
+    ) -> Solved {
+        let count = lane.a.a.nrows();
+        let limit = self.options.saturation.unwrap_or(f64::INFINITY);
+        let usable = |m: usize| {
+            let x = at(m).get();
+            x < limit && x.is_finite() && variance(m).is_none_or(|v| v > 0.0 && v.is_finite())
+        };
+        let partial = !(0..count).all(usable);
+        let brightness = || {
+            let noise = self.options.noise.unwrap_or(0.0);
+            let used = (0..count).filter(|m| usable(*m));
+            let (n, sum) = used.fold((0, 0.0), |(n, sum), m| (n + 1, sum + at(m).get().powi(2)));
+            let share = lane.expected * f64::from(n) / count.max(1) as f64;
+            let signal = sum - f64::from(n) * noise.powi(2);
+            // Below the noise nothing says how bright a pixel is; a tenth of it keeps the estimate near zero.
+            (signal.max(0.01 * f64::from(n) * noise.powi(2)) / share.max(1e-300)).sqrt()
+        };
+        if partial || variance(0).is_some() {
+            let scaled = self.root.map(|root| root * brightness());
+            let sigma2 = self.options.noise.map_or(1.0, |s| s * s);
+            let all = (0..count).map(|m| {
+                let x = if usable(m) { at(m).get() } else { f64::NAN };
+                (x, variance(m).unwrap_or(sigma2))
+            });
+            let mut found = estimate(&lane.a.a, all, scaled.as_ref());
+            if let (Some(found), true) = (&mut found, variance(0).is_none() && self.options.noise.is_none()) {
+                let left = self.left_over(lane, at, &usable, &found.elements);
+                found.errors.iter_mut().for_each(|e| *e *= left);
+            }
+            return Solved { found, partial };
+        }
+        let (elements, covariance, scale) = if self.options.prior.is_some() {
+            let noise = self.options.noise.unwrap_or(0.0);
+            let s = brightness();
+            let step = (2.0 * (noise / s).log2())
+                .round()
+                .clamp(f64::from(FIRST), f64::from(FIRST + STEPS - 1));
+            let index = if step.is_nan() { 0 } else { step as i32 - FIRST };
+            let (weights, estimate) = &lane.priors[index as usize];
+            let out = weights.one((0..count).map(at)).map(Number::get);
+            (out, &estimate.covariance, noise)
+        } else {
+            let Some((weights, estimate)) = &lane.least else {
+                return Solved { found: None, partial };
+            };
+            let out = known.unwrap_or_else(|| weights.one((0..count).map(at)).map(Number::get));
+            let scale = match self.options.noise {
+                Some(sigma) => sigma,
+                None if errors => self.left_over(lane, at, &usable, &out),
+                None => 0.0,
+            };
+            (out, &estimate.covariance, scale)
+        };
+        let found = Estimated {
+            elements,
+            errors: std::array::from_fn(|e| scale * covariance[(e, e)].max(0.0).sqrt()),
+        };
+        Solved {
+            found: Some(found),
+            partial,
+        }
+    }
+
+    /// The noise's standard deviation as the residuals show it: √(Σ r²/(n - 16)); NaN without spare measurements.
+    fn left_over(
+        &self,
+        lane: &Lane<T>,
+        at: &dyn Fn(usize) -> T,
+        usable: &dyn Fn(usize) -> bool,
+        elements: &[f64; 16],
+    ) -> f64 {
+        let (mut n, mut sum) = (0.0, 0.0);
+        for m in (0..lane.a.a.nrows()).filter(|m| usable(*m)) {
+            let predicted: f64 = (0..16).map(|e| lane.a.a[(m, e)] * elements[e]).sum();
+            sum += (at(m).get() - predicted).powi(2);
+            n += 1.0;
+        }
+        if n > 16.0 {
+            (sum / (n - 16.0)).sqrt()
+        } else {
+            f64::NAN
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,168 @@
+//! From the syntax of a scene file to the flat tables of a [`Scene`], checking meaning on the way.
+
+use crate::context::{self, Context, parse};
+use crate::devices::{emitters, pinhole, projector};
+use crate::file::{ObjectFile, SceneFile};
+use crate::{materials, media, shapes, slices};
+use base::locate::InputError;
+use sha2::Digest;
+use std::collections::BTreeMap;
+use std::path::Path;
+use tensor::slice::ProjectorSelect;
+use transport::device::epipolar::Epipolar;
+use transport::geometry::bvh::GeometryBuilder;
+use transport::medium::nesting::Boundary;
+use transport::scene::{Integrator, Scene, Settings};
+
+/// Reads the text of a scene file.
+///
+/// # Errors
+/// [`InputError`] if it cannot be read.
+pub fn read(path: &Path) -> Result<String, InputError> {
+    context::read(path, "scene file")
+}
+
+/// Reads and builds a scene file.
+///
+/// # Errors
+/// [`InputError`] naming file, line, column and mend.
+pub fn load(path: &Path) -> Result<Scene, InputError> {
+    from_text(path, &read(path)?)
+}
+
+/// Builds a scene from its text; `path` names it in messages and anchors the files it refers to.
+///
+/// # Errors
+/// As [`load`].
+pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
+    let file: SceneFile = parse(path, text)?;
+    let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
+    build(&mut ctx, &file)
+}
+
+fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
+    let settings = settings(ctx, file)?;
+    let camera = pinhole(ctx, &file.camera, file.camera.span())?;
+    let projector = file
+        .projector
+        .as_ref()
+        .map(|p| projector(ctx, p, p.span(), &camera))
+        .transpose()?;
+    let (points, environment) = emitters(ctx, file)?;
+    if projector.is_none() && points.is_empty() && environment.is_none() {
+        return Err(ctx.error(
+            file.camera.span(),
+            "the scene has no light",
+            "add a [projector], or [[emitters]] with a point or an environment",
+        ));
+    }
+    let (mut materials, names) = materials::build(ctx, &file.materials)?;
+    let (media, media_names, _) = media::build(ctx, &file.media)?;
+    let mut boundaries = vec![Boundary::NONE; materials.list.len()];
+    let mut geometry = GeometryBuilder::default();
+    for object in &file.objects {
+        let filling = filling(ctx, object, &media_names)?;
+        for mut placed in shapes::place(ctx, object, &names)? {
+            if let Some(filling) = filling {
+                // A number of its own tells this object's surfaces from others of the same material.
+                materials.list.push(materials.list[placed.material as usize]);
+                boundaries.push(filling);
+                placed.material = boundaries.len() as u32 - 1;
+            }
+            shapes::add(ctx, object, placed, &mut geometry)?;
+        }
+    }
+    let mut geometry = geometry.build();
+    geometry.textured = !materials.textures.images.is_empty();
+    let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
+    let uses_epipolar = |s: &tensor::slice::Slice| {
+        matches!(
+            s.projector,
+            ProjectorSelect::Epipolar { .. } | ProjectorSelect::NonEpipolar { .. }
+        )
+    };
+    if let (Some(at), Some(p)) = (slices.iter().position(uses_epipolar), &projector)
+        && Epipolar::new(&camera, &p.pinhole).is_none()
+    {
+        return Err(ctx.error(
+            file.slices[at].span(),
+            "camera and projector share their centre, so there are no epipolar lines",
+            "move the projector, or use projector = \"coaxial\"",
+        ));
+    }
+    let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
+    Ok(Scene {
+        name,
+        wavelengths: ctx.wavelengths.clone(),
+        geometry,
+        sheets: materials.any_straight(),
+        filled: boundaries.iter().any(|b| *b != Boundary::NONE) || materials.any_null(),
+        materials,
+        media,
+        boundaries,
+        camera,
+        projector,
+        points,
+        environment,
+        slices,
+        settings,
+        sha256: std::mem::take(&mut ctx.hash)
+            .finalize()
+            .iter()
+            .map(|b| format!("{b:02x}"))
+            .collect(),
+    })
+}
+
+/// What fills an object.
+fn filling(
+    ctx: &Context,
+    object: &ObjectFile,
+    media: &BTreeMap<&str, u32>,
+) -> Result<Option<Boundary>, InputError> {
+    let Some(name) = &object.interior else {
+        return Ok(None);
+    };
+    let Some(medium) = media.get(name.as_str()) else {
+        let known = media.keys().copied().collect::<Vec<_>>().join(", ");
+        return Err(ctx.error(
+            name.span(),
+            format!("there is no medium `{}`", **name),
+            if known.is_empty() {
+                format!("add [media.{}]", **name)
+            } else {
+                format!("add [media.{}], or use one of: {known}", **name)
+            },
+        ));
+    };
+    Ok(Some(Boundary {
+        medium: *medium,
+        priority: object.priority,
+    }))
+}
+
+/// The folder's name for `…/NAME/scene.toml`, the file's stem otherwise.
+fn default_name(path: &Path) -> String {
+    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("scene");
+    let folder = std::path::absolute(path)
+        .ok()
+        .and_then(|p| Some(p.parent()?.file_name()?.to_str()?.to_owned()));
+    match folder {
+        Some(folder) if stem == "scene" => folder,
+        _ => stem.to_owned(),
+    }
+}
+
+pub(super) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, InputError> {
+    let r = &file.render;
+    Ok(Settings {
+        spp: ctx.number(&r.spp, "spp", 1..=1 << 30)?,
+        max_depth: ctx.number(&r.max_depth, "max_depth", 1..=1024)?,
+        rr_depth: r.rr_depth,
+        integrator: r.integrator,
+        manifold: r.manifold.unwrap_or(r.integrator == Integrator::Bidirectional),
+        strategy: None,
+        seed: r.seed,
+        tile: ctx.number(&r.tile, "tile", 1..=512)?,
+    })
+}

@@ -1,0 +1,195 @@
+//! What every step from syntax to tables needs: where messages point to, and what has been read.
+
+use crate::values::{SpectrumFile, interpolate};
+use base::document;
+use base::locate::{InputError, Located};
+use optics::spectrum::{Spectral, Wavelengths};
+use sha2::{Digest, Sha256};
+use std::fmt::Display;
+use std::ops::{Range, RangeInclusive};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A file being built.
+pub(super) struct Context {
+    pub file: PathBuf,
+    pub text: Arc<str>,
+    /// Wavelengths to build for.
+    pub wavelengths: Wavelengths,
+    /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
+    pub listed: Wavelengths,
+    pub hash: Sha256,
+}
+
+impl Context {
+    /// Of a file with its text and its list of wavelengths.
+    pub fn new(path: &Path, text: &str, wavelengths_nm: &Located<Vec<f64>>) -> Result<Self, InputError> {
+        let mut ctx = Self {
+            file: path.to_owned(),
+            text: text.into(),
+            wavelengths: Wavelengths::default(),
+            listed: Wavelengths::default(),
+            hash: Sha256::new(),
+        };
+        ctx.hash.update(text.as_bytes());
+        ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
+            ctx.error(
+                wavelengths_nm.span(),
+                format!("wavelengths_nm: {e}"),
+                "list 1 to 4 rising vacuum wavelengths in nanometres",
+            )
+        })?;
+        ctx.wavelengths = ctx.listed.clone();
+        Ok(ctx)
+    }
+
+    /// An error at a place, with its mend.
+    pub fn error(
+        &self,
+        span: Range<usize>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> InputError {
+        InputError {
+            file: self.file.clone(),
+            text: self.text.clone(),
+            span: (span != (0..0)).then_some(span),
+            message: message.into(),
+            help: Some(help.into()),
+        }
+    }
+
+    /// Path of a file that the scene names.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.file.parent().unwrap_or(Path::new("")).join(name)
+    }
+
+    /// Reads a file that the scene names, and counts it into the scene's hash.
+    pub fn read(&mut self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
+        let path = self.path(name);
+        let bytes = std::fs::read(&path).map_err(|e| {
+            self.error(
+                span,
+                format!("cannot read {}: {e}", path.display()),
+                "paths are relative to the scene file; correct the name or put the file there",
+            )
+        })?;
+        self.hash.update((bytes.len() as u64).to_le_bytes());
+        self.hash.update(&bytes);
+        Ok(bytes)
+    }
+
+    /// A value for each of the scene's wavelengths, all within `range`.
+    pub fn values(
+        &self,
+        s: &SpectrumFile,
+        span: Range<usize>,
+        what: &str,
+        range: RangeInclusive<f64>,
+    ) -> Result<Vec<f64>, InputError> {
+        let n = self.listed.count();
+        let at = |nm: &[f64], values: &[f64]| {
+            let wanted = self.wavelengths.nm().iter();
+            wanted.map(|w| interpolate(nm, values, *w)).collect()
+        };
+        let list = match s {
+            SpectrumFile::Scalar(v) => vec![*v; self.wavelengths.count()],
+            SpectrumFile::PerWavelength(list) if list.len() == n => at(self.listed.nm(), list),
+            SpectrumFile::Table(table) if table.is_sound() => at(&table.nm, &table.values),
+            SpectrumFile::Table(_) => {
+                return Err(self.error(
+                    span,
+                    format!("the table of {what} is uneven"),
+                    "give nm, rising, and as many values",
+                ));
+            }
+            SpectrumFile::PerWavelength(list) => {
+                return Err(self.error(
+                    span,
+                    format!("{what} has {} values for {n} wavelengths", list.len()),
+                    format!("give one number, or {n} (one per entry of wavelengths_nm)"),
+                ));
+            }
+        };
+        for value in &list {
+            self.within(*value, span.clone(), what, &range)?;
+        }
+        Ok(list)
+    }
+
+    /// A number of the file, which lies within `range`.
+    pub fn number<T: Copy + PartialOrd + Display>(
+        &self,
+        value: &Located<T>,
+        what: &str,
+        range: RangeInclusive<T>,
+    ) -> Result<T, InputError> {
+        self.within(**value, value.span(), what, &range)
+    }
+
+    /// [`Self::number`] that stands at a place.
+    pub fn within<T: Copy + PartialOrd + Display>(
+        &self,
+        value: T,
+        span: Range<usize>,
+        what: &str,
+        range: &RangeInclusive<T>,
+    ) -> Result<T, InputError> {
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.error(
+            span,
+            format!("{what} is {value}"),
+            format!("it must lie in {}..{}", range.start(), range.end()),
+        ))
+    }
+
+    /// [`Self::values`] in their lanes.
+    pub fn spectrum(
+        &self,
+        s: &SpectrumFile,
+        span: Range<usize>,
+        what: &str,
+        range: RangeInclusive<f64>,
+    ) -> Result<Spectral, InputError> {
+        let mut lanes = [0.0_f32; 4];
+        for (lane, v) in lanes.iter_mut().zip(self.values(s, span, what, range)?) {
+            *lane = v as f32;
+        }
+        Ok(Spectral::new(lanes))
+    }
+
+    /// [`Self::spectrum`] of a located value.
+    pub fn located(
+        &self,
+        s: &Located<SpectrumFile>,
+        what: &str,
+        range: RangeInclusive<f64>,
+    ) -> Result<Spectral, InputError> {
+        self.spectrum(s, s.span(), what, range)
+    }
+}
+
+/// The largest value that makes sense anywhere in a scene file; keeps f32 arithmetic finite.
+pub(super) const HUGE: f64 = 1e12;
+
+/// Reads the text of a scene or material file.
+pub(super) fn read(path: &Path, what: &str) -> Result<String, InputError> {
+    document::read(path, what, "give the path of a TOML file")
+}
+
+/// Reads the syntax of a file.
+pub(super) fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, InputError> {
+    document::parse(path, text, syntax_help)
+}
+
+fn syntax_help(message: &str) -> String {
+    if message.contains("unknown field") || message.contains("unknown variant") {
+        "use one of the names listed; `sunstone schema` prints all of them".into()
+    } else if message.contains("missing field") {
+        "add the missing key; `sunstone schema` describes it".into()
+    } else {
+        "correct the value; `sunstone schema` describes every key".into()
+    }
+}

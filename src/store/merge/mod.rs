@@ -1,0 +1,381 @@
+//! Joining renders of one scene with different seeds, as if their samples had been drawn in one go.
+//!
+//! Where an element belongs to one camera pixel (`pixels_per_element` = 1), its N samples have mean m and standard
+//! error e, so their sum of squared deviations is M = e²·N(N−1). The pooled values follow exactly (Chan, Golub &
+//! LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ,
+//! M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² = M / (N(N−1)) with N = ΣNᵢ.
+//!
+//! Sums are in f64; what remains is the rounding of the stored f32 values.
+//!
+//! Where an element averages several pixels, its samples are not alike and only their means are known:
+//! m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use crate::zarr::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
+use tensor::axes::{AxisKind, SliceLayout};
+use tensor::field::Field;
+use tensor::region;
+
+/// Stores could not be merged.
+#[derive(Debug, thiserror::Error)]
+pub enum MergeError {
+    /// There is nothing to merge.
+    #[error("nothing to merge: name at least two stores")]
+    TooFew,
+    /// A store lacks an attribute that merging needs.
+    #[error("{path} has no usable attribute `{key}`, so it cannot be merged: render it with this program")]
+    Attribute {
+        /// The store or slice.
+        path: PathBuf,
+        /// The attribute.
+        key: &'static str,
+    },
+    /// The stores are of different scenes.
+    #[error(
+        "{first} and {second} are of different scenes (`scene_sha256` differs): merge renders of one scene"
+    )]
+    Scenes {
+        /// One store.
+        first: PathBuf,
+        /// The store that disagrees with it.
+        second: PathBuf,
+    },
+    /// A seed occurs twice.
+    #[error(
+        "seed {seed} of {path} occurs twice, its samples would count double: render with another `--seed`"
+    )]
+    Seed {
+        /// The store with the second occurrence.
+        path: PathBuf,
+        /// The seed.
+        seed: i128,
+    },
+    /// The stores keep different slices.
+    #[error("{first} and {second} differ in slice `{slice}`: merge renders that keep the same slices")]
+    Layout {
+        /// One store.
+        first: PathBuf,
+        /// The store that disagrees with it.
+        second: PathBuf,
+        /// The slice.
+        slice: String,
+    },
+    /// An input cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The output cannot be created.
+    #[error(transparent)]
+    Create(#[from] CreateError),
+    /// Values cannot be read or written.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+/// One store to merge, with what is known of its samples.
+struct Input {
+    store: TensorStore,
+    attributes: Map<String, Value>,
+    samples_per_pixel: Option<f64>,
+}
+
+/// Joins the stores `inputs` into a new store `out` (an existing one is overwritten only with `replace`).
+///
+/// Numbers of samples come from the array `samples` where a store has it, else from the root attribute
+/// `samples_per_pixel`. Of the root attributes, `seeds` are concatenated, `samples_per_pixel`, `discarded_samples`
+/// and `wall_time_s` added up, `merged_from` lists the inputs, and the rest is that of the first input.
+///
+/// # Errors
+/// If the inputs are not renders of one scene (`scene_sha256`) with the same slices and different `seeds`, or
+/// anything cannot be read or written.
+pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeError> {
+    let inputs = open_inputs(inputs)?;
+    let first = &inputs[0];
+    let mut slices = Vec::new();
+    for name in first.store.slice_names() {
+        let slice = first.store.slice(name)?;
+        for other in &inputs[1..] {
+            let fault = || MergeError::Layout {
+                first: first.store.path().to_owned(),
+                second: other.store.path().to_owned(),
+                slice: name.clone(),
+            };
+            if other.store.slice_names() != first.store.slice_names() {
+                return Err(fault());
+            }
+            if !same_axes(other.store.slice(name)?.layout(), slice.layout()) {
+                return Err(fault());
+            }
+        }
+        slices.push((slice.layout().clone(), slice.attributes().clone()));
+    }
+    let shapes: Vec<_> = inputs.iter().map(|i| i.store.samples_shape()).collect();
+    let grid = match shapes[0] {
+        Some((shape, chunk)) if shapes.iter().all(|s| s.is_some_and(|s| s.0 == shape)) => Some(SampleGrid {
+            camera: [shape[1] as u32, shape[0] as u32],
+            tile: chunk[0].max(chunk[1]) as u32,
+        }),
+        _ => None,
+    };
+    let merged = TensorStore::create(out, &slices, &merged_attributes(&inputs), grid, replace)?;
+    for name in first.store.slice_names() {
+        merge_slice(&inputs, &merged.slice(name)?)?;
+    }
+    if let Some((shape, chunk)) = merged.samples_shape() {
+        for (start, size) in region::chunks(&shape, &chunk) {
+            let (start, size) = ([start[0], start[1]], [size[0], size[1]]);
+            let mut sum = inputs[0].store.read_samples(start, size)?;
+            for input in &inputs[1..] {
+                let counts = input.store.read_samples(start, size)?;
+                sum.iter_mut()
+                    .zip(counts)
+                    .for_each(|(s, c)| *s = s.saturating_add(c));
+            }
+            merged.write_samples(start, size, &sum)?;
+        }
+    }
+    Ok(merged.finish()?)
+}
+
+fn same_axes(a: &SliceLayout, b: &SliceLayout) -> bool {
+    let key = |l: &SliceLayout| -> Vec<_> { l.axes.iter().map(|x| (x.kind, x.coords.clone())).collect() };
+    a.time == b.time && key(a) == key(b)
+}
+
+fn open_inputs(paths: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
+    if paths.len() < 2 {
+        return Err(MergeError::TooFew);
+    }
+    let mut inputs: Vec<Input> = Vec::new();
+    let mut seen = BTreeSet::new();
+    for path in paths {
+        let store = TensorStore::open(path)?;
+        let attributes = store.attributes();
+        let missing = |key| MergeError::Attribute {
+            path: path.clone(),
+            key,
+        };
+        if attributes.get("scene_sha256").is_none_or(|v| !v.is_string()) {
+            return Err(missing("scene_sha256"));
+        }
+        if let Some(first) = inputs.first()
+            && first.attributes["scene_sha256"] != attributes["scene_sha256"]
+        {
+            return Err(MergeError::Scenes {
+                first: first.store.path().to_owned(),
+                second: path.clone(),
+            });
+        }
+        let seeds = attributes
+            .get("seeds")
+            .and_then(Value::as_array)
+            .ok_or_else(|| missing("seeds"))?;
+        for seed in seeds {
+            let seed = seed
+                .as_u64()
+                .map(i128::from)
+                .or(seed.as_i64().map(i128::from))
+                .ok_or_else(|| missing("seeds"))?;
+            if !seen.insert(seed) {
+                return Err(MergeError::Seed {
+                    path: path.clone(),
+                    seed,
+                });
+            }
+        }
+        let samples_per_pixel = attributes
+            .get("samples_per_pixel")
+            .and_then(Value::as_f64)
+            .filter(|n| *n >= 0.0);
+        if samples_per_pixel.is_none() && store.samples_shape().is_none() {
+            return Err(missing("samples_per_pixel"));
+        }
+        inputs.push(Input {
+            store,
+            attributes,
+            samples_per_pixel,
+        });
+    }
+    Ok(inputs)
+}
+
+fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
+    let mut attributes = inputs[0].attributes.clone();
+    let seeds: Vec<Value> = inputs
+        .iter()
+        .filter_map(|i| i.attributes.get("seeds")?.as_array())
+        .flatten()
+        .cloned()
+        .collect();
+    attributes.insert("seeds".into(), json!(seeds));
+    for key in ["samples_per_pixel", "discarded_samples", "wall_time_s"] {
+        let values: Vec<&Value> = inputs.iter().filter_map(|i| i.attributes.get(key)).collect();
+        if values.is_empty() {
+            continue;
+        }
+        let whole: Option<u64> = values.iter().map(|v| v.as_u64()).sum();
+        let sum = whole.map_or_else(
+            || json!(values.iter().filter_map(|v| v.as_f64()).sum::<f64>()),
+            |n| json!(n),
+        );
+        attributes.insert(key.into(), sum);
+    }
+    let from: Vec<String> = inputs
+        .iter()
+        .map(|i| i.store.path().display().to_string())
+        .collect();
+    attributes.insert("merged_from".into(), json!(from));
+    attributes
+}
+
+fn merge_slice(inputs: &[Input], merged: &StoredSlice) -> Result<(), MergeError> {
+    let sources: Vec<StoredSlice> = inputs
+        .iter()
+        .map(|i| i.store.slice(merged.name()))
+        .collect::<Result<_, _>>()?;
+    let pixels = merged
+        .attributes()
+        .get("pixels_per_element")
+        .and_then(Value::as_f64)
+        .filter(|n| *n >= 1.0)
+        .ok_or_else(|| MergeError::Attribute {
+            path: merged.path().to_owned(),
+            key: "pixels_per_element",
+        })?;
+    let alike = pixels == 1.0;
+    for (mean, error) in [
+        (Field::Mean, Field::StdError),
+        (Field::Overflow, Field::OverflowStdError),
+    ] {
+        if !merged.has(mean) {
+            continue;
+        }
+        let layout = merged.field_layout(mean)?;
+        let chunks: Vec<_> = merged.chunks(mean)?.collect();
+        chunks
+            .par_iter()
+            .try_for_each(|(start, shape)| -> Result<(), MergeError> {
+                let n = region::volume(shape).unwrap_or(0);
+                let mut pools = vec![Pool::default(); n];
+                for (input, source) in inputs.iter().zip(&sources) {
+                    let m = source.read(mean, start, shape)?;
+                    let e = source.read(error, start, shape)?;
+                    let counts = element_counts(input, layout, alike, start, shape)?;
+                    let inner = n / counts.len().max(1);
+                    for (i, pool) in pools.iter_mut().enumerate() {
+                        pool.add(counts[i / inner], f64::from(m[i]), f64::from(e[i]), alike);
+                    }
+                }
+                let m: Vec<f32> = pools.iter().map(|p| p.mean as f32).collect();
+                let e: Vec<f32> = pools.iter().map(|p| p.std_error(alike) as f32).collect();
+                merged.write(mean, start, shape, &m)?;
+                Ok(merged.write(error, start, shape, &e)?)
+            })?;
+    }
+    Ok(())
+}
+
+/// Samples of one element, joined input by input.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pool {
+    n: f64,
+    mean: f64,
+    /// Alike samples: sum of squared deviations from the mean. Otherwise: Σ N²e².
+    spread: f64,
+    /// Standard error as stored, kept for an element that only one input has sampled.
+    only: Option<f64>,
+}
+
+impl Pool {
+    fn add(&mut self, n: f64, mean: f64, std_error: f64, alike: bool) {
+        if n <= 0.0 {
+            return;
+        }
+        self.only = (self.n == 0.0).then_some(std_error);
+        let total = self.n + n;
+        let difference = mean - self.mean;
+        if alike {
+            self.spread +=
+                std_error * std_error * n * (n - 1.0) + difference * difference * self.n * n / total;
+        } else {
+            self.spread += (n * std_error).powi(2);
+        }
+        self.mean += difference * n / total;
+        self.n = total;
+    }
+
+    fn std_error(&self, alike: bool) -> f64 {
+        match self.only {
+            Some(only) => only,
+            None if self.n == 0.0 => 0.0,
+            None if alike => (self.spread / (self.n * (self.n - 1.0))).sqrt(),
+            None => self.spread.sqrt() / self.n,
+        }
+    }
+}
+
+/// Number of samples of every camera element (y, x) of a region, row-major; one number if the slice has no camera
+/// axes or the counts are the same everywhere.
+fn element_counts(
+    input: &Input,
+    layout: &SliceLayout,
+    alike: bool,
+    start: &[u64],
+    shape: &[u64],
+) -> Result<Vec<f64>, MergeError> {
+    let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
+    let (Some(([rows, columns], _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {
+        let missing = MergeError::Attribute {
+            path: input.store.path().to_owned(),
+            key: "samples_per_pixel",
+        };
+        return Ok(vec![input.samples_per_pixel.ok_or(missing)?]);
+    };
+    let boxes = |axis: usize, limit: u64| -> Vec<(u64, u64)> {
+        let coords = &layout.axes[axis].coords;
+        let all = if alike {
+            coords.iter().map(|&c| (c as u64, c as u64)).collect()
+        } else {
+            boxes(coords)
+        };
+        let (a, n) = (start[axis] as usize, shape[axis] as usize);
+        all[a..a + n]
+            .iter()
+            .map(|&(first, last)| (first.min(limit - 1), last.min(limit - 1)))
+            .collect()
+    };
+    let (ys, xs) = (boxes(0, rows), boxes(1, columns));
+    let span = |b: &[(u64, u64)]| (b[0].0, b[b.len() - 1].1 - b[0].0 + 1);
+    let ((y0, h), (x0, w)) = (span(&ys), span(&xs));
+    let samples = input.store.read_samples([y0, x0], [h, w])?;
+    let mut counts = Vec::with_capacity(ys.len() * xs.len());
+    for &(top, bottom) in &ys {
+        for &(left, right) in &xs {
+            let sum: u64 = (top..=bottom)
+                .flat_map(|y| (left..=right).map(move |x| ((y - y0) * w + x - x0) as usize))
+                .map(|i| u64::from(samples[i]))
+                .sum();
+            counts.push(sum as f64);
+        }
+    }
+    Ok(counts)
+}
+
+/// First and last pixel of boxes that tile an axis from pixel 0, given their centres.
+fn boxes(centres: &[f64]) -> Vec<(u64, u64)> {
+    let mut first = 0;
+    let of = |&centre: &f64| {
+        let last = ((2.0 * centre).round() as u64).saturating_sub(first).max(first);
+        let own = (first, last);
+        first = last + 1;
+        own
+    };
+    centres.iter().map(of).collect()
+}
+
+#[cfg(test)]
+mod tests;

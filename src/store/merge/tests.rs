@@ -1,0 +1,175 @@
+//! Tests of pooling against all samples at once.
+
+use super::*;
+use tensor::axes::Extents;
+use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+
+const SAMPLES: [usize; 3] = [5, 1, 11];
+
+fn layout(camera: CameraSelect) -> SliceLayout {
+    let extents = Extents {
+        camera: [5, 3],
+        projector: None,
+        wavelengths_nm: vec![450.0, 660.0],
+        max_depth: 2,
+        tile: 2,
+    };
+    let slice = Slice {
+        name: "s".into(),
+        camera,
+        projector: ProjectorSelect::Sum,
+        time: TimeSelect::Bins {
+            start_ps: 0.0,
+            bin_ps: 1.0,
+            bins: 3,
+        },
+        polarization: Polarization::Intensity,
+        bounces: false,
+        split_first_bounce: false,
+    };
+    SliceLayout::new(&slice, &extents)
+}
+
+fn value(element: usize, sample: usize) -> f64 {
+    let x = (element as f64 * 12.9898 + sample as f64 * 78.233).sin() * 43758.5453;
+    1.0 + (x - x.floor()) * (1.0 + element as f64)
+}
+
+fn statistics(values: &[f64]) -> (f32, f32) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let m2: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    (
+        mean as f32,
+        if n > 1.0 {
+            (m2 / (n * (n - 1.0))).sqrt() as f32
+        } else {
+            0.0
+        },
+    )
+}
+
+/// A store whose elements hold the samples `from..from + n` of every element.
+fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool) {
+    let attributes = json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
+        "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"});
+    let grid = counted.then_some(SampleGrid {
+        camera: [5, 3],
+        tile: 2,
+    });
+    let group = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
+    let slices = [(layout(CameraSelect::All), group)];
+    let store = TensorStore::create(path, &slices, attributes.as_object().unwrap(), grid, false).unwrap();
+    let slice = store.slice("s").unwrap();
+    for (offset, mean, error) in [
+        (0, Field::Mean, Field::StdError),
+        (1000, Field::Overflow, Field::OverflowStdError),
+    ] {
+        let shape = slice.field_layout(mean).unwrap().shape();
+        let zero = vec![0; shape.len()];
+        let (m, e): (Vec<f32>, Vec<f32>) = (0..region::volume(&shape).unwrap())
+            .map(|i| {
+                let values: Vec<f64> = (from..from + n).map(|s| value(i + offset, s)).collect();
+                statistics(&values)
+            })
+            .unzip();
+        slice.write(mean, &zero, &shape, &m).unwrap();
+        slice.write(error, &zero, &shape, &e).unwrap();
+    }
+    if counted {
+        store.write_samples([0, 0], [3, 5], &[n as u32; 15]).unwrap();
+    }
+    store.finish().unwrap();
+}
+
+#[test]
+fn parts_merge_to_the_whole() {
+    for counted in [false, true] {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        let mut from = 0;
+        let mut inputs = Vec::new();
+        for (i, n) in SAMPLES.into_iter().enumerate() {
+            inputs.push(at(&format!("part{i}")));
+            part(&inputs[i], i as u64, from, n, "a", counted);
+            from += n;
+        }
+        part(&at("whole"), 9, 0, from, "a", counted);
+        merge(&inputs, &at("merged"), false).unwrap();
+        let whole = TensorStore::open(&at("whole")).unwrap();
+        let merged = TensorStore::open(&at("merged")).unwrap();
+        for field in Field::ALL {
+            let a = whole.slice("s").unwrap().read_all(field).unwrap();
+            let b = merged.slice("s").unwrap().read_all(field).unwrap();
+            for (x, y) in a.data.iter().zip(&b.data) {
+                let tolerance = if matches!(field, Field::Mean | Field::Overflow) {
+                    2e-7
+                } else {
+                    1e-6
+                };
+                assert!((x - y).abs() <= tolerance * x.abs(), "{field:?} {x} {y}");
+            }
+        }
+        let attributes = merged.attributes();
+        assert_eq!(attributes["seeds"], json!([0, 1, 2]));
+        assert_eq!(attributes["samples_per_pixel"], 17);
+        assert_eq!(attributes["discarded_samples"], 3);
+        assert_eq!(attributes["wall_time_s"], 1.5);
+        assert_eq!(attributes["merged_from"].as_array().unwrap().len(), 3);
+        if counted {
+            assert_eq!(merged.read_samples([0, 0], [3, 5]).unwrap(), [17; 15]);
+        }
+    }
+}
+
+#[test]
+fn pooling_is_exact_to_a_millionth() {
+    for split in [1, 2, 7, 16] {
+        let values: Vec<f64> = (0..17).map(|s| value(3, s)).collect();
+        let (a, b) = values.split_at(split);
+        let mut pool = Pool::default();
+        for part in [a, b] {
+            let (m, e) = statistics(part);
+            pool.add(part.len() as f64, f64::from(m), f64::from(e), true);
+        }
+        let (m, e) = statistics(&values);
+        assert!((pool.mean / f64::from(m) - 1.0).abs() < 1e-6);
+        assert!(
+            (pool.std_error(true) / f64::from(e) - 1.0).abs() < 1e-6,
+            "{split}"
+        );
+    }
+}
+
+#[test]
+fn binned_elements_weigh_by_samples() {
+    let mut pool = Pool::default();
+    pool.add(30.0, 2.0, 0.5, false);
+    pool.add(0.0, 99.0, 99.0, false);
+    pool.add(10.0, 6.0, 1.0, false);
+    assert!((pool.mean - 3.0).abs() < 1e-12);
+    assert!((pool.std_error(false) - (15.0_f64.powi(2) + 100.0).sqrt() / 40.0).abs() < 1e-12);
+    let centres = layout(CameraSelect::Binned { nx: 2, ny: 2 }).axes[1]
+        .coords
+        .clone();
+    assert_eq!(boxes(&centres), [(0, 1), (2, 3), (4, 4)]);
+}
+
+#[test]
+fn strangers_and_twins_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    part(&at("a"), 1, 0, 4, "a", false);
+    part(&at("b"), 2, 0, 4, "b", false);
+    part(&at("c"), 1, 0, 4, "a", true);
+    let error = |x: &str, y: &str| merge(&[at(x), at(y)], &at("out"), false).unwrap_err().to_string();
+    assert!(error("a", "b").contains("different scenes"));
+    assert!(error("a", "c").contains("seed 1"));
+    assert!(error("a", "a").contains("seed 1"));
+    assert!(error("a", "none").contains("does not exist"));
+    assert!(matches!(
+        merge(&[at("a")], &at("out"), false),
+        Err(MergeError::TooFew)
+    ));
+    assert!(!at("out").exists());
+}

@@ -1,0 +1,416 @@
+//! NumPy's files: arrays of numbers that other programs bring and take.
+
+use base::whole_file;
+use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use tensor::number::Number;
+use thiserror::Error;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// Values of an array, row-major (the last axis is fastest).
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    Single(Vec<f32>),
+    Double(Vec<f64>),
+}
+
+/// An array with its shape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NumpyArray {
+    pub shape: Vec<usize>,
+    pub values: Values,
+}
+
+/// Why an array could not be read.
+#[derive(Debug, Error)]
+pub enum NumpyError {
+    #[error("{}: {cause}; give a .npy file as numpy.save writes it", path.display())]
+    Read { path: PathBuf, cause: io::Error },
+    #[error("{}: its elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
+    Elements { path: PathBuf, found: String },
+    #[error("{}: its elements are in column-major order; save numpy.ascontiguousarray(array)", path.display())]
+    Order { path: PathBuf },
+    #[error("{}: it ends before the array of shape {shape:?} does; save it anew", path.display())]
+    Short { path: PathBuf, shape: Vec<usize> },
+}
+
+/// An opened `.npy` file of real numbers, of which parts are read.
+///
+/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`.
+#[derive(Debug)]
+pub struct NumpyReader {
+    path: PathBuf,
+    file: File,
+    /// Length of every axis; the last is fastest.
+    pub shape: Vec<usize>,
+    kind: Kind,
+    big_endian: bool,
+    /// Where the numbers begin, bytes.
+    start: u64,
+}
+
+/// Numbers that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Float4,
+    Float8,
+    Unsigned(usize),
+    Signed(usize),
+}
+
+impl Kind {
+    fn size(self) -> usize {
+        match self {
+            Self::Float4 => 4,
+            Self::Float8 => 8,
+            Self::Unsigned(n) | Self::Signed(n) => n,
+        }
+    }
+}
+
+impl NumpyReader {
+    /// Opens a file and checks that it holds what its header says.
+    ///
+    /// # Errors
+    /// If it is no such file, or cut short.
+    pub fn open(path: &Path) -> Result<Self, NumpyError> {
+        let failed = |cause| NumpyError::Read {
+            path: path.to_owned(),
+            cause,
+        };
+        let file = File::open(path).map_err(failed)?;
+        let bytes = file.metadata().map_err(failed)?.len();
+        // The numbers are read in pieces of any place, for which a buffer would read too much.
+        let mut buffered = BufReader::new(file);
+        let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
+        let start = buffered.stream_position().map_err(failed)?;
+        let file = buffered.into_inner();
+        let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
+        let elements = |found: String| NumpyError::Elements {
+            path: path.to_owned(),
+            found,
+        };
+        let DType::Plain(plain) = header.dtype() else {
+            return Err(elements("records".to_owned()));
+        };
+        if header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1 {
+            return Err(NumpyError::Order {
+                path: path.to_owned(),
+            });
+        }
+        let kind = match (plain.type_char(), plain.size_field()) {
+            (TypeChar::Float, 4) => Kind::Float4,
+            (TypeChar::Float, 8) => Kind::Float8,
+            (TypeChar::Uint, n @ (1 | 2 | 4)) => Kind::Unsigned(n as usize),
+            (TypeChar::Int, n @ (1 | 2 | 4)) => Kind::Signed(n as usize),
+            _ => return Err(elements(format!("of type '{plain}'"))),
+        };
+        // Before anything is allocated for a length that a damaged file claims.
+        let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
+        count
+            .and_then(|n| n.checked_mul(kind.size() as u64))
+            .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
+            .ok_or_else(|| NumpyError::Short {
+                path: path.to_owned(),
+                shape: shape.clone(),
+            })?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            shape,
+            kind,
+            big_endian: plain.endianness() == Endianness::Big,
+            start,
+        })
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// True if there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// True if the numbers need `f64`.
+    #[must_use]
+    pub fn is_double(&self) -> bool {
+        matches!(self.kind, Kind::Float8 | Kind::Unsigned(4) | Kind::Signed(4))
+    }
+
+    /// Reads numbers from element `first` on, as many as there is room for.
+    ///
+    /// # Errors
+    /// If the file system refuses, or the file ends.
+    pub fn read<T: Number>(&mut self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
+        self.try_read(first, out).map_err(|cause| {
+            if cause.kind() == io::ErrorKind::UnexpectedEof {
+                NumpyError::Short {
+                    path: self.path.clone(),
+                    shape: self.shape.clone(),
+                }
+            } else {
+                NumpyError::Read {
+                    path: self.path.clone(),
+                    cause,
+                }
+            }
+        })
+    }
+
+    fn try_read<T: Number>(&mut self, first: usize, out: &mut [T]) -> io::Result<()> {
+        let size = self.kind.size();
+        let at = self.start + first as u64 * size as u64;
+        self.file.seek(SeekFrom::Start(at))?;
+        let native = self.big_endian == cfg!(target_endian = "big");
+        let same = match self.kind {
+            Kind::Float4 => size_of::<T>() == 4,
+            Kind::Float8 => size_of::<T>() == 8,
+            _ => false,
+        };
+        if native && same {
+            return self.file.read_exact(bytemuck::cast_slice_mut(out));
+        }
+        let mut buffer = vec![0_u8; size * out.len().min(1 << 14)];
+        for part in out.chunks_mut(1 << 14) {
+            let bytes = &mut buffer[..part.len() * size];
+            self.file.read_exact(bytes)?;
+            for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
+                // Little-endian, in the low bytes of a word.
+                let mut word = [0_u8; 8];
+                word[..size].copy_from_slice(bytes);
+                if self.big_endian {
+                    word[..size].reverse();
+                }
+                let bits = u64::from_le_bytes(word);
+                *value = match self.kind {
+                    Kind::Float4 => T::new(f64::from(f32::from_bits(bits as u32))),
+                    Kind::Float8 => T::new(f64::from_bits(bits)),
+                    Kind::Unsigned(_) => T::new(bits as f64),
+                    Kind::Signed(1) => T::new(f64::from(bits as u8 as i8)),
+                    Kind::Signed(2) => T::new(f64::from(bits as u16 as i16)),
+                    Kind::Signed(_) => T::new(f64::from(bits as u32 as i32)),
+                };
+            }
+        }
+        Ok(())
+    }
+}
+
+impl NumpyArray {
+    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes as they are, integers of up to 2 bytes as `f32`, larger ones as
+    /// `f64`.
+    ///
+    /// # Errors
+    /// If it is no such file, or cut short.
+    pub fn read(path: &Path) -> Result<Self, NumpyError> {
+        let mut reader = NumpyReader::open(path)?;
+        let count = reader.len();
+        let values = if reader.is_double() {
+            let mut out = vec![0.0_f64; count];
+            reader.read(0, &mut out)?;
+            Values::Double(out)
+        } else {
+            let mut out = vec![0.0_f32; count];
+            reader.read(0, &mut out)?;
+            Values::Single(out)
+        };
+        Ok(Self {
+            shape: reader.shape,
+            values,
+        })
+    }
+
+    /// Writes `.npy`'s bytes.
+    fn write(&self, writer: &mut impl Write) -> io::Result<()> {
+        match &self.values {
+            Values::Single(values) => write(writer, &self.shape, values.iter().copied()),
+            Values::Double(values) => write(writer, &self.shape, values.iter().copied()),
+        }
+    }
+}
+
+/// Writes values as `.npy`'s bytes, row-major.
+///
+/// # Errors
+/// If the writer refuses, or there are not as many values as the shape says.
+pub fn write<T: npyz::AutoSerialize>(
+    writer: impl Write,
+    shape: &[usize],
+    values: impl IntoIterator<Item = T>,
+) -> io::Result<()> {
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    // Elements are written one by one.
+    let mut buffered = BufWriter::with_capacity(1 << 20, writer);
+    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
+    let mut npy = options.writer(&mut buffered).begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()?;
+    // A buffer that is dropped keeps a full disk to itself.
+    buffered.flush()
+}
+
+/// Writes the header of an array of shape `shape`, whose numbers follow in row-major order by [`append`].
+///
+/// # Errors
+/// If the writer refuses.
+pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -> io::Result<()> {
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
+    // Dropped unfinished: npyz writes the header at once, and numbers one by one, which would be most of the time here.
+    options.writer(writer).begin_nd().map(drop)
+}
+
+/// Appends numbers to an array that [`begin`] began.
+///
+/// # Errors
+/// If the writer refuses.
+pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Result<()> {
+    writer.write_all(bytemuck::cast_slice(values))
+}
+
+/// Writes an array as `.npy`; the file appears whole or not at all.
+///
+/// # Errors
+/// If the file system refuses.
+pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
+    path: &Path,
+    shape: &[usize],
+    values: &[T],
+) -> io::Result<()> {
+    whole_file::write_with(path, |file| {
+        begin::<T>(file, shape)?;
+        append(file, values)
+    })
+}
+
+/// Writes named arrays as an uncompressed `.npz`, as numpy.savez does; the file appears whole or not at all.
+///
+/// # Errors
+/// If the file system refuses.
+pub fn write_npz(path: &Path, arrays: &[(String, NumpyArray)]) -> io::Result<()> {
+    whole_file::write_with(path, |file| {
+        let mut zip = ZipWriter::new(file);
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .large_file(true);
+        for (name, array) in arrays {
+            zip.start_file(format!("{name}.npy"), options)?;
+            array.write(&mut zip)?;
+        }
+        zip.finish()?.flush()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn file(bytes: &[u8]) -> tempfile::NamedTempFile {
+        let mut file = tempfile::NamedTempFile::new().expect("a file");
+        file.write_all(bytes).expect("space");
+        file
+    }
+
+    fn bytes(array: &NumpyArray) -> Vec<u8> {
+        let mut out = vec![];
+        array.write(&mut out).expect("memory");
+        out
+    }
+
+    fn example() -> NumpyArray {
+        NumpyArray {
+            shape: vec![2, 3],
+            values: Values::Double(vec![1.0, -2.5, 1e300, 0.0, f64::MIN_POSITIVE, 7.0]),
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let single = NumpyArray {
+            shape: vec![0, 4],
+            values: Values::Single(vec![]),
+        };
+        for array in [example(), single] {
+            assert_eq!(
+                NumpyArray::read(file(&bytes(&array)).path()).expect("an array"),
+                array
+            );
+        }
+    }
+
+    /// Other kinds of numbers are taken, and those that are none refused with a mend.
+    #[test]
+    fn kinds_of_numbers() {
+        let of = |kind: &str, order: &str, data: &[u8]| {
+            let mut head = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 2), }}");
+            head.push_str(&" ".repeat(118 - head.len() - 1));
+            head.push('\n');
+            let mut all = b"\x93NUMPY\x01\x00".to_vec();
+            all.extend((head.len() as u16).to_le_bytes());
+            all.extend(head.bytes());
+            all.extend(data);
+            NumpyArray::read(file(&all).path())
+        };
+        let is = |got: Result<NumpyArray, NumpyError>| got.expect("an array").values;
+        assert_eq!(
+            is(of("|u1", "False", &[1, 2, 3, 255])),
+            Values::Single(vec![1.0, 2.0, 3.0, 255.0])
+        );
+        assert_eq!(
+            is(of("<u2", "False", &[1, 0, 0, 1, 3, 0, 255, 255])),
+            Values::Single(vec![1.0, 256.0, 3.0, 65535.0])
+        );
+        let big: Vec<u8> = [1.5_f32, -2.0, 0.0, 4.0]
+            .iter()
+            .flat_map(|v| v.to_be_bytes())
+            .collect();
+        assert_eq!(
+            is(of(">f4", "False", &big)),
+            Values::Single(vec![1.5, -2.0, 0.0, 4.0])
+        );
+        let message = |got: Result<NumpyArray, NumpyError>| got.expect_err("an error").to_string();
+        assert!(message(of("<c8", "False", &[0; 32])).contains("real numbers"));
+        assert!(message(of("<f4", "True", &[0; 16])).contains("ascontiguousarray"));
+        assert!(message(of("<f4", "False", &[0; 15])).contains("ends before"));
+        assert!(message(NumpyArray::read(file(b"PK").path())).contains("numpy.save"));
+    }
+
+    /// An archive holds the arrays under their names.
+    #[test]
+    fn archives_hold_arrays() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("all.npz");
+        write_npz(&path, &[("a".to_owned(), example()), ("b".to_owned(), example())]).expect("space");
+        let mut zip = zip::ZipArchive::new(File::open(&path).expect("a file")).expect("an archive");
+        for name in ["a.npy", "b.npy"] {
+            let mut got = vec![];
+            zip.by_name(name)
+                .expect("an array")
+                .read_to_end(&mut got)
+                .expect("bytes");
+            assert_eq!(got, bytes(&example()));
+        }
+    }
+
+    proptest! {
+        /// Damaged files are refused or read, never a panic nor memory for what they only claim.
+        #[test]
+        fn damage_is_survived(cut in 0_usize..200, at in 0_usize..128, value in any::<u8>()) {
+            let mut all = bytes(&example());
+            all.truncate(cut);
+            if let Some(byte) = all.get_mut(at) {
+                *byte = value;
+            }
+            let _ = NumpyArray::read(file(&all).path());
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! Carries a plan out: reads chunks, weighs and adds them up in f64, folds camera pixels in a fixed order.
+
+use rayon::prelude::*;
+
+use super::ProbeError;
+use super::plan::{AxisPlan, Plan, Target};
+use crate::zarr::StoredSlice;
+use tensor::array::Tensor;
+use tensor::axes::{Axis, AxisKind};
+use tensor::field::Field;
+use tensor::region;
+
+/// Half-open ranges of entries, one per axis.
+type Ranges = Vec<(usize, usize)>;
+
+/// Sums over everything but the camera pixels of one block.
+struct Partial {
+    mean: Vec<f64>,
+    /// Σ|w|·se.
+    bound: Vec<f64>,
+}
+
+/// Mean, standard error, and light moved out of the stored bins (where a pulse convolves).
+pub(super) fn run(
+    plan: &Plan,
+    slice: &StoredSlice,
+    mean: Field,
+    error: Field,
+) -> Result<(Tensor, Tensor, Option<Tensor>), ProbeError> {
+    let layout = slice.field_layout(mean)?;
+    let camera = plan
+        .axes
+        .iter()
+        .take_while(|a| matches!(a.kind, AxisKind::Y | AxisKind::X))
+        .count();
+    let segments: Vec<Vec<(usize, usize)>> = plan
+        .axes
+        .iter()
+        .zip(&layout.axes)
+        .map(|(p, a)| split(p, a.chunk as usize))
+        .collect();
+    let blocks = product(&segments[..camera]);
+    let inner = product(&segments[camera..]);
+    let rest: usize = plan.axes[camera..].iter().map(|a| a.slots).product();
+    let total: usize = plan.axes.iter().map(|a| a.slots).product();
+    let mut sum = vec![0.0_f64; total];
+    let mut variance = vec![0.0_f64; total];
+    for batch in blocks.chunks(rayon::current_num_threads().max(1)) {
+        let partials: Vec<Partial> = batch
+            .par_iter()
+            .map(|block| gather(plan, slice, [mean, error], block, &inner, rest))
+            .collect::<Result<_, ProbeError>>()?;
+        for (block, partial) in batch.iter().zip(&partials) {
+            let lo: Vec<u64> = block.iter().map(|r| r.0 as u64).collect();
+            let hi: Vec<u64> = block.iter().map(|r| r.1 as u64).collect();
+            for (pixel, index) in region::indices(&lo, &hi).enumerate() {
+                let slot = plan.axes[..camera].iter().zip(&index).fold(0, |o, (axis, &i)| {
+                    o * axis.slots + axis.targets[i as usize - axis.first][0].0
+                });
+                let (from, to) = (pixel * rest, slot * rest);
+                for k in 0..rest {
+                    sum[to + k] += partial.mean[from + k];
+                    variance[to + k] += partial.bound[from + k].powi(2);
+                }
+            }
+        }
+    }
+    let std_error: Vec<f64> = variance.into_iter().map(f64::sqrt).collect();
+    let (mean, shifted) = finish(plan, slice.name(), &sum);
+    Ok((mean, finish(plan, slice.name(), &std_error).0, shifted))
+}
+
+/// The range of an axis cut at the boundaries of chunks.
+fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
+    let mut pieces = Vec::new();
+    let mut at = axis.first;
+    while at < axis.end {
+        let next = ((at / chunk + 1) * chunk).min(axis.end);
+        pieces.push((at, next));
+        at = next;
+    }
+    pieces
+}
+
+fn product(lists: &[Vec<(usize, usize)>]) -> Vec<Ranges> {
+    lists.iter().fold(vec![vec![]], |boxes, list| {
+        let extend = |b: Ranges| list.iter().map(move |r| [b.clone(), vec![*r]].concat());
+        boxes.into_iter().flat_map(extend).collect()
+    })
+}
+
+fn gather(
+    plan: &Plan,
+    slice: &StoredSlice,
+    fields: [Field; 2],
+    block: &Ranges,
+    inner: &[Ranges],
+    rest: usize,
+) -> Result<Partial, ProbeError> {
+    let pixels: usize = block.iter().map(|r| r.1 - r.0).product();
+    let mut partial = Partial {
+        mean: vec![0.0; pixels * rest],
+        bound: vec![0.0; pixels * rest],
+    };
+    for part in inner {
+        let ranges: Ranges = block.iter().chain(part).copied().collect();
+        let start: Vec<u64> = ranges.iter().map(|r| r.0 as u64).collect();
+        let shape: Vec<u64> = ranges.iter().map(|r| (r.1 - r.0) as u64).collect();
+        let (tail, run) = tail(plan, block.len(), &ranges);
+        let walk = Walk {
+            targets: targets(plan, block, &ranges, rest).drain(..tail).collect(),
+            run,
+            joint: joint(plan, &ranges),
+            mean: slice.read(fields[0], &start, &shape)?,
+            std_error: slice.read(fields[1], &start, &shape)?,
+        };
+        walk.go(0, 0, 0, 1.0, &mut partial);
+    }
+    Ok(partial)
+}
+
+/// The first of the trailing axes that are kept as they are and lie wholly in the box, and their common length:
+/// they are added as one run.
+fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
+    let (mut tail, mut run) = (ranges.len(), 1);
+    while tail > camera {
+        let (axis, range) = (&plan.axes[tail - 1], ranges[tail - 1]);
+        let in_place = |(i, row): (usize, &Vec<Target>)| matches!(row[..], [(slot, 1.0)] if slot == i);
+        let whole = range == (axis.first, axis.end) && axis.slots == axis.targets.len();
+        let joint = plan.joint.is_some() && matches!(axis.kind, AxisKind::V | AxisKind::U);
+        if joint || !whole || !axis.targets.iter().enumerate().all(in_place) {
+            break;
+        }
+        run *= axis.slots;
+        tail -= 1;
+    }
+    (tail, run)
+}
+
+/// For every axis and entry of a box, offsets into the partial sums and weights.
+fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec<Vec<Target>>> {
+    let mut stride = 1;
+    let mut all = Vec::with_capacity(ranges.len());
+    for (i, (axis, range)) in plan.axes.iter().zip(ranges).enumerate().rev() {
+        if i < block.len() {
+            let inner: usize = block[i + 1..].iter().map(|r| r.1 - r.0).product();
+            all.push(
+                (0..range.1 - range.0)
+                    .map(|k| vec![(k * inner * rest, 1.0)])
+                    .collect(),
+            );
+        } else {
+            let rows = &axis.targets[range.0 - axis.first..range.1 - axis.first];
+            let scaled = |row: &Vec<Target>| row.iter().map(|&(slot, w)| (slot * stride, w)).collect();
+            all.push(rows.iter().map(scaled).collect());
+            stride *= axis.slots;
+        }
+    }
+    all.reverse();
+    all
+}
+
+/// Position of the axis v, and the weights of the box's entries (v, u).
+fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
+    let weights = plan.joint.as_ref()?;
+    let v = plan.axes.iter().position(|a| a.kind == AxisKind::V)?;
+    let columns = plan.axes[v + 1].end;
+    let row = |i: usize| &weights[i * columns + ranges[v + 1].0..i * columns + ranges[v + 1].1];
+    Some((v, (ranges[v].0..ranges[v].1).flat_map(row).copied().collect()))
+}
+
+/// One box of values with where they go.
+struct Walk {
+    /// Targets of all axes but the trailing ones that form a run.
+    targets: Vec<Vec<Vec<Target>>>,
+    /// Values per run.
+    run: usize,
+    joint: Option<(usize, Vec<f64>)>,
+    mean: Vec<f32>,
+    std_error: Vec<f32>,
+}
+
+impl Walk {
+    /// Adds everything below an index prefix: `source` is its flat index, `to` its offset in the sums.
+    fn go(&self, axis: usize, source: usize, to: usize, weight: f64, into: &mut Partial) {
+        if axis == self.targets.len() {
+            let values = &self.mean[source * self.run..(source + 1) * self.run];
+            let errors = &self.std_error[source * self.run..(source + 1) * self.run];
+            let sums = into.mean[to..to + self.run]
+                .iter_mut()
+                .zip(&mut into.bound[to..to + self.run]);
+            for ((sum, bound), (value, error)) in sums.zip(values.iter().zip(errors)) {
+                *sum += weight * f64::from(*value);
+                *bound += weight.abs() * f64::from(*error);
+            }
+        } else if let Some((v, weights)) = self.joint.as_ref().filter(|(v, _)| *v == axis) {
+            let n = self.targets[*v].len() * self.targets[v + 1].len();
+            for (i, w) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                self.go(axis + 2, source * n + i, to, weight * w, into);
+            }
+        } else {
+            let rows = &self.targets[axis];
+            let base = source * rows.len();
+            for (i, row) in rows.iter().enumerate() {
+                for &(offset, w) in row.iter().filter(|t| t.1 != 0.0) {
+                    self.go(axis + 1, base + i, to + offset, weight * w, into);
+                }
+            }
+        }
+    }
+}
+
+/// Cuts the extra slot off the time axis and rounds to f32.
+fn finish(plan: &Plan, name: &str, sums: &[f64]) -> (Tensor, Option<Tensor>) {
+    let tensor = |axes: Vec<Axis>, data: Vec<f32>| Tensor {
+        name: name.to_owned(),
+        axes,
+        data,
+    };
+    if !plan.convolved {
+        return (
+            tensor(plan.kept.clone(), sums.iter().map(|v| *v as f32).collect()),
+            None,
+        );
+    }
+    let t = plan.axes.iter().position(|a| a.kind == AxisKind::T).unwrap_or(0);
+    let slots = plan.axes[t].slots;
+    let inner: usize = plan.axes[t + 1..].iter().map(|a| a.slots).product();
+    let (mut inside, mut outside) = (Vec::new(), Vec::new());
+    for lane in sums.chunks_exact(slots * inner) {
+        let (stay, leave) = lane.split_at((slots - 1) * inner);
+        inside.extend(stay.iter().map(|v| *v as f32));
+        outside.extend(leave.iter().map(|v| *v as f32));
+    }
+    let without_time = plan
+        .kept
+        .iter()
+        .filter(|a| a.kind != AxisKind::T)
+        .cloned()
+        .collect();
+    (
+        tensor(plan.kept.clone(), inside),
+        Some(tensor(without_time, outside)),
+    )
+}

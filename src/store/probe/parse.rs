@@ -1,0 +1,203 @@
+//! The probe's words on the command line: `y=128`, `t=1000:2000`, `stokes_in=s1`, `gaussian:50`, `t,bounces`.
+
+use std::str::FromStr;
+
+use super::{CoordRange, Pulse, Selection};
+use tensor::axes::AxisKind;
+
+/// A word that cannot be understood.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{text}`: {reason}")]
+pub struct ParseError {
+    /// The word.
+    pub text: String,
+    /// What is wrong and what would be right.
+    pub reason: String,
+}
+
+fn fault<T>(text: &str, reason: impl Into<String>) -> Result<T, ParseError> {
+    Err(ParseError {
+        text: text.to_owned(),
+        reason: reason.into(),
+    })
+}
+
+fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
+    let known = || AxisKind::ALL.map(AxisKind::name).join(", ");
+    AxisKind::from_name(name.trim()).map_or_else(
+        || {
+            fault(
+                text,
+                format!("there is no axis `{}`; axes are {}", name.trim(), known()),
+            )
+        },
+        Ok,
+    )
+}
+
+/// A finite coordinate, or a label of a Stokes element or component.
+fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError> {
+    let word = word.trim();
+    let labels: &[&str] = match axis {
+        AxisKind::StokesOut | AxisKind::StokesIn => &["s0", "s1", "s2", "s3"],
+        AxisKind::Component => &["direct", "indirect"],
+        _ => &[],
+    };
+    if let Some(i) = labels.iter().position(|l| *l == word) {
+        return Ok(i as f64);
+    }
+    match word.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => fault(text, format!("`{word}` is not a number in {}", axis.units())),
+    }
+}
+
+impl FromStr for Selection {
+    type Err = ParseError;
+
+    /// `AXIS=VALUE` (nearest entry), `AXIS=FROM:TO`, `AXIS=FROM:`, `AXIS=:TO`, in the unit of the axis.
+    fn from_str(text: &str) -> Result<Self, ParseError> {
+        let Some((name, value)) = text.split_once('=') else {
+            return fault(
+                text,
+                "a selection is AXIS=VALUE or AXIS=FROM:TO, such as `t=1000:2000`",
+            );
+        };
+        let axis = axis(text, name)?;
+        let range = if let Some((from, to)) = value.split_once(':') {
+            let end = |word: &str, open: f64| {
+                if word.trim().is_empty() {
+                    Ok(open)
+                } else {
+                    coordinate(text, axis, word)
+                }
+            };
+            let (from, to) = (end(from, f64::NEG_INFINITY)?, end(to, f64::INFINITY)?);
+            if from > to {
+                return fault(text, "the range runs backwards: write the smaller value first");
+            }
+            CoordRange::Between(from, to)
+        } else {
+            CoordRange::Nearest(coordinate(text, axis, value)?)
+        };
+        Ok(Self { axis, range })
+    }
+}
+
+impl FromStr for Pulse {
+    type Err = ParseError;
+
+    /// `gaussian:FWHM` in picoseconds or `samples:A,B,C` at the bin spacing.
+    fn from_str(text: &str) -> Result<Self, ParseError> {
+        let expected = "a pulse is `gaussian:FWHM_PS` or `samples:A,B,C`";
+        match text.split_once(':') {
+            Some(("gaussian", width)) => match width.trim().parse::<f64>() {
+                Ok(fwhm_ps) if fwhm_ps.is_finite() && fwhm_ps >= 0.0 => Ok(Self::Gaussian { fwhm_ps }),
+                _ => fault(text, "the width is a number of picoseconds, not negative"),
+            },
+            Some(("samples", list)) => {
+                let samples: Result<Vec<f64>, _> = list.split(',').map(|w| w.trim().parse::<f64>()).collect();
+                match samples {
+                    Ok(samples) if samples.iter().all(|s| s.is_finite()) => Ok(Self::Samples(samples)),
+                    _ => fault(text, "samples are numbers separated by commas"),
+                }
+            }
+            _ => fault(text, expected),
+        }
+    }
+}
+
+/// Axes separated by commas, such as `t,bounces`.
+///
+/// # Errors
+/// If a name is not that of an axis.
+pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
+    text.split(',').map(|name| axis(text, name)).collect()
+}
+
+/// A Stokes vector: four numbers `s0,s1,s2,s3`, or one of `unpolarized`, `horizontal`, `vertical`, `plus45`,
+/// `minus45`, `right`, `left` (unit power).
+///
+/// # Errors
+/// If it is neither.
+pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
+    let named = match text.trim() {
+        "unpolarized" => Some([1.0, 0.0, 0.0, 0.0]),
+        "horizontal" => Some([1.0, 1.0, 0.0, 0.0]),
+        "vertical" => Some([1.0, -1.0, 0.0, 0.0]),
+        "plus45" => Some([1.0, 0.0, 1.0, 0.0]),
+        "minus45" => Some([1.0, 0.0, -1.0, 0.0]),
+        "right" => Some([1.0, 0.0, 0.0, 1.0]),
+        "left" => Some([1.0, 0.0, 0.0, -1.0]),
+        _ => None,
+    };
+    if let Some(stokes) = named {
+        return Ok(stokes);
+    }
+    let numbers: Vec<f32> = text
+        .split(',')
+        .filter_map(|w| w.trim().parse::<f32>().ok().filter(|n| n.is_finite()))
+        .collect();
+    match <[f32; 4]>::try_from(numbers) {
+        Ok(stokes) if text.split(',').count() == 4 => Ok(stokes),
+        _ => fault(
+            text,
+            "a Stokes vector is four numbers `s0,s1,s2,s3` or a name such as `horizontal`",
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn words_are_understood() {
+        let parse = |t: &str| t.parse::<Selection>();
+        assert_eq!(parse("y=128").unwrap(), Selection::nearest(AxisKind::Y, 128.0));
+        assert_eq!(
+            parse("t=1000:2e3").unwrap().range,
+            CoordRange::Between(1000.0, 2000.0)
+        );
+        assert_eq!(
+            parse("t=:5").unwrap().range,
+            CoordRange::Between(f64::NEG_INFINITY, 5.0)
+        );
+        assert_eq!(
+            parse("stokes_in=s2").unwrap(),
+            Selection::nearest(AxisKind::StokesIn, 2.0)
+        );
+        assert_eq!(
+            parse("component = indirect").unwrap(),
+            Selection::nearest(AxisKind::Component, 1.0)
+        );
+        for bad in [
+            "", "y", "y=", "z=1", "t=2:1", "t=nan", "t=inf", "t=1:2:3", "=", "y=1,2",
+        ] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+        assert_eq!("gaussian:50".parse(), Ok(Pulse::Gaussian { fwhm_ps: 50.0 }));
+        assert_eq!("samples:1, 2".parse(), Ok(Pulse::Samples(vec![1.0, 2.0])));
+        assert!("gaussian:-1".parse::<Pulse>().is_err() && "samples:".parse::<Pulse>().is_err());
+        assert_eq!(
+            parse_axes("t, bounces").unwrap(),
+            [AxisKind::T, AxisKind::Bounces]
+        );
+        assert_eq!(parse_stokes("right").unwrap(), [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(parse_stokes("1,.5,0,-0.25").unwrap(), [1.0, 0.5, 0.0, -0.25]);
+        assert!(parse_stokes("1,2,3").is_err() && parse_stokes("1,x,2,3,4").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_answered(text in ".{0,24}", words in "[a-z_]{0,10}[=:,][-0-9.:e,]{0,12}") {
+            for t in [&text, &words] {
+                let _ = t.parse::<Selection>();
+                let _ = t.parse::<Pulse>();
+                let _ = parse_axes(t);
+                let _ = parse_stokes(t);
+            }
+        }
+    }
+}

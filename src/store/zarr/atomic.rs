@@ -1,0 +1,149 @@
+//! A directory as Zarr storage in which every file appears whole or not at all.
+//!
+//! Values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
+//! never see and [`AtomicDirectory::remove_leftovers`] deletes.
+
+use base::whole_file;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use zarrs::storage::byte_range::{ByteRangeIterator, InvalidByteRangeError};
+use zarrs::storage::{
+    Bytes, MaybeBytes, MaybeBytesIterator, OffsetBytesIterator, ReadableStorageTraits, StorageError,
+    StoreKey, StorePrefix, WritableStorageTraits, store_set_partial_many,
+};
+
+/// Zarr storage in a directory with atomic replacement of files.
+#[derive(Debug)]
+pub(super) struct AtomicDirectory {
+    root: PathBuf,
+}
+
+impl AtomicDirectory {
+    /// Storage below `root`; touches nothing yet.
+    pub(super) fn new(root: &Path) -> Self {
+        Self {
+            root: root.to_owned(),
+        }
+    }
+
+    /// The directory.
+    pub(super) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Deletes temporary files left below `root` by a process that was killed.
+    pub(super) fn remove_leftovers(&self) -> io::Result<()> {
+        remove_leftovers(&self.root)
+    }
+
+    fn file(&self, key: &StoreKey) -> PathBuf {
+        self.root.join(key.as_str())
+    }
+}
+
+fn remove_leftovers(directory: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(directory)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            remove_leftovers(&entry.path())?;
+        } else if entry.file_name().to_str().is_some_and(whole_file::is_temporary) {
+            remove_if_present(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+fn remove_if_present(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
+}
+
+impl ReadableStorageTraits for AtomicDirectory {
+    fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
+        match fs::read(self.file(key)) {
+            Ok(bytes) => Ok(Some(Bytes::from(bytes))),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    fn get_partial_many<'a>(
+        &'a self,
+        key: &StoreKey,
+        byte_ranges: ByteRangeIterator<'a>,
+    ) -> Result<MaybeBytesIterator<'a>, StorageError> {
+        let Some(bytes) = self.get(key)? else {
+            return Ok(None);
+        };
+        let size = bytes.len() as u64;
+        Ok(Some(Box::new(byte_ranges.map(move |range| {
+            let inside = range.start(size) <= range.end(size) && range.end(size) <= size;
+            if inside {
+                Ok(bytes.slice(range.to_range_usize(size)))
+            } else {
+                Err(InvalidByteRangeError::new(range, size).into())
+            }
+        }))))
+    }
+
+    fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
+        match fs::metadata(self.file(key)) {
+            Ok(meta) => Ok(Some(meta.len())),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    fn supports_get_partial(&self) -> bool {
+        false
+    }
+}
+
+impl WritableStorageTraits for AtomicDirectory {
+    fn set(&self, key: &StoreKey, value: Bytes) -> Result<(), StorageError> {
+        Ok(whole_file::write(&self.file(key), &value)?)
+    }
+
+    fn set_partial_many(&self, key: &StoreKey, values: OffsetBytesIterator) -> Result<(), StorageError> {
+        store_set_partial_many(self, key, values)
+    }
+
+    fn erase(&self, key: &StoreKey) -> Result<(), StorageError> {
+        Ok(remove_if_present(&self.file(key))?)
+    }
+
+    fn erase_prefix(&self, prefix: &StorePrefix) -> Result<(), StorageError> {
+        match fs::remove_dir_all(self.root.join(prefix.as_str())) {
+            Err(e) if e.kind() != ErrorKind::NotFound => Err(e.into()),
+            _ => Ok(()),
+        }
+    }
+
+    fn supports_set_partial(&self) -> bool {
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leftovers_go_and_files_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        let deep = dir.path().join("a/c/0");
+        whole_file::write(&deep.join("1"), b"kept").unwrap();
+        fs::write(deep.join(".1.77-0.tmp"), b"torn").unwrap();
+        AtomicDirectory::new(dir.path()).remove_leftovers().unwrap();
+        let names: Vec<_> = fs::read_dir(&deep)
+            .unwrap()
+            .map(|e| e.unwrap().file_name())
+            .collect();
+        assert_eq!(names, ["1"]);
+        assert_eq!(fs::read(deep.join("1")).unwrap(), b"kept");
+    }
+}

@@ -1,0 +1,317 @@
+//! The Zarr v3 description of a store: groups, coordinate arrays and consolidated metadata.
+//!
+//! Layout of the directory (Zarr v3 core specification; conventions of `xarray` for names and coordinates):
+//! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/` and, where time is
+//! resolved, `NAME/{overflow,overflow_std_error}/`, beside one coordinate array per axis. Each group carries
+//! `consolidated_metadata` in the inline form that zarr-python 3 writes, so that readers open it with one read.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::{Map, Value, json};
+
+use super::atomic::AtomicDirectory;
+use super::chunked::{ChunkedArray, Description};
+use super::error::{CreateError, OpenError};
+use base::whole_file;
+use tensor::axes::{Axis, AxisKind, SliceLayout};
+use tensor::field::Field;
+
+/// Unit of every stored value.
+pub const VALUE_UNITS: &str = "W m-2 sr-1 nm-1 per unit projector drive";
+/// Root attribute that lists the slices.
+const SLICES: &str = "slices";
+/// Longest axis that is believed when a store is opened.
+const MAX_AXIS: u64 = 1 << 24;
+
+/// Says what is wrong with the name of a slice, if anything.
+pub(super) fn name_fault(name: &str) -> Option<&'static str> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+    if name.is_empty() || !name.chars().all(plain) {
+        Some("a name is made of letters, digits, `_`, `-` and `.`")
+    } else if name.starts_with('.') || name.starts_with("__") {
+        Some("a name does not begin with `.` or `__`")
+    } else if ["samples", "zarr.json", "c"].contains(&name) {
+        Some("this name is taken by the store itself")
+    } else {
+        None
+    }
+}
+
+fn group_json(attributes: &Map<String, Value>) -> Value {
+    json!({"zarr_format": 3, "node_type": "group", "attributes": attributes})
+}
+
+fn to_bytes(value: &Value) -> Vec<u8> {
+    let mut text = format!("{value:#}");
+    text.push('\n');
+    text.into_bytes()
+}
+
+fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
+    whole_file::write(path, &to_bytes(value)).map_err(|e| CreateError::Write {
+        path: path.to_owned(),
+        cause: e.to_string(),
+    })
+}
+
+/// Reads a `zarr.json`.
+pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
+    let bytes = std::fs::read(path).map_err(|e| OpenError::Damaged {
+        path: path.to_owned(),
+        reason: e.to_string(),
+    })?;
+    serde_json::from_slice(&bytes).map_err(|e| OpenError::Damaged {
+        path: path.to_owned(),
+        reason: format!("no valid JSON: {e}"),
+    })
+}
+
+/// The attributes of a group description.
+pub(super) fn attributes_of(json: &Value) -> Map<String, Value> {
+    json["attributes"].as_object().cloned().unwrap_or_default()
+}
+
+/// Names of the slices of a root description, `None` if it is not one of ours.
+pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
+    let names = json["attributes"][SLICES].as_array()?;
+    names
+        .iter()
+        .map(|n| n.as_str().filter(|n| name_fault(n).is_none()).map(str::to_owned))
+        .collect()
+}
+
+/// Writes the root group.
+pub(super) fn create_root(
+    root: &Path,
+    names: &[String],
+    attributes: &Map<String, Value>,
+) -> Result<(), CreateError> {
+    let mut attributes = attributes.clone();
+    attributes.insert(SLICES.into(), json!(names));
+    write_json(&root.join("zarr.json"), &group_json(&attributes))
+}
+
+/// Writes the group of a slice with all its arrays; values are all zero.
+pub(super) fn create_slice(
+    storage: &Arc<AtomicDirectory>,
+    layout: &SliceLayout,
+    attributes: &Map<String, Value>,
+) -> Result<(), CreateError> {
+    let name = &layout.name;
+    let mut attributes = attributes.clone();
+    if let Some((start_ps, bin_ps)) = layout.time {
+        attributes.insert("time_start_ps".into(), json!(start_ps));
+        attributes.insert("time_bin_ps".into(), json!(bin_ps));
+    }
+    write_json(
+        &storage.root().join(name).join("zarr.json"),
+        &group_json(&attributes),
+    )?;
+    for axis in &layout.axes {
+        create_coordinates(storage, name, axis)?;
+    }
+    for field in Field::ALL {
+        let Some(layout) = field.layout_in(layout) else {
+            continue;
+        };
+        let description = Description {
+            shape: layout.shape(),
+            chunk: layout.chunk_shape(),
+            names: layout.axes.iter().map(|a| a.kind.name()).collect(),
+            attributes: attributes_of(
+                &json!({"attributes": {"units": VALUE_UNITS, "long_name": field.long_name()}}),
+            ),
+        };
+        ChunkedArray::<f32>::create(storage, &format!("/{name}/{}", field.name()), description)?;
+    }
+    Ok(())
+}
+
+/// True for axes whose coordinates are stored as integers.
+fn is_index(kind: AxisKind) -> bool {
+    matches!(
+        kind,
+        AxisKind::Bounces | AxisKind::Component | AxisKind::StokesOut | AxisKind::StokesIn
+    )
+}
+
+fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) -> Result<(), CreateError> {
+    let kind = axis.kind;
+    let mut attributes = Map::new();
+    attributes.insert("units".into(), json!(kind.units()));
+    attributes.insert("long_name".into(), json!(kind.long_name()));
+    match kind {
+        AxisKind::StokesOut | AxisKind::StokesIn => {
+            attributes.insert("labels".into(), json!(["s0", "s1", "s2", "s3"]));
+        }
+        AxisKind::Component => {
+            attributes.insert("labels".into(), json!(["direct", "indirect"]));
+        }
+        _ => {}
+    }
+    let node = format!("/{slice}/{}", kind.name());
+    let description = Description {
+        shape: vec![axis.len()],
+        chunk: vec![axis.len()],
+        names: vec![kind.name()],
+        attributes,
+    };
+    let path = storage.root().join(slice).join(kind.name());
+    let failed = |e: super::error::AccessError| CreateError::Write {
+        path,
+        cause: e.to_string(),
+    };
+    if is_index(kind) {
+        let values: Vec<i64> = axis.coords.iter().map(|&c| c as i64).collect();
+        let array = ChunkedArray::<i64>::create(storage, &node, description)?;
+        array.write(&[0], &[axis.len()], &values, None).map_err(failed)
+    } else {
+        let array = ChunkedArray::<f64>::create(storage, &node, description)?;
+        array
+            .write(&[0], &[axis.len()], &axis.coords, None)
+            .map_err(failed)
+    }
+}
+
+fn read_coordinates(
+    storage: &Arc<AtomicDirectory>,
+    slice: &str,
+    kind: AxisKind,
+) -> Result<Vec<f64>, OpenError> {
+    let node = format!("/{slice}/{}", kind.name());
+    let path = storage.root().join(slice).join(kind.name());
+    let damaged = |reason: String| OpenError::Damaged {
+        path: path.clone(),
+        reason,
+    };
+    let length = |shape: &[u64]| match shape {
+        [n] if (1..=MAX_AXIS).contains(n) => Ok(*n),
+        _ => Err(format!("shape {shape:?} is not that of an axis")),
+    };
+    if is_index(kind) {
+        let array = ChunkedArray::<i64>::open(storage, &node)?;
+        let n = length(array.shape()).map_err(&damaged)?;
+        let values = array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?;
+        Ok(values.into_iter().map(|v| v as f64).collect())
+    } else {
+        let array = ChunkedArray::<f64>::open(storage, &node)?;
+        let n = length(array.shape()).map_err(&damaged)?;
+        array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))
+    }
+}
+
+/// Rebuilds the layout of a slice from its `mean` array, its coordinate arrays and its attributes.
+pub(super) fn read_layout(
+    storage: &Arc<AtomicDirectory>,
+    slice: &str,
+    mean: &ChunkedArray<f32>,
+    attributes: &Map<String, Value>,
+) -> Result<SliceLayout, OpenError> {
+    let damaged = |reason: String| OpenError::Damaged {
+        path: mean.path().to_owned(),
+        reason,
+    };
+    let names = mean.names();
+    if names.len() != mean.shape().len() {
+        return Err(damaged(format!(
+            "{} names for {} dimensions",
+            names.len(),
+            mean.shape().len()
+        )));
+    }
+    let mut axes: Vec<Axis> = Vec::new();
+    for (i, name) in names.iter().enumerate() {
+        let kind =
+            AxisKind::from_name(name).ok_or_else(|| damaged(format!("dimension `{name}` is not known")))?;
+        let order = |k: AxisKind| AxisKind::ALL.iter().position(|a| *a == k);
+        if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
+            return Err(damaged(format!(
+                "dimensions {names:?} are not in the order of storage"
+            )));
+        }
+        let coords = read_coordinates(storage, slice, kind)?;
+        if coords.len() as u64 != mean.shape()[i] {
+            let reason = format!(
+                "axis `{name}` has {} coordinates for {}",
+                coords.len(),
+                mean.shape()[i]
+            );
+            return Err(damaged(reason));
+        }
+        axes.push(Axis {
+            kind,
+            coords,
+            chunk: mean.chunk()[i],
+        });
+    }
+    let number = |key: &str| attributes.get(key).and_then(Value::as_f64);
+    let time = number("time_start_ps").zip(number("time_bin_ps"));
+    if time.is_some() != axes.iter().any(|a| a.kind == AxisKind::T) {
+        let reason = "attributes `time_start_ps`, `time_bin_ps` and the axis `t` do not agree";
+        return Err(damaged(reason.into()));
+    }
+    Ok(SliceLayout {
+        name: slice.to_owned(),
+        axes,
+        time,
+    })
+}
+
+/// Replaces the attributes of the root group, keeping the list of slices and the consolidated metadata.
+pub(super) fn set_root_attributes(root: &Path, attributes: &Map<String, Value>) -> Result<(), OpenError> {
+    let path = root.join("zarr.json");
+    let mut json = read_json(&path)?;
+    let names = json["attributes"][SLICES].clone();
+    let mut attributes = attributes.clone();
+    attributes.insert(SLICES.into(), names);
+    json["attributes"] = Value::Object(attributes);
+    whole_file::write(&path, &to_bytes(&json)).map_err(|e| OpenError::Io {
+        path,
+        cause: e.to_string(),
+    })
+}
+
+/// Writes inline consolidated metadata into the root group and the group of every slice.
+pub(super) fn consolidate(root: &Path, names: &[String]) -> Result<(), OpenError> {
+    let inline = |metadata: Map<String, Value>| json!({"kind": "inline", "must_understand": false, "metadata": metadata});
+    let write = |path: &Path, json: &Value| {
+        let failed = |e: std::io::Error| OpenError::Io {
+            path: path.to_owned(),
+            cause: e.to_string(),
+        };
+        whole_file::write(path, &to_bytes(json)).map_err(failed)
+    };
+    let mut below_root = Map::new();
+    if root.join("samples/zarr.json").is_file() {
+        below_root.insert("samples".into(), read_json(&root.join("samples/zarr.json"))?);
+    }
+    for name in names {
+        let directory = root.join(name);
+        let mut group = read_json(&directory.join("zarr.json"))?;
+        let mut below_group = Map::new();
+        let io = |e: std::io::Error| OpenError::Io {
+            path: directory.clone(),
+            cause: e.to_string(),
+        };
+        let mut children: Vec<String> = std::fs::read_dir(&directory)
+            .map_err(io)?
+            .filter_map(|e| e.ok()?.file_name().into_string().ok())
+            .filter(|child| directory.join(child).join("zarr.json").is_file())
+            .collect();
+        children.sort();
+        for child in children {
+            let json = read_json(&directory.join(&child).join("zarr.json"))?;
+            below_root.insert(format!("{name}/{child}"), json.clone());
+            below_group.insert(child, json);
+        }
+        group["consolidated_metadata"] = inline(below_group);
+        write(&directory.join("zarr.json"), &group)?;
+        group["consolidated_metadata"] = inline(Map::new());
+        below_root.insert(name.clone(), group);
+    }
+    let path = root.join("zarr.json");
+    let mut json = read_json(&path)?;
+    json["consolidated_metadata"] = inline(below_root);
+    write(&path, &json)
+}

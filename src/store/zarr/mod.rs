@@ -1,0 +1,318 @@
+//! Slices on disk: a Zarr v3 directory that `xarray.open_zarr(path, group=NAME)` opens as it is.
+//!
+//! See [`describe`] for the layout. Chunks follow the camera tiles of the renderer, so that a finished tile is a
+//! finished chunk wherever the slice keeps whole pixels. Files are replaced atomically ([`atomic`]); the bytes of a
+//! chunk depend on its values alone, so a store is identical for any number and order of writing threads.
+
+mod atomic;
+mod chunked;
+mod describe;
+mod error;
+mod slice;
+mod sparse_frame;
+
+use base::whole_file;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde_json::{Map, Value, json};
+
+use self::atomic::AtomicDirectory;
+use self::chunked::{ChunkedArray, Description};
+use tensor::axes::SliceLayout;
+
+pub use self::describe::VALUE_UNITS;
+pub use self::error::{AccessError, CreateError, OpenError};
+pub use self::slice::StoredSlice;
+
+/// The sample counts per camera pixel that a store keeps (array `samples`, u32 over y, x).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleGrid {
+    /// Camera width and height in pixels.
+    pub camera: [u32; 2],
+    /// Edge of a tile of camera pixels: the chunk.
+    pub tile: u32,
+}
+
+/// An open store of slices. May be shared by any number of threads.
+pub struct TensorStore {
+    storage: Arc<AtomicDirectory>,
+    names: Vec<String>,
+    attributes: Mutex<Map<String, Value>>,
+    slices: Mutex<HashMap<String, StoredSlice>>,
+    samples: Option<ChunkedArray<u32>>,
+}
+
+impl std::fmt::Debug for TensorStore {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TensorStore")
+            .field("path", &self.path())
+            .finish_non_exhaustive()
+    }
+}
+
+impl TensorStore {
+    /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
+    ///
+    /// It is built beside `path` and renamed into place, so a store exists whole or not at all. With `replace`, an
+    /// existing *store* at `path` is deleted first; anything else is left alone.
+    ///
+    /// # Errors
+    /// If `path` exists and may not be replaced, a name or axis is unusable, or the file system refuses.
+    pub fn create(
+        path: &Path,
+        slices: &[(SliceLayout, Map<String, Value>)],
+        attributes: &Map<String, Value>,
+        samples: Option<SampleGrid>,
+        replace: bool,
+    ) -> Result<Self, CreateError> {
+        let path = path.to_owned();
+        let exists = std::fs::symlink_metadata(&path).is_ok();
+        if exists && !replace {
+            return Err(CreateError::Exists { path });
+        }
+        if exists && !is_store(&path) {
+            return Err(CreateError::NotAStore { path });
+        }
+        check_slices(slices)?;
+        let failed = |cause: std::io::Error| CreateError::Write {
+            path: path.clone(),
+            cause: cause.to_string(),
+        };
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent).map_err(failed)?;
+        }
+        let temporary = whole_file::temporary_beside(&path);
+        let old = whole_file::temporary_beside(&path);
+        let built = build(&temporary, slices, attributes, samples).and_then(|()| {
+            if exists {
+                std::fs::rename(&path, &old).map_err(failed)?;
+            }
+            std::fs::rename(&temporary, &path).map_err(failed)
+        });
+        if let Err(e) = built {
+            let _ = std::fs::remove_dir_all(&temporary);
+            return Err(e);
+        }
+        if exists {
+            std::fs::remove_dir_all(&old).map_err(failed)?;
+        }
+        Self::open(&path).map_err(|e| CreateError::Write {
+            path: path.clone(),
+            cause: e.to_string(),
+        })
+    }
+
+    /// Opens a store to read it (writing works too, but see [`TensorStore::open_for_write`]).
+    ///
+    /// # Errors
+    /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
+    pub fn open(path: &Path) -> Result<Self, OpenError> {
+        if !path.exists() {
+            return Err(OpenError::Missing {
+                path: path.to_owned(),
+            });
+        }
+        let not_a_store = |reason: &str| OpenError::NotAStore {
+            path: path.to_owned(),
+            reason: reason.into(),
+        };
+        if !path.join("zarr.json").is_file() {
+            return Err(not_a_store("it has no zarr.json"));
+        }
+        let json = describe::read_json(&path.join("zarr.json"))?;
+        let names = describe::slice_names_of(&json)
+            .ok_or_else(|| not_a_store("its zarr.json has no list of slices"))?;
+        let storage = Arc::new(AtomicDirectory::new(path));
+        let mut attributes = describe::attributes_of(&json);
+        attributes.remove("slices");
+        let samples = if path.join("samples").is_dir() {
+            let array = ChunkedArray::<u32>::open(&storage, "/samples")?;
+            if array.shape().len() != 2 {
+                let reason = format!("shape {:?} is not (y, x)", array.shape());
+                return Err(OpenError::Damaged {
+                    path: array.path().to_owned(),
+                    reason,
+                });
+            }
+            Some(array)
+        } else {
+            None
+        };
+        Ok(Self {
+            storage,
+            names,
+            attributes: Mutex::new(attributes),
+            slices: Mutex::default(),
+            samples,
+        })
+    }
+
+    /// Opens a store to go on writing it: like [`TensorStore::open`], and removes what a killed process left.
+    ///
+    /// # Errors
+    /// As [`TensorStore::open`], and if a leftover cannot be removed.
+    pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
+        let store = Self::open(path)?;
+        store.storage.remove_leftovers().map_err(|e| OpenError::Io {
+            path: path.to_owned(),
+            cause: e.to_string(),
+        })?;
+        Ok(store)
+    }
+
+    /// Directory of the store.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.storage.root()
+    }
+
+    /// Names of the slices, in the order of creation.
+    #[must_use]
+    pub fn slice_names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Opens a slice; the same one is handed out again, so that all writers share its locks.
+    ///
+    /// # Errors
+    /// If there is no such slice, or an array of it is missing, of the wrong type or shape, or unreadable.
+    pub fn slice(&self, name: &str) -> Result<StoredSlice, OpenError> {
+        if !self.names.iter().any(|n| n == name) {
+            return Err(OpenError::NoSlice {
+                path: self.path().to_owned(),
+                name: name.to_owned(),
+                available: self.names.join(", "),
+            });
+        }
+        let mut slices = self.slices.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(slice) = slices.get(name) {
+            return Ok(slice.clone());
+        }
+        let slice = StoredSlice::open(&self.storage, name)?;
+        slices.insert(name.to_owned(), slice.clone());
+        Ok(slice)
+    }
+
+    /// Attributes of the root group (a copy), without the store's own list of slices.
+    #[must_use]
+    pub fn attributes(&self) -> Map<String, Value> {
+        self.attributes
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Replaces the attributes of the root group.
+    ///
+    /// # Errors
+    /// If the root's description cannot be read or written.
+    pub fn set_attributes(&self, attributes: Map<String, Value>) -> Result<(), OpenError> {
+        let mut held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
+        describe::set_root_attributes(self.path(), &attributes)?;
+        *held = attributes;
+        Ok(())
+    }
+
+    /// Shape (rows, columns) and chunk (rows, columns) of the sample counts, `None` if the store keeps none.
+    #[must_use]
+    pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
+        let array = self.samples.as_ref()?;
+        let pair = |v: &[u64]| [v[0], v[1]];
+        Some((pair(array.shape()), pair(array.chunk())))
+    }
+
+    fn samples(&self) -> Result<&ChunkedArray<u32>, AccessError> {
+        self.samples.as_ref().ok_or_else(|| AccessError::NoSamples {
+            path: self.path().to_owned(),
+        })
+    }
+
+    /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
+    ///
+    /// # Errors
+    /// If the store keeps none, the region lies outside, or the file system refuses.
+    pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
+        self.samples()?.write(&start, &shape, counts, None)
+    }
+
+    /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
+    ///
+    /// # Errors
+    /// If the store keeps none, the region lies outside, or a chunk is damaged.
+    pub fn read_samples(&self, start: [u64; 2], shape: [u64; 2]) -> Result<Vec<u32>, AccessError> {
+        self.samples()?.read(&start, &shape)
+    }
+
+    /// Brings the consolidated metadata up to date and removes leftovers. Call it once all is written; a store that
+    /// was not finished opens all the same.
+    ///
+    /// # Errors
+    /// If a description cannot be read or written.
+    pub fn finish(&self) -> Result<(), OpenError> {
+        let _held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
+        self.storage.remove_leftovers().map_err(|e| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        })?;
+        describe::consolidate(self.path(), &self.names)
+    }
+}
+
+fn is_store(path: &Path) -> bool {
+    describe::read_json(&path.join("zarr.json")).is_ok_and(|json| describe::slice_names_of(&json).is_some())
+}
+
+fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
+    for (i, (layout, _)) in slices.iter().enumerate() {
+        let fault = |reason: &str| CreateError::Slice {
+            name: layout.name.clone(),
+            reason: reason.into(),
+        };
+        if let Some(reason) = describe::name_fault(&layout.name) {
+            return Err(fault(reason));
+        }
+        if slices[..i].iter().any(|(other, _)| other.name == layout.name) {
+            return Err(fault("two slices have this name: rename one"));
+        }
+        if layout.axes.iter().any(|a| a.is_empty() || a.chunk == 0) {
+            return Err(fault("an axis has no entries: keep at least one"));
+        }
+    }
+    Ok(())
+}
+
+fn build(
+    path: &Path,
+    slices: &[(SliceLayout, Map<String, Value>)],
+    attributes: &Map<String, Value>,
+    samples: Option<SampleGrid>,
+) -> Result<(), CreateError> {
+    let names: Vec<String> = slices.iter().map(|(layout, _)| layout.name.clone()).collect();
+    describe::create_root(path, &names, attributes)?;
+    let storage = Arc::new(AtomicDirectory::new(path));
+    if let Some(SampleGrid { camera: [w, h], tile }) = samples {
+        let chunk = |n: u32| u64::from(tile.clamp(1, n.max(1)));
+        let mut attributes = Map::new();
+        attributes.insert("units".into(), json!("1"));
+        attributes.insert("long_name".into(), json!("samples that count per camera pixel"));
+        let description = Description {
+            shape: vec![u64::from(h), u64::from(w)],
+            chunk: vec![chunk(h), chunk(w)],
+            names: vec!["y", "x"],
+            attributes,
+        };
+        ChunkedArray::<u32>::create(&storage, "/samples", description)?;
+    }
+    for (layout, attributes) in slices {
+        describe::create_slice(&storage, layout, attributes)?;
+    }
+    describe::consolidate(path, &names).map_err(|e| CreateError::Write {
+        path: PathBuf::from(path),
+        cause: e.to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests;

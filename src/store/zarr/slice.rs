@@ -1,0 +1,181 @@
+//! One stored slice: four fields of f32 over named axes.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::{Map, Value};
+
+use super::atomic::AtomicDirectory;
+use super::chunked::ChunkedArray;
+use super::describe;
+use super::error::{AccessError, OpenError};
+use tensor::array::Tensor;
+use tensor::axes::{AxisKind, SliceLayout};
+use tensor::field::Field;
+use tensor::region;
+
+/// An open slice. Cheap to clone; clones share their locks, so any of them may write from any thread.
+#[derive(Clone)]
+pub struct StoredSlice(Arc<Inner>);
+
+struct Inner {
+    path: PathBuf,
+    layout: SliceLayout,
+    attributes: Map<String, Value>,
+    fields: [Option<(SliceLayout, ChunkedArray<f32>)>; 4],
+}
+
+impl std::fmt::Debug for StoredSlice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("StoredSlice")
+            .field("path", &self.0.path)
+            .finish_non_exhaustive()
+    }
+}
+
+impl StoredSlice {
+    pub(super) fn open(storage: &Arc<AtomicDirectory>, name: &str) -> Result<Self, OpenError> {
+        let path = storage.root().join(name);
+        let attributes = describe::attributes_of(&describe::read_json(&path.join("zarr.json"))?);
+        let mean = ChunkedArray::<f32>::open(storage, &format!("/{name}/mean"))?;
+        let layout = describe::read_layout(storage, name, &mean, &attributes)?;
+        let mut fields = [const { None }; 4];
+        for field in Field::ALL {
+            let Some(expected) = field.layout_in(&layout) else {
+                continue;
+            };
+            let array = ChunkedArray::<f32>::open(storage, &format!("/{name}/{}", field.name()))?;
+            let names: Vec<&str> = expected.axes.iter().map(|a| a.kind.name()).collect();
+            if array.shape() != expected.shape() || array.names() != names {
+                let reason = format!(
+                    "dimensions {:?} of shape {:?} instead of {names:?} of {:?}",
+                    array.names(),
+                    array.shape(),
+                    expected.shape()
+                );
+                return Err(OpenError::Damaged {
+                    path: array.path().to_owned(),
+                    reason,
+                });
+            }
+            fields[field as usize] = Some((expected, array));
+        }
+        Ok(Self(Arc::new(Inner {
+            path,
+            layout,
+            attributes,
+            fields,
+        })))
+    }
+
+    /// Name of the slice.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.0.layout.name
+    }
+
+    /// Directory of the slice.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0.path
+    }
+
+    /// Axes of [`Field::Mean`] and [`Field::StdError`].
+    #[must_use]
+    pub fn layout(&self) -> &SliceLayout {
+        &self.0.layout
+    }
+
+    /// Attributes of the slice's group: the caller's, and `time_start_ps`, `time_bin_ps` where time is resolved.
+    #[must_use]
+    pub fn attributes(&self) -> &Map<String, Value> {
+        &self.0.attributes
+    }
+
+    fn field(&self, field: Field) -> Result<&(SliceLayout, ChunkedArray<f32>), AccessError> {
+        self.0.fields[field as usize]
+            .as_ref()
+            .ok_or_else(|| AccessError::NoField {
+                path: self.0.path.clone(),
+                field: field.name(),
+            })
+    }
+
+    /// True if the slice has the field.
+    #[must_use]
+    pub fn has(&self, field: Field) -> bool {
+        self.0.fields[field as usize].is_some()
+    }
+
+    /// Axes of a field.
+    ///
+    /// # Errors
+    /// If the slice does not have the field.
+    pub fn field_layout(&self, field: Field) -> Result<&SliceLayout, AccessError> {
+        Ok(&self.field(field)?.0)
+    }
+
+    /// Writes a region given as first index and shape, row-major, from any thread. Chunks that the region covers
+    /// only in part keep their other elements; two writers of *different* processes must not share a chunk.
+    /// Chunks that become zero everywhere are not stored.
+    ///
+    /// # Errors
+    /// If the region lies outside the field, the number of values is not that of the region, a shared chunk is
+    /// damaged, or the file system refuses.
+    pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
+        self.field(field)?.1.write(start, shape, data, None)
+    }
+
+    /// [`Self::write`] by one who knows where zeros are: `touched` has a bit for every [`tensor::sink::STRETCH`] bytes of the data, the
+    /// first one lowest, unset where all are zero.
+    pub fn write_touched(
+        &self,
+        field: Field,
+        start: &[u64],
+        shape: &[u64],
+        data: &[f32],
+        touched: &[u64],
+    ) -> Result<(), AccessError> {
+        self.field(field)?.1.write(start, shape, data, Some(touched))
+    }
+
+    /// Reads a region given as first index and shape, row-major.
+    ///
+    /// # Errors
+    /// If the region lies outside the field or a chunk is damaged.
+    pub fn read(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Vec<f32>, AccessError> {
+        self.field(field)?.1.read(start, shape)
+    }
+
+    /// Reads a whole field into memory.
+    ///
+    /// # Errors
+    /// If the slice does not have the field or a chunk is damaged.
+    pub fn read_all(&self, field: Field) -> Result<Tensor, AccessError> {
+        let (layout, array) = self.field(field)?;
+        let data = array.read(&vec![0; layout.axes.len()], &layout.shape())?;
+        Ok(Tensor {
+            name: layout.name.clone(),
+            axes: layout.axes.clone(),
+            data,
+        })
+    }
+
+    /// The boxes (start, shape) of the chunks of a field, clipped to the array, in row-major order.
+    ///
+    /// # Errors
+    /// If the slice does not have the field.
+    pub fn chunks(
+        &self,
+        field: Field,
+    ) -> Result<impl Iterator<Item = (Vec<u64>, Vec<u64>)> + use<>, AccessError> {
+        let array = &self.field(field)?.1;
+        Ok(region::chunks(array.shape(), array.chunk()))
+    }
+
+    /// Position of an axis kind among the axes of the mean.
+    #[must_use]
+    pub fn find(&self, kind: AxisKind) -> Option<usize> {
+        self.0.layout.find(kind)
+    }
+}

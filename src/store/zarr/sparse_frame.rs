@@ -1,0 +1,128 @@
+//! Zstandard frames of mostly zero bytes, written directly (RFC 8878, section 3.1.1).
+//!
+//! Where a tile holds a few elements of a large chunk, looking for matches among its zeros takes longer than anything
+//! else that is done to them. Such a frame is made of two kinds of blocks alone, which any decoder reads: runs of zeros
+//! as one repeated byte, and what lies between them as it is.
+
+use tensor::sink::STRETCH;
+
+/// What bytes look like.
+#[derive(Debug, PartialEq)]
+pub(super) enum Content {
+    /// All zero.
+    Zero,
+    /// Mostly zero; the complete frame.
+    Sparse(Vec<u8>),
+    /// Anything else: for the general encoder.
+    Dense,
+}
+
+/// Zeros are looked for in pieces of this many bytes; a shorter run is hardly a gain.
+const PIECE: usize = 16;
+/// Bytes that are not zeros may be one in this many: a general encoder makes less of more.
+const RARITY: usize = 16;
+/// Largest block (Block_Maximum_Size).
+const MAX_BLOCK: usize = 1 << 17;
+
+const RAW: u32 = 0;
+const REPEATED: u32 = 1;
+
+/// Looks at bytes, and makes their frame if they are mostly zero. Where `touched` is given, it has a bit for every
+/// [`STRETCH`], the first one lowest, and stretches without theirs are known to be zero.
+pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
+    let Ok(length) = u32::try_from(bytes.len()) else {
+        return Content::Dense;
+    };
+    // Alternating runs: zeros up to the first, others up to the second, and so on.
+    let mut ends = Vec::new();
+    let (mut in_zeros, mut others) = (true, 0);
+    for (n, stretch) in bytes.chunks(STRETCH).enumerate() {
+        let nothing = match touched {
+            Some(bits) => bits[n / 64] >> (n % 64) & 1 == 0,
+            None => is_zero(stretch),
+        };
+        if nothing {
+            if !in_zeros {
+                ends.push(n * STRETCH);
+                in_zeros = true;
+            }
+            continue;
+        }
+        for (m, piece) in stretch.chunks(PIECE).enumerate() {
+            let zero = match piece.try_into() {
+                Ok(whole) => u128::from_ne_bytes(whole) == 0,
+                Err(_) => is_zero(piece),
+            };
+            others += if zero { 0 } else { piece.len() };
+            if zero != in_zeros {
+                ends.push(n * STRETCH + m * PIECE);
+                in_zeros = zero;
+            }
+        }
+        if others * RARITY > bytes.len() {
+            return Content::Dense;
+        }
+    }
+    if others == 0 {
+        return Content::Zero;
+    }
+    ends.push(bytes.len());
+    // Magic number; then: four bytes of size, one segment, no checksum.
+    let mut frame = vec![0x28, 0xB5, 0x2F, 0xFD, 0xA0];
+    frame.extend(length.to_le_bytes());
+    let mut at = 0;
+    for (run, &end) in ends.iter().enumerate() {
+        let kind = if run % 2 == 0 { REPEATED } else { RAW };
+        while at < end {
+            let next = end.min(at + MAX_BLOCK);
+            let last = u32::from(next == bytes.len());
+            let header = last | kind << 1 | ((next - at) as u32) << 3;
+            frame.extend(&header.to_le_bytes()[..3]);
+            frame.extend(&bytes[at..if kind == RAW { next } else { at + 1 }]);
+            at = next;
+        }
+    }
+    Content::Sparse(frame)
+}
+
+fn is_zero(bytes: &[u8]) -> bool {
+    bytes.iter().fold(0, |all, b| all | b) == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn zeros_and_noise_are_told_apart() {
+        assert_eq!(encode(&[], None), Content::Zero);
+        assert_eq!(encode(&[0; 1000], None), Content::Zero);
+        assert_eq!(encode(&[1; 1000], None), Content::Dense);
+    }
+
+    proptest! {
+        /// The library's decoder gives back what went in, wherever the few bytes are.
+        #[test]
+        fn the_decoder_gives_back_the_bytes(
+            length in 4096_usize..600_000,
+            at in prop::collection::vec((any::<prop::sample::Index>(), 1..=u8::MAX), 1..12),
+        ) {
+            let mut bytes = vec![0; length];
+            for (index, value) in &at {
+                bytes[index.index(length)] = *value;
+            }
+            let mut touched = vec![0_u64; length.div_ceil(STRETCH).div_ceil(64)];
+            for (n, _) in bytes.chunks(STRETCH).enumerate().filter(|(_, s)| !is_zero(s)) {
+                touched[n / 64] |= 1 << (n % 64);
+            }
+            prop_assert_eq!(encode(&bytes, Some(&touched)), encode(&bytes, None));
+            if let Content::Sparse(frame) = encode(&bytes, None) {
+                prop_assert!(frame.len() < length / 8);
+                prop_assert_eq!(zstd::bulk::decompress(&frame, length).expect("a valid frame"), bytes);
+            } else {
+                prop_assert!(at.len() * PIECE * RARITY > length);
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! The hinge of the program: slices of T(s, s', p, p', t), how they are laid out, and arrays of them in memory.
+//!
+//! Knows nothing of scenes, rigs, files or plots.
+
+pub mod array;
+pub mod axes;
+pub mod field;
+pub mod memory;
+pub mod number;
+pub mod region;
+pub mod sink;
+pub mod slice;

@@ -1,0 +1,328 @@
+//! From path contributions to means and standard errors of every slice, in one pass.
+//!
+//! One camera sample is one random variable: all its contributions to an element are added before they are squared, so
+//! the variance is that of independent samples. A pixel is finished before the next begins, so what is live is small:
+//! the cells of one pixel (sparse, in f64), then the finished values of one tile (sparse, in f32).
+
+pub mod plan;
+mod tile_values;
+
+use optics::polarization::chain::Extent;
+use optics::spectrum::Spectral;
+use plan::DROPPED;
+pub use plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
+use tensor::sink::{SampleCounts, Sink, TileRecord};
+use tile_values::{KeyMap, Scratch, TileValues};
+use wide::f64x4;
+
+/// Cells of a pixel are looked up in a plain table up to this many possible cells.
+const DIRECT_CELLS: u64 = 1 << 16;
+
+/// Where the cells of one pixel are found.
+enum CellIndex {
+    Direct(Vec<u32>),
+    Hashed(KeyMap),
+}
+
+/// One live cell of the current pixel.
+struct Cell {
+    key: u64,
+    /// Sample whose contributions are pending.
+    sample: u32,
+    /// Where its elements begin among the sums, and how many rows and columns of the matrix they are.
+    first: u32,
+    extent: Extent,
+}
+
+/// The sums of one matrix element of a cell.
+#[derive(Clone, Copy)]
+struct Sums {
+    pending: Spectral,
+    sum: f64x4,
+    square: f64x4,
+}
+
+impl Sums {
+    const ZERO: Self = Self {
+        pending: Spectral::ZERO,
+        sum: f64x4::ZERO,
+        square: f64x4::ZERO,
+    };
+
+    /// Moves the pending sample into the sums.
+    #[inline]
+    fn fold(&mut self) {
+        let p = widen(self.pending);
+        self.pending = Spectral::ZERO;
+        self.sum += p;
+        self.square += p * p;
+    }
+}
+
+/// The sums of one slice over the samples of the current camera pixel.
+struct PixelSums {
+    index: CellIndex,
+    cells: Vec<Cell>,
+    /// Elements of all cells, those that can be non-zero alone.
+    sums: Vec<Sums>,
+}
+
+#[inline]
+fn widen(s: Spectral) -> f64x4 {
+    let [a, b, c, d] = s.to_array();
+    f64x4::new([f64::from(a), f64::from(b), f64::from(c), f64::from(d)])
+}
+
+#[inline]
+fn narrow(d: f64x4) -> Spectral {
+    let [a, b, c, d] = d.to_array();
+    Spectral::new([a as f32, b as f32, c as f32, d as f32])
+}
+
+impl PixelSums {
+    fn new(plan: &SlicePlan) -> Self {
+        let cells = plan.cells();
+        Self {
+            index: if cells <= DIRECT_CELLS {
+                CellIndex::Direct(vec![u32::MAX; cells as usize])
+            } else {
+                CellIndex::Hashed(KeyMap::default())
+            },
+            cells: Vec::new(),
+            sums: Vec::new(),
+        }
+    }
+
+    /// Makes room in a cell for elements of more rows or columns than it had.
+    #[cold]
+    fn grow(&mut self, slot: usize, extent: Extent) {
+        let cell = &mut self.cells[slot];
+        let larger = cell.extent.with(extent);
+        cell.first = cell
+            .extent
+            .enlarge(&mut self.sums, cell.first, larger, Sums::ZERO);
+        cell.extent = larger;
+    }
+
+    #[inline]
+    fn add(&mut self, key: u64, sample: u32, extent: Extent, values: &[Spectral], weight: f32) {
+        let w = Spectral::splat(weight);
+        let entry = match &mut self.index {
+            CellIndex::Direct(table) => &mut table[key as usize],
+            CellIndex::Hashed(map) => map.entry(key).or_insert(u32::MAX),
+        };
+        if *entry == u32::MAX {
+            *entry = self.cells.len() as u32;
+            self.cells.push(Cell {
+                key,
+                sample,
+                first: self.sums.len() as u32,
+                extent,
+            });
+            self.sums.extend(values.iter().map(|value| Sums {
+                pending: *value * w,
+                ..Sums::ZERO
+            }));
+            return;
+        }
+        let slot = *entry as usize;
+        if let ([value], 1) = (values, self.cells[slot].extent.count()) {
+            // Most are intensities alone.
+            let cell = &mut self.cells[slot];
+            let sums = &mut self.sums[cell.first as usize];
+            if cell.sample != sample {
+                cell.sample = sample;
+                sums.fold();
+            }
+            sums.pending += *value * w;
+            return;
+        }
+        if self.cells[slot].extent.with(extent) != self.cells[slot].extent {
+            self.grow(slot, extent);
+        }
+        let cell = &mut self.cells[slot];
+        let first = cell.first as usize;
+        if cell.sample != sample {
+            cell.sample = sample;
+            for sums in &mut self.sums[first..first + cell.extent.count()] {
+                sums.fold();
+            }
+        }
+        for (i, row) in values.chunks_exact(extent.cols as usize).enumerate() {
+            let at = first + i * cell.extent.cols as usize;
+            for (sums, value) in self.sums[at..at + row.len()].iter_mut().zip(row) {
+                sums.pending += *value * w;
+            }
+        }
+    }
+
+    /// Turns the sums of a pixel into the mean and the variance of the mean, and adds them to the tile with weight
+    /// 1/pixels and 1/pixels² (pixels are independent).
+    fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: u32, pixels: f64) {
+        let n = f64::from(n);
+        let per_sample = f64x4::splat(1.0 / n);
+        // NaN for a single sample: its error is unknown, not zero.
+        let per_degree = f64x4::splat(1.0 / ((n - 1.0) * n));
+        let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
+        for cell in &self.cells {
+            let first = cell.first as usize;
+            let key = local * plan.cells() + cell.key;
+            let finished = self.sums[first..first + cell.extent.count()]
+                .iter_mut()
+                .map(|sums| {
+                    sums.fold();
+                    let mean = sums.sum * per_sample;
+                    let spread = (sums.square - sums.sum * mean).max(f64x4::ZERO);
+                    [narrow(mean * share), narrow(spread * per_degree * share2)]
+                });
+            tile.add(key, cell.extent, finished);
+        }
+        self.clear();
+    }
+
+    fn clear(&mut self) {
+        match &mut self.index {
+            CellIndex::Direct(table) => {
+                for c in &self.cells {
+                    table[c.key as usize] = u32::MAX;
+                }
+            }
+            CellIndex::Hashed(map) => map.clear(),
+        }
+        self.cells.clear();
+        self.sums.clear();
+    }
+}
+
+/// The finished values of all slices over one tile: what a back end makes of it.
+pub struct TileSums<'a> {
+    plans: &'a [SlicePlan],
+    slices: Vec<TileValues>,
+    scratch: Scratch,
+    /// First and one past last camera pixel (x, y).
+    pixels: [[u32; 2]; 2],
+    /// Samples that count, pixel by pixel, row by row.
+    counts: Vec<u32>,
+    /// What is known of the tile besides.
+    pub record: TileRecord,
+}
+
+impl TileSums<'_> {
+    /// Gives everything to a sink, the record last.
+    ///
+    /// # Errors
+    /// If the sink refuses.
+    pub fn put<S: Sink>(&mut self, sink: &S) -> Result<(), S::Error> {
+        for (number, (plan, values)) in self.plans.iter().zip(&self.slices).enumerate() {
+            values.put(number, plan, sink, &mut self.scratch)?;
+        }
+        let [[x0, y0], [x1, y1]] = self.pixels;
+        sink.put_samples(&SampleCounts {
+            start: [y0, x0].map(u64::from),
+            shape: [y1 - y0, x1 - x0].map(u64::from),
+            counts: &self.counts,
+        })?;
+        sink.tile_done(&self.record)
+    }
+}
+
+/// All slices over one tile: fed sample by sample, pixel by pixel.
+pub struct TileAccumulator<'a> {
+    plans: &'a [SlicePlan],
+    sums: Vec<PixelSums>,
+    /// What is finished of the tile.
+    pub tile: TileSums<'a>,
+    /// The current camera pixel, row-major, and the slices that keep it.
+    pixel: u32,
+    keeping: Vec<usize>,
+}
+
+impl<'a> TileAccumulator<'a> {
+    /// An accumulator for tiles of the given slices; reused from tile to tile by one thread.
+    #[must_use]
+    pub fn new(plans: &'a [SlicePlan]) -> Self {
+        Self {
+            plans,
+            sums: plans.iter().map(PixelSums::new).collect(),
+            tile: TileSums {
+                plans,
+                slices: plans.iter().map(TileValues::new).collect(),
+                scratch: Scratch::default(),
+                pixels: [[0; 2]; 2],
+                counts: Vec::new(),
+                record: TileRecord::default(),
+            },
+            pixel: 0,
+            keeping: Vec::new(),
+        }
+    }
+
+    /// Starts tile number `tile`, that of camera pixels x0..x1, y0..y1.
+    pub fn begin_tile(&mut self, tile: u32, [x0, y0]: [u32; 2], [x1, y1]: [u32; 2]) {
+        self.tile.pixels = [[x0, y0], [x1, y1]];
+        self.tile.counts.clear();
+        self.tile.record = TileRecord {
+            tile,
+            ..TileRecord::default()
+        };
+        for (plan, tile) in self.plans.iter().zip(&mut self.tile.slices) {
+            let range = |table: &[u32], a: u32, b: u32| {
+                let kept = || table[a as usize..b as usize].iter().filter(|i| **i != DROPPED);
+                match (kept().min(), kept().max()) {
+                    (Some(&lo), Some(&hi)) => (u64::from(lo), u64::from(hi - lo + 1)),
+                    _ => (0, 0),
+                }
+            };
+            let (y, ny) = range(&plan.camera[0], y0, y1);
+            let (x, nx) = range(&plan.camera[1], x0, x1);
+            tile.begin([y, x], [ny, nx]);
+        }
+    }
+
+    /// Starts camera pixel (x, y); false if no slice keeps it: then it has ended, too.
+    #[must_use]
+    pub fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
+        self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
+        self.keeping.clear();
+        let kept = (0..self.plans.len()).filter(|k| self.plans[*k].camera_index(x, y).is_some());
+        self.keeping.extend(kept);
+        if self.keeping.is_empty() {
+            self.tile.counts.push(0);
+        }
+        !self.keeping.is_empty()
+    }
+
+    /// Adds all contributions of one camera sample of the current pixel, whose elements are among `elements`.
+    #[inline]
+    pub fn add_sample(&mut self, sample: u32, list: &[Contribution], elements: &[Spectral]) {
+        let pixel = self.pixel;
+        for k in &self.keeping {
+            let (plan, sums) = (&self.plans[*k], &mut self.sums[*k]);
+            for c in list {
+                if let Some((cell, weight)) = plan.cell(c, pixel) {
+                    let (extent, values) = if plan.elements == 1 {
+                        // The matrix is asked for its intensity alone.
+                        (Extent { rows: 1, cols: 1 }, &c.of(elements)[..1])
+                    } else {
+                        (c.extent, c.of(elements))
+                    };
+                    sums.add(cell, sample, extent, values, weight);
+                }
+            }
+        }
+    }
+
+    /// Finishes pixel (x, y), of which `n` samples count (those without light included).
+    pub fn end_pixel(&mut self, x: u32, y: u32, n: u32) {
+        self.tile.counts.push(n);
+        let slices = self.plans.iter().zip(&mut self.sums);
+        for ((plan, sums), tile) in slices.zip(&mut self.tile.slices) {
+            let Some([iy, ix]) = plan.camera_index(x, y) else {
+                continue;
+            };
+            let local = tile.local(iy, ix);
+            let pixels = plan.per_index[0][iy as usize] * plan.per_index[1][ix as usize];
+            sums.finish_pixel(plan, tile, local, n, f64::from(pixels));
+        }
+    }
+}

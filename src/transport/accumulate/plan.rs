@@ -1,0 +1,266 @@
+//! Which element of a slice a path contribution belongs to, worked out once a render.
+
+use optics::polarization::chain::Extent;
+use optics::spectrum::Spectral;
+use tensor::axes::{AxisKind, Extents, SliceLayout};
+use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+
+/// Light of one path: what arrives at the camera per unit projector drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Contribution {
+    /// Where its Mueller elements begin in [`Contributions::elements`], and how many there are.
+    pub first: u32,
+    pub extent: Extent,
+    /// Travel time, picoseconds; infinite for light without one.
+    pub time_ps: f64,
+    /// Row-major projector pixel s', [`NO_PIXEL`] for light of other emitters.
+    pub pixel: u32,
+    /// Distance of s' from the epipolar line of s, projector pixels (only read by epipolar slices).
+    pub epipolar_px: f32,
+    /// Surface interactions.
+    pub bounces: u32,
+}
+
+/// Where the contributions of one camera sample are put.
+pub struct Contributions<'a> {
+    pub list: &'a mut Vec<Contribution>,
+    /// Mueller elements, projector frame in, camera frame out, W/(m² sr nm): only those that can be non-zero, so that
+    /// light from one rough wall takes one number a wavelength. Other samples put theirs here too.
+    pub elements: &'a mut Vec<Spectral>,
+}
+
+impl Contributions<'_> {
+    /// Appends the contribution whose elements have just been put at the end of the list of them.
+    #[inline(always)]
+    pub fn push(&mut self, extent: Extent, time_ps: f64, pixel: u32, bounces: u32) {
+        self.list.push(Contribution {
+            first: (self.elements.len() - extent.count()) as u32,
+            extent,
+            time_ps,
+            pixel,
+            epipolar_px: 0.0,
+            bounces,
+        });
+    }
+}
+
+impl Contribution {
+    /// Its elements among all, row by row.
+    #[inline]
+    #[must_use]
+    pub fn of<'a>(&self, elements: &'a [Spectral]) -> &'a [Spectral] {
+        &elements[self.first as usize..self.first as usize + self.extent.count()]
+    }
+}
+
+/// [`Contribution::pixel`] of light that comes from no projector pixel.
+pub const NO_PIXEL: u32 = u32::MAX;
+
+/// Marks a row or column that a slice does not keep.
+pub(super) const DROPPED: u32 = u32::MAX;
+
+/// How a slice maps contributions to elements: precomputed once a render, shared by all threads.
+pub struct SlicePlan {
+    slice: Slice,
+    pub(super) layout: SliceLayout,
+    /// Camera row and column → index along `y`, `x`, or [`DROPPED`].
+    pub(super) camera: [Vec<u32>; 2],
+    /// Pixels that are averaged along each axis by index (1 unless binned).
+    pub(super) per_index: [Vec<u32>; 2],
+    /// Projector row and column → index along `v`, `u`, or [`DROPPED`]; empty if s' is not resolved.
+    projector: [Vec<u32>; 2],
+    projector_width: u32,
+    pub(super) camera_width: u32,
+    columns: u64,
+    bins: u64,
+    bounces: u64,
+    components: u64,
+    /// Cells of one camera element inside the time window; overflow cells follow.
+    pub(super) inner: u64,
+    pub(super) overflow: u64,
+    pub(super) elements: usize,
+    pub(super) wavelengths: usize,
+}
+
+/// Index tables of a selection of `n` pixels along one axis.
+fn index_table(n: u32, list: Option<&[u32]>, first: u32, count: u32, bin: u32) -> Vec<u32> {
+    (0..n)
+        .map(|i| match list {
+            Some(list) => list.binary_search(&i).map_or(DROPPED, |k| k as u32),
+            None if i >= first && i - first < count => (i - first) / bin,
+            None => DROPPED,
+        })
+        .collect()
+}
+
+impl SlicePlan {
+    /// Prepares a slice for a render of the given extents.
+    #[must_use]
+    pub fn new(slice: &Slice, extents: &Extents) -> Self {
+        let [w, h] = extents.camera;
+        let camera = match &slice.camera {
+            CameraSelect::All => [index_table(h, None, 0, h, 1), index_table(w, None, 0, w, 1)],
+            CameraSelect::Rows(r) => [index_table(h, Some(r), 0, 0, 1), index_table(w, None, 0, w, 1)],
+            CameraSelect::Columns(c) => [index_table(h, None, 0, h, 1), index_table(w, Some(c), 0, 0, 1)],
+            CameraSelect::Block(b) => [
+                index_table(h, None, b.y, b.h, 1),
+                index_table(w, None, b.x, b.w, 1),
+            ],
+            CameraSelect::Binned { nx, ny } => {
+                [index_table(h, None, 0, h, *ny), index_table(w, None, 0, w, *nx)]
+            }
+        };
+        let count = |table: &[u32]| {
+            let mut counts = Vec::new();
+            for &i in table.iter().filter(|i| **i != DROPPED) {
+                counts.resize(counts.len().max(i as usize + 1), 0);
+                counts[i as usize] += 1;
+            }
+            counts
+        };
+        let per_index = [count(&camera[0]), count(&camera[1])];
+        let [pw, ph] = extents.projector.unwrap_or([0, 0]);
+        let projector = match &slice.projector {
+            ProjectorSelect::All => [index_table(ph, None, 0, ph, 1), index_table(pw, None, 0, pw, 1)],
+            ProjectorSelect::Rows(r) => [index_table(ph, Some(r), 0, 0, 1), index_table(pw, None, 0, pw, 1)],
+            ProjectorSelect::Columns(c) => {
+                [index_table(ph, None, 0, ph, 1), index_table(pw, Some(c), 0, 0, 1)]
+            }
+            ProjectorSelect::Block(b) => [
+                index_table(ph, None, b.y, b.h, 1),
+                index_table(pw, None, b.x, b.w, 1),
+            ],
+            ProjectorSelect::Binned { nx, ny } => [
+                index_table(ph, None, 0, ph, *ny),
+                index_table(pw, None, 0, pw, *nx),
+            ],
+            _ => [vec![], vec![]],
+        };
+        let layout = SliceLayout::new(slice, extents);
+        let len = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].len());
+        let (bins, bounces, components) =
+            (len(AxisKind::T), len(AxisKind::Bounces), len(AxisKind::Component));
+        let columns = len(AxisKind::U);
+        let resolved = len(AxisKind::V) * columns;
+        let inner = resolved * bins * bounces * components;
+        Self {
+            slice: slice.clone(),
+            camera,
+            per_index,
+            projector,
+            projector_width: pw,
+            camera_width: w,
+            columns,
+            bins,
+            bounces,
+            components,
+            inner,
+            overflow: if layout.time.is_some() { inner / bins } else { 0 },
+            elements: if slice.polarization == Polarization::Mueller {
+                16
+            } else {
+                1
+            },
+            wavelengths: extents.wavelengths_nm.len(),
+            layout,
+        }
+    }
+
+    /// Cells of one camera element, those outside the time window included.
+    pub(super) fn cells(&self) -> u64 {
+        self.inner + self.overflow
+    }
+
+    /// Name of the slice.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.slice.name
+    }
+
+    /// The slice's axes.
+    #[must_use]
+    pub fn layout(&self) -> &SliceLayout {
+        &self.layout
+    }
+
+    /// Camera pixels that one element averages (the largest, where border bins are smaller).
+    #[must_use]
+    pub fn pixels_per_element(&self) -> u32 {
+        let max = |v: &Vec<u32>| v.iter().copied().max().unwrap_or(1);
+        max(&self.per_index[0]) * max(&self.per_index[1])
+    }
+
+    /// True if the slice asks for [`Contribution::epipolar_px`].
+    #[must_use]
+    pub fn needs_epipolar(&self) -> bool {
+        matches!(
+            self.slice.projector,
+            ProjectorSelect::Epipolar { .. } | ProjectorSelect::NonEpipolar { .. }
+        )
+    }
+
+    /// Indices along `y`, `x` of camera pixel (x, y), if it is kept.
+    #[inline]
+    #[must_use]
+    pub fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
+        let at = [self.camera[0][y as usize], self.camera[1][x as usize]];
+        (at[0] != DROPPED && at[1] != DROPPED).then_some(at)
+    }
+
+    /// Cell (row-major over v, u, t, bounces, component; then overflow cells) and weight of a contribution to camera
+    /// pixel number `camera_pixel`.
+    #[inline]
+    pub(super) fn cell(&self, c: &Contribution, camera_pixel: u32) -> Option<(u64, f32)> {
+        let mut weight = 1.0;
+        let mut cell = 0_u64;
+        match &self.slice.projector {
+            ProjectorSelect::Sum => {}
+            _ if c.pixel == NO_PIXEL => return None,
+            ProjectorSelect::Mask { weights, .. } => {
+                weight = weights[c.pixel as usize];
+                if weight == 0.0 {
+                    return None;
+                }
+            }
+            ProjectorSelect::Epipolar { half_width_px } => {
+                if c.epipolar_px > *half_width_px {
+                    return None;
+                }
+            }
+            ProjectorSelect::NonEpipolar { half_width_px } => {
+                if c.epipolar_px <= *half_width_px {
+                    return None;
+                }
+            }
+            ProjectorSelect::Coaxial => {
+                if c.pixel != camera_pixel {
+                    return None;
+                }
+            }
+            _ => {
+                let (v, u) = (c.pixel / self.projector_width, c.pixel % self.projector_width);
+                let (v, u) = (self.projector[0][v as usize], self.projector[1][u as usize]);
+                if v == DROPPED || u == DROPPED {
+                    return None;
+                }
+                cell = u64::from(v) * self.columns + u64::from(u);
+            }
+        }
+        let mut outside = false;
+        if let TimeSelect::Bins { start_ps, bin_ps, .. } = self.slice.time {
+            let bin = (c.time_ps - start_ps) / bin_ps;
+            if bin >= 0.0 && bin < self.bins as f64 {
+                cell = cell * self.bins + bin as u64;
+            } else {
+                outside = true;
+            }
+        }
+        if self.bounces > 1 || self.slice.bounces {
+            cell = cell * self.bounces + u64::from(c.bounces).min(self.bounces - 1);
+        }
+        if self.components > 1 {
+            cell = cell * 2 + u64::from(c.bounces != 1);
+        }
+        Some((if outside { self.inner + cell } else { cell }, weight))
+    }
+}

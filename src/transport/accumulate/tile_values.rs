@@ -1,0 +1,443 @@
+//! The finished values of one slice over one tile of camera pixels, sparse in memory, and how they become chunks.
+//!
+//! Most of a tensor is nothing: bins that no light reaches, and elements that no path polarizes. Only what is there
+//! is kept, and chunks without any of it are not even looked at.
+
+use super::plan::SlicePlan;
+use optics::polarization::chain::Extent;
+use optics::spectrum::Spectral;
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+use tensor::axes::{AxisKind, SliceLayout};
+use tensor::field::Field;
+use tensor::sink::{self, Piece, Sink};
+
+/// Multiplicative hashing of cell keys (Knuth): keys are small integers, attackers there are none.
+#[derive(Default)]
+pub(super) struct KeyHasher(u64);
+
+impl Hasher for KeyHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for b in bytes {
+            self.write_u64(u64::from(*b));
+        }
+    }
+    fn write_u64(&mut self, v: u64) {
+        self.0 = (self.0 ^ v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    }
+}
+
+/// Numbers by cell key.
+pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
+
+/// Numbers in a stretch of a chunk.
+const STRETCH: usize = sink::STRETCH / 4;
+
+/// A chunk of means and one of errors, all zero between uses: fresh memory of that size costs more than filling it.
+#[derive(Default)]
+pub(super) struct Scratch {
+    means: Vec<f32>,
+    errors: Vec<f32>,
+    /// A bit for every stretch that was written to.
+    touched: Vec<u64>,
+}
+
+impl Scratch {
+    /// Makes room for a chunk of `length` numbers.
+    fn reserve(&mut self, length: usize) {
+        if self.means.len() < length {
+            self.means.resize(length, 0.0);
+            self.errors.resize(length, 0.0);
+            self.touched.resize(length.div_ceil(STRETCH).div_ceil(64), 0);
+        }
+    }
+
+    /// Sets what was written to zero.
+    fn clear(&mut self) {
+        for (word, bits) in self.touched.iter_mut().enumerate() {
+            while *bits != 0 {
+                let first = (64 * word + bits.trailing_zeros() as usize) * STRETCH;
+                *bits &= *bits - 1;
+                let stretch = first..(first + STRETCH).min(self.means.len());
+                self.means[stretch.clone()].fill(0.0);
+                self.errors[stretch].fill(0.0);
+            }
+        }
+    }
+}
+
+/// Mean and variance of the mean of one matrix element.
+type Finished = [Spectral; 2];
+
+/// One cell of one camera element.
+struct Entry {
+    /// local camera index · cells + cell.
+    key: u64,
+    /// Where its elements begin among the values, row by row.
+    first: u32,
+    extent: Extent,
+}
+
+/// An entry's place in the arrays.
+#[derive(Clone, Copy)]
+struct Placed {
+    /// Number of the chunk within the tile, by the axes between camera and Stokes.
+    chunk: u64,
+    /// Position in that chunk, in units of what follows these axes.
+    at: usize,
+    entry: u32,
+}
+
+/// The finished values of one slice over one tile, sparse.
+pub(super) struct TileValues {
+    /// First index along `y`, `x`, and how many of each.
+    start: [u64; 2],
+    shape: [u64; 2],
+    entries: Vec<Entry>,
+    values: Vec<Finished>,
+    /// Entries by key, where several pixels share one (binned cameras).
+    shared: Option<KeyMap>,
+}
+
+impl TileValues {
+    /// Empty, for a slice.
+    pub(super) fn new(plan: &SlicePlan) -> Self {
+        Self {
+            start: [0; 2],
+            shape: [0; 2],
+            entries: Vec::new(),
+            values: Vec::new(),
+            shared: (plan.pixels_per_element() > 1).then(KeyMap::default),
+        }
+    }
+
+    /// Forgets everything, keeps the memory, and begins with the camera elements `start` to `start + shape` along
+    /// `y`, `x`.
+    pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
+        (self.start, self.shape) = (start, shape);
+        self.entries.clear();
+        self.values.clear();
+        if let Some(map) = &mut self.shared {
+            map.clear();
+        }
+    }
+
+    /// Number of a camera element (indices along `y`, `x`) within the tile.
+    pub(super) fn local(&self, iy: u32, ix: u32) -> u64 {
+        (u64::from(iy) - self.start[0]) * self.shape[1] + u64::from(ix) - self.start[1]
+    }
+
+    /// Adds a cell's means and variances, row by row; cells of one key are summed.
+    pub(super) fn add(&mut self, key: u64, extent: Extent, finished: impl Iterator<Item = Finished>) {
+        let first = self.values.len() as u32;
+        let fresh = self.entries.len() as u32;
+        if let Some(map) = &mut self.shared {
+            let entry = *map.entry(key).or_insert(fresh);
+            if entry != fresh {
+                self.merge(entry as usize, extent, finished);
+                return;
+            }
+        }
+        self.entries.push(Entry { key, first, extent });
+        self.values.extend(finished);
+    }
+
+    fn merge(&mut self, entry: usize, extent: Extent, finished: impl Iterator<Item = Finished>) {
+        let entry = &mut self.entries[entry];
+        let wanted = entry.extent.with(extent);
+        if wanted != entry.extent {
+            let zero = [Spectral::ZERO; 2];
+            entry.first = entry.extent.enlarge(&mut self.values, entry.first, wanted, zero);
+            entry.extent = wanted;
+        }
+        let first = entry.first;
+        for (n, [mean, variance]) in finished.enumerate() {
+            let (i, j) = (n as u32 / extent.cols, n as u32 % extent.cols);
+            let [sum, sum_variance] = &mut self.values[(first + i * wanted.cols + j) as usize];
+            *sum += mean;
+            *sum_variance += variance;
+        }
+    }
+
+    /// Gives the tile to a sink, in which the slice is number `number`.
+    ///
+    /// # Errors
+    /// If the sink refuses.
+    pub(super) fn put<S: Sink>(
+        &self,
+        number: usize,
+        plan: &SlicePlan,
+        sink: &S,
+        scratch: &mut Scratch,
+    ) -> Result<(), S::Error> {
+        let inside = Part {
+            number,
+            plan,
+            layout: &plan.layout,
+            cells: 0..plan.inner,
+            fields: [Field::Mean, Field::StdError],
+        };
+        self.put_part(&inside, sink, scratch)?;
+        if plan.overflow > 0 {
+            let outside = Part {
+                layout: &plan.layout.without_time(),
+                cells: plan.inner..plan.inner + plan.overflow,
+                fields: [Field::Overflow, Field::OverflowStdError],
+                ..inside
+            };
+            self.put_part(&outside, sink, scratch)?;
+        }
+        Ok(())
+    }
+
+    /// Gives a part of the slice to a sink, chunk by chunk.
+    fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
+        let Part {
+            plan, layout, cells, ..
+        } = part;
+        let trailing = if plan.elements == 16 { 3 } else { 1 };
+        let inner = Grid::new(layout, 2..layout.axes.len() - trailing);
+        let mut placed = Vec::new();
+        for (number, entry) in self.entries.iter().enumerate() {
+            let local = entry.key / plan.cells();
+            let cell = entry.key - local * plan.cells();
+            if cells.contains(&cell) {
+                let (chunk, at, volume) = inner.place(cell - cells.start);
+                placed.push(Placed {
+                    chunk,
+                    at: local as usize * volume + at,
+                    entry: number as u32,
+                });
+            }
+        }
+        if inner.chunks > 1 {
+            placed.sort_unstable_by_key(|p| p.chunk);
+        }
+        // A chunk holds all elements of the matrix or, where that would be too much, a part of its rows and columns.
+        let chunk = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].chunk as u32);
+        let block = [chunk(AxisKind::StokesOut), chunk(AxisKind::StokesIn)];
+        for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {
+            let extent = group.iter().fold(Extent { rows: 0, cols: 0 }, |e, p| {
+                e.with(self.entries[p.entry as usize].extent)
+            });
+            // Few cells have more than M00, and only they are looked at for the rest.
+            let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
+                let more = |p: &&Placed| more(self.entries[p.entry as usize].extent);
+                group.iter().filter(more).copied().collect()
+            };
+            let (tall, wide) = (having(|e| e.rows > 1), having(|e| e.cols > 1));
+            for row in (0..extent.rows).step_by(block[0] as usize) {
+                for column in (0..extent.cols).step_by(block[1] as usize) {
+                    let matrix = Block {
+                        first: [row, column],
+                        shape: block,
+                    };
+                    let group = match (row, column) {
+                        (0, 0) => group,
+                        (_, 0) => &tall,
+                        _ => &wide,
+                    };
+                    let cells = ChunkCells {
+                        grid: &inner,
+                        group,
+                        matrix,
+                    };
+                    self.put_chunk(part, &cells, sink, scratch)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives one chunk of both fields to a sink.
+    fn put_chunk<S: Sink>(
+        &self,
+        part: &Part,
+        cells: &ChunkCells,
+        sink: &S,
+        scratch: &mut Scratch,
+    ) -> Result<(), S::Error> {
+        let Part {
+            number, plan, fields, ..
+        } = part;
+        let ChunkCells { grid, group, matrix } = cells;
+        let (mut start, mut shape) = (self.start.to_vec(), self.shape.to_vec());
+        grid.extend(group[0].chunk, &mut start, &mut shape);
+        if plan.elements == 16 {
+            start.extend(matrix.first.map(u64::from));
+            shape.extend(matrix.shape.map(u64::from));
+        }
+        start.push(0);
+        shape.push(plan.wavelengths as u64);
+        let length = shape.iter().product::<u64>() as usize;
+        scratch.reserve(length);
+        // The number of wavelengths as a constant, because copies of unknown length become calls.
+        let scatter = match plan.wavelengths {
+            1 => Self::scatter::<1>,
+            2 => Self::scatter::<2>,
+            3 => Self::scatter::<3>,
+            _ => Self::scatter::<4>,
+        };
+        scatter(self, group, matrix, scratch);
+        let written = [(fields[0], &scratch.means), (fields[1], &scratch.errors)]
+            .into_iter()
+            .try_for_each(|(field, data)| {
+                sink.put(&Piece {
+                    slice: *number,
+                    field,
+                    start: &start,
+                    shape: &shape,
+                    data: &data[..length],
+                    touched: &scratch.touched,
+                })
+            });
+        scratch.clear();
+        written
+    }
+
+    /// Puts the values of some entries in their places.
+    fn scatter<const L: usize>(&self, group: &[Placed], matrix: &Block, scratch: &mut Scratch) {
+        for p in group {
+            let entry = &self.entries[p.entry as usize];
+            for i in matrix.rows(entry.extent) {
+                for j in matrix.columns(entry.extent) {
+                    let at = (p.at * matrix.count() + matrix.position(i, j)) * L;
+                    let [mean, variance] = self.values[(entry.first + i * entry.extent.cols + j) as usize];
+                    scratch.means[at..at + L].copy_from_slice(&mean.to_array()[..L]);
+                    scratch.errors[at..at + L].copy_from_slice(&variance.sqrt().to_array()[..L]);
+                    for end in [at, at + L - 1] {
+                        let stretch = end / STRETCH;
+                        scratch.touched[stretch / 64] |= 1 << (stretch % 64);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What two fields of one layout hold of a slice: a range of its cells.
+struct Part<'a> {
+    /// Number of the slice.
+    number: usize,
+    plan: &'a SlicePlan,
+    layout: &'a SliceLayout,
+    cells: std::ops::Range<u64>,
+    fields: [Field; 2],
+}
+
+/// The entries of one chunk.
+struct ChunkCells<'a> {
+    grid: &'a Grid,
+    group: &'a [Placed],
+    matrix: Block,
+}
+
+/// Some rows and columns of a Mueller matrix.
+struct Block {
+    first: [u32; 2],
+    shape: [u32; 2],
+}
+
+impl Block {
+    fn count(&self) -> usize {
+        (self.shape[0] * self.shape[1]) as usize
+    }
+
+    /// The block's rows among those that `extent` has.
+    fn rows(&self, extent: Extent) -> std::ops::Range<u32> {
+        self.first[0]..(self.first[0] + self.shape[0]).min(extent.rows)
+    }
+
+    fn columns(&self, extent: Extent) -> std::ops::Range<u32> {
+        self.first[1]..(self.first[1] + self.shape[1]).min(extent.cols)
+    }
+
+    /// Where element (i, j) stands in the block, row by row.
+    fn position(&self, i: u32, j: u32) -> usize {
+        ((i - self.first[0]) * self.shape[1] + j - self.first[1]) as usize
+    }
+}
+
+/// Some neighbouring axes of a layout and their division into chunks.
+struct Grid {
+    /// Length, and length of a chunk.
+    axes: Vec<[u64; 2]>,
+    /// Chunks in all.
+    chunks: u64,
+}
+
+impl Grid {
+    fn new(layout: &SliceLayout, axes: std::ops::Range<usize>) -> Self {
+        let axes: Vec<_> = layout.axes[axes].iter().map(|a| [a.len(), a.chunk]).collect();
+        Self {
+            chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(),
+            axes,
+        }
+    }
+
+    /// Chunk of a cell (row-major over the axes), its position there, and how many positions that chunk has.
+    fn place(&self, mut cell: u64) -> (u64, usize, usize) {
+        if self.chunks == 1 {
+            let volume: u64 = self.axes.iter().map(|[len, _]| len).product();
+            return (0, cell as usize, volume as usize);
+        }
+        let (mut chunk, mut at) = (0, 0);
+        let (mut chunks, mut volume) = (1, 1);
+        for [len, size] in self.axes.iter().rev() {
+            let index = cell % len;
+            cell /= len;
+            chunk += index / size * chunks;
+            chunks *= len.div_ceil(*size);
+            let first = index / size * size;
+            at += (index - first) * volume;
+            volume *= (*size).min(len - first);
+        }
+        (chunk, at as usize, volume as usize)
+    }
+
+    /// Appends the first indices and the lengths of a chunk.
+    fn extend(&self, mut chunk: u64, start: &mut Vec<u64>, shape: &mut Vec<u64>) {
+        let at = start.len();
+        for [len, size] in self.axes.iter().rev() {
+            let chunks = len.div_ceil(*size);
+            let first = chunk % chunks * size;
+            chunk /= chunks;
+            start.insert(at, first);
+            shape.insert(at, (*size).min(len - first));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every cell of uneven axes has a place of its own, and the place is what its chunk's box says.
+    #[test]
+    fn places_are_those_of_the_chunks_boxes() {
+        let grid = Grid {
+            axes: vec![[5, 2], [3, 3], [7, 4]],
+            chunks: 6,
+        };
+        let mut seen = std::collections::HashSet::new();
+        for cell in 0..5 * 3 * 7 {
+            let (chunk, at, volume) = grid.place(cell);
+            assert!(seen.insert((chunk, at)));
+            let (mut start, mut shape) = (vec![9], vec![8]);
+            grid.extend(chunk, &mut start, &mut shape);
+            assert_eq!((start[0], shape[0]), (9, 8));
+            assert_eq!(shape[1..].iter().product::<u64>(), volume as u64);
+            let index = [cell / 21, cell / 7 % 3, cell % 7];
+            let mut expected = 0;
+            for k in 0..3 {
+                let inside = index[k] - start[k + 1];
+                assert!(index[k] >= start[k + 1] && inside < shape[k + 1]);
+                expected = expected * shape[k + 1] + inside;
+            }
+            assert_eq!(at as u64, expected);
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! What looks and what shines: calibrated pinholes and lenses, the projector, epipolar geometry, other emitters.
+
+pub mod emitter;
+pub mod epipolar;
+pub mod pinhole;
+pub mod projector;

@@ -1,0 +1,101 @@
+//! The pinhole projector: which pixel s' lights a point, and how strongly.
+//!
+//! Drive 1 on every pixel gives the scene's irradiance E on the virtual plane at distance 1 m, whatever the lens
+//! distortion (a lens with constant pupil keeps radiance; distortion moves pixel borders and so changes how much solid
+//! angle, and flux, a pixel has). A direction at angle θ to the axis has intensity E / cos³θ. Mitsuba's `projector`
+//! emits π times as much for the same number.
+
+use super::pinhole::Pinhole;
+use crate::geometry::many;
+use crate::geometry::many::Many;
+use optics::spectrum::Spectral;
+
+/// A projector.
+#[derive(Clone, Copy, Debug)]
+pub struct Projector {
+    pub pinhole: Pinhole,
+    /// Irradiance at 1 m on the axis per wavelength, W/(m² nm).
+    pub irradiance: Spectral,
+    /// True if it shines through the camera's own pinhole (same pose and pixels).
+    pub coaxial: bool,
+}
+
+/// Light that arrives at several points from the projector if nothing is in between.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrivals<const N: usize> {
+    /// Row-major index of the one projector pixel s' that lights each point; [`OUTSIDE`](super::pinhole::OUTSIDE) for those that none sees.
+    pub pixel: [u32; N],
+    /// Unit directions from the points to the projector.
+    pub wi: Many<N>,
+    /// Distances, metres.
+    pub distance: [f32; N],
+    /// Irradiance at normal incidence per unit irradiance E: 1 / (z² cosθ).
+    pub factor: [f32; N],
+    /// The points in the projector's coordinates: right, down, forward.
+    pub local: Many<N>,
+}
+
+impl Projector {
+    /// What arrives at each of the points `p`.
+    ///
+    /// Points that a coaxial camera sees lie in its own pixel, s' = s; whoever knows that shall say so, since rounding
+    /// may put a point near a pixel's border into the next pixel, or outside the image.
+    #[inline(always)]
+    #[must_use]
+    pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
+        let (pixel, local) = self.pinhole.pixels(p);
+        let mut wi = many::less(p, self.pinhole.origin);
+        let distance = many::lengths(&wi);
+        let mut factor = [0.0; N];
+        for i in 0..N {
+            let z = local[2][i];
+            let nearness = 1.0 / distance[i];
+            for row in &mut wi {
+                row[i] = -row[i] * nearness;
+            }
+            factor[i] = 1.0 / (z * z * (z / distance[i]));
+        }
+        Arrivals {
+            pixel,
+            wi,
+            distance,
+            factor,
+            local,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::pinhole::{Distortion, OUTSIDE};
+    use glam::{DVec2, Mat3A, Vec3A};
+
+    /// The irradiance integrated over one pixel's area on the plane at 1 m is the flux into that pixel's solid angle.
+    #[test]
+    fn the_plane_at_one_metre_gets_the_stated_irradiance() {
+        let pinhole = Pinhole::new(
+            [64, 48],
+            DVec2::splat(50.0),
+            DVec2::new(32.0, 24.0),
+            Distortion::default(),
+            Vec3A::ZERO,
+            Mat3A::IDENTITY,
+        )
+        .unwrap();
+        let projector = Projector {
+            pinhole,
+            irradiance: Spectral::ONE,
+            coaxial: false,
+        };
+        let points = [(0.0, 0.0), (0.5, 0.3), (-0.6, 0.45), (0.7, 0.0)];
+        let a = projector.arrivals(&[points.map(|p| p.0), points.map(|p| p.1), [1.0; 4]]);
+        for (i, (x, y)) in points.into_iter().enumerate().take(3) {
+            let on_plane = a.factor[i] * (-a.wi[2][i]);
+            assert!((on_plane - 1.0).abs() < 1e-6);
+            assert_eq!(a.pixel[i] % 64, (32.0 + 50.0 * x) as u32);
+            assert_eq!(a.pixel[i] / 64, (24.0 + 50.0 * y) as u32);
+        }
+        assert_eq!(a.pixel[3], OUTSIDE);
+    }
+}

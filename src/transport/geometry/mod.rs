@@ -1,0 +1,15 @@
+//! Shapes in space: triangle meshes, exact quadrics, and the tree over all of them.
+//! Lengths are metres.
+//!
+//! Knows nothing of materials beyond their names and numbers.
+
+pub mod bvh;
+mod eight;
+pub mod many;
+pub mod mesh;
+mod pack;
+pub mod quadric;
+pub mod ray;
+mod tree;
+mod triangle;
+pub mod view;

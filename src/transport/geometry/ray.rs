@@ -1,0 +1,51 @@
+//! Rays, and hits before anything but their distance is known.
+
+use glam::{Mat3A, Vec3A};
+
+/// A ray; `dir` is a unit vector, distances are metres.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    pub origin: Vec3A,
+    pub dir: Vec3A,
+}
+
+/// The nearest hit of a ray: enough to find the rest.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit {
+    /// Distance along the ray, metres.
+    pub t: f32,
+    /// Index of the primitive in BVH leaf order.
+    pub leaf: u32,
+    /// Barycentric coordinates of a triangle's second and third vertex (0 for quadrics).
+    pub u: f32,
+    pub v: f32,
+}
+
+/// A point on a surface.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Surface {
+    /// Position, metres.
+    pub p: Vec3A,
+    /// Unit geometric normal, toward the outside of the shape (by winding or by definition).
+    pub ng: Vec3A,
+    /// Unit shading normal, in the hemisphere of `ng`.
+    pub ns: Vec3A,
+    /// Direction in which the texture coordinate u grows (∂p/∂u), neither unit nor exactly perpendicular to `ns`; see
+    /// [`Surface::tangent_frame`].
+    pub tangent: Vec3A,
+    /// Texture coordinates.
+    pub uv: [f32; 2],
+    /// Index of the material.
+    pub material: u32,
+}
+
+impl Surface {
+    /// Orthonormal x (along ∂p/∂u), y and z = `ns`: what element angles and normal maps count from. Columns take local
+    /// directions to the world.
+    #[inline]
+    #[must_use]
+    pub fn tangent_frame(&self) -> Mat3A {
+        let x = optics::polarization::frame::project(self.tangent, self.ns);
+        Mat3A::from_cols(x, self.ns.cross(x), self.ns)
+    }
+}

@@ -1,0 +1,17 @@
+//! From a scene in memory to finished tiles of T. Stops at Mueller matrices: no illumination state is applied here.
+//!
+//! The hot path of the program: plain-data tables and enums, no files but measured tables, which are mapped.
+
+pub mod geometry;
+
+pub mod material;
+
+pub mod medium;
+
+pub mod device;
+
+pub mod scene;
+
+pub mod accumulate;
+
+pub mod render;

@@ -1,0 +1,92 @@
+//! Two materials side by side, finer than a pixel can tell: their Mueller matrices mixed by area.
+
+use super::{Lanes, Lobe, Materials, Sampled, Specular, texture::Scalar};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// (1 - w)·a + w·b.
+#[derive(Clone, Copy, Debug)]
+pub struct Blend {
+    pub a: u32,
+    pub b: u32,
+    /// Share w of `b`, clamped to 0..1.
+    pub weight: Scalar,
+}
+
+/// The sum of what two materials do with the light between two directions.
+fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.plus(&b, wo, wi)),
+        (a, b) => a.or(b),
+    }
+}
+
+impl Blend {
+    fn shares(&self, materials: &Materials, at: &Surface) -> [(u32, f32); 2] {
+        let w = self.weight.at(&materials.textures, at.uv).clamp(0.0, 1.0);
+        [(self.a, 1.0 - w), (self.b, w)]
+    }
+
+    /// See [`Materials::eval`].
+    #[must_use]
+    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let [a, b] = self.shares(materials, at).map(|(id, w)| {
+            (w > 0.0)
+                .then(|| materials.eval(id, at, wo, wi))
+                .flatten()
+                .map(|s| s.scaled(Spectral::splat(w)))
+        });
+        sum(a, b, wo, wi)
+    }
+
+    /// See [`Materials::pdf`].
+    #[must_use]
+    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        self.shares(materials, at)
+            .map(|(id, w)| w * materials.pdf(id, at, wo, wi))
+            .iter()
+            .sum()
+    }
+
+    /// Chooses a material by its share and samples that one: share and probability cancel.
+    pub fn sample(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let [(a, share), (b, _)] = self.shares(materials, at);
+        let id = if stream.uniform() < share { a } else { b };
+        materials.sample(id, at, wo, lanes, stream)
+    }
+
+    /// See [`Materials::specular`]: where both materials have the lobe they must agree about its direction, else the
+    /// first one's is given.
+    #[must_use]
+    pub fn specular(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        lobe: Lobe,
+        lane: usize,
+    ) -> Option<Specular> {
+        let [a, b] = self.shares(materials, at).map(|(id, w)| {
+            let mut s = materials.specular(id, at, wo, lobe, lane)?;
+            s.scatter = s.scatter.scaled(Spectral::splat(w));
+            Some(s)
+        });
+        match (a, b) {
+            (Some(a), Some(b)) if a.wi.dot(b.wi) > 1.0 - 1e-6 => Some(Specular {
+                scatter: a.scatter.plus(&b.scatter, wo, a.wi),
+                ..a
+            }),
+            (a, b) => a.or(b),
+        }
+    }
+}

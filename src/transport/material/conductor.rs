@@ -1,0 +1,42 @@
+//! Smooth metal: mirror reflection with Fresnel's Mueller matrix.
+
+use super::facets::reflect;
+use super::{Specular, facing, s_vector, same_side};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::fresnel;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
+
+/// Smooth conductor of complex index n + i·k, relative to the outside.
+#[derive(Clone, Copy, Debug)]
+pub struct Conductor {
+    pub n: Spectral,
+    pub k: Spectral,
+}
+
+/// Mirror reflection at a smooth opaque surface whose Fresnel matrix is a function of the cosine of incidence.
+#[inline]
+pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
+    let n = facing(at, wo)?;
+    let cos = n.dot(wo);
+    let wi = reflect(wo, n).normalize();
+    same_side(at, wo, wi).then(|| Specular {
+        wi,
+        scatter: Scatter::Fresnel {
+            block: fresnel(cos),
+            s: s_vector(n, wo),
+        },
+        medium: None,
+    })
+}
+
+impl Conductor {
+    /// The one direction there is.
+    #[inline]
+    #[must_use]
+    pub fn specular(&self, at: &Surface, wo: Vec3A) -> Option<Specular> {
+        mirror(at, wo, |cos| fresnel::conductor(cos, self.n, self.k))
+    }
+}

@@ -1,0 +1,68 @@
+//! Lambert's law: depolarizing, radiance ρ/π whatever the direction.
+
+use super::texture::{Spectrum, Textures};
+use super::{Sampled, facing, same_side};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::frame::basis;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::Spectral;
+use std::f32::consts::FRAC_1_PI;
+
+/// Depolarizing Lambert surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Diffuse {
+    /// Albedo ρ, 0..1.
+    pub albedo: Spectrum,
+}
+
+/// cosθ_i / π on the side of `wo`.
+#[must_use]
+pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+    facing(at, wo).map_or(0.0, |n| n.dot(wi).max(0.0) * FRAC_1_PI)
+}
+
+impl Diffuse {
+    /// See [`super::Materials::eval`].
+    #[inline(always)]
+    #[must_use]
+    pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let n = facing(at, wo)?;
+        let cos = n.dot(wi);
+        // One decision: each alone may go either way.
+        if (cos <= 0.0) | !same_side(at, wo, wi) {
+            return None;
+        }
+        Some(Scatter::Depolarize(
+            self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI),
+        ))
+    }
+
+    /// True if light comes from `wi`, which was drawn by the cosine about the shading normal on the side of `wo`.
+    #[inline(always)]
+    #[must_use]
+    pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
+        facing(at, wo).is_some() & same_side(at, wo, wi)
+    }
+
+    /// Cosine-weighted.
+    #[inline(always)]
+    pub fn sample(
+        &self,
+        textures: &Textures,
+        at: &Surface,
+        wo: Vec3A,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let n = facing(at, wo)?;
+        let wi = basis(n) * warp::cosine_hemisphere(stream.uniform2());
+        self.passes(at, wo, wi).then(|| Sampled {
+            wi,
+            scatter: Scatter::Depolarize(self.albedo.at(textures, at.uv)),
+            delta: false,
+            medium: None,
+        })
+    }
+}

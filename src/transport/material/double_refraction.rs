@@ -1,0 +1,258 @@
+//! Crystals whose ordinary and extraordinary rays part ways: double images.
+//!
+//! Write a plane wave inside by its index vector k (refractive index times unit normal). With c the optic axis and
+//!
+//! > F(k) = α k² + β (k·c)²,  α = 1/n_e²,  β = 1/n_o² - 1/n_e²,
+//!
+//! extraordinary waves are those with F(k) = 1, ordinary ones those with k² = n_o² (Born & Wolf 1999, 15.2 and 15.3.3).
+//! At a face the tangential part of k stays (Snell), its normal part solves a quadratic equation. Light runs along the
+//! ray S ∝ ∇F ∝ αk + β(k·c)c, which leans off k (walk-off); its optical path per length is k·S. The electric vector is
+//! S × c for the ordinary ray and perpendicular to that and to S for the extraordinary one.
+//!
+//! A way into the crystal is a Fresnel face of the wave's own index |k|, then an ideal polarizer along its electric
+//! vector. The two rays are incoherent, as if the crystal was much thicker than the coherence length or the beams
+//! narrower than their distance; both together pass all light but what the approximate faces miss, about half of
+//! (n_e - n_o)² (1 to 2 % for calcite). A projector inside such a crystal lights it as if it stood in glass.
+//!
+//! A surface is not told on which of the two waves a path reached it from inside, so it draws one, and the polarizers
+//! do the rest: where the guess is wrong, two crossed ones follow each other and the path carries nothing.
+
+use super::crystal::Crystal;
+use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::elements::polarizer;
+use optics::polarization::frame::{perpendicular, project, turn};
+use optics::polarization::fresnel;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::mueller::Mueller;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// A wave in the crystal, at one wavelength.
+#[derive(Clone, Copy, Debug)]
+struct Wave {
+    /// Index vector.
+    k: Vec3A,
+    /// Unit vector along which light runs.
+    ray: Vec3A,
+    /// Electric vector: a unit vector perpendicular to the ray.
+    electric: Vec3A,
+}
+
+/// The crystal at one wavelength.
+#[derive(Clone, Copy)]
+struct Optics {
+    axis: Vec3A,
+    n_o: f32,
+    n_e: f32,
+    outside: f32,
+}
+
+/// Unit vector perpendicular to a ray and to the axis.
+fn across(ray: Vec3A, axis: Vec3A) -> Vec3A {
+    ray.cross(axis)
+        .try_normalize()
+        .unwrap_or_else(|| perpendicular(ray))
+}
+
+impl Optics {
+    fn ordinary(&self, ray: Vec3A) -> Wave {
+        Wave {
+            k: ray * self.n_o,
+            ray,
+            electric: across(ray, self.axis),
+        }
+    }
+
+    fn extraordinary(&self, k: Vec3A, ray: Vec3A) -> Wave {
+        Wave {
+            k,
+            ray,
+            electric: ray.cross(across(ray, self.axis)),
+        }
+    }
+
+    /// The two waves (ordinary first) whose rays run along `ray`.
+    fn along(&self, ray: Vec3A) -> [Wave; 2] {
+        let c = self.axis;
+        let (o2, e2) = (self.n_o * self.n_o, self.n_e * self.n_e);
+        // The inverse of ∇F, scaled to F(k) = 1.
+        let k = ray * e2 + c * ((o2 - e2) * ray.dot(c));
+        let k = k / k.dot(ray).sqrt();
+        [self.ordinary(ray), self.extraordinary(k, ray)]
+    }
+
+    /// The two waves (ordinary first) whose index vectors have tangential part `t` and that run to the side of the
+    /// unit normal `n`; `None` where they would decay.
+    fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
+        let c = self.axis;
+        let o2 = self.n_o * self.n_o - t.length_squared();
+        let ordinary = (o2 > 0.0).then(|| self.ordinary((t + n * o2.sqrt()).normalize()));
+        let alpha = 1.0 / (self.n_e * self.n_e);
+        let beta = 1.0 / (self.n_o * self.n_o) - alpha;
+        let (tc, nc) = (t.dot(c), n.dot(c));
+        // F(t + q n) = 1 as a q² + 2 b q + d = 0; the root at which the ray runs along n.
+        let (a, b) = (alpha + beta * nc * nc, beta * tc * nc);
+        let d = alpha * t.length_squared() + beta * tc * tc - 1.0;
+        let root2 = b * b - a * d;
+        let extraordinary = (root2 > 0.0).then(|| {
+            let k = t + n * ((root2.sqrt() - b) / a);
+            let ray = (k * alpha + c * (beta * k.dot(c))).normalize();
+            self.extraordinary(k, ray)
+        });
+        [ordinary, extraordinary]
+    }
+}
+
+/// A Fresnel block between frames `out` and `inn` of light along `d_out` and `d_in`, where its own is `s` (projected).
+fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]: [Vec3A; 2]) -> Mueller {
+    let mut m = block.to_mueller();
+    let (c2, s2) = turn(d_out, project(s, d_out), out);
+    m.rotate_out(c2, s2);
+    let (c2, s2) = turn(d_in, inn, project(s, d_in));
+    m.rotate_in(c2, s2);
+    m
+}
+
+impl Crystal {
+    fn optics(&self, lane: usize) -> Optics {
+        Optics {
+            axis: self.axis,
+            n_o: self.n_o[lane] as f32,
+            n_e: self.n_e[lane] as f32,
+            outside: self.faces.exterior.to_array()[lane],
+        }
+    }
+
+    /// See [`super::Materials::sample`], for a crystal that splits light.
+    pub(super) fn sample_split(
+        &self,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        if at.ng.dot(wo) > 0.0 {
+            self.sample_from_outside(at, wo, lanes, stream)
+        } else {
+            self.sample_from_inside(at, wo, *lanes, stream)
+        }
+    }
+
+    fn sample_from_outside(
+        &self,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let mirror = self.faces.interface(at, wo)?.specular(at, Lobe::Reflected, 0);
+        let reflectance = mirror.map_or(0.0, |m| lanes.mean(m.scatter.m00()));
+        if stream.uniform() < reflectance {
+            return mirror.map(|m| m.chosen(reflectance));
+        }
+        let mut weight = Spectral::ONE;
+        let lane = if self.faces.dispersive && lanes.count() > 1 {
+            let (lane, w) = lanes.choose_hero(stream);
+            weight = w;
+            lane
+        } else {
+            lanes.nth(0)
+        };
+        let (optics, n, s) = (self.optics(lane), at.ns, s_vector(at.ns, wo));
+        let cos = n.dot(wo);
+        // Tangential parts of index vectors of the path's own direction of travel, away from the camera.
+        let t = (n * cos - wo) * optics.outside;
+        let lobes = optics.refracted(t, -n).map(|wave| {
+            let wave = wave.filter(|w| at.ng.dot(w.ray) < 0.0)?;
+            let eta = Spectral::splat(wave.k.length() / optics.outside);
+            let block = fresnel::dielectric(cos, eta)
+                .transmission
+                .scaled(Spectral::ONE / (eta * eta));
+            let m = between(block, s, [wo, s], [-wave.ray, wave.electric]) * polarizer(0.0);
+            Some(Specular {
+                wi: wave.ray,
+                scatter: Scatter::Full {
+                    mueller: m.scaled(weight),
+                    frame_out: s,
+                    frame_in: wave.electric,
+                },
+                medium: Some(Medium::clear(wave.k.dot(wave.ray))),
+            })
+        });
+        choose(&lobes, 1.0 - reflectance, *lanes, stream)
+    }
+
+    fn sample_from_inside(
+        &self,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let (optics, n) = (self.optics(lanes.nth(0)), at.ns);
+        let guess = usize::from(stream.uniform() < 0.5);
+        let from = optics.along(-wo)[guess];
+        let near = from.k.length();
+        let normal = from.k.dot(n);
+        if normal <= 0.0 {
+            return None;
+        }
+        let t = from.k - n * normal;
+        let eta = Spectral::splat(optics.outside / near);
+        let fresnel = fresnel::dielectric((normal / near).min(1.0), eta);
+        let s = s_vector(n, from.k / near);
+        let out = [wo, from.electric];
+        let polarized = polarizer(0.0);
+        let sin2 = t.length_squared() / (optics.outside * optics.outside);
+        let through = (sin2 < 1.0).then(|| {
+            let wi = (t / optics.outside + n * (1.0 - sin2).sqrt()).normalize();
+            let block = fresnel.transmission.scaled(Spectral::ONE / (eta * eta));
+            let s = project(s, wi);
+            Specular {
+                wi,
+                scatter: Scatter::Full {
+                    mueller: polarized * between(block, s, out, [-wi, s]),
+                    frame_out: from.electric,
+                    frame_in: s,
+                },
+                medium: Some(Medium::clear(optics.outside)),
+            }
+        });
+        let [o, e] = optics.refracted(t, -n).map(|wave| {
+            let wave = wave?;
+            let inn = [-wave.ray, wave.electric];
+            Some(Specular {
+                wi: wave.ray,
+                scatter: Scatter::Full {
+                    mueller: polarized * between(fresnel.reflection, s, out, inn) * polarized,
+                    frame_out: from.electric,
+                    frame_in: wave.electric,
+                },
+                medium: Some(Medium::clear(wave.k.dot(wave.ray))),
+            })
+        });
+        let inward = |lobe: Option<Specular>| lobe.filter(|l| at.ng.dot(l.wi) < 0.0);
+        let outward = |lobe: Option<Specular>| lobe.filter(|l| at.ng.dot(l.wi) > 0.0);
+        choose(&[outward(through), inward(o), inward(e)], 0.5, lanes, stream)
+    }
+}
+
+/// Draws one of several lobes by its intensity; `chance` is the probability of being asked.
+fn choose(lobes: &[Option<Specular>], chance: f32, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {
+    let share = |l: &Specular| lanes.mean(l.scatter.m00()).max(0.0);
+    let total: f32 = lobes.iter().flatten().map(share).sum();
+    let mut left = stream.uniform() * total;
+    let mut last = None;
+    for lobe in lobes.iter().flatten().filter(|l| share(l) > 0.0) {
+        let p = share(lobe);
+        last = Some((lobe, p));
+        left -= p;
+        if left < 0.0 {
+            break;
+        }
+    }
+    last.map(|(lobe, p)| lobe.chosen(chance * p / total))
+}

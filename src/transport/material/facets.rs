@@ -1,0 +1,156 @@
+//! Light and the facets of a rough surface: what reflects and refracts from one direction into another.
+//!
+//! All in the frame of the shading normal on the side of `wo`. Reflection meets facets whose normal h halves the angle,
+//! refraction those with h ∝ ∓(wo + η·wi) (Walter et al. 2007, eqs. 13, 14, 16, 17). For facets that pass on all light,
+//! the values of radiance times cosθ_i are
+//!
+//! - reflection D·G2 / (4 cosθ_o),
+//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), which is Walter's eq. 21 with radiance scaled by 1/η².
+//!
+//! Light that facets throw at each other is left out: it is absorbed.
+
+use super::texture::{Scalar, Textures};
+use crate::geometry::ray::Surface;
+use glam::{Mat3A, Vec3A};
+use optics::polarization::frame::basis;
+use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
+
+/// Roughness of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Roughness {
+    pub distribution: Distribution,
+    pub masking: Masking,
+    /// Width α of the distribution of normals, above 0.
+    pub alpha: Scalar,
+}
+
+/// Least α that f32 can sample; images may hold less.
+const LEAST_ALPHA: f32 = 1e-3;
+
+/// The facets at a point, seen from `wo`.
+#[derive(Clone, Copy)]
+pub(super) struct Facets {
+    model: Microfacet,
+    /// Takes local directions to the world.
+    frame: Mat3A,
+    /// `wo` in the local frame; z is its cosine, above 0.
+    pub lo: Vec3A,
+}
+
+/// The facets that turn one direction into another.
+#[derive(Clone, Copy)]
+pub(super) struct Passage {
+    /// Cosine between their normal and `wo`.
+    pub cos_o: f32,
+    /// That between their normal and `wi`, without its sign.
+    pub cos_i: f32,
+    /// Radiance times cosθ_i if they passed on all light.
+    pub value: f32,
+    /// Density of `wi` if facets are drawn among the visible and pass light on.
+    pub pdf: f32,
+}
+
+/// `wo` mirrored at the plane of normal `h`.
+#[inline]
+pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
+    h * (2.0 * wo.dot(h)) - wo
+}
+
+/// `wo` refracted at the plane of normal `h` (on its side) into relative index `eta`; `None` under total reflection.
+#[inline]
+pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
+    let cos = wo.dot(h);
+    let sin2_t = (1.0 - cos * cos) / (eta * eta);
+    (sin2_t < 1.0).then(|| h * (cos / eta - (1.0 - sin2_t).sqrt()) - wo * (1.0 / eta))
+}
+
+impl Facets {
+    /// `n` is the shading normal on the side of `wo`.
+    #[inline]
+    pub fn new(roughness: &Roughness, textures: &Textures, at: &Surface, n: Vec3A, wo: Vec3A) -> Self {
+        let frame = basis(n);
+        Self {
+            model: Microfacet {
+                distribution: roughness.distribution,
+                masking: roughness.masking,
+                alpha: roughness.alpha.at(textures, at.uv).max(LEAST_ALPHA),
+            },
+            frame,
+            lo: frame.transpose() * wo,
+        }
+    }
+
+    /// The same surface with facets of another width.
+    #[inline]
+    pub fn with_alpha(&self, alpha: f32) -> Self {
+        Self {
+            model: Microfacet {
+                alpha: alpha.max(LEAST_ALPHA),
+                ..self.model
+            },
+            ..*self
+        }
+    }
+
+    /// A world direction in the local frame.
+    #[inline]
+    pub fn local(&self, w: Vec3A) -> Vec3A {
+        self.frame.transpose() * w
+    }
+
+    /// A local direction in the world, of unit length.
+    #[inline]
+    pub fn world(&self, w: Vec3A) -> Vec3A {
+        (self.frame * w).normalize()
+    }
+
+    /// A local facet normal among those visible from `wo`.
+    #[inline]
+    pub fn visible(&self, u: [f32; 2]) -> Vec3A {
+        self.model.visible_normal(self.lo, u)
+    }
+
+    /// What is left of a facet's light on its way to or from `li`, given that the facet is visible: G2/G1.
+    #[inline]
+    pub fn kept(&self, li: Vec3A) -> f32 {
+        self.model.g2(self.lo, li) / self.model.g1(self.lo)
+    }
+
+    /// Reflection from the local direction `li`.
+    #[inline]
+    pub fn reflection(&self, li: Vec3A) -> Option<Passage> {
+        let h = (li.z > 0.0).then(|| (self.lo + li).normalize())?;
+        let cos = self.lo.dot(h);
+        let d = self.model.d(h) / (4.0 * self.lo.z);
+        Some(Passage {
+            cos_o: cos,
+            cos_i: cos,
+            value: d * self.model.g2(self.lo, li),
+            pdf: d * self.model.g1(self.lo),
+        })
+    }
+
+    /// Refraction from the local direction `li` on the far side, whose index over that of the near side is `eta`.
+    #[inline]
+    pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
+        let v = self.lo + li * eta;
+        // (wo·h + η wi·h)².
+        let length2 = v.length_squared();
+        if li.z >= 0.0 || length2 < 1e-10 {
+            return None;
+        }
+        let h = v * length2.sqrt().recip();
+        let h = if h.z < 0.0 { -h } else { h };
+        let (cos_o, cos_i) = (self.lo.dot(h), -li.dot(h));
+        if cos_o <= 0.0 || cos_i <= 0.0 {
+            return None;
+        }
+        let d = self.model.d(h) * cos_o * cos_i / (self.lo.z * length2);
+        Some(Passage {
+            cos_o,
+            cos_i,
+            value: d * self.model.g2(self.lo, li),
+            pdf: d * self.model.g1(self.lo) * eta * eta,
+        })
+    }
+}

@@ -1,0 +1,112 @@
+//! Measured materials: tables of Mueller matrices over Rusinkiewicz angles and wavelength, in `.pbsdf` files.
+//!
+//! The data are isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of polarimetric
+//! reflectance" (the KAIST set), or any file of the same layout. [`table`] says how values come from entries,
+//! [`rusinkiewicz`] what the angles and Stokes frames are, `importance` how directions are drawn, and [`write`] makes
+//! such files.
+
+pub mod axes;
+pub mod error;
+mod importance;
+pub mod rusinkiewicz;
+pub mod table;
+pub mod tensor_file;
+pub mod write;
+
+use super::{Materials, Sampled, facing, same_side};
+use crate::geometry::ray::Surface;
+use glam::{Mat3A, Vec3A};
+use optics::polarization::frame::project;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::Spectral;
+use table::Table;
+
+/// A surface as measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// Its place in [`Materials::tables`].
+    pub table: u32,
+}
+
+/// Share of directions drawn by cosine alone, for what the averages of the importance tables miss.
+const COSINE_SHARE: f32 = 0.1;
+
+/// Columns x, y, n with `wo` in the xz half plane.
+#[inline]
+fn frame(n: Vec3A, wo: Vec3A) -> Mat3A {
+    let x = project(wo, n);
+    Mat3A::from_cols(x, n.cross(x), n)
+}
+
+impl Measured {
+    #[inline]
+    fn table(self, materials: &Materials) -> &Table {
+        &materials.tables[self.table as usize]
+    }
+
+    /// Table value times cosθ_i.
+    #[inline]
+    #[must_use]
+    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let n = facing(at, wo)?;
+        let cos = n.dot(wi);
+        if cos <= 0.0 || !same_side(at, wo, wi) {
+            return None;
+        }
+        let (coordinates, s) = rusinkiewicz::coordinates(n, wo, wi);
+        Some(Scatter::Full {
+            mueller: self
+                .table(materials)
+                .eval(coordinates)
+                .scaled(Spectral::splat(cos)),
+            frame_out: s,
+            frame_in: s,
+        })
+    }
+
+    /// Density of half vectors over 4 wo·h, mixed with the cosine's.
+    #[must_use]
+    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        let Some(n) = facing(at, wo) else { return 0.0 };
+        let cos = n.dot(wi);
+        if cos <= 0.0 {
+            return 0.0;
+        }
+        let h = (wo + wi).normalize_or(n);
+        let local = frame(n, wo).transpose() * h;
+        let half = self.table(materials).importance().pdf(n.dot(wo), local);
+        let lobe = half / (4.0 * wo.dot(h)).max(1e-6);
+        COSINE_SHARE * cos * std::f32::consts::FRAC_1_PI + (1.0 - COSINE_SHARE) * lobe
+    }
+
+    /// A half vector from the importance tables, or a cosine-weighted direction.
+    #[inline]
+    pub fn sample(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let n = facing(at, wo)?;
+        let frame = frame(n, wo);
+        let wi = if stream.uniform() < COSINE_SHARE {
+            frame * warp::cosine_hemisphere(stream.uniform2())
+        } else {
+            let ([a, b], [c, d]) = (stream.uniform2(), stream.uniform2());
+            let h = frame * self.table(materials).importance().sample(n.dot(wo), [a, b, c, d]);
+            h * (2.0 * h.dot(wo)) - wo
+        };
+        let wi = wi.normalize();
+        let value = self.eval(materials, at, wo, wi)?;
+        let pdf = self.pdf(materials, at, wo, wi);
+        (pdf > 0.0).then(|| Sampled {
+            wi,
+            scatter: value.scaled(Spectral::splat(pdf.recip())),
+            delta: false,
+            medium: None,
+        })
+    }
+}

@@ -1,0 +1,427 @@
+//! A table of Mueller matrices in a mapped file: checked when opened, interpolated in place.
+//!
+//! Multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d goes round; the other angles and the wavelength keep to the
+//! nearest entry beyond their ends. Entries are BRDF values (no cosine) between the s frames of [`super::rusinkiewicz`].
+//!
+//! Entries that are no numbers are holes, as measured data have where light or viewer lie below the horizon. A value
+//! is interpolated from the corners that are there, their weights made to sum to 1 again; it is 0 where none is.
+//! Matrices are taken as measured: where noise made them slightly unphysical (more polarized light out than light in)
+//! they stay so, and interpolation, being a convex sum, makes no matrix that its corners could not make. Only M00 < 0
+//! is mended: that lane is black as a whole, since polarization without light would be worse.
+
+use super::axes::{ANGLES, Axes, Axis, even_axis};
+use super::error::PbsdfError;
+use super::importance::{Importance, Mean};
+use super::rusinkiewicz::Coordinates;
+use super::tensor_file::{Dtype, Field, TensorFile};
+use memmap2::Mmap;
+use optics::polarization::mueller::Mueller;
+use optics::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths};
+use std::fs::File;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// How a table is opened.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Takes evenly spaced angles (ends included) for an axis that the file leaves empty.
+    pub even_axes: bool,
+    /// The wavelengths of the render, whose values the table gives in their lanes; absent: its own first ones.
+    pub wavelengths: Option<Wavelengths>,
+}
+
+/// Elements at or beyond this magnitude are no reflectance; like NaN they mark a hole.
+const LIMIT: f32 = 1e9;
+
+/// Bytes of one matrix.
+const CELL: usize = 64;
+
+/// One lane's value between two bands of the table.
+#[derive(Clone, Copy, Debug, Default)]
+struct Band {
+    low: usize,
+    high: usize,
+    /// Weight of `high`.
+    weight: f32,
+}
+
+/// A measured table. Clones share the mapped file.
+#[derive(Clone, Debug)]
+pub struct Table {
+    map: Arc<Mmap>,
+    /// First byte of M.
+    start: usize,
+    /// Bytes that describe the table: header and axes.
+    heads: [Range<usize>; 5],
+    /// phi_d, theta_d, theta_h.
+    axes: [Axis; 3],
+    wavelengths_nm: Vec<u16>,
+    lanes: [Band; 4],
+    lane_count: usize,
+    importance: Importance,
+}
+
+/// The little-endian numbers of a field.
+fn floats(bytes: &[u8], range: &Range<usize>) -> Vec<f32> {
+    let (words, _) = bytes[range.clone()].as_chunks::<4>();
+    words.iter().map(|w| f32::from_le_bytes(*w)).collect()
+}
+
+/// One number of it.
+#[inline]
+fn float(bytes: &[u8], at: usize) -> f32 {
+    f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+fn shape_error(field: &'static str, found: &Field, want: impl Into<String>) -> PbsdfError {
+    PbsdfError::Shape {
+        field,
+        found: found.shape_text(),
+        want: want.into(),
+    }
+}
+
+/// The bands around a wavelength; true if it lies outside them.
+fn band(bands: &[u16], nm: f64) -> (Band, bool) {
+    let (first, last) = (f64::from(bands[0]), f64::from(bands[bands.len() - 1]));
+    let inside = nm.clamp(first, last);
+    let high = bands
+        .partition_point(|b| f64::from(*b) < inside)
+        .min(bands.len() - 1);
+    let low = high.saturating_sub(1);
+    let (a, b) = (f64::from(bands[low]), f64::from(bands[high]));
+    let weight = if high > low {
+        ((inside - a) / (b - a)) as f32
+    } else {
+        0.0
+    };
+    let band = match weight {
+        // On a band: it alone is read.
+        1.0 => Band {
+            low: high,
+            high,
+            weight: 0.0,
+        },
+        weight => Band { low, high, weight },
+    };
+    (band, inside != nm)
+}
+
+impl Table {
+    /// Maps a `.pbsdf` file and checks its structure, axes and that it holds anything at all. Reads little of a large
+    /// file: the data stay on disk until light asks for them.
+    ///
+    /// Wavelengths outside the table take its nearest band; that is said once, as a warning.
+    ///
+    /// # Errors
+    /// [`PbsdfError`] naming the fault and the mend, not the path.
+    pub fn open(path: &Path, options: &Options) -> Result<Self, PbsdfError> {
+        let file = File::open(path).map_err(PbsdfError::Read)?;
+        // SAFETY: a map is unsound if others change the file while it lives, as is any that shares a file with other
+        // programs. It is private and read-only, no reference into it is given out as anything but plain bytes, which
+        // have no invalid values, and all bounds come from the length of the map. The remaining harm is that a file
+        // cut short during a render ends the process.
+        let map = unsafe { Mmap::map(&file) }.map_err(PbsdfError::Read)?;
+        Self::of(Arc::new(map), options, path)
+    }
+
+    fn of(map: Arc<Mmap>, options: &Options, path: &Path) -> Result<Self, PbsdfError> {
+        let bytes: &[u8] = &map;
+        let file = TensorFile::new(bytes)?;
+        let m = file.field("M", Dtype::F32)?;
+        let shape: Vec<u64> = m.shape().take(7).collect();
+        let [.., 4, 4] = shape[..] else {
+            return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4)"));
+        };
+        if shape.len() != 6 || m.range.is_empty() {
+            return Err(shape_error(
+                "M",
+                &m,
+                "(phi_d, theta_d, theta_h, wvls, 4, 4), none of them 0",
+            ));
+        }
+        // M lies inside the file, so no product of its extents overflows.
+        let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
+        let mut heads = [const { 0..0 }; 5];
+        heads[0] = 0..file.header_end()?;
+        let mut angles = [const { Vec::new() }; 3];
+        for (k, (name, ..)) in ANGLES.into_iter().enumerate() {
+            let field = file.field(name, Dtype::F32)?;
+            let want = format!("(1, {}), as M has it", extent[k]);
+            if field.shape().len() != 2 || field.shape().nth(1) != Some(extent[k] as u64) {
+                return Err(shape_error(name, &field, want));
+            }
+            angles[k] = match field.shape().next() {
+                Some(1) => floats(bytes, &field.range),
+                Some(0) if options.even_axes => even_axis(k, extent[k]),
+                Some(0) => return Err(PbsdfError::EmptyAxis(name)),
+                _ => return Err(shape_error(name, &field, want)),
+            };
+            heads[1 + k] = field.range;
+        }
+        let wvls = file.field("wvls", Dtype::U16)?;
+        if !wvls.shape().eq([extent[3] as u64]) {
+            return Err(shape_error(
+                "wvls",
+                &wvls,
+                format!("({}), as M has it", extent[3]),
+            ));
+        }
+        let (pairs, _) = bytes[wvls.range.clone()].as_chunks::<2>();
+        let wavelengths_nm: Vec<u16> = pairs.iter().map(|b| u16::from_le_bytes(*b)).collect();
+        heads[4] = wvls.range;
+        let [phi_d, theta_d, theta_h] = angles;
+        let axes = Axes {
+            phi_d,
+            theta_d,
+            theta_h,
+            wavelengths_nm,
+        };
+        axes.check()?;
+        let valid = |cell: usize| float(bytes, cell).abs() < LIMIT;
+        if !m.range.clone().step_by(CELL).any(valid) {
+            return Err(PbsdfError::Empty);
+        }
+        let start = m.range.start;
+        let own = || {
+            let first = axes.wavelengths_nm.iter().take(MAX_WAVELENGTHS);
+            Wavelengths::new(first.map(|nm| f64::from(*nm)).collect()).unwrap_or_default()
+        };
+        let wavelengths = options.wavelengths.clone().unwrap_or_else(own);
+        let lanes = lanes(&axes.wavelengths_nm, &wavelengths, path);
+        let counts = extent;
+        let mut table = Self {
+            start,
+            heads,
+            lanes,
+            lane_count: wavelengths.count(),
+            axes: [axes.phi_d, axes.theta_d, axes.theta_h].map(Axis::new),
+            wavelengths_nm: axes.wavelengths_nm,
+            importance: Importance::default(),
+            map,
+        };
+        table.importance = Importance::new([counts[1], counts[2], counts[0]], &table.mean());
+        Ok(table)
+    }
+
+    /// Its entries' angles (phi_d, theta_d, theta_h) in radians.
+    #[must_use]
+    pub fn angles(&self) -> [&[f32]; 3] {
+        [0, 1, 2].map(|k| self.axes[k].nodes())
+    }
+
+    /// Its bands, nanometres.
+    #[must_use]
+    pub fn wavelengths_nm(&self) -> &[u16] {
+        &self.wavelengths_nm
+    }
+
+    /// What to draw half vectors from.
+    pub(super) fn importance(&self) -> &Importance {
+        &self.importance
+    }
+
+    /// Byte of the first band's matrix of an entry.
+    #[inline]
+    fn cell(&self, phi_d: usize, theta_d: usize, theta_h: usize) -> usize {
+        let [_, d, h] = &self.axes;
+        let entry = (phi_d * d.nodes().len() + theta_d) * h.nodes().len() + theta_h;
+        self.start + entry * self.wavelengths_nm.len() * CELL
+    }
+
+    /// One stored matrix, rows of Stokes out first; `None` if it is a hole, or not there. `at` counts entries of phi_d,
+    /// theta_d and theta_h.
+    #[must_use]
+    pub fn entry(&self, at: [usize; 3], band: usize) -> Option<[f32; 16]> {
+        let inside = at.iter().zip(&self.axes).all(|(i, axis)| *i < axis.nodes().len());
+        if !inside || band >= self.wavelengths_nm.len() {
+            return None;
+        }
+        let first = self.cell(at[0], at[1], at[2]) + band * CELL;
+        let m: [f32; 16] = std::array::from_fn(|i| float(&self.map, first + 4 * i));
+        m.iter().all(|e| e.abs() < LIMIT).then_some(m)
+    }
+
+    /// Mueller matrix of the BRDF between s frames at given coordinates, 1/sr; unused lanes are 0.
+    #[inline]
+    #[must_use]
+    #[allow(clippy::needless_range_loop)]
+    pub fn eval(&self, at: Coordinates) -> Mueller {
+        let bytes: &[u8] = &self.map;
+        let corners = |(i, j, t): (usize, usize, f32)| [(i, 1.0 - t), (j, t)];
+        let phi_d = corners(self.axes[0].place_around(at.phi_d));
+        let theta_d = corners(self.axes[1].place(at.theta_d));
+        let theta_h = corners(self.axes[2].place(at.theta_h));
+        let mut lanes = [Sum::default(); 4];
+        for (p, wp) in phi_d {
+            for (d, wd) in theta_d {
+                for (h, wh) in theta_h {
+                    let w = wp * wd * wh;
+                    if w == 0.0 {
+                        continue;
+                    }
+                    let cell = self.cell(p, d, h);
+                    for lane in 0..self.lane_count {
+                        let (sum, band) = (&mut lanes[lane], self.lanes[lane]);
+                        sum.add(bytes, cell + band.low * CELL, w * (1.0 - band.weight));
+                        if band.weight > 0.0 {
+                            sum.add(bytes, cell + band.high * CELL, w * band.weight);
+                        }
+                    }
+                }
+            }
+        }
+        let mut out = Mueller::ZERO;
+        let [a, b, c, d] = &lanes;
+        let scale = Spectral::new([a.scale(), b.scale(), c.scale(), d.scale()]);
+        for e in 0..16 {
+            let lanes = [a.elements[e], b.elements[e], c.elements[e], d.elements[e]];
+            out.m[e / 4][e % 4] = scale * Spectral::new(lanes);
+        }
+        out
+    }
+
+    /// M00 averaged over the render's lanes and over up to 16 values of φ_d, at every θ_h and up to about 48 values of
+    /// θ_d: a share of the file small enough to be read while a scene loads.
+    fn mean(&self) -> Mean {
+        let bytes: &[u8] = &self.map;
+        let [phi_d, theta_d, theta_h] = &self.axes;
+        let phi_step = phi_d.nodes().len().div_ceil(16);
+        let last = theta_d.nodes().len() - 1;
+        let stride = last.div_ceil(47);
+        let rows: Vec<usize> = (0..last).step_by(stride).chain([last]).collect();
+        let mut values = Vec::with_capacity(rows.len() * theta_h.nodes().len());
+        for &d in &rows {
+            for h in 0..theta_h.nodes().len() {
+                let (mut sum, mut count) = (0.0, 0);
+                for p in (0..phi_d.nodes().len()).step_by(phi_step) {
+                    for lane in &self.lanes[..self.lane_count] {
+                        let m00 = float(bytes, self.cell(p, d, h) + lane.low * CELL);
+                        if m00.abs() < LIMIT {
+                            sum += m00.max(0.0);
+                            count += 1;
+                        }
+                    }
+                }
+                values.push(sum / count.max(1) as f32);
+            }
+        }
+        Mean {
+            theta_d: Axis::new(rows.iter().map(|d| theta_d.nodes()[*d]).collect()),
+            theta_h: theta_h.clone(),
+            values,
+        }
+    }
+
+    /// Byte ranges of the file by which to tell it from others without reading all of it: the whole where it is small,
+    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. A change between the pieces goes unseen.
+    ///
+    /// Read them from the file, not from the map: pages that were touched would count as memory of the process.
+    pub fn pieces(&self) -> impl Iterator<Item = Range<usize>> {
+        const PIECES: usize = 64;
+        const PIECE: usize = 4096;
+        let (size, start) = (self.map.len(), self.start);
+        let small = size <= 2 * PIECES * PIECE;
+        let heads = self.heads.clone().into_iter().filter(move |_| !small);
+        let spread = (size - start).saturating_sub(PIECE);
+        let data = (0..PIECES).filter(move |_| !small).map(move |i| {
+            // Sizes of files are far below 2^64 / 64.
+            let at = start + (spread as u64 * i as u64 / (PIECES as u64 - 1)) as usize;
+            at..(at + PIECE).min(size)
+        });
+        heads.chain(data).chain(small.then_some(0..size))
+    }
+
+    /// Bytes of the file.
+    #[must_use]
+    pub fn file_len(&self) -> usize {
+        self.map.len()
+    }
+}
+
+/// The bands of every lane; warns of wavelengths that the table lacks.
+fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
+    let mut lanes = [Band::default(); 4];
+    let mut outside = Vec::new();
+    for (lane, &nm) in lanes.iter_mut().zip(wavelengths.nm()) {
+        let (band, beyond) = band(bands, nm);
+        *lane = band;
+        if beyond {
+            outside.push(format!("{nm} nm takes the band at {} nm", bands[band.low]));
+        }
+    }
+    if !outside.is_empty() {
+        let (first, last) = (bands[0], bands[bands.len() - 1]);
+        tracing::warn!(
+            "{} holds {first} to {last} nm: {}",
+            path.display(),
+            outside.join(", ")
+        );
+    }
+    lanes
+}
+
+/// A weighted sum of the matrices that are there. Loops by index become vectors; zipped iterators stay calls.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    elements: [f32; 16],
+    weight: f32,
+}
+
+impl Sum {
+    /// Adds the matrix at a byte unless it is a hole.
+    #[inline]
+    #[allow(clippy::needless_range_loop)]
+    fn add(&mut self, bytes: &[u8], at: usize, weight: f32) {
+        let (words, _) = bytes[at..at + CELL].as_chunks::<4>();
+        let words = &words[..16];
+        let mut matrix = [0.0; 16];
+        let mut there = true;
+        for i in 0..16 {
+            matrix[i] = f32::from_le_bytes(words[i]);
+            // NaN is not below anything.
+            there &= matrix[i].abs() < LIMIT;
+        }
+        if there {
+            for i in 0..16 {
+                self.elements[i] += weight * matrix[i];
+            }
+            self.weight += weight;
+        }
+    }
+
+    /// What the mean is the sum times.
+    #[inline]
+    fn scale(&self) -> f32 {
+        // Corners of no weight worth speaking of, or less than no light.
+        if self.weight < 1e-12 || self.elements[0] <= 0.0 {
+            0.0
+        } else {
+            self.weight.recip()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wavelengths_lie_between_bands_or_at_the_nearest() {
+        let bands = [450, 500, 550, 600, 650];
+        for (nm, low, high, weight, beyond) in [
+            (450.0, 0, 0, 0.0, false),
+            (500.0, 1, 1, 0.0, false),
+            (512.5, 1, 2, 0.25, false),
+            (650.0, 4, 4, 0.0, false),
+            (660.0, 4, 4, 0.0, true),
+            (400.0, 0, 0, 0.0, true),
+        ] {
+            let (b, out) = band(&bands, nm);
+            assert!(out == beyond && b.low == low && b.weight == weight, "{nm}: {b:?}");
+            assert!(weight == 0.0 || b.high == high, "{nm}: {b:?}");
+        }
+        assert_eq!(band(&[550], 600.0).0.low, 0);
+    }
+}

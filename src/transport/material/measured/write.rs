@@ -1,0 +1,151 @@
+//! Writing `.pbsdf` files, from numbers or from another material.
+//!
+//! The layout is that of [`super::tensor_file`], fields in the order of Mitsuba's own files, data aligned to 8 bytes.
+//! One φ_d slab at a time is in memory. The file is written beside its destination and renamed, so that it exists
+//! whole or not at all.
+
+use super::axes::{ANGLES, Axes};
+use super::error::PbsdfError;
+use super::rusinkiewicz::{Coordinates, directions};
+use super::tensor_file::{Dtype, MAGIC};
+use crate::geometry::ray::Surface;
+use crate::material::Materials;
+use base::whole_file;
+use glam::Vec3A;
+use optics::spectrum::MAX_WAVELENGTHS;
+use rayon::prelude::*;
+use std::io::Write;
+use std::path::Path;
+
+/// Header and axes: every byte before M.
+fn head(axes: &Axes) -> Vec<u8> {
+    let n = axes.angles().map(<[f32]>::len);
+    let bands = axes.wavelengths_nm.len();
+    let [phi_d, theta_d, theta_h] = axes.angles();
+    let floats = |v: &[f32]| v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    let wvls = axes.wavelengths_nm.iter().flat_map(|w| w.to_le_bytes());
+    let fields = [
+        (ANGLES[0].0, Dtype::F32, vec![1, n[0]], floats(phi_d)),
+        (ANGLES[1].0, Dtype::F32, vec![1, n[1]], floats(theta_d)),
+        (ANGLES[2].0, Dtype::F32, vec![1, n[2]], floats(theta_h)),
+        ("wvls", Dtype::U16, vec![bands], wvls.collect()),
+        ("M", Dtype::F32, vec![n[0], n[1], n[2], bands, 4, 4], vec![]),
+    ];
+    let entry = |name: &str, shape: &[usize]| 13 + name.len() + 8 * shape.len();
+    let header: usize = fields.iter().map(|(name, _, shape, _)| entry(name, shape)).sum();
+    let mut offset = (super::tensor_file::HEAD + header).next_multiple_of(8);
+    let mut out = MAGIC.to_vec();
+    out.extend([1, 0]);
+    out.extend((fields.len() as u32).to_le_bytes());
+    for (name, dtype, shape, data) in &fields {
+        out.extend((name.len() as u16).to_le_bytes());
+        out.extend(name.as_bytes());
+        out.extend((shape.len() as u16).to_le_bytes());
+        out.push(dtype.code());
+        out.extend((offset as u64).to_le_bytes());
+        out.extend(shape.iter().flat_map(|n| (*n as u64).to_le_bytes()));
+        offset = (offset + data.len()).next_multiple_of(8);
+    }
+    for (.., data) in &fields {
+        out.resize(out.len().next_multiple_of(8), 0);
+        out.extend(data);
+    }
+    out
+}
+
+/// Writes a table. `fill` is given the number of a φ_d and its slab, zero at first: matrices row by row,
+/// [theta_d, theta_h, wavelength, 4, 4], BRDF values (no cosine) between s frames; NaN marks what is not known.
+///
+/// # Errors
+/// [`PbsdfError::Write`], and those of [`Axes::check`] and [`Axes::slab_len`].
+pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) -> Result<(), PbsdfError> {
+    axes.check()?;
+    let mut slab = vec![0.0_f32; axes.slab_len()?];
+    let head = head(axes);
+    whole_file::write_with(path, |file| {
+        file.write_all(&head)?;
+        for i in 0..axes.phi_d.len() {
+            slab.fill(0.0);
+            fill(i, &mut slab);
+            for x in &mut slab {
+                *x = f32::from_bits(x.to_bits().to_le());
+            }
+            file.write_all(bytemuck::cast_slice(&slab))?;
+        }
+        Ok(())
+    })
+    .map_err(PbsdfError::Write)
+}
+
+/// Least cosine to the normal at which a material is tabulated.
+const LEAST_COS: f32 = 1e-4;
+
+/// Evaluates a material over one φ_d: matrices row by row, [theta_d, theta_h, wavelength, 4, 4], BRDF values between s
+/// frames, as [`write`] takes them. NaN where light or viewer are below the horizon, and all over if there is no such φ_d;
+/// 0 where the material reflects nothing. `sources` as in [`tabulate`]; bands without a source stay 0.
+pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut [f32]) {
+    let Some(&phi_d) = axes.phi_d.get(phi_d) else {
+        out.fill(f32::NAN);
+        return;
+    };
+    out.fill(0.0);
+    let (matrices, _) = out.as_chunks_mut::<16>();
+    let grid = axes
+        .theta_d
+        .iter()
+        .flat_map(|d| axes.theta_h.iter().map(move |h| (*d, *h)));
+    let angles: Vec<(f32, f32)> = grid.collect();
+    let cells = matrices.par_chunks_exact_mut(axes.wavelengths_nm.len().max(1));
+    cells
+        .zip(&angles)
+        .with_min_len(256)
+        .for_each(|(cell, &(theta_d, theta_h))| {
+            let at = Coordinates {
+                phi_d,
+                theta_d,
+                theta_h,
+            };
+            let (wi, wo, s) = directions(at);
+            if wi.z < LEAST_COS || wo.z < LEAST_COS {
+                cell.fill([f32::NAN; 16]);
+                return;
+            }
+            for (bands, (materials, id)) in cell.chunks_mut(MAX_WAVELENGTHS).zip(sources) {
+                let at = Surface {
+                    p: Vec3A::ZERO,
+                    ng: Vec3A::Z,
+                    ns: Vec3A::Z,
+                    tangent: Vec3A::X,
+                    uv: [0.0; 2],
+                    material: *id,
+                };
+                let Some(scatter) = materials.eval(*id, &at, wo, wi) else {
+                    continue;
+                };
+                let m = scatter.between(wo, s, wi, s);
+                for (lane, matrix) in bands.iter_mut().enumerate() {
+                    let rows = m.lane(lane);
+                    *matrix = std::array::from_fn(|e| rows[e / 4][e % 4] / wi.z);
+                }
+            }
+        });
+}
+
+/// Writes what a material does: its BRDF at every entry, and holes where light or viewer are below the horizon, as
+/// measurements have them.
+///
+/// Lanes carry up to four bands at once, so `sources` holds the material in as many tables as it takes, with its
+/// number there: bands 0 to 3 from the lanes of the first, 4 to 7 from those of the second, and so on.
+///
+/// # Errors
+/// As [`write`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
+pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
+    let bands = axes.wavelengths_nm.len();
+    if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {
+        return Err(PbsdfError::Sources {
+            bands,
+            sources: sources.len(),
+        });
+    }
+    write(path, axes, |i, out| slab(axes, sources, i, out))
+}

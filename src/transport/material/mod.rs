@@ -1,0 +1,584 @@
+//! Polarimetric BRDFs: one a file, dispatched by enum over plain data.
+//!
+//! Directions: `wo` points to where light goes (the camera side), `wi` to where it comes from, both away from the
+//! surface and of unit length, in world space. Everything is Σ over the projected solid angle of `wi`: values include
+//! |cosθ_i|. Opaque materials are two-sided: the shading normal is turned toward `wo`.
+//!
+//! Materials that are made of others ([`two_sided`], [`blend`], …) name them by their index in [`Materials`].
+
+pub mod blend;
+pub mod coated_conductor;
+pub mod conductor;
+pub mod constants;
+pub mod crystal;
+pub mod dielectric;
+pub mod diffuse;
+pub mod double_refraction;
+pub mod facets;
+pub mod measured;
+pub mod normal_map;
+pub mod null;
+pub mod partial_depolarizer;
+pub mod plastic;
+pub mod polarizer;
+pub mod retarder;
+pub mod rough_conductor;
+pub mod rough_dielectric;
+pub mod sheet;
+pub mod texture;
+pub mod thin_dielectric;
+pub mod two_sided;
+
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+use texture::Textures;
+
+/// A material as the tracer sees it.
+#[derive(Clone, Copy, Debug)]
+pub enum Material {
+    Diffuse(diffuse::Diffuse),
+    Conductor(conductor::Conductor),
+    RoughConductor(rough_conductor::RoughConductor),
+    Dielectric(dielectric::Dielectric),
+    RoughDielectric(rough_dielectric::RoughDielectric),
+    Plastic(plastic::Plastic),
+    TwoSided(two_sided::TwoSided),
+    Blend(blend::Blend),
+    NormalMap(normal_map::NormalMap),
+    PartialDepolarizer(partial_depolarizer::PartialDepolarizer),
+    CoatedConductor(coated_conductor::CoatedConductor),
+    Polarizer(polarizer::Polarizer),
+    Retarder(retarder::Retarder),
+    ThinDielectric(thin_dielectric::ThinDielectric),
+    Crystal(crystal::Crystal),
+    Measured(measured::Measured),
+    /// A boundary that light does not notice.
+    Null,
+}
+
+/// All materials of a scene with what they share; a material's number is its place in `list`.
+///
+/// A material names only materials with smaller numbers (the scene builder sees to that), so evaluation ends.
+#[derive(Clone, Debug, Default)]
+pub struct Materials {
+    pub list: Vec<Material>,
+    pub textures: Textures,
+    /// Tables of measured materials.
+    pub tables: Vec<measured::table::Table>,
+}
+
+/// The medium that a ray runs through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Medium {
+    /// Refractive index, which sets the optical path length.
+    pub index: f32,
+    /// Number of the [`crystal`] that fills it, or [`NO_CRYSTAL`].
+    pub crystal: u32,
+}
+
+/// [`Medium::crystal`] of what does not act on polarization.
+pub const NO_CRYSTAL: u32 = u32::MAX;
+
+impl Medium {
+    /// Outside of everything.
+    pub const VACUUM: Self = Self::clear(1.0);
+
+    /// A medium that only slows light down.
+    #[inline]
+    #[must_use]
+    pub const fn clear(index: f32) -> Self {
+        Self {
+            index,
+            crystal: NO_CRYSTAL,
+        }
+    }
+}
+
+/// One sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampled {
+    /// Where light comes from.
+    pub wi: Vec3A,
+    /// Interaction divided by the density of `wi` (and by the probability of its lobe).
+    pub scatter: Scatter,
+    /// True if `wi` came from a delta lobe.
+    pub delta: bool,
+    /// The medium that `wi` lies in, where light crossed an interface.
+    pub medium: Option<Medium>,
+}
+
+/// One of the two delta lobes that a smooth surface can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// Light that stays on its side.
+    Reflected,
+    /// Light that goes through, bent or not.
+    Transmitted,
+}
+
+/// What a delta lobe does to light, whole: not divided by any probability.
+#[derive(Clone, Copy, Debug)]
+pub struct Specular {
+    /// Where light comes from.
+    pub wi: Vec3A,
+    /// The interaction: radiance out = matrix · radiance in.
+    pub scatter: Scatter,
+    /// The medium that `wi` lies in, where light crossed an interface.
+    pub medium: Option<Medium>,
+}
+
+impl Specular {
+    /// As the outcome of a choice made with probability `p`.
+    #[inline]
+    fn chosen(self, p: f32) -> Sampled {
+        Sampled {
+            wi: self.wi,
+            scatter: self.scatter.scaled(Spectral::splat(1.0 / p)),
+            delta: true,
+            medium: self.medium,
+        }
+    }
+}
+
+/// The wavelength lanes that a path still carries: dispersion leaves one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lanes {
+    /// Bit i: lane i is alive.
+    pub mask: u8,
+}
+
+impl Lanes {
+    /// The first `n` lanes.
+    #[must_use]
+    pub fn first(n: usize) -> Self {
+        Self {
+            mask: ((1_u16 << n) - 1) as u8,
+        }
+    }
+
+    /// How many lanes are alive.
+    #[inline]
+    #[must_use]
+    pub fn count(self) -> u32 {
+        self.mask.count_ones()
+    }
+
+    /// 1 in living lanes, 0 in the others.
+    #[inline]
+    #[must_use]
+    pub fn ones(self) -> Spectral {
+        Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
+    }
+
+    /// The `k`-th living lane.
+    #[inline]
+    #[must_use]
+    pub fn nth(self, k: u32) -> usize {
+        let mut left = k;
+        (0..4)
+            .find(|i| {
+                let alive = self.mask >> i & 1 == 1;
+                let found = alive && left == 0;
+                if alive && left > 0 {
+                    left -= 1;
+                }
+                found
+            })
+            .unwrap_or(0)
+    }
+
+    /// The mean of a value over the living lanes.
+    #[inline]
+    #[must_use]
+    pub fn mean(self, value: Spectral) -> f32 {
+        let values = value.to_array();
+        let alive = self.count().max(1);
+        (0..alive).map(|k| values[self.nth(k)]).sum::<f32>() / alive as f32
+    }
+
+    /// One of the living lanes, each as likely.
+    #[inline]
+    pub fn draw(self, stream: &mut Stream) -> usize {
+        let alive = self.count().max(1);
+        self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
+    }
+
+    /// Draws one living lane uniformly, which alone goes on; returns it with the weight that makes it stand for all
+    /// (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    #[inline]
+    pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
+        let alive = self.count().max(1);
+        let lane = self.draw(stream);
+        self.mask = 1 << lane;
+        let mut weight = [0.0; 4];
+        weight[lane] = alive as f32;
+        (lane, Spectral::new(weight))
+    }
+}
+
+/// True if the first `count` lanes of a value differ.
+#[must_use]
+pub fn varies(value: Spectral, count: usize) -> bool {
+    let lanes = value.to_array();
+    lanes[1..count].iter().any(|l| *l != lanes[0])
+}
+
+/// The shading normal on the side of `wo`, or `None` if shading and geometry disagree about that side.
+#[inline(always)]
+pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
+    let side = surface.ng.dot(wo);
+    let n = if side < 0.0 { -surface.ns } else { surface.ns };
+    (n.dot(wo) > 0.0).then_some(n)
+}
+
+/// True if `wi` leaves on the same side of the true surface as `wo`.
+#[inline]
+fn same_side(surface: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
+    surface.ng.dot(wo) * surface.ng.dot(wi) > 0.0
+}
+
+/// The frame vector s of a reflection or refraction: perpendicular to the plane of `a` and `b`.
+#[inline]
+fn s_vector(a: Vec3A, b: Vec3A) -> Vec3A {
+    let s = a.cross(b);
+    let n2 = s.length_squared();
+    if n2 > 1e-12 {
+        s * n2.sqrt().recip()
+    } else {
+        optics::polarization::frame::perpendicular(b)
+    }
+}
+
+impl Materials {
+    /// The material, if it is a plain Lambert surface.
+    #[inline(always)]
+    #[must_use]
+    pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
+        match &self.list[id as usize] {
+            Material::Diffuse(m) => Some(m),
+            _ => None,
+        }
+    }
+
+    /// True if light can reach a direction from other than finitely many directions, so that it can be lit by a point.
+    #[inline(always)]
+    #[must_use]
+    pub fn is_smooth(&self, id: u32) -> bool {
+        match &self.list[id as usize] {
+            Material::Diffuse(_)
+            | Material::RoughConductor(_)
+            | Material::RoughDielectric(_)
+            | Material::Plastic(_)
+            | Material::Measured(_) => true,
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Crystal(_)
+            | Material::Null => false,
+            composite @ (Material::TwoSided(_)
+            | Material::Blend(_)
+            | Material::NormalMap(_)
+            | Material::PartialDepolarizer(_)) => self.is_smooth_rest(composite),
+        }
+    }
+
+    /// [`Self::is_smooth`] of what is made of other materials.
+    fn is_smooth_rest(&self, material: &Material) -> bool {
+        match material {
+            Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
+            Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
+            Material::NormalMap(m) => self.is_smooth(m.material),
+            Material::PartialDepolarizer(m) => self.is_smooth(m.material),
+            _ => false,
+        }
+    }
+
+    /// Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
+    #[inline(never)]
+    #[must_use]
+    pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        self.eval_inline(id, at, wo, wi)
+    }
+
+    /// [`Self::eval`] inside its caller: for the one loop where that pays for its size.
+    #[inline(always)]
+    #[must_use]
+    pub fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match &self.list[id as usize] {
+            Material::Diffuse(m) => m.eval(&self.textures, at, wo, wi),
+            Material::RoughConductor(m) => m.eval(&self.textures, at, wo, wi),
+            Material::RoughDielectric(m) => m.eval(&self.textures, at, wo, wi),
+            Material::Plastic(m) => m.eval(&self.textures, at, wo, wi),
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Crystal(_)
+            | Material::Null => None,
+            rest @ (Material::TwoSided(_)
+            | Material::Blend(_)
+            | Material::NormalMap(_)
+            | Material::PartialDepolarizer(_)
+            | Material::Measured(_)) => self.eval_rest(rest, at, wo, wi),
+        }
+    }
+
+    /// [`Self::eval`] of what is made of other materials, apart so that the plain ones can be inlined.
+    fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match material {
+            Material::TwoSided(m) => m.eval(self, at, wo, wi),
+            Material::Blend(m) => m.eval(self, at, wo, wi),
+            Material::NormalMap(m) => m.eval(self, at, wo, wi),
+            Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
+            Material::Measured(m) => m.eval(self, at, wo, wi),
+            _ => None,
+        }
+    }
+
+    /// Density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
+    #[must_use]
+    pub fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        match &self.list[id as usize] {
+            Material::Diffuse(_) => diffuse::pdf(at, wo, wi),
+            Material::RoughConductor(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::RoughDielectric(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::Plastic(m) => m.pdf(&self.textures, at, wo, wi),
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Crystal(_)
+            | Material::Null => 0.0,
+            Material::TwoSided(m) => m.side(at, wo).map_or(0.0, |side| self.pdf(side, at, wo, wi)),
+            Material::Blend(m) => m.pdf(self, at, wo, wi),
+            Material::NormalMap(m) => m.pdf(self, at, wo, wi),
+            Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
+            Material::Measured(m) => m.pdf(self, at, wo, wi),
+        }
+    }
+
+    /// Samples where the light at `wo` comes from; `None` if it is absorbed.
+    #[inline(never)]
+    pub fn sample(
+        &self,
+        id: u32,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        self.sample_inline(id, at, wo, lanes, stream)
+    }
+
+    /// [`Self::sample`] inside its caller: for the one loop where that pays for its size.
+    #[inline(always)]
+    pub fn sample_inline(
+        &self,
+        id: u32,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        match &self.list[id as usize] {
+            Material::Diffuse(m) => m.sample(&self.textures, at, wo, stream),
+            Material::Conductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
+            Material::RoughConductor(m) => m.sample(&self.textures, at, wo, stream),
+            Material::Dielectric(m) => m.sample(at, wo, lanes, stream),
+            Material::RoughDielectric(m) => m.sample(&self.textures, at, wo, lanes, stream),
+            Material::Plastic(m) => m.sample(&self.textures, at, wo, stream),
+            _ => self.sample_rest(id, at, wo, lanes, stream),
+        }
+    }
+
+    /// [`Self::sample`] of the rarer materials and those made of others, apart so that the others can be inlined.
+    fn sample_rest(
+        &self,
+        id: u32,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        match &self.list[id as usize] {
+            Material::TwoSided(m) => self.sample(m.side(at, wo)?, at, wo, lanes, stream),
+            Material::Blend(m) => m.sample(self, at, wo, lanes, stream),
+            Material::NormalMap(m) => m.sample(self, at, wo, lanes, stream),
+            Material::PartialDepolarizer(m) => m.sample(self, at, wo, lanes, stream),
+            Material::CoatedConductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
+            Material::Polarizer(m) => Some(m.specular(at, wo).chosen(1.0)),
+            Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
+            Material::ThinDielectric(m) => m.sample(at, wo, *lanes, stream),
+            Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
+            Material::Measured(m) => m.sample(self, at, wo, stream),
+            Material::Null => Some(null::straight(wo).chosen(1.0)),
+            Material::Diffuse(_)
+            | Material::Conductor(_)
+            | Material::RoughConductor(_)
+            | Material::Dielectric(_)
+            | Material::RoughDielectric(_)
+            | Material::Plastic(_) => None,
+        }
+    }
+
+    /// A delta lobe as it is; `None` if the material has none of that kind, or no light comes that way.
+    ///
+    /// `lane` is the wavelength whose direction counts where the material disperses.
+    #[must_use]
+    pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
+        match (&self.list[id as usize], lobe) {
+            (
+                Material::Diffuse(_)
+                | Material::RoughConductor(_)
+                | Material::RoughDielectric(_)
+                | Material::Plastic(_)
+                | Material::Measured(_),
+                _,
+            ) => None,
+            (Material::Conductor(m), Lobe::Reflected) => m.specular(at, wo),
+            (Material::Conductor(_), Lobe::Transmitted) => None,
+            (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
+            (Material::TwoSided(m), _) => self.specular(m.side(at, wo)?, at, wo, lobe, lane),
+            (Material::Blend(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::NormalMap(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::PartialDepolarizer(m), _) => m.specular(self, at, wo, lobe, lane),
+            (Material::CoatedConductor(m), Lobe::Reflected) => m.specular(at, wo),
+            (Material::CoatedConductor(_), Lobe::Transmitted) => None,
+            (Material::Polarizer(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
+            (Material::Retarder(m), Lobe::Transmitted) => Some(m.specular(at, wo)),
+            (Material::Null, Lobe::Transmitted) => Some(null::straight(wo)),
+            (Material::Polarizer(_) | Material::Retarder(_) | Material::Null, Lobe::Reflected) => None,
+            (Material::ThinDielectric(m), _) => m.specular(at, wo, lobe),
+            (Material::Crystal(m), _) => m.specular(id, at, wo, lobe, lane),
+        }
+    }
+
+    /// True if some material lets light straight through, so that connections must look whether it does.
+    #[must_use]
+    pub fn any_straight(&self) -> bool {
+        // Materials that are made of others stand in the same list as those.
+        self.list.iter().any(|m| {
+            matches!(
+                m,
+                Material::Polarizer(_) | Material::Retarder(_) | Material::ThinDielectric(_) | Material::Null
+            )
+        })
+    }
+
+    /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
+    #[must_use]
+    pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
+        let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;
+        (s.wi == -wo && s.medium.is_none()).then_some(s.scatter)
+    }
+
+    /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
+    #[must_use]
+    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Medium> {
+        match &self.list[id as usize] {
+            Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
+            Material::RoughDielectric(m) => Some(m.interface.beyond(at, wo, lanes)),
+            Material::TwoSided(m) => self.beyond(m.side(at, wo)?, at, wo, lanes),
+            Material::Blend(m) => self
+                .beyond(m.a, at, wo, lanes)
+                .or_else(|| self.beyond(m.b, at, wo, lanes)),
+            Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
+            Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
+            Material::Crystal(m) => Some(m.beyond(id, at, wo, lanes)),
+            Material::Diffuse(_)
+            | Material::Conductor(_)
+            | Material::RoughConductor(_)
+            | Material::Plastic(_)
+            | Material::Measured(_)
+            | Material::CoatedConductor(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Null => None,
+        }
+    }
+
+    /// True if some boundary is null.
+    #[must_use]
+    pub fn any_null(&self) -> bool {
+        self.list.iter().any(|m| matches!(m, Material::Null))
+    }
+
+    /// True if the material is a smooth interface that bends light.
+    #[inline]
+    #[must_use]
+    pub fn is_interface(&self, id: u32) -> bool {
+        self.interface(id).is_some()
+    }
+
+    /// The faces of a smooth interface that sends light of one wavelength a single way.
+    #[inline]
+    fn interface(&self, id: u32) -> Option<&dielectric::Dielectric> {
+        match &self.list[id as usize] {
+            Material::Dielectric(m) => Some(m),
+            Material::Crystal(m) if !m.split => Some(&m.faces),
+            _ => None,
+        }
+    }
+
+    /// Where light comes from through a smooth interface, of wavelength `lane`, that leaves along `wo`, and the index on the
+    /// side of `wo` over that on the other; `None` under total reflection, and for all other materials.
+    #[inline]
+    #[must_use]
+    pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
+        self.interface(id)?.refracted(at, wo, lane)
+    }
+
+    /// True if some material is a smooth interface that bends light.
+    #[must_use]
+    pub fn any_interface(&self) -> bool {
+        (0..self.list.len()).any(|id| self.is_interface(id as u32))
+    }
+
+    /// True if some smooth interface sends wavelengths different ways.
+    #[must_use]
+    pub fn any_disperses(&self) -> bool {
+        (0..self.list.len()).any(|id| self.disperses(id as u32))
+    }
+
+    /// True if the material's interface sends wavelengths different ways.
+    #[must_use]
+    pub fn disperses(&self, id: u32) -> bool {
+        self.interface(id).is_some_and(|m| m.dispersive)
+    }
+
+    /// True if the material is a crystal.
+    #[inline]
+    #[must_use]
+    pub fn is_crystal(&self, id: u32) -> bool {
+        matches!(self.list[id as usize], Material::Crystal(_))
+    }
+
+    /// True if the material is a boundary that light does not notice.
+    #[inline]
+    #[must_use]
+    pub fn is_null(&self, id: u32) -> bool {
+        matches!(self.list[id as usize], Material::Null)
+    }
+
+    /// What a straight way of `length` metres through a medium does to the polarization of light that travels along
+    /// ±`dir`; `None` where it does nothing.
+    #[inline]
+    #[must_use]
+    pub fn propagate(&self, medium: Medium, dir: Vec3A, length: f64) -> Option<Scatter> {
+        match self.list.get(medium.crystal as usize)? {
+            Material::Crystal(m) => Some(m.propagate(dir, length)),
+            _ => None,
+        }
+    }
+}

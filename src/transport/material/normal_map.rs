@@ -1,0 +1,79 @@
+//! Normals from an image: a material on a surface whose shading normal is turned by what the image says.
+//!
+//! The image holds unit vectors in the tangent frame (x along ∂p/∂u, y, z along the shading normal), each coordinate c
+//! stored as (c + 1)/2 (Cohen et al. 1998; OpenGL's green-up variant).
+
+use super::{Lanes, Lobe, Materials, Sampled, Specular};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+
+/// Another material under turned normals.
+#[derive(Clone, Copy, Debug)]
+pub struct NormalMap {
+    pub material: u32,
+    /// Index of the image; its first three channels are x, y, z.
+    pub texture: u32,
+    /// Multiplies x and y: 0 flattens, 1 is as stored.
+    pub strength: f32,
+}
+
+/// Least cosine between the turned normal and the true one.
+const LEAST_COS: f32 = 0.02;
+
+impl NormalMap {
+    /// The surface with its turned normal, which stays on the true normal's side.
+    #[inline]
+    fn turned(&self, materials: &Materials, at: &Surface) -> Surface {
+        let [x, y, z, _] = materials.textures.eval(self.texture, at.uv).to_array();
+        let local = Vec3A::new(
+            (2.0 * x - 1.0) * self.strength,
+            (2.0 * y - 1.0) * self.strength,
+            (2.0 * z - 1.0).max(0.0),
+        );
+        let mut n = (at.tangent_frame() * local).normalize_or(at.ns);
+        let cos = n.dot(at.ng);
+        if cos < LEAST_COS {
+            n = (n + at.ng * (LEAST_COS - cos)).normalize_or(at.ng);
+        }
+        Surface { ns: n, ..*at }
+    }
+
+    /// See [`Materials::eval`].
+    #[must_use]
+    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        materials.eval(self.material, &self.turned(materials, at), wo, wi)
+    }
+
+    /// See [`Materials::pdf`].
+    #[must_use]
+    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        materials.pdf(self.material, &self.turned(materials, at), wo, wi)
+    }
+
+    /// See [`Materials::sample`].
+    pub fn sample(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        materials.sample(self.material, &self.turned(materials, at), wo, lanes, stream)
+    }
+
+    /// See [`Materials::specular`].
+    #[must_use]
+    pub fn specular(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        lobe: Lobe,
+        lane: usize,
+    ) -> Option<Specular> {
+        materials.specular(self.material, &self.turned(materials, at), wo, lobe, lane)
+    }
+}

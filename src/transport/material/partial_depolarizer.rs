@@ -1,0 +1,64 @@
+//! A material whose light loses part of its polarization, by scattering inside too fine and too short to be traced.
+//!
+//! M' = (1 - f)·M + f·M00·e₀e₀ᵀ: a mixture of the material with an ideal depolarizer of the same throughput (Lu &
+//! Chipman 1996, "depolarizer"). Under unpolarized light nothing changes, so two materials that differ in f alone are
+//! *metamers*: only their Mueller matrices tell them apart.
+
+use super::{Lanes, Lobe, Materials, Sampled, Specular, texture::Scalar};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// Another material, depolarized by a fraction.
+#[derive(Clone, Copy, Debug)]
+pub struct PartialDepolarizer {
+    pub material: u32,
+    /// Share f of the light that loses its polarization, clamped to 0..1.
+    pub fraction: Scalar,
+}
+
+impl PartialDepolarizer {
+    fn apply(&self, materials: &Materials, at: &Surface, s: &Scatter, wo: Vec3A, wi: Vec3A) -> Scatter {
+        let f = self.fraction.at(&materials.textures, at.uv).clamp(0.0, 1.0);
+        let lost = Scatter::Depolarize(s.m00() * Spectral::splat(f));
+        s.scaled(Spectral::splat(1.0 - f)).plus(&lost, wo, wi)
+    }
+
+    /// See [`Materials::eval`].
+    #[must_use]
+    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let s = materials.eval(self.material, at, wo, wi)?;
+        Some(self.apply(materials, at, &s, wo, wi))
+    }
+
+    /// See [`Materials::sample`].
+    pub fn sample(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let mut s = materials.sample(self.material, at, wo, lanes, stream)?;
+        s.scatter = self.apply(materials, at, &s.scatter, wo, s.wi);
+        Some(s)
+    }
+
+    /// See [`Materials::specular`].
+    #[must_use]
+    pub fn specular(
+        &self,
+        materials: &Materials,
+        at: &Surface,
+        wo: Vec3A,
+        lobe: Lobe,
+        lane: usize,
+    ) -> Option<Specular> {
+        let mut s = materials.specular(self.material, at, wo, lobe, lane)?;
+        s.scatter = self.apply(materials, at, &s.scatter, wo, s.wi);
+        Some(s)
+    }
+}

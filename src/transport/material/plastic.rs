@@ -1,0 +1,214 @@
+//! Polarized plastic: a rough dielectric coat over a depolarizing base (Baek et al. 2018, "Simultaneous acquisition of
+//! polarimetric SVBRDF and normals").
+//!
+//! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i): microfacet reflection with Fresnel's matrix R, and
+//! light that enters through the smooth mean surface (Fresnel's T in the frame perpendicular to n and `wi`), loses its
+//! polarization inside, and leaves (T in the frame perpendicular to n and `wo`) partly polarized in the plane of n and
+//! `wo`. Baek et al. and Mitsuba's `pplastic` have ρ' = ρ. With interreflection, light that meets the surface from
+//! inside and is thrown back comes out later: ρ' = ρ / (η² (1 - ρ F)), F being the mean of Fresnel's reflectance inside
+//! weighted by the cosine; a smooth white one then returns all light (Mitsuba's `plastic` with `nonlinear`).
+//!
+//! Optionally a third lobe, of light scattered once below the surface (Hwang et al. 2022, "Sparse ellipsometry"): as the
+//! surface reflection, R included, but coloured and with a width of its own, ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
+
+use super::facets::{Facets, Roughness, reflect};
+use super::texture::{Scalar, Spectrum, Textures};
+use super::{Sampled, facing, s_vector, same_side};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::frame::turn;
+use optics::polarization::fresnel;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::Spectral;
+use std::f32::consts::FRAC_1_PI;
+
+/// Polarized plastic.
+#[derive(Clone, Copy, Debug)]
+pub struct Plastic {
+    /// Albedo ρ of the base, 0..1.
+    pub albedo: Spectrum,
+    /// Index of the coat over that outside (1 in unused lanes).
+    pub eta: Spectral,
+    pub roughness: Roughness,
+    /// Factor k of the surface reflection.
+    pub specular: Spectral,
+    /// Mean reflectance F from inside with interreflection, see [`internal_reflectance`]; without, `None`.
+    pub internal: Option<Spectral>,
+    pub single_scatter: Option<SingleScatter>,
+}
+
+/// Light scattered once below the surface.
+#[derive(Clone, Copy, Debug)]
+pub struct SingleScatter {
+    /// Factor ρ_s, 0..1.
+    pub albedo: Spectrum,
+    /// Width of its distribution of normals, which is otherwise that of the surface.
+    pub alpha: Scalar,
+}
+
+/// ∫ R(θ) 2 cosθ d(cosθ) from inside of an interface of relative index `eta`, by the midpoint rule to 1e-6 or better.
+#[must_use]
+pub fn internal_reflectance(eta: Spectral) -> Spectral {
+    const N: u32 = 4096;
+    // Outside angles: (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), which is smooth, whereas inside total reflection sets in.
+    let mut sum = Spectral::ZERO;
+    for k in 0..N {
+        let cos = (k as f32 + 0.5) / N as f32;
+        sum += fresnel::dielectric(cos, eta).transmission.a * Spectral::splat(2.0 * cos / N as f32);
+    }
+    Spectral::ONE - sum / (eta * eta)
+}
+
+/// The plastic as light that leaves along `wo` met it.
+struct Seen {
+    facets: Facets,
+    n: Vec3A,
+    wo: Vec3A,
+    /// ρ'.
+    base: Spectral,
+    /// Transmission of the light that leaves.
+    out: FresnelBlock,
+    /// ρ_s and the facets of single scattering.
+    single: Option<(Spectral, Facets)>,
+    /// Probabilities of sampling the surface reflection and single scattering.
+    share: [f32; 2],
+}
+
+impl Seen {
+    /// What facets reflect from the local direction `li`: their cosine, the sum of the lobes over R, and the density of
+    /// `li` by all lobes.
+    #[inline]
+    fn reflection(&self, specular: Spectral, li: Vec3A) -> Option<(f32, Spectral, f32)> {
+        let to = self.facets.reflection(li)?;
+        let mut value = specular * Spectral::splat(to.value);
+        let [surface, single] = self.share;
+        let mut pdf = surface * to.pdf + (1.0 - surface - single) * warp::cosine_pdf(li);
+        if let Some((albedo, facets)) = self.single {
+            let to = facets.reflection(li)?;
+            value += albedo * Spectral::splat(to.value);
+            pdf += single * to.pdf;
+        }
+        Some((to.cos_o, value, pdf))
+    }
+}
+
+impl Plastic {
+    #[inline]
+    fn seen(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Seen> {
+        let n = facing(at, wo)?;
+        let facets = Facets::new(&self.roughness, textures, at, n, wo);
+        let albedo = self.albedo.at(textures, at.uv);
+        let base = self.internal.map_or(albedo, |f| {
+            albedo / (self.eta * self.eta * (Spectral::ONE - albedo * f))
+        });
+        let fresnel = fresnel::dielectric(facets.lo.z, self.eta);
+        let single = self.single_scatter.map(|s| {
+            let alpha = s.alpha.at(textures, at.uv);
+            (s.albedo.at(textures, at.uv), facets.with_alpha(alpha))
+        });
+        // Unused lanes have no lobe, so they have no say.
+        let reflected = |factor: Spectral| (fresnel.reflection.a * factor).reduce_add();
+        let power = [
+            reflected(self.specular),
+            single.map_or(0.0, |(albedo, _)| reflected(albedo)),
+        ];
+        let diffuse = (fresnel.transmission.a * base).reduce_add();
+        let all = (power[0] + power[1] + diffuse).max(f32::MIN_POSITIVE);
+        Some(Seen {
+            facets,
+            n,
+            wo,
+            base,
+            out: fresnel.transmission,
+            single,
+            share: power.map(|p| p / all),
+        })
+    }
+
+    /// All lobes in the frame of the reflection, times a weight that may depend on the density of `wi`.
+    #[inline]
+    fn value(&self, seen: &Seen, wi: Vec3A, weight: impl FnOnce(f32) -> f32) -> Option<Scatter> {
+        let Seen { n, wo, out, .. } = *seen;
+        let li = seen.facets.local(wi);
+        let (cos, reflected, pdf) = seen.reflection(self.specular, li)?;
+        let weight = weight(pdf);
+        let block = fresnel::dielectric(cos, self.eta)
+            .reflection
+            .scaled(reflected * Spectral::splat(weight));
+        let s = s_vector(wi, wo);
+        let inn = fresnel::dielectric(li.z, self.eta).transmission;
+        let base = seen.base * Spectral::splat(li.z * FRAC_1_PI * weight);
+        let (c, d) = turn(wo, s_vector(n, wo), s);
+        let column = [
+            base * out.a,
+            base * out.b * Spectral::splat(c),
+            base * out.b * Spectral::splat(-d),
+        ];
+        let (c, d) = turn(-wi, s, s_vector(n, wi));
+        let row = [inn.a, inn.b * Spectral::splat(c), inn.b * Spectral::splat(d)];
+        let mut mueller = block.to_mueller();
+        for (m, c) in mueller.m.iter_mut().zip(&column) {
+            for (m, r) in m.iter_mut().zip(&row) {
+                *m += *c * *r;
+            }
+        }
+        Some(Scatter::Full {
+            mueller,
+            frame_out: s,
+            frame_in: s,
+        })
+    }
+
+    /// See [`super::Materials::eval`].
+    #[inline]
+    #[must_use]
+    pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let seen = self.seen(textures, at, wo)?;
+        if !same_side(at, wo, wi) {
+            return None;
+        }
+        self.value(&seen, wi, |_| 1.0)
+    }
+
+    /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
+    #[must_use]
+    pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));
+        match self.seen(textures, at, wo).and_then(density) {
+            Some((_, _, pdf)) if same_side(at, wo, wi) => pdf,
+            _ => 0.0,
+        }
+    }
+
+    /// The weight is the value of all lobes over the density of all.
+    pub fn sample(
+        &self,
+        textures: &Textures,
+        at: &Surface,
+        wo: Vec3A,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let seen = self.seen(textures, at, wo)?;
+        let (choice, u) = (stream.uniform(), stream.uniform2());
+        let [surface, single] = seen.share;
+        let facets = match seen.single {
+            _ if choice < surface => Some(seen.facets),
+            Some((_, facets)) if choice < surface + single => Some(facets),
+            _ => None,
+        };
+        let li = facets.map_or_else(|| warp::cosine_hemisphere(u), |f| reflect(f.lo, f.visible(u)));
+        let wi = seen.facets.world(li);
+        if li.z <= 0.0 || !same_side(at, wo, wi) {
+            return None;
+        }
+        Some(Sampled {
+            wi,
+            scatter: self.value(&seen, wi, |pdf| 1.0 / pdf.max(f32::MIN_POSITIVE))?,
+            delta: false,
+            medium: None,
+        })
+    }
+}

@@ -1,0 +1,96 @@
+//! Linear polarizer sheet.
+//!
+//! Dichroic: the component of the electric vector along the absorbing axis a, as the ray sees it, is blocked. With
+//! a' = a projected perpendicular to the ray d, light along t = d × a' passes (Korger et al. 2013, "The polarization
+//! properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`). At normal incidence t is the transmitting axis
+//! itself. In the frame t the matrix is a diattenuator of the power transmittances T (of t) and ε·T (of a'):
+//!
+//! > M00 = M11 = T(1 + ε)/2,  M01 = M10 = T(1 - ε)/2,  M22 = M33 = T√ε.
+//!
+//! Reflection by the faces is neglected; T may include it.
+
+use super::{Specular, sheet};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::frame::project;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::spectrum::Spectral;
+use sheet::SheetAxis;
+
+/// A polarizer sheet.
+#[derive(Clone, Copy, Debug)]
+pub struct Polarizer {
+    /// Transmitting axis.
+    pub axis: SheetAxis,
+    /// T: power transmittance of light along the transmitting axis, 0..1.
+    pub transmittance: Spectral,
+    /// ε: how much of the blocked component passes, as a share of T, 0..1.
+    pub extinction: Spectral,
+}
+
+impl Polarizer {
+    /// What passes straight through to `wo`.
+    #[inline]
+    #[must_use]
+    pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
+        let absorbing = project(at.ns.cross(self.axis.at(at)), wo);
+        let half = self.transmittance * Spectral::HALF;
+        let block = FresnelBlock {
+            a: half * (Spectral::ONE + self.extinction),
+            b: half * (Spectral::ONE - self.extinction),
+            c: self.transmittance * self.extinction.sqrt(),
+            d: Spectral::ZERO,
+        };
+        sheet::straight(wo, block, wo.cross(absorbing))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use optics::polarization::frame::perpendicular;
+
+    /// Mitsuba 3.9.1's `polarizer` with `theta = -30` (its angle runs the other way), in the same frames.
+    #[test]
+    fn tilted_polarizers_match_mitsuba() {
+        let n = Vec3A::Z;
+        let at = Surface {
+            p: Vec3A::ZERO,
+            ng: n,
+            ns: n,
+            tangent: Vec3A::X,
+            uv: [0.0; 2],
+            material: 0,
+        };
+        let sheet = Polarizer {
+            axis: SheetAxis::Angle(30_f32.to_radians()),
+            transmittance: Spectral::ONE,
+            extinction: Spectral::ZERO,
+        };
+        for (wo, [m01, m02, m11, m12]) in [
+            ([0.6, 0.0, 0.8], [0.324_176, 0.380_67, 0.210_18, 0.246_808]),
+            (
+                [-0.48, 0.6, -0.64],
+                [0.317_718, -0.386_077, 0.201_889, -0.245_327],
+            ),
+            (
+                [0.28, 0.576, -0.768],
+                [0.144_119, -0.478_779, 0.041_541, -0.138_003],
+            ),
+        ] {
+            let wo = Vec3A::from_array(wo);
+            let x = perpendicular(wo);
+            let m = sheet.specular(&at, wo).scatter.between(wo, x, -wo, x).lane(0);
+            for (got, want) in [
+                (m[0][0], 0.5),
+                (m[0][1], m01),
+                (m[2][0], m02),
+                (m[1][1], m11),
+                (m[1][2], m12),
+                (m[3][3], 0.0),
+            ] {
+                assert!((got - want).abs() < 2e-6, "{wo}: {m:?}");
+            }
+        }
+    }
+}

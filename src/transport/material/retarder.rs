@@ -1,0 +1,129 @@
+//! Retarder sheet: a wave plate, or a stretched film.
+//!
+//! In the frame of its fast axis the matrix is a retarder's: M22 = M33 = cos δ, M23 = -M32 = sin δ, the slow axis lags by
+//! δ (Collett 2005, ch. 5). How a tilt changes δ and the axes is a choice:
+//!
+//! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal whose optic axis c lies in the sheet and is
+//!   its slow axis. With θ_t the refracted angle and ψ that between the refracted ray and c, to first order in the
+//!   birefringence, δ = δ₀ sin²ψ / cosθ_t: the way is longer by 1/cosθ_t, and n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born &
+//!   Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c projected perpendicular to the refracted ray; refraction turns
+//!   it about s along with the ray.
+//! - [`Tilt::Constant`]: δ = δ₀ at any incidence, the fast axis projected perpendicular to the ray.
+//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| likewise, the falloff of Mitsuba 3's `retarder`. No real plate does that.
+//!
+//! Reflection by the faces is neglected; the transmittance may include it.
+
+use super::{Specular, s_vector, sheet};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::frame::project;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::spectrum::Spectral;
+use sheet::SheetAxis;
+
+/// How retardance depends on incidence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tilt {
+    /// Zero-order uniaxial plate of this mean refractive index.
+    Plate(f32),
+    /// The same at any incidence.
+    Constant,
+    /// In proportion to the cosine of incidence.
+    Cosine,
+}
+
+/// A retarder sheet.
+#[derive(Clone, Copy, Debug)]
+pub struct Retarder {
+    /// Fast axis.
+    pub axis: SheetAxis,
+    /// δ₀: retardance at normal incidence per wavelength, radians.
+    pub retardance: Spectral,
+    /// Power transmittance, 0..1.
+    pub transmittance: Spectral,
+    pub tilt: Tilt,
+}
+
+impl Retarder {
+    /// What passes straight through to `wo`.
+    #[inline]
+    #[must_use]
+    pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
+        let axis = self.axis.at(at);
+        let (fast, factor) = match self.tilt {
+            Tilt::Constant => (project(axis, wo), 1.0),
+            Tilt::Cosine => (project(axis, wo), at.ns.dot(wo).abs()),
+            Tilt::Plate(ior) => plate(at.ns, axis, wo, ior),
+        };
+        let (sin, cos) = (self.retardance * Spectral::splat(factor)).sin_cos();
+        let block = FresnelBlock {
+            a: self.transmittance,
+            b: Spectral::ZERO,
+            c: self.transmittance * cos,
+            d: self.transmittance * sin,
+        };
+        sheet::straight(wo, block, fast)
+    }
+}
+
+/// Fast axis that light to `wo` sees, perpendicular to it, and sin²ψ / cosθ_t.
+#[inline]
+fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
+    let n = if normal.dot(wo) < 0.0 { -normal } else { normal };
+    let tangential = wo - n * n.dot(wo);
+    let sin2 = tangential.length_squared() / (ior * ior);
+    let cos_t = (1.0 - sin2).max(1e-6).sqrt();
+    let inside = tangential / ior + n * cos_t;
+    let optic = normal.cross(fast);
+    let along = inside.dot(optic);
+    // o-light's electric vector is perpendicular to the ray and to the optic axis; they are never parallel, as the ray
+    // leans at most asin(1/ior) to the sheet's normal.
+    let ordinary = inside.cross(optic).normalize_or(fast);
+    let s = s_vector(n, wo);
+    // From the refracted ray to the outer one: components along s stay, those in the plane of incidence turn.
+    let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
+    (project(outer, wo), (1.0 - along * along) / cos_t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use optics::polarization::frame::perpendicular;
+
+    /// Mitsuba 3.9.1's `retarder` with `theta = 30`, `delta = 100`, from either side.
+    #[test]
+    fn upright_retarders_match_mitsuba() {
+        let n = Vec3A::Z;
+        let at = Surface {
+            p: Vec3A::ZERO,
+            ng: n,
+            ns: n,
+            tangent: Vec3A::X,
+            uv: [0.0; 2],
+            material: 0,
+        };
+        for tilt in [Tilt::Plate(1.5), Tilt::Constant, Tilt::Cosine] {
+            let sheet = Retarder {
+                axis: SheetAxis::Angle(30_f32.to_radians()),
+                retardance: Spectral::splat(100_f32.to_radians()),
+                transmittance: Spectral::ONE,
+                tilt,
+            };
+            for (wo, side) in [(Vec3A::Z, 1.0), (-Vec3A::Z, -1.0)] {
+                let x = perpendicular(wo);
+                let m = sheet.specular(&at, wo).scatter.between(wo, x, -wo, x).lane(0);
+                for (got, want) in [
+                    (m[0][0], 1.0),
+                    (m[1][1], 0.119_764),
+                    (m[1][2], side * 0.508_205),
+                    (m[1][3], side * -0.852_869),
+                    (m[2][3], 0.492_404),
+                    (m[3][1], side * 0.852_869),
+                    (m[3][3], -0.173_648),
+                ] {
+                    assert!((got - want).abs() < 2e-6, "{tilt:?} from {wo}: {m:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Rough dielectric interface: microfacets that reflect and refract (Walter et al. 2007), each with Fresnel's Mueller
+//! matrices; the frame s is perpendicular to the plane of `wo` and `wi`, in which the facet's normal lies.
+//!
+//! Radiance is scaled by 1/η² as at the smooth [`super::dielectric`]. Between two directions on different sides, each
+//! wavelength of a dispersive index has its own facet. A sampled reflection keeps all wavelengths; a sampled refraction
+//! of a dispersive index goes on with one of them, the others part ways (see [`super::dielectric`]).
+
+use super::dielectric::Dielectric;
+use super::facets::{Facets, Passage, Roughness, reflect, refract};
+use super::texture::Textures;
+use super::{Lanes, Medium, Sampled, facing, s_vector, same_side};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::fresnel;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// Rough interface between the inside of a closed surface and what is outside it.
+#[derive(Clone, Copy, Debug)]
+pub struct RoughDielectric {
+    pub interface: Dielectric,
+    pub roughness: Roughness,
+    /// The scene's wavelengths.
+    pub lanes: Lanes,
+}
+
+/// Cosine on the rarer side and value of a refraction, given its index ratio.
+///
+/// Power transmittance is the same both ways, and from the rarer side, where no total reflection is near, f32 knows it.
+#[inline]
+fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
+    passage.map_or((1.0, 0.0), |p| {
+        (if eta < 1.0 { p.cos_i } else { p.cos_o }, p.value)
+    })
+}
+
+impl RoughDielectric {
+    /// The facets, with the index on the far side and that over the near side's.
+    #[inline]
+    fn facets(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<(Facets, Spectral, Spectral)> {
+        let facets = Facets::new(&self.roughness, textures, at, facing(at, wo)?, wo);
+        let (near, far) = self.interface.sides(at, wo);
+        Some((facets, far, far / near))
+    }
+
+    /// True if the wavelengths part ways in refraction.
+    #[inline]
+    fn disperses(&self) -> bool {
+        self.interface.dispersive && self.lanes.count() > 1
+    }
+
+    /// See [`super::Materials::eval`]; `wi` may lie on either side.
+    #[inline]
+    #[must_use]
+    pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let (facets, _, eta) = self.facets(textures, at, wo)?;
+        let li = facets.local(wi);
+        let block = if same_side(at, wo, wi) {
+            let to = facets.reflection(li)?;
+            let block = fresnel::dielectric(to.cos_o, eta).reflection;
+            block.scaled(Spectral::splat(to.value))
+        } else {
+            let (cos, value) = if self.disperses() {
+                let by_lane = eta.to_array().map(|e| from_rarer(facets.refraction(li, e), e));
+                (
+                    Spectral::new(by_lane.map(|(cos, _)| cos)),
+                    Spectral::new(by_lane.map(|(_, value)| value)),
+                )
+            } else {
+                let e = eta.to_array()[0];
+                let (cos, value) = from_rarer(facets.refraction(li, e), e);
+                (Spectral::splat(cos), Spectral::splat(value))
+            };
+            if value == Spectral::ZERO {
+                return None;
+            }
+            let block = fresnel::dielectric_per_lane(cos, eta.max(Spectral::ONE / eta)).transmission;
+            block.scaled(value)
+        };
+        let s = s_vector(wi, wo);
+        Some(Scatter::Fresnel { block, s })
+    }
+
+    /// Density of [`Self::sample`] for a path that carries all of the scene's wavelengths: over a refraction of a
+    /// dispersive index, the mean over the wavelength that goes on.
+    #[must_use]
+    pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        let Some((facets, _, eta)) = self.facets(textures, at, wo) else {
+            return 0.0;
+        };
+        let li = facets.local(wi);
+        let reflectance = |cos| self.lanes.mean(fresnel::dielectric(cos, eta).reflection.a);
+        if same_side(at, wo, wi) {
+            return facets
+                .reflection(li)
+                .map_or(0.0, |to| reflectance(to.cos_o) * to.pdf);
+        }
+        let refraction = |eta| {
+            facets
+                .refraction(li, eta)
+                .map_or(0.0, |to| (1.0 - reflectance(to.cos_o)) * to.pdf)
+        };
+        if self.disperses() {
+            self.lanes.mean(Spectral::new(eta.to_array().map(refraction)))
+        } else {
+            refraction(eta.to_array()[0])
+        }
+    }
+
+    /// A facet among those visible from `wo`, then reflection or refraction by their power; the weight is F·G2/G1.
+    #[inline]
+    pub fn sample(
+        &self,
+        textures: &Textures,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        let (facets, far, eta) = self.facets(textures, at, wo)?;
+        let h = facets.visible(stream.uniform2());
+        let fresnel = fresnel::dielectric(facets.lo.dot(h), eta);
+        let reflectance = lanes.mean(fresnel.reflection.a);
+        let sampled = |wi, li, block: FresnelBlock, weight: Spectral, medium| Sampled {
+            wi,
+            scatter: Scatter::Fresnel {
+                block: block.scaled(weight * Spectral::splat(facets.kept(li))),
+                s: s_vector(wi, wo),
+            },
+            delta: false,
+            medium,
+        };
+        if stream.uniform() < reflectance {
+            let li = reflect(facets.lo, h);
+            let wi = facets.world(li);
+            let weight = Spectral::splat(1.0 / reflectance);
+            return (li.z > 0.0 && same_side(at, wo, wi))
+                .then(|| sampled(wi, li, fresnel.reflection, weight, None));
+        }
+        let (lane, weight) = self.interface.refracted_lane(lanes, stream);
+        let li = refract(facets.lo, h, eta.to_array()[lane])?;
+        let wi = facets.world(li);
+        let weight = weight / (eta * eta * Spectral::splat(1.0 - reflectance));
+        let medium = Medium::clear(far.to_array()[lane]);
+        (li.z < 0.0 && !same_side(at, wo, wi))
+            .then(|| sampled(wi, li, fresnel.transmission, weight, Some(medium)))
+    }
+}

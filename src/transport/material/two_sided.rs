@@ -1,0 +1,38 @@
+//! One material in front, another (or none) behind. Front is the side that the geometric normal points to.
+
+use super::Materials;
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::scatter::Scatter;
+
+/// Different materials on the two sides.
+#[derive(Clone, Copy, Debug)]
+pub struct TwoSided {
+    pub front: u32,
+    /// `None` absorbs everything.
+    pub back: Option<u32>,
+}
+
+impl TwoSided {
+    /// The materials there are.
+    pub fn sides(&self) -> impl Iterator<Item = u32> {
+        [Some(self.front), self.back].into_iter().flatten()
+    }
+
+    /// The material that `wo` looks at.
+    #[inline]
+    #[must_use]
+    pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
+        if at.ng.dot(wo) > 0.0 {
+            Some(self.front)
+        } else {
+            self.back
+        }
+    }
+
+    /// See [`Materials::eval`]. Nothing shines through from one material to the other.
+    #[must_use]
+    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        materials.eval(self.side(at, wo)?, at, wo, wi)
+    }
+}

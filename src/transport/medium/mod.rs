@@ -1,0 +1,191 @@
+//! Participating media: how they scatter and absorb. One phase function a file, dispatched by enum over plain data.
+//!
+//! A scattering matrix is per steradian, ∫ S11 dω = 1; directions and frames are those of [`scattered`]. `mie`,
+//! `size_distribution`, `bulk` and `presets` compute in double precision what [`Media`] holds for the tracer.
+
+pub mod bulk;
+pub mod henyey_greenstein;
+pub mod mie;
+pub mod nesting;
+pub mod presets;
+pub mod products;
+pub mod rayleigh;
+pub mod scattered;
+pub mod size_distribution;
+pub mod table;
+pub mod water;
+
+use crate::material::Lanes;
+use bulk::{Optics, PhaseOptics};
+use glam::Vec3A;
+use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::Spectral;
+use scattered::{Angle, plane_normal};
+use std::f32::consts::PI;
+
+/// Isotropic scattering, per steradian.
+const ISOTROPIC: f32 = 0.25 / PI;
+
+/// How a medium scatters.
+#[derive(Clone, Copy, Debug)]
+pub enum Phase {
+    /// Equally in all directions, depolarizing.
+    Isotropic,
+    Rayleigh(rayleigh::Rayleigh),
+    HenyeyGreenstein(henyey_greenstein::HenyeyGreenstein),
+    /// The number of a tabulated matrix in [`Media::tables`].
+    Table(u32),
+}
+
+/// A medium that is the same everywhere, as the tracer sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Homogeneous {
+    /// μ_a, 1/m; 0 in unused lanes.
+    pub absorption: Spectral,
+    /// μ_s, 1/m; 0 in unused lanes.
+    pub scattering: Spectral,
+    /// Real refractive index of the host; 1 in unused lanes.
+    pub index: Spectral,
+    pub phase: Phase,
+}
+
+/// All media of a scene with what they share; a medium's number is its place in `list`.
+#[derive(Clone, Debug, Default)]
+pub struct Media {
+    pub list: Vec<Homogeneous>,
+    pub tables: Vec<table::Table>,
+}
+
+impl Homogeneous {
+    /// μ_t = μ_a + μ_s, 1/m.
+    #[inline]
+    #[must_use]
+    pub fn extinction(&self) -> Spectral {
+        self.absorption + self.scattering
+    }
+}
+
+impl Media {
+    /// Adds a medium and returns its number.
+    pub fn push(&mut self, optics: &Optics) -> u32 {
+        let lane = |value: fn(&bulk::Bulk) -> f64, unused: f32| {
+            let at = |i: usize| optics.bulk.get(i).map_or(unused, |b| value(b) as f32);
+            Spectral::new([at(0), at(1), at(2), at(3)])
+        };
+        let phase = match &optics.phase {
+            PhaseOptics::Isotropic => Phase::Isotropic,
+            PhaseOptics::Rayleigh(p) => Phase::Rayleigh(*p),
+            PhaseOptics::HenyeyGreenstein(p) => Phase::HenyeyGreenstein(*p),
+            PhaseOptics::Particles(e) if e.iter().all(bulk::Ensemble::is_clear) => Phase::Isotropic,
+            PhaseOptics::Particles(ensembles) => {
+                self.tables.push(table::Table::new(ensembles));
+                Phase::Table(self.tables.len() as u32 - 1)
+            }
+        };
+        self.list.push(Homogeneous {
+            absorption: lane(|b| b.absorption, 0.0),
+            scattering: lane(|b| b.scattering, 0.0),
+            index: lane(|b| b.index, 1.0),
+            phase,
+        });
+        self.list.len() as u32 - 1
+    }
+
+    /// Mueller phase function per steradian, from light travelling along `-wi` to light travelling along `wo`, unit
+    /// vectors away from the point. Both frames are the perpendicular of the scattering plane.
+    #[inline]
+    #[must_use]
+    pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
+        let at = Angle::between(wo, wi);
+        self.scatter(
+            self.list[id as usize].phase,
+            at,
+            || plane_normal(wo, wi),
+            Spectral::ONE,
+        )
+    }
+
+    /// Density of [`Self::sample_lane`] per steradian of `wi`, over living lanes drawn uniformly.
+    #[inline]
+    #[must_use]
+    pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
+        lanes.mean(self.densities(self.list[id as usize].phase, Angle::between(wo, wi)))
+    }
+
+    /// Samples where light that leaves along `wo` comes from, as lane `lane` scatters: the direction, [`Self::eval`] there, and
+    /// the density per steradian with which each lane would have given it.
+    #[inline]
+    pub fn sample_lane(
+        &self,
+        id: u32,
+        wo: Vec3A,
+        lane: usize,
+        stream: &mut Stream,
+    ) -> (Vec3A, Scatter, Spectral) {
+        let phase = self.list[id as usize].phase;
+        let at = match phase {
+            Phase::Isotropic => {
+                let density = Spectral::splat(ISOTROPIC);
+                return (
+                    warp::sphere(stream.uniform2()),
+                    Scatter::Depolarize(density),
+                    density,
+                );
+            }
+            Phase::Rayleigh(p) => p.sample(stream.uniform()),
+            Phase::HenyeyGreenstein(p) => p.sample(lane, stream.uniform()),
+            Phase::Table(t) => self.tables[t as usize].sample(lane, stream),
+        };
+        let (wi, s) = at.direction(wo, stream.uniform());
+        (
+            wi,
+            self.scatter(phase, at, || s, Spectral::ONE),
+            self.densities(phase, at),
+        )
+    }
+
+    /// The interaction times a factor; `s` gives the perpendicular of the scattering plane where it matters.
+    #[inline]
+    fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A, factor: Spectral) -> Scatter {
+        match phase {
+            Phase::Isotropic => Scatter::Depolarize(Spectral::splat(ISOTROPIC) * factor),
+            Phase::Rayleigh(p) => {
+                let e = p.elements(at).splat();
+                if p.is_pure() {
+                    let block = FresnelBlock {
+                        a: e.s11,
+                        b: e.s12,
+                        c: e.s33,
+                        d: e.s34,
+                    };
+                    Scatter::Fresnel {
+                        block: block.scaled(factor),
+                        s: s(),
+                    }
+                } else {
+                    e.scatter(s()).scaled(factor)
+                }
+            }
+            Phase::HenyeyGreenstein(p) if p.depolarizes() => Scatter::Depolarize(p.intensity(at) * factor),
+            Phase::HenyeyGreenstein(p) => p.elements(at).scatter(s()).scaled(factor),
+            Phase::Table(t) => Scatter::Fresnel {
+                block: self.tables[t as usize].block(at).scaled(factor),
+                s: s(),
+            },
+        }
+    }
+
+    /// Density of each lane per steradian.
+    #[inline]
+    fn densities(&self, phase: Phase, at: Angle) -> Spectral {
+        match phase {
+            Phase::Isotropic => Spectral::splat(ISOTROPIC),
+            Phase::Rayleigh(p) => Spectral::splat(p.intensity(at)),
+            Phase::HenyeyGreenstein(p) => p.intensity(at),
+            Phase::Table(t) => self.tables[t as usize].densities(at),
+        }
+    }
+}

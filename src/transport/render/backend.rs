@@ -1,0 +1,151 @@
+//! What turns tiles of camera pixels into sums: the seam at which other processors stand beside this one.
+//!
+//! A back end sees plain-data tables alone: those of the scene, and the plans of its slices. What it makes of a tile depends
+//! on scene, seed and sample count alone, so neither threads nor interruptions change a bit.
+
+use super::path::BATCH;
+use super::tracer::{Prepared, Tracer, tiles_at_once};
+use crate::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
+use crate::device::epipolar::Epipolar;
+use crate::scene::Scene;
+use optics::spectrum::Spectral;
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// Renders tiles of one scene.
+pub trait TileBackend: Sync {
+    /// Renders tiles in any order, on any threads, and hands each over as soon as it is finished. No tile is begun once
+    /// `stop` says so, nor after `take` fails.
+    ///
+    /// # Errors
+    /// What `take` returns.
+    fn render<E: Send>(
+        &self,
+        tiles: &[u32],
+        stop: impl Fn() -> bool + Sync,
+        take: impl Fn(&mut TileSums) -> Result<(), E> + Sync,
+    ) -> Result<(), E>;
+}
+
+/// The back end that runs on the threads of the current rayon pool.
+pub struct Cpu<'a> {
+    scene: &'a Scene,
+    plans: &'a [SlicePlan],
+    epipolar: Option<Epipolar>,
+}
+
+impl<'a> Cpu<'a> {
+    /// For a scene and the plans of its slices.
+    #[must_use]
+    pub fn new(scene: &'a Scene, plans: &'a [SlicePlan]) -> Self {
+        let epipolar = match &scene.projector {
+            Some(p) if plans.iter().any(SlicePlan::needs_epipolar) => {
+                Epipolar::new(&scene.camera, &p.pinhole)
+            }
+            _ => None,
+        };
+        Self {
+            scene,
+            plans,
+            epipolar,
+        }
+    }
+
+    fn tile(&self, prepared: &Prepared, tile: u32, accumulator: &mut TileAccumulator, tracer: &mut Tracer) {
+        let begun = Instant::now();
+        let scene = self.scene;
+        let ([x0, y0], [x1, y1]) = tile_pixels(scene, tile);
+        accumulator.begin_tile(tile, [x0, y0], [x1, y1]);
+        for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+            if !accumulator.begin_pixel(x, y) {
+                continue;
+            }
+            let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
+            let mut counted = 0;
+            for first in (0..scene.settings.spp).step_by(BATCH) {
+                let samples = first..(first + BATCH as u32).min(scene.settings.spp);
+                let (rays, lists, elements) = tracer.trace(scene, prepared, [x, y], samples.clone());
+                accumulator.tile.record.rays += u64::from(rays);
+                let all_finite = finite(elements);
+                for (sample, list) in samples.zip(lists) {
+                    if !all_finite && list.iter().any(|c| !finite(c.of(elements))) {
+                        accumulator.tile.record.discarded += 1;
+                        continue;
+                    }
+                    if let Some((e, line)) = line {
+                        for c in list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
+                            c.epipolar_px = e.distance_px(line, c.pixel);
+                        }
+                    }
+                    accumulator.add_sample(sample, list, elements);
+                    counted += 1;
+                }
+            }
+            accumulator.tile.record.samples += u64::from(scene.settings.spp);
+            accumulator.end_pixel(x, y, counted);
+        }
+        accumulator.tile.record.seconds = begun.elapsed().as_secs_f64();
+    }
+}
+
+impl TileBackend for Cpu<'_> {
+    fn render<E: Send>(
+        &self,
+        tiles: &[u32],
+        stop: impl Fn() -> bool + Sync,
+        take: impl Fn(&mut TileSums) -> Result<(), E> + Sync,
+    ) -> Result<(), E> {
+        // One a thread, made once: they are large.
+        let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
+        let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+        for tiles in tiles.chunks(tiles_at_once(self.scene)) {
+            if stop() {
+                break;
+            }
+            let prepared = Prepared::new(self.scene, tiles);
+            tiles
+                .par_iter()
+                .with_max_len(1)
+                .map(|&tile| {
+                    if stop() {
+                        return Ok(());
+                    }
+                    let spare = idle().pop();
+                    let (mut accumulator, mut tracer) =
+                        spare.unwrap_or_else(|| (TileAccumulator::new(self.plans), Tracer::new(&prepared)));
+                    self.tile(&prepared, tile, &mut accumulator, &mut tracer);
+                    take(&mut accumulator.tile)?;
+                    idle().push((accumulator, tracer));
+                    Ok(())
+                })
+                .collect::<Result<(), E>>()?;
+        }
+        Ok(())
+    }
+}
+
+/// Pixels of tile number `tile`: first and one past last (x, y).
+fn tile_pixels(scene: &Scene, tile: u32) -> ([u32; 2], [u32; 2]) {
+    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
+    let across = w.div_ceil(n);
+    let (x0, y0) = (tile % across * n, tile / across * n);
+    ([x0, y0], [(x0 + n).min(w), (y0 + n).min(h)])
+}
+
+/// Number of tiles.
+pub(super) fn tile_count(scene: &Scene) -> u32 {
+    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
+    w.div_ceil(n) * h.div_ceil(n)
+}
+
+/// True if every number is finite.
+#[inline]
+fn finite(elements: &[Spectral]) -> bool {
+    let mut sum = Spectral::ZERO;
+    for e in elements {
+        // Zero times a finite number is zero, times anything else NaN.
+        sum += *e * Spectral::ZERO;
+    }
+    sum.to_array().iter().all(|s| *s == 0.0)
+}

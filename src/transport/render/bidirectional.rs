@@ -1,0 +1,376 @@
+//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994) with surfaces and media, polarized.
+//!
+//! A walk from the camera and one from the light are connected, every point of one to every point of the other:
+//!
+//! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
+//!
+//! M_z and M_y being the interactions at the two points (with their cosines toward each other), S the sheets in between.
+//! The emitters' and the camera's pinholes are points of their walks: a lone emitter is next-event estimation, a lone
+//! camera a splat into whatever pixel sees the point. What several strategies can make is weighted by [`super::weight`].
+//!
+//! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
+
+use super::emission::{Emission, Ends};
+use super::flight::From;
+use super::join::{Joiner, Scratch, Setup, most};
+use super::join_manifold::behind;
+use super::manifold::Way;
+use super::mirrors::Mirrors;
+use super::path::environment;
+use super::roulette::Roulette;
+use super::splats::{Splat, Splats, WalkNumber};
+use super::walk::{Limits, Walk};
+use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
+use crate::material::Lanes;
+use crate::scene::{Integrator, Scene};
+use glam::{DVec2, Vec3A};
+use optics::sampling::stream::Stream;
+use optics::spectrum::{Spectral, max_lane};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Tells the streams of walks from the light from those of camera samples.
+const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
+
+/// Camera samples that say what is worth a connection.
+const PILOT: u32 = 2048;
+
+/// What a render by walks works out beforehand.
+pub struct Plan {
+    setup: Setup,
+    splats: Splats,
+}
+
+/// Walks of one camera sample, and what its pixel gets.
+#[derive(Default)]
+pub struct Walks {
+    camera: Walk,
+    light: Walk,
+    scratch: Scratch,
+    /// What each sample brings, in order, and the Mueller elements of all.
+    pub lists: Vec<Vec<Contribution>>,
+    pub elements: Vec<Spectral>,
+}
+
+/// True if connections of `s` points from the light to `t` from the camera are asked for.
+fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
+    match scene.settings.strategy {
+        Some([a, b]) => [a as usize, b as usize] == [s, t],
+        None => true,
+    }
+}
+
+impl Plan {
+    /// Prepares a render of the pixels that are `asked` for.
+    #[must_use]
+    pub fn new(scene: &Scene, asked: impl Fn(u32) -> bool + Sync) -> Self {
+        let [w, h] = scene.camera.resolution;
+        let manifold = scene.settings.manifold && scene.settings.strategy.is_none();
+        let mirrors = manifold && scene.settings.integrator == Integrator::Bidirectional;
+        let mut plan = Self {
+            setup: Setup {
+                emission: Emission::new(scene),
+                walks: w * h,
+                manifold: manifold && scene.materials.any_interface(),
+                mirrors: if mirrors {
+                    Mirrors::new(scene)
+                } else {
+                    Mirrors::default()
+                },
+                roulette: Roulette::default(),
+            },
+            splats: Splats::default(),
+        };
+        if scene.settings.strategy.is_none() {
+            plan.setup.roulette = plan.pilot(scene);
+        }
+        let splats = scene.settings.strategy.is_none_or(|[_, t]| t == 1);
+        if scene.settings.integrator == Integrator::Bidirectional && splats && plan.setup.emission.count() > 0
+        {
+            plan.splats = Splats::new(
+                (scene.settings.spp, plan.setup.walks, w * h),
+                asked,
+                || (Walks::default(), vec![], vec![]),
+                |(walks, list, elements), number, found| {
+                    walks.look(scene, &plan, number, &mut Contributions { list, elements }, found);
+                },
+            );
+        }
+        plan
+    }
+
+    /// What is worth a connection, from a few samples spread over the image.
+    fn pilot(&self, scene: &Scene) -> Roulette {
+        let [w, h] = scene.camera.resolution;
+        let pixels = u64::from(w) * u64::from(h);
+        let samples: Vec<f32> = (0..PILOT)
+            .into_par_iter()
+            .map_init(
+                || (Walks::default(), vec![], vec![]),
+                |(walks, list, elements), n| {
+                    let pixel = (u64::from(n) * pixels / u64::from(PILOT)) as u32;
+                    let mut out = Contributions { list, elements };
+                    out.list.clear();
+                    out.elements.clear();
+                    // Samples of their own.
+                    walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
+                    brings(&out)
+                },
+            )
+            .collect();
+        Roulette::new(&samples, scene.filled)
+    }
+}
+
+/// The intensity of all contributions in the brightest lane.
+fn brings(out: &Contributions) -> f32 {
+    let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
+    max_lane(intensities.fold(Spectral::ZERO, |a, b| a + b))
+}
+
+impl Walks {
+    /// Traces paths for the `samples` of camera pixel (x, y), each through a uniformly random point of the pixel, and
+    /// leaves what they bring in `lists` and `elements`; the same as [`super::path::Paths::trace`].
+    pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        self.lists.resize_with(samples.len(), Vec::new);
+        let mut elements = std::mem::take(&mut self.elements);
+        elements.clear();
+        let mut rays = 0;
+        for (n, sample) in samples.enumerate() {
+            let mut list = std::mem::take(&mut self.lists[n]);
+            list.clear();
+            let mut out = Contributions {
+                list: &mut list,
+                elements: &mut elements,
+            };
+            rays += self.sample(scene, plan, [x, y], sample, &mut out);
+            self.lists[n] = list;
+        }
+        self.elements = elements;
+        rays
+    }
+
+    /// One camera sample.
+    fn sample(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        [x, y]: [u32; 2],
+        sample: u32,
+        out: &mut Contributions,
+    ) -> u32 {
+        let pixel = y * scene.camera.resolution[0] + x;
+        let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+        let ends = Ends::draw(scene, &mut stream);
+        let [jx, jy] = stream.uniform2().map(f64::from);
+        let dir = ends
+            .camera
+            .direction(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
+        let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
+        let limits = Limits {
+            interactions: most(scene),
+            point: usize::MAX,
+            escapes: scene.environment.is_some(),
+        };
+        self.camera.run(scene, From::Camera, &end, &mut stream, limits);
+        self.scratch.seen[0] = None;
+        let mut rays = self.camera.rays;
+        if let (Some((dir, chain, frame, interactions)), None) =
+            (&self.camera.escape, scene.settings.strategy)
+        {
+            environment(scene, chain, (*dir, *frame), *interactions, out);
+        }
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
+        for t in 2..=self.camera.points.len() {
+            let camera = &self.camera.points[..t];
+            let point = &camera[t - 1];
+            if !point.connects(scene) || !wanted(scene, 1, t) {
+                continue;
+            }
+            for source in 0..plan.setup.emission.count() {
+                let lit = plan.setup.emission.pixel(&ends, source, point.surface.p);
+                let coaxial = t == 2 && ends.coaxial;
+                let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
+                    continue;
+                };
+                if coaxial && lit != NO_PIXEL {
+                    lit = pixel;
+                }
+                if let Some(emitter) = plan.setup.emission.emitter(scene, &ends, source, point.surface.p) {
+                    joiner.join(camera, &[emitter], (source, lit), None, out);
+                }
+            }
+            let over_mirrors = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
+            for source in 0..plan.setup.emission.count() {
+                if plan.setup.manifold {
+                    joiner.join_by_manifold(camera, source, out);
+                }
+                if over_mirrors {
+                    joiner.join_over_mirrors(camera, source, out);
+                }
+            }
+        }
+        rays += joiner.rays;
+        if scene.settings.integrator == Integrator::Path {
+            return rays;
+        }
+        // Over the samples, any walk starts anywhere.
+        let number = WalkNumber { sample, walk: pixel };
+        if let Some((lit_ends, source, lit, _)) = self.light_walk(scene, plan, number, usize::MAX) {
+            rays += self.light.rays;
+            let mut joiner = Joiner::new(
+                scene,
+                &plan.setup,
+                [&ends, &lit_ends],
+                &mut self.scratch,
+                &mut stream,
+            );
+            for s in 2..=self.light.points.len() {
+                if !self.light.points[s - 1].connects(scene) {
+                    continue;
+                }
+                for t in 2..=self.camera.points.len() {
+                    if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
+                        let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
+                        joiner.join(camera, light, (source, lit), None, out);
+                    }
+                }
+            }
+            rays += joiner.rays;
+        }
+        for splat in plan.splats.of(pixel, sample) {
+            rays += self.splat(scene, plan, splat, out);
+        }
+        rays
+    }
+
+    /// Makes a walk from the light up to a point; the pinholes, the source that it started from, its projector pixel
+    /// and what is left of its stream.
+    fn light_walk(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        point: usize,
+    ) -> Option<(Ends, usize, u32, Stream)> {
+        let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
+        let ends = Ends::draw(scene, &mut stream);
+        let start = plan
+            .setup
+            .emission
+            .start(scene, &ends, spread(scene, number), &mut stream)?;
+        let limits = Limits {
+            interactions: most(scene),
+            point,
+            escapes: false,
+        };
+        self.light
+            .run(scene, From::Light, &start.end, &mut stream, limits);
+        self.scratch.seen[1] = None;
+        Some((ends, start.source, start.pixel, stream))
+    }
+
+    /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
+    fn look(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        out: &mut Contributions,
+        found: &mut dyn FnMut(u32, Splat),
+    ) {
+        let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, number, usize::MAX) else {
+            return;
+        };
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
+        let weighs = std::mem::take(&mut joiner.weighs);
+        for s in 2..=self.light.points.len() {
+            let light = &self.light.points[..s];
+            let point = &light[s - 1];
+            if !point.connects(scene) || !wanted(scene, s, 1) {
+                continue;
+            }
+            let mut keep =
+                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, factor, out: &mut Contributions| {
+                    let brings = brings(out);
+                    out.list.clear();
+                    out.elements.clear();
+                    // Nothing comes where something is in the way.
+                    if brings == 0.0 {
+                        return;
+                    }
+                    let Some(kept) = plan.setup.roulette.spin(brings * factor, joiner.stream) else {
+                        return;
+                    };
+                    if weighs {
+                        joiner.seen_through(light, source);
+                    }
+                    let seen = joiner.scratch.seen[1].and_then(|(_, density)| density);
+                    let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, lanes)| {
+                        (way.dir, way.count() as u8, lanes.mask)
+                    });
+                    found(
+                        pixel,
+                        Splat {
+                            walk: number,
+                            seen: seen.unwrap_or(f32::NAN),
+                            factor: factor * kept,
+                            dir: dir.to_array(),
+                            point: (s - 1) as u16,
+                            interfaces,
+                            lanes,
+                        },
+                    );
+                };
+            if let Some(mut pixel) = ends.camera.pixel(point.surface.p) {
+                if s == 2 && ends.coaxial && lit != NO_PIXEL {
+                    pixel = lit;
+                }
+                joiner.splat(light, (source, lit), 1.0, out);
+                keep(&mut joiner, pixel, None, 1.0, out);
+            }
+            if plan.setup.manifold {
+                joiner.views_by_manifold(light, |joiner, pixel, way, (lanes, lane, factor)| {
+                    joiner.splat_way(light, (source, lit), way, (lanes, lane, 1.0), out);
+                    keep(joiner, pixel, Some((way, lanes)), factor, out);
+                });
+            }
+        }
+    }
+
+    /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
+    fn splat(&mut self, scene: &Scene, plan: &Plan, splat: &Splat, out: &mut Contributions) -> u32 {
+        let last = usize::from(splat.point);
+        let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, splat.walk, last) else {
+            return 0;
+        };
+        let Some(light) = self.light.points.get(..=last) else {
+            return 0;
+        };
+        let known = (!splat.seen.is_nan()).then_some(splat.seen);
+        self.scratch.seen[1] = behind(light).map(|first| (first, known));
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
+        if splat.interfaces == 0 {
+            joiner.splat(light, (source, lit), splat.factor, out);
+        } else {
+            let lanes = Lanes { mask: splat.lanes };
+            let many = (usize::from(splat.interfaces), lanes.nth(0));
+            if let Some(way) = joiner.known_view(&light[last], Vec3A::from_array(splat.dir), many) {
+                joiner.splat_way(light, (source, lit), &way, (lanes, many.1, splat.factor), out);
+            }
+        }
+        joiner.rays + self.light.rays
+    }
+}
+
+/// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
+/// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
+fn spread(scene: &Scene, number: WalkNumber) -> [f32; 2] {
+    let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, number.sample);
+    let k = f64::from(number.walk);
+    [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| {
+        let at = (f64::from(shift.uniform()) + k * step).fract() as f32;
+        // Rounding to single precision must not reach 1.
+        at.min(1.0 - f32::EPSILON / 2.0)
+    })
+}

@@ -1,0 +1,143 @@
+//! Straight lines between two points: what light gets along them.
+//!
+//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not bend light, so the line between two
+//! points is a path even if some of them stand in it. It brings
+//!
+//! > e^(-τ) · S₁ ⋯ Sₖ,
+//!
+//! S₁ being the sheet next to the camera's side and τ = Σ μ_t d over the media on the way. Each sheet counts as an
+//! interaction, as where a path meets it; boundaries that light does not notice do not. Anything else blocks the line.
+
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::Medium;
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::perpendicular;
+use optics::spectrum::Spectral;
+
+/// Gap left before a line's end, relative to its length, so that rounding does not make the end block itself.
+pub(super) const END_GAP: f32 = 1e-5;
+
+/// The end of a line on the camera's side.
+#[derive(Clone, Copy)]
+pub(super) struct Start {
+    /// Leads to the other end.
+    pub ray: Ray,
+    /// Where the line really starts (the ray's origin is nudged off the surface).
+    pub from: Vec3A,
+    pub medium: Medium,
+    pub nest: Nest,
+}
+
+/// A line that light gets along.
+pub(super) struct Bridge {
+    /// Optical path length, metres.
+    pub optical_m: f64,
+    /// Number of sheets passed.
+    pub sheets: u32,
+    /// Optical depth τ.
+    pub depth: Spectral,
+    /// What is at the end of the line.
+    pub medium: Medium,
+    pub nest: Nest,
+}
+
+/// The medium that surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
+pub(super) fn filling(scene: &Scene, nest: &Nest, lane: usize) -> Medium {
+    let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
+    nest.medium(&scene.boundaries)
+        .map_or(Medium::VACUUM, |id| Medium::clear(index(id)))
+}
+
+/// True if light does not notice the surfaces of material `id`: boundaries between media of one index, and those that lie in
+/// an object of higher priority.
+pub(super) fn unnoticed(scene: &Scene, nest: &Nest, id: u32) -> bool {
+    scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
+}
+
+/// Takes light that travels along `dir` straight through a surface, into what is behind it.
+pub(super) fn pass(
+    scene: &Scene,
+    nest: &mut Nest,
+    medium: &mut Medium,
+    at: &Surface,
+    dir: Vec3A,
+    lane: usize,
+) {
+    let before = nest.medium(&scene.boundaries);
+    nest.cross(&scene.boundaries, at.material, at.ng.dot(dir) < 0.0);
+    if nest.medium(&scene.boundaries) != before {
+        *medium = filling(scene, nest, lane);
+    }
+}
+
+/// Follows the line to the point `to`, through at most `most` sheets; `None` if something blocks it. Multiplies `chain`,
+/// whose light is in `frame`, by what is in the way; counts the rays traced. `lane` is the wavelength whose indices count.
+// Out of line: scenes without sheets shall not carry its code through their inner loop.
+#[inline(never)]
+pub(super) fn bridge(
+    scene: &Scene,
+    chain: &mut Chain,
+    frame: &mut Vec3A,
+    start: &Start,
+    to: Vec3A,
+    (most, lane): (u32, usize),
+    rays: &mut u32,
+) -> Option<Bridge> {
+    let Start {
+        mut ray,
+        mut from,
+        mut medium,
+        mut nest,
+    } = *start;
+    let any = perpendicular(ray.dir);
+    let mut way = (to - from).length();
+    let (mut optical_m, mut sheets, mut depth) = (0.0, 0, Spectral::ZERO);
+    loop {
+        *rays += 1;
+        let length = (to - ray.origin).length() * (1.0 - END_GAP);
+        let hit = scene.geometry.intersect(&ray, length);
+        let step = hit.map_or(way, |hit| (ray.origin + ray.dir * hit.t - from).length());
+        if let Some(act) = scene.materials.propagate(medium, ray.dir, f64::from(step)) {
+            *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
+        }
+        if let Some(id) = nest.medium(&scene.boundaries) {
+            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step);
+        }
+        optical_m += f64::from(medium.index) * f64::from(step);
+        let Some(hit) = hit else {
+            break;
+        };
+        let surface = scene.geometry.surface(&ray, &hit);
+        let id = surface.material;
+        if !unnoticed(scene, &nest, id) {
+            let passed = scene.materials.straight(id, &surface, -ray.dir);
+            let passed = passed.filter(|_| sheets < most)?;
+            *frame = chain.push(&passed, -ray.dir, *frame).unwrap_or(any);
+            sheets += 1;
+        }
+        if scene.filled {
+            pass(scene, &mut nest, &mut medium, &surface, ray.dir, lane);
+        }
+        way -= step;
+        from = surface.p;
+        let origin = scene.geometry.leave(&surface, ray.dir);
+        // Aimed anew, so that the steps off the sheets do not add up to a miss of the end.
+        ray = Ray {
+            origin,
+            dir: (to - origin).normalize_or(ray.dir),
+        };
+    }
+    if depth != Spectral::ZERO {
+        chain.scale((-depth).exp());
+    }
+    Some(Bridge {
+        optical_m,
+        sheets,
+        depth,
+        medium,
+        nest,
+    })
+}

@@ -1,0 +1,214 @@
+//! Next-event estimation: connections from a surface point to the projector and to the point emitters.
+
+use super::bridge::END_GAP;
+use super::path::State;
+use super::sheets;
+use super::views::Views;
+use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::device::pinhole::OUTSIDE;
+use crate::device::projector::{Arrivals, Projector};
+use crate::geometry::many;
+use crate::geometry::many::Many;
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::view::View;
+use crate::material::{Medium, NO_CRYSTAL};
+use crate::scene::Scene;
+use base::units::picoseconds;
+use glam::Vec3A;
+use optics::polarization::chain::Extent;
+use optics::polarization::frame::{project, turn};
+use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
+
+/// A surface point on the path.
+pub(super) struct Vertex<'a> {
+    pub hit: Hit,
+    pub surface: &'a Surface,
+    /// Direction in which light leaves.
+    pub wo: Vec3A,
+    /// Surface interactions, this one included.
+    pub bounces: u32,
+}
+
+/// A connection to a point emitter or the projector.
+pub(super) struct Connection {
+    /// Direction to it, its position and distance.
+    pub wi: Vec3A,
+    pub position: Vec3A,
+    pub distance: f32,
+    /// Irradiance at normal incidence.
+    pub irradiance: Spectral,
+    /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
+    pub axis: Vec3A,
+    pub pixel: u32,
+}
+
+/// What several points get from the projector if nothing is in between, and where its view knows about that.
+pub(super) struct Lit<const N: usize> {
+    at: Arrivals<N>,
+    /// Numbers of the view's pyramids.
+    cells: [u32; N],
+}
+
+impl<const N: usize> Lit<N> {
+    /// Of the points `p`, of which the first `used` count; `seen_in` is the camera pixel that sees all of them, if it
+    /// does so through the projector's own pinhole.
+    #[inline(always)]
+    pub fn new(
+        projector: &Projector,
+        view: Option<&View>,
+        p: &Many<N>,
+        used: usize,
+        seen_in: Option<u32>,
+    ) -> Self {
+        let mut at = projector.arrivals(p);
+        if let Some(pixel) = seen_in {
+            at.pixel = [pixel; N];
+        }
+        let cells = match view {
+            Some(view) => {
+                let cells = view.cells(&at.local);
+                for cell in &cells[..used.min(N)] {
+                    view.expect(*cell);
+                }
+                cells
+            }
+            None => [OUTSIDE; N],
+        };
+        Self { at, cells }
+    }
+}
+
+/// Connects a surface point to the projector, from which it gets what `lit` says at a place, and to every point emitter;
+/// returns the rays traced.
+#[inline(always)]
+pub(super) fn connect_all<const N: usize>(
+    scene: &Scene,
+    views: &Views,
+    state: &State,
+    at: &Vertex<'_>,
+    lit: Option<(&Lit<N>, usize)>,
+    out: &mut Contributions,
+) -> u32 {
+    let mut rays = 0;
+    let p = at.surface.p;
+    if let (Some(projector), Some((arrivals, lane))) = (&scene.projector, lit)
+        && arrivals.at.pixel[lane] != OUTSIDE
+    {
+        let a = &arrivals.at;
+        let connection = Connection {
+            wi: many::get(&a.wi, lane),
+            position: projector.pinhole.origin,
+            distance: a.distance[lane],
+            irradiance: projector.irradiance * Spectral::splat(a.factor[lane]),
+            axis: projector.pinhole.axes.x_axis,
+            pixel: a.pixel[lane],
+        };
+        let seen = match &views.projector {
+            Some(view) => view.sees(arrivals.cells[lane], a.local[2][lane], &at.hit, at.surface),
+            None => None,
+        };
+        rays += connect(scene, state, at, &connection, seen, out);
+    }
+    for point in &scene.points {
+        let to = point.position - p;
+        let distance = to.length();
+        if distance > 0.0 {
+            let wi = to * distance.recip();
+            let connection = Connection {
+                wi,
+                position: point.position,
+                distance,
+                irradiance: point.intensity * Spectral::splat(1.0 / (distance * distance)),
+                axis: point.axis,
+                pixel: NO_PIXEL,
+            };
+            rays += connect(scene, state, at, &connection, None, out);
+        }
+    }
+    rays
+}
+
+/// One connection: what is `known` about its being free first, then the BRDF, a ray only if both leave it open.
+#[inline(always)]
+fn connect(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    to: &Connection,
+    known: Option<bool>,
+    out: &mut Contributions,
+) -> u32 {
+    if known == Some(false) {
+        return 0;
+    }
+    let (surface, wo) = (at.surface, at.wo);
+    let id = surface.material;
+    // Borrowed, not moved: it is large.
+    let scatter = scene.materials.eval_inline(id, surface, wo, to.wi);
+    let Some(scatter) = &scatter else {
+        return 0;
+    };
+    let mut rays = 0;
+    let mut blocked = None;
+    if known.is_none() {
+        let origin = scene.geometry.leave(surface, to.wi);
+        let v = to.position - origin;
+        let length = v.length();
+        let ray = Ray {
+            origin,
+            dir: v * length.recip(),
+        };
+        rays = 1;
+        if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
+            if !scene.sheets {
+                return rays;
+            }
+            blocked = Some(ray);
+        }
+    }
+    let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
+    let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
+    let medium = beyond.flatten().unwrap_or(state.medium);
+    if let Some(ray) = blocked {
+        return rays + sheets::connect(scene, state, (scatter, wo), (&ray, medium), at.bounces, to, out);
+    }
+    let extent = if let Scatter::Depolarize(f) = scatter {
+        state.chain.finish_depolarized(*f * to.irradiance, out.elements)
+    } else if medium.crystal != NO_CRYSTAL {
+        through_crystal(scene, state, scatter, medium, wo, to, out)
+    } else {
+        let frame_in = scatter.frame_in();
+        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
+        state
+            .chain
+            .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
+    };
+    let time_ps = picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance));
+    out.push(extent, time_ps, to.pixel, at.bounces);
+    rays
+}
+
+/// Ends a path whose last ray runs through a crystal, which turns polarization on the way.
+#[cold]
+fn through_crystal(
+    scene: &Scene,
+    state: &State,
+    scatter: &Scatter,
+    medium: Medium,
+    wo: Vec3A,
+    to: &Connection,
+    out: &mut Contributions,
+) -> Extent {
+    let mut chain = state.chain;
+    let frame = chain.push(scatter, wo, state.frame);
+    chain.scale(to.irradiance);
+    if let Some(mut frame) = frame {
+        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
+            frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
+        }
+        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
+        chain.rotate_in(c2, s2);
+    }
+    chain.finish(out.elements)
+}

@@ -1,0 +1,264 @@
+//! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
+
+use super::bridge::filling;
+use super::point::{End, Point};
+use crate::accumulate::NO_PIXEL;
+use crate::device::pinhole::Pinhole;
+use crate::device::projector::Projector;
+use crate::geometry::ray::Ray;
+use crate::material::Medium;
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use glam::{DVec2, Vec3A};
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::project;
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::Spectral;
+use std::f32::consts::PI;
+
+/// An emitter without extent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    Projector,
+    /// The number of a point emitter.
+    Point(usize),
+}
+
+/// All emitters that walks can start from, and what surrounds their ends and the camera's.
+pub(super) struct Emission {
+    /// With the probability of being chosen.
+    sources: Vec<(Source, f32)>,
+    /// Filled objects around each source, and around the camera.
+    nests: Vec<Nest>,
+    pub camera: Nest,
+}
+
+/// The pinholes that a sample looks and shines through: the devices' own, or points of their lenses.
+#[derive(Clone, Copy)]
+pub(super) struct Ends {
+    pub camera: Pinhole,
+    pub projector: Option<Projector>,
+    /// Camera and projector share their pinhole.
+    pub coaxial: bool,
+}
+
+impl Ends {
+    /// The devices' centres.
+    pub fn new(scene: &Scene) -> Self {
+        Self {
+            camera: scene.camera,
+            projector: scene.projector,
+            coaxial: scene.projector.is_some_and(|p| p.coaxial),
+        }
+    }
+
+    /// Uniformly random points of the lenses.
+    pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
+        let mut ends = Self::new(scene);
+        if ends.camera.lens.radius > 0.0 {
+            ends.camera = ends.camera.through_lens(stream.uniform2());
+            // Light that leaves by one point of the lens returns by another.
+            ends.coaxial = false;
+        }
+        if let Some(p) = &mut ends.projector
+            && p.pinhole.lens.radius > 0.0
+        {
+            p.pinhole = p.pinhole.through_lens(stream.uniform2());
+        }
+        ends
+    }
+}
+
+/// A walk's start with what it knows of its light.
+pub(super) struct Emitted {
+    pub end: End,
+    pub source: usize,
+    /// Projector pixel s'.
+    pub pixel: u32,
+}
+
+/// The filled objects around a point: those whose boundaries a ray to infinity leaves more often than it enters them.
+fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
+    let mut nest = Nest::default();
+    if !scene.filled {
+        return nest;
+    }
+    // Some direction that no scene is likely to be aligned with.
+    let dir = Vec3A::new(0.362_7, 0.541_3, 0.758_6).normalize();
+    let mut ray = Ray { origin: p, dir };
+    let mut net = vec![0_i32; scene.boundaries.len()];
+    let mut left = vec![];
+    // A ray that grazes forever would be a loop.
+    for _ in 0..10_000 {
+        let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
+            break;
+        };
+        let surface = scene.geometry.surface(&ray, &hit);
+        let id = surface.material as usize;
+        net[id] += if surface.ng.dot(dir) > 0.0 { 1 } else { -1 };
+        if net[id] == 1 {
+            left.push(surface.material);
+        }
+        ray.origin = scene.geometry.leave(&surface, dir);
+    }
+    // What is left first was entered last.
+    for id in left.iter().rev().filter(|id| net[**id as usize] > 0) {
+        nest.cross(&scene.boundaries, *id, true);
+    }
+    nest
+}
+
+impl Emission {
+    pub fn new(scene: &Scene) -> Self {
+        let mean = |s: Spectral| s.to_array().iter().sum::<f32>();
+        let projector = scene.projector.iter().map(|p| {
+            let [w, h] = p.pinhole.resolution.map(f64::from);
+            let area = w * h / (p.pinhole.focal.x * p.pinhole.focal.y);
+            (Source::Projector, mean(p.irradiance) * area as f32)
+        });
+        let points = scene.points.iter().enumerate();
+        let points = points.map(|(i, p)| (Source::Point(i), mean(p.intensity) * 4.0 * PI));
+        let mut sources: Vec<(Source, f32)> = projector.chain(points).collect();
+        let all: f32 = sources.iter().map(|s| s.1).sum();
+        sources.retain(|s| s.1 > 0.0);
+        for s in &mut sources {
+            s.1 /= all;
+        }
+        let mut out = Self {
+            sources,
+            nests: vec![],
+            camera: surroundings(scene, scene.camera.origin),
+        };
+        out.nests = (0..out.count())
+            .map(|i| surroundings(scene, out.position(scene, &Ends::new(scene), i)))
+            .collect();
+        out
+    }
+
+    /// Number of sources.
+    pub fn count(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// Probability that a walk starts at a source.
+    pub fn chance(&self, source: usize) -> f32 {
+        self.sources[source].1
+    }
+
+    /// Where a source is.
+    pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
+        match (self.sources[source].0, &ends.projector) {
+            (Source::Point(i), _) => scene.points[i].position,
+            (Source::Projector, Some(p)) => p.pinhole.origin,
+            (Source::Projector, None) => Vec3A::ZERO,
+        }
+    }
+
+    /// Intensity that a source sends along the unit direction `dir`, which it lights, and the horizontal axis of its
+    /// Stokes vectors.
+    pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
+        match (self.sources[source].0, &ends.projector) {
+            (Source::Point(i), _) => (scene.points[i].intensity, scene.points[i].axis),
+            (Source::Projector, Some(p)) => {
+                let cos = dir.dot(p.pinhole.forward());
+                let factor = Spectral::splat(1.0 / (cos * cos * cos));
+                (p.irradiance * factor, p.pinhole.right())
+            }
+            (Source::Projector, None) => (Spectral::ZERO, Vec3A::X),
+        }
+    }
+
+    /// The projector pixel through which a source lights the point `p`, [`NO_PIXEL`] for point emitters; `None` if it does
+    /// not light it.
+    pub fn pixel(&self, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
+        match (self.sources[source].0, &ends.projector) {
+            (Source::Point(_), _) => Some(NO_PIXEL),
+            (Source::Projector, Some(projector)) => projector.pinhole.pixel(p),
+            (Source::Projector, None) => None,
+        }
+    }
+
+    /// Density per steradian with which a walk from a source starts along `dir`.
+    pub fn density(&self, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
+        match (self.sources[source].0, &ends.projector) {
+            (Source::Point(_), _) => 0.25 / PI,
+            (Source::Projector, Some(p)) => {
+                let [w, h] = p.pinhole.resolution.map(|n| n as f32);
+                p.pinhole.pixels_per_steradian(dir) / (w * h)
+            }
+            (Source::Projector, None) => 0.0,
+        }
+    }
+
+    /// Begins a walk: a source by its power, a point of the projector's image by the two uniforms `at`; `None` if the scene
+    /// has no sources.
+    pub fn start(&self, scene: &Scene, ends: &Ends, at: [f32; 2], stream: &mut Stream) -> Option<Emitted> {
+        let mut u = stream.uniform();
+        let last = self.sources.len().checked_sub(1)?;
+        let mut source = 0;
+        while source < last && u >= self.sources[source].1 {
+            u -= self.sources[source].1;
+            source += 1;
+        }
+        let (dir, pixel) = match (self.sources[source].0, &ends.projector) {
+            (Source::Projector, Some(p)) => {
+                let [w, h] = p.pinhole.resolution;
+                let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
+                let at = DVec2::from_array(at);
+                (p.pinhole.direction(at), p.pinhole.number(at))
+            }
+            _ => (warp::sphere(at), NO_PIXEL),
+        };
+        let (intensity, axis) = self.intensity(scene, ends, source, dir);
+        let density = self.density(ends, source, dir);
+        let flux = intensity * Spectral::splat(1.0 / (density * self.chance(source)));
+        let (origin, nest) = (self.position(scene, ends, source), self.nests[source]);
+        Some(Emitted {
+            end: End {
+                ray: Ray { origin, dir },
+                chain: Chain::start(flux),
+                frame: project(axis, dir),
+                density,
+                medium: filling(scene, &nest, 0),
+                nest,
+            },
+            source,
+            pixel,
+        })
+    }
+
+    /// The camera's end of walks whose rays start along `dir`.
+    pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
+        End {
+            ray: Ray {
+                origin: camera.origin,
+                dir,
+            },
+            chain: Chain::start(scene.wavelengths.ones()),
+            frame: camera.frame(dir),
+            density: camera.pixels_per_steradian(dir),
+            medium: filling(scene, &self.camera, 0),
+            nest: self.camera,
+        }
+    }
+
+    /// A source as the end of a line from the point `p`; `None` where the two coincide.
+    pub fn emitter(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
+        let origin = self.position(scene, ends, source);
+        let dir = (p - origin).try_normalize()?;
+        let (intensity, axis) = self.intensity(scene, ends, source, dir);
+        Some(Point::end(
+            scene,
+            &End {
+                ray: Ray { origin, dir },
+                chain: Chain::start(intensity),
+                frame: project(axis, dir),
+                density: self.density(ends, source, dir),
+                // Lines are followed from the camera's side.
+                medium: Medium::VACUUM,
+                nest: Nest::default(),
+            },
+        ))
+    }
+}

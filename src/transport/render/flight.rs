@@ -1,0 +1,218 @@
+//! A walk between two of its points: straight through media, sheets' gaps and boundaries that light does not notice.
+
+use super::bridge::{pass, unnoticed};
+use super::path::crossed;
+use super::point::Place;
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Lanes, Medium, NO_CRYSTAL};
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::perpendicular;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// Surfaces are looked for this much farther than a free path, against rounding.
+const REACH: f32 = 1e-3;
+
+/// Which end a walk starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum From {
+    Camera,
+    Light,
+}
+
+/// The state of a walk between two points.
+pub(super) struct Flight {
+    pub ray: Ray,
+    /// Where the ray really starts.
+    pub from: Vec3A,
+    pub chain: Chain,
+    pub frame: Vec3A,
+    pub optical_m: f64,
+    /// Optical depth since the last point.
+    pub depth: Spectral,
+    pub medium: Medium,
+    pub nest: Nest,
+    pub lanes: Lanes,
+    pub hero: Hero,
+}
+
+/// The wavelength that draws all distances and directions of a walk in media, and how likely each living one would have
+/// drawn the same, relative to each other.
+///
+/// Weights are over the mean density of all living wavelengths of the *whole* walk (Wilkie et al. 2014, "Hero wavelength
+/// spectral sampling"). Means event by event would let them grow with the number of events.
+pub(super) struct Hero {
+    pub lane: usize,
+    likely: Spectral,
+}
+
+impl Hero {
+    /// Any of the living lanes.
+    pub fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
+        Self {
+            lane: lanes.draw(stream),
+            likely: lanes.ones(),
+        }
+    }
+
+    /// A dispersive interface leaves one lane.
+    pub fn only(lanes: Lanes) -> Self {
+        Self {
+            lane: lanes.nth(0),
+            likely: lanes.ones(),
+        }
+    }
+
+    /// Takes on that an event has happened whose density is `densities` by lane; returns what to divide by, `None` where the
+    /// event is too unlikely for numbers.
+    pub fn event(&mut self, densities: Spectral) -> Option<f32> {
+        let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
+        let all = sum(self.likely);
+        self.likely *= densities;
+        let now = sum(self.likely);
+        if !(now > 0.0 && now.is_finite()) {
+            return None;
+        }
+        // Kept near 1: only ratios count.
+        self.likely *= Spectral::splat(1.0 / now);
+        Some(now / all)
+    }
+}
+
+/// What ends a flight.
+pub(super) enum Landing {
+    At(Place, Surface),
+    Escaped,
+    Absorbed,
+}
+
+/// The mean transmittance over all of the scene's wavelengths.
+#[inline]
+pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
+    if depth == Spectral::ZERO {
+        return 1.0;
+    }
+    let passed = (-depth).exp() * scene.wavelengths.ones();
+    passed.to_array().iter().sum::<f32>() / scene.wavelengths.count() as f32
+}
+
+impl Flight {
+    /// Lets the medium act on the light along the way to a surface.
+    fn cross(&mut self, scene: &Scene, from: From, surface: &Surface) {
+        if self.medium.crystal == NO_CRYSTAL {
+            return;
+        }
+        if let Some(act) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
+            self.push(&act, from);
+        }
+    }
+
+    /// Takes on what happens to the light that runs along the ray: an interaction in its true direction.
+    pub fn push(&mut self, scatter: &Scatter, from: From) {
+        let next = match from {
+            From::Camera => self.chain.push(scatter, -self.ray.dir, self.frame),
+            From::Light => self.chain.push(&scatter.transposed(), self.ray.dir, self.frame),
+        };
+        self.frame = next.unwrap_or(Vec3A::ZERO);
+    }
+
+    /// A frame for the ray, where what it met left it open.
+    pub fn settle(&mut self) {
+        if self.frame == Vec3A::ZERO {
+            self.frame = perpendicular(self.ray.dir);
+        }
+    }
+
+    /// Flies on to the next thing that happens.
+    pub fn fly(&mut self, scene: &Scene, from: From, stream: &mut Stream, rays: &mut u32) -> Landing {
+        loop {
+            *rays += 1;
+            let inside = self.nest.medium(&scene.boundaries);
+            // Most ways through dense media end before any surface, which then need not be looked for.
+            let free = inside.and_then(|id| self.free_path(scene, id, stream));
+            let reach = free.map_or(f32::INFINITY, |length| {
+                length * (1.0 + REACH) + scene.geometry.skin()
+            });
+            let hit = scene.geometry.intersect(&self.ray, reach);
+            let surface = hit.map(|hit| scene.geometry.surface(&self.ray, &hit));
+            let way = surface.map_or(f32::INFINITY, |s| (s.p - self.from).length());
+            if let Some(id) = inside
+                && let Some(landing) = self.through(scene, id, way, free)
+            {
+                return landing;
+            }
+            let Some(surface) = surface else {
+                return Landing::Escaped;
+            };
+            self.optical_m += f64::from(self.medium.index) * f64::from(way);
+            self.cross(scene, from, &surface);
+            self.settle();
+            let id = surface.material;
+            if !unnoticed(scene, &self.nest, id) {
+                return Landing::At(Place::Surface, surface);
+            }
+            let (nest, medium) = (&mut self.nest, &mut self.medium);
+            pass(scene, nest, medium, &surface, self.ray.dir, self.lanes.nth(0));
+            self.from = surface.p;
+            self.ray.origin = scene.geometry.leave(&surface, self.ray.dir);
+        }
+    }
+
+    /// Draws how far the hero wavelength goes in a medium before it is scattered or absorbed; `None` where nothing scatters.
+    fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
+        let medium = &scene.media.list[id as usize];
+        if medium.scattering == Spectral::ZERO {
+            return None;
+        }
+        // Never 0.
+        let u = 1.0 - stream.uniform();
+        Some(-u.ln() / medium.extinction().to_array()[self.hero.lane])
+    }
+
+    /// Goes `way` metres through a medium, or less if the light's free path is shorter.
+    fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
+        let medium = &scene.media.list[id as usize];
+        let extinction = medium.extinction();
+        let passed = |length: f32| {
+            let depth = extinction * Spectral::splat(length);
+            // Infinite ways through lanes that are clear.
+            extinction.simd_eq(Spectral::ZERO).select(Spectral::ZERO, depth)
+        };
+        let Some(length) = free else {
+            self.depth += passed(way);
+            self.chain.scale((-passed(way)).exp());
+            return None;
+        };
+        if length < way {
+            let depth = passed(length);
+            let transmittance = (-depth).exp();
+            let Some(density) = self.hero.event(extinction * transmittance) else {
+                return Some(Landing::Absorbed);
+            };
+            self.chain
+                .scale(medium.scattering * transmittance * Spectral::splat(1.0 / density));
+            self.depth += depth;
+            self.optical_m += f64::from(self.medium.index) * f64::from(length);
+            let p = self.from + self.ray.dir * length;
+            return Some(Landing::At(
+                Place::Volume(id),
+                Surface {
+                    p,
+                    ..Surface::default()
+                },
+            ));
+        }
+        let depth = passed(way);
+        let transmittance = (-depth).exp();
+        let Some(chance) = self.hero.event(transmittance) else {
+            return Some(Landing::Absorbed);
+        };
+        self.chain.scale(transmittance * Spectral::splat(1.0 / chance));
+        self.depth += depth;
+        None
+    }
+}

@@ -1,0 +1,101 @@
+//! What a render of a scene is, for the sink that takes it: layouts of its slices, and provenance.
+
+use crate::accumulate::SlicePlan;
+use crate::device::pinhole::Pinhole;
+use crate::scene::Scene;
+use serde_json::{Map, Value, json};
+use tensor::sink::{Job, JobSlice};
+use tensor::slice::Slice;
+
+/// The job of rendering all slices of a scene.
+#[must_use]
+pub fn job(scene: &Scene) -> Job {
+    let plans = plans(scene);
+    let slices = scene.slices.iter().zip(&plans).map(|(slice, plan)| JobSlice {
+        layout: plan.layout().clone(),
+        attributes: slice_attributes(scene, slice, plan),
+    });
+    Job {
+        slices: slices.collect(),
+        attributes: provenance(scene),
+        camera: scene.camera.resolution,
+        tile: scene.settings.tile,
+    }
+}
+
+/// How contributions become elements of each slice.
+pub(super) fn plans(scene: &Scene) -> Vec<SlicePlan> {
+    let extents = scene.extents();
+    scene.slices.iter().map(|s| SlicePlan::new(s, &extents)).collect()
+}
+
+/// Attributes that say what was rendered, before it is.
+fn provenance(scene: &Scene) -> Map<String, Value> {
+    let pose = |p: &Pinhole| {
+        json!({
+            "resolution": p.resolution,
+            "focal_px": [p.focal.x, p.focal.y],
+            "principal_px": [p.principal.x, p.principal.y],
+            "distortion": {"k1": p.distortion.k1, "k2": p.distortion.k2, "k3": p.distortion.k3,
+                           "p1": p.distortion.p1, "p2": p.distortion.p2},
+            "origin_m": p.origin.to_array(),
+            "right": p.axes.x_axis.to_array(), "down": p.axes.y_axis.to_array(), "forward": p.axes.z_axis.to_array(),
+        })
+    };
+    let mut map = Map::new();
+    let mut put = |k: &str, v: Value| map.insert(k.into(), v);
+    put("title", json!(scene.name));
+    put(
+        "conventions",
+        json!(
+            "Stokes, Mueller and frames as in CONVENTIONS.md (Mitsuba 3's); Mueller matrices map projector-frame Stokes to camera-frame Stokes"
+        ),
+    );
+    put("scene_sha256", json!(scene.sha256));
+    put("seeds", json!([scene.settings.seed]));
+    put("samples_per_pixel", json!(scene.settings.spp));
+    put("max_depth", json!(scene.settings.max_depth));
+    put(
+        "integrator",
+        json!(format!("{:?}", scene.settings.integrator).to_lowercase()),
+    );
+    put("tile", json!(scene.settings.tile));
+    put("wavelengths_nm", json!(scene.wavelengths.nm()));
+    put("camera", pose(&scene.camera));
+    if let Some(p) = &scene.projector {
+        let mut v = pose(&p.pinhole);
+        v["irradiance"] = json!(p.irradiance.to_array()[..scene.wavelengths.count()]);
+        v["coaxial"] = json!(p.coaxial);
+        put("projector", v);
+    }
+    map
+}
+
+fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
+    use tensor::slice::ProjectorSelect as P;
+    let mut map = Map::new();
+    // What probing needs to lay a drive pattern over the slice's projector axes.
+    if let Some(p) = &scene.projector {
+        let bin = match slice.projector {
+            P::Binned { nx, ny } => [nx, ny],
+            _ => [1, 1],
+        };
+        map.insert("projector_size".into(), json!(p.pinhole.resolution));
+        map.insert("projector_bin".into(), json!(bin));
+    }
+    map.insert("pixels_per_element".into(), json!(plan.pixels_per_element()));
+    let projector = match &slice.projector {
+        P::Sum => "sum".into(),
+        P::All => "all".into(),
+        P::Rows(_) => "rows".into(),
+        P::Columns(_) => "columns".into(),
+        P::Block(_) => "block".into(),
+        P::Binned { nx, ny } => format!("binned {nx} x {ny}"),
+        P::Mask { name, .. } => format!("mask {name}"),
+        P::Epipolar { half_width_px } => format!("epipolar, half width {half_width_px} px"),
+        P::NonEpipolar { half_width_px } => format!("nonepipolar, half width {half_width_px} px"),
+        P::Coaxial => "coaxial".into(),
+    };
+    map.insert("projector_selection".into(), json!(projector));
+    map
+}

@@ -1,0 +1,299 @@
+//! Connections between a walk from the camera and one from the light, and their weights.
+
+use super::bridge::{END_GAP, Start, bridge};
+use super::emission::{Emission, Ends};
+use super::flight::mean_transmittance;
+use super::mirrors::Mirrors;
+use super::point::{Place, Point};
+use super::roulette::Roulette;
+use super::weight::{Densities, Tries, power_heuristic};
+use crate::accumulate::Contributions;
+use crate::material::NO_CRYSTAL;
+use crate::scene::{Integrator, Scene};
+use base::units::picoseconds;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::{perpendicular, turn};
+use optics::sampling::stream::Stream;
+use optics::spectrum::{Spectral, max_lane};
+
+/// What all connections of a render need.
+pub(super) struct Setup {
+    pub emission: Emission,
+    /// Walks from the light per sample.
+    pub walks: u32,
+    /// Emitters and the camera are looked for through interfaces.
+    pub manifold: bool,
+    /// Over which emitters are looked for.
+    pub mirrors: Mirrors,
+    pub roulette: Roulette,
+}
+
+/// Where a walk begins with interfaces: the first point behind them that lines can end at, by its number, and the density,
+/// per area across, with which walks come there, if the way would have been found from the point.
+pub(super) type Seen = Option<(usize, Option<f32>)>;
+
+/// What a thread keeps from one connection to the next.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Of the present walks from the camera and from the light.
+    densities: [Vec<Densities>; 2],
+    pub seen: [Seen; 2],
+}
+
+/// Interactions that a path may have.
+pub(super) fn most(scene: &Scene) -> u32 {
+    scene.settings.max_depth - 1
+}
+
+/// The line between the last points of two walks.
+pub(super) struct Line {
+    /// Directions in which it leaves the camera's point and the light's.
+    pub dirs: [Vec3A; 2],
+    /// Mean transmittance over the squared distance.
+    pub passed: f32,
+    /// Densities per area across with which walks from the other side come to the camera's point and to the light's, where
+    /// the line is bent.
+    pub arrivals: [Option<f32>; 2],
+}
+
+impl Line {
+    fn straight(dir: Vec3A, passed: f32) -> Self {
+        Self {
+            dirs: [dir, -dir],
+            passed,
+            arrivals: [None; 2],
+        }
+    }
+}
+
+/// Joins a product that was grown from the camera, whose light travels along `travel` in frame `frame`, to that of the light's
+/// walk at the point `y`, and appends the path with its time, projector pixel and number of interactions.
+pub(super) fn meet(
+    mut chain: Chain,
+    (frame, travel): (Vec3A, Vec3A),
+    y: &Point,
+    time_ps: f64,
+    (pixel, interactions): (u32, u32),
+    out: &mut Contributions,
+) {
+    let (c2, s2) = turn(travel, y.frame, frame);
+    chain.rotate_in(c2, s2);
+    chain.times_transposed(&y.chain);
+    let extent = chain.finish(out.elements);
+    out.push(extent, time_ps, pixel, interactions);
+}
+
+/// Makes connections.
+pub(super) struct Joiner<'a> {
+    pub scene: &'a Scene,
+    pub setup: &'a Setup,
+    /// Of the camera's walk, and of the light's.
+    pub ends: [&'a Ends; 2],
+    pub scratch: &'a mut Scratch,
+    /// False where no other strategy makes the same paths, or nobody asks how much they bring.
+    pub weighs: bool,
+    /// Decides which connections are made.
+    pub stream: &'a mut Stream,
+    /// Rays traced.
+    pub rays: u32,
+}
+
+impl<'a> Joiner<'a> {
+    /// For walks from the given ends.
+    pub fn new(
+        scene: &'a Scene,
+        setup: &'a Setup,
+        ends: [&'a Ends; 2],
+        scratch: &'a mut Scratch,
+        stream: &'a mut Stream,
+    ) -> Self {
+        Self {
+            stream,
+            scene,
+            setup,
+            ends,
+            scratch,
+            weighs: scene.settings.integrator == Integrator::Bidirectional
+                && scene.settings.strategy.is_none(),
+            rays: 0,
+        }
+    }
+
+    /// Connects the last point of a walk from the light to the camera, which counts `factor` times.
+    pub fn splat(&mut self, light: &[Point], lit: (usize, u32), factor: f32, out: &mut Contributions) {
+        let camera = &self.ends[0].camera;
+        let Some(point) = light.last() else {
+            return;
+        };
+        let dir = (point.surface.p - camera.origin).normalize_or(camera.forward());
+        let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
+        end.chain
+            .scale(Spectral::splat(end.density / self.setup.walks as f32));
+        self.join(&[Point::end(self.scene, &end)], light, lit, Some(factor), out);
+    }
+
+    /// Connects the last points of a walk from the camera and of one from the light, both of which may be ends, and appends
+    /// what the path brings; `lit` are the light's source and projector pixel. It counts `factor` times,
+    /// if roulette has decided already.
+    pub fn join(
+        &mut self,
+        camera: &[Point],
+        light: &[Point],
+        (source, pixel): (usize, u32),
+        factor: Option<f32>,
+        out: &mut Contributions,
+    ) {
+        let scene = self.scene;
+        let ([.., z], [.., y]) = (camera, light) else {
+            return;
+        };
+        if z.lanes.mask & y.lanes.mask == 0 {
+            return;
+        }
+        let inner = |p: &Point| u32::from(p.place != Place::Pinhole);
+        let interactions = z.interactions + y.interactions + inner(z) + inner(y);
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let to = y.surface.p - z.surface.p;
+        let distance2 = to.length_squared();
+        let Some(dir) = to.try_normalize() else {
+            return;
+        };
+        let (mut chain, mut frame) = (z.chain, z.frame);
+        if z.place != Place::Pinhole {
+            let Some(scatter) = z.scatter(scene, z.back, dir) else {
+                return;
+            };
+            frame = chain
+                .push(&scatter, z.back, frame)
+                .unwrap_or_else(|| perpendicular(dir));
+        }
+        let mut last = None;
+        if y.place != Place::Pinhole {
+            last = y.scatter_flux(scene, -dir, y.back);
+            if last.is_none() {
+                return;
+            }
+        }
+        let Some(factor) = factor.or_else(|| {
+            let last = last.as_ref().map_or(1.0, |scatter| max_lane(scatter.m00()));
+            let expected = chain.max_m00() * y.chain.max_m00() * last / distance2;
+            self.setup.roulette.spin(expected, self.stream)
+        }) else {
+            return;
+        };
+        let mut line = z.line(scene, dir);
+        let end = y.leave(scene, -dir);
+        let whole = end - line.ray.origin;
+        line.ray.dir = whole.normalize_or(dir);
+        let Some((optical_m, sheets, passed)) =
+            self.follow(&mut chain, &mut frame, &line, end, (most, z.lanes.nth(0)))
+        else {
+            return;
+        };
+        let weight = self.weight(camera, light, source, Line::straight(dir, passed / distance2));
+        chain.scale(Spectral::splat(weight * factor / distance2));
+        let travel = match &last {
+            Some(scatter) => {
+                frame = chain
+                    .push(scatter, -dir, frame)
+                    .unwrap_or_else(|| perpendicular(y.back));
+                -y.back
+            }
+            None => -dir,
+        };
+        let time_ps = picoseconds(z.optical_m + optical_m + y.optical_m);
+        meet(
+            chain,
+            (frame, travel),
+            y,
+            time_ps,
+            (pixel, interactions + sheets),
+            out,
+        );
+    }
+
+    /// Lets light along a line: its optical length in metres, sheets passed and mean transmittance; `None` if it is
+    /// blocked.
+    fn follow(
+        &mut self,
+        chain: &mut Chain,
+        frame: &mut Vec3A,
+        line: &Start,
+        end: Vec3A,
+        limits: (u32, usize),
+    ) -> Option<(f64, u32, f32)> {
+        let scene = self.scene;
+        if scene.sheets || scene.filled || line.medium.crystal != NO_CRYSTAL {
+            let way = bridge(scene, chain, frame, line, end, limits, &mut self.rays)?;
+            return Some((way.optical_m, way.sheets, mean_transmittance(scene, way.depth)));
+        }
+        let length = (end - line.ray.origin).length();
+        self.rays += 1;
+        if scene.geometry.occluded(&line.ray, length * (1.0 - END_GAP)) {
+            return None;
+        }
+        let optical_m = f64::from(line.medium.index) * f64::from((end - line.from).length());
+        Some((optical_m, 0, 1.0))
+    }
+
+    /// The weight of a connection among all strategies that can make its path.
+    pub fn weight(&mut self, camera: &[Point], light: &[Point], source: usize, line: Line) -> f32 {
+        let scene = self.scene;
+        if !self.weighs {
+            return 1.0;
+        }
+        let seen = [self.seen_from(camera), self.seen_through(light, source)];
+        for (walk, out) in [camera, light].into_iter().zip(self.scratch.densities.iter_mut()) {
+            out.clear();
+            out.extend(walk.iter().enumerate().map(|(i, p)| Densities {
+                own: p.forward,
+                other: p.reverse,
+                connects: !p.delta || i + 1 == walk.len(),
+            }));
+        }
+        let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);
+        let [from_camera, from_light] = &mut self.scratch.densities;
+        // Each end of the line as the other's walk would come there, and the points before them.
+        let [toward_light, toward_camera] = line.dirs;
+        let to_z = line.arrivals[0].unwrap_or_else(|| {
+            line.passed
+                * match y.place {
+                    Place::Pinhole => self.setup.emission.density(self.ends[0], source, toward_camera),
+                    _ => y.density(scene, y.back, toward_camera),
+                }
+        });
+        let to_y = line.arrivals[1].unwrap_or_else(|| {
+            line.passed
+                * match z.place {
+                    Place::Pinhole => z.forward,
+                    _ => z.density(scene, z.back, toward_light),
+                }
+        });
+        let sides = [
+            (camera, from_camera, to_z, toward_light, seen[0]),
+            (light, from_light, to_y, toward_camera, seen[1]),
+        ];
+        for (walk, out, density, dir, seen) in sides {
+            let k = walk.len() - 1;
+            let point = &walk[k];
+            out[k].other = density * point.cosine(dir);
+            if k > 0 {
+                out[k - 1].other = point.density(scene, dir, point.back) * point.spread;
+            }
+            if let Some((first, density)) = seen {
+                // The way through the interfaces is one step, that walks and manifolds both can make.
+                out.drain(1..first);
+                out[1].own = density;
+            }
+        }
+        let tries = Tries {
+            light: self.setup.emission.chance(source),
+            splats: self.setup.walks as f32,
+        };
+        let [camera, light] = &self.scratch.densities;
+        power_heuristic(light, camera, tries)
+    }
+}

@@ -1,0 +1,365 @@
+//! Connections through smooth interfaces and over mirrors, of a walk from the camera to an emitter, and through interfaces
+//! of a walk from the light to the camera ([`super::manifold`]).
+
+use super::bridge::Start;
+use super::join::{Joiner, Line, meet, most};
+use super::manifold::{self, Route, Way};
+use super::mirrors::Seed;
+use super::point::Point;
+use crate::accumulate::Contributions;
+use crate::material::Lanes;
+use base::units::picoseconds;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::{perpendicular, turn};
+use optics::polarization::scatter::Scatter;
+use optics::spectrum::{Spectral, max_lane};
+
+/// Wavelengths that take a way, the one whose indices count, and how many times it counts.
+pub(super) type Found = (Lanes, usize, f32);
+
+/// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
+const MOST_TRIES: u32 = 1 << 16;
+
+/// The first point of a walk that lines can end at.
+pub(super) fn behind(walk: &[Point]) -> Option<usize> {
+    let last = walk.len() - 1;
+    (1..=last).find(|i| !walk[*i].delta || *i == last)
+}
+
+impl Joiner<'_> {
+    /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
+    pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let (scene, emission) = (self.scene, &self.setup.emission);
+        let to = emission.position(scene, self.ends[0], source);
+        let Some(dir) = (to - z.surface.p).try_normalize() else {
+            return;
+        };
+        let (intensity, _) = emission.intensity(scene, self.ends[0], source, -dir);
+        let scattered = z.scatter(scene, z.back, dir);
+        let Some(factor) = self.spin(z, to, scattered, max_lane(intensity)) else {
+            return;
+        };
+        self.each_way(
+            z,
+            |joiner, lane| Some((joiner.way(z, to, lane)?, factor)),
+            |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+        );
+    }
+
+    /// True if a path over the last point of a walk from the camera and mirrors to an emitter is made in other ways: by
+    /// connections of two walks, or by ways through interfaces to the camera.
+    pub fn reached(&mut self, camera: &[Point]) -> bool {
+        let last = camera.len() - 1;
+        let connects = |i: usize| !camera[i].delta || i == last;
+        (1..=last).any(|i| connects(i - 1) && connects(i)) || self.seen_from(camera).is_some()
+    }
+
+    /// Connects the last point of a walk from the camera to an emitter over mirrors, and appends what that brings. It must
+    /// not be [`Self::reached`] otherwise: paths that are get no share of their weight here.
+    pub fn join_over_mirrors(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let (setup, scene) = (self.setup, self.scene);
+        let to = setup.emission.position(scene, self.ends[0], source);
+        let line = |seeds: &[Seed]| {
+            let dir = (seeds.first()?.point - z.surface.p).try_normalize()?;
+            Some(z.line(scene, dir))
+        };
+        let find = |seeds: &[Seed], lane| {
+            manifold::find_over(scene, &setup.mirrors, line(seeds)?, seeds, (to, lane))
+        };
+        setup.mirrors.flat_ways(z.surface.p, to, |seeds| {
+            self.each_way(
+                z,
+                |_, lane| Some((find(seeds, lane)?, 1.0)),
+                |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+            );
+        });
+        let draw = |joiner: &mut Self, lane| find(&[setup.mirrors.draw(joiner.stream)?], lane);
+        let found_by_chance = |joiner: &mut Self, lane| {
+            let way = draw(joiner, lane)?;
+            let again = |_: &u32| draw(joiner, lane).is_some_and(|w| w.is(&way));
+            let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
+            Some((way, tries as f32))
+        };
+        if !setup.mirrors.disperses {
+            self.each_way(z, found_by_chance, |joiner, way, lanes| {
+                joiner.join_way(camera, source, way, lanes, out);
+            });
+            return;
+        }
+        // Where one wavelength finds nothing by chance, others may.
+        for k in 0..z.lanes.count() {
+            let lane = z.lanes.nth(k);
+            if let Some((way, tries)) = found_by_chance(self, lane) {
+                let only = (Lanes { mask: 1 << lane }, lane, tries);
+                self.join_way(camera, source, &way, only, out);
+            }
+        }
+    }
+
+    /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
+    /// way, times what the end has for it per steradian, times n²/d².
+    fn spin(&mut self, p: &Point, to: Vec3A, scattered: Option<Scatter>, end: f32) -> Option<f32> {
+        let squared = p.medium.index * p.medium.index / (to - p.surface.p).length_squared();
+        let scattered = scattered.map_or(0.0, |s| max_lane(s.m00()));
+        let expected = p.chain.max_m00() * scattered * end * squared;
+        self.setup.roulette.spin_unsure(expected, self.stream)
+    }
+
+    /// Calls back with the way that is found from a point, if there is one, the wavelengths that take it, the one whose
+    /// indices count, and its factor; where interfaces disperse, every wavelength takes a way of its own.
+    fn each_way(
+        &mut self,
+        p: &Point,
+        mut find: impl FnMut(&mut Self, usize) -> Option<(Way, f32)>,
+        mut f: impl FnMut(&mut Self, &Way, Found),
+    ) {
+        let first = p.lanes.nth(0);
+        let Some((way, factor)) = find(self, first) else {
+            return;
+        };
+        if !way.disperses(self.scene) {
+            f(self, &way, (p.lanes, first, factor));
+            return;
+        }
+        let only = |lane: usize, factor| (Lanes { mask: 1 << lane }, lane, factor);
+        f(self, &way, only(first, factor));
+        for k in 1..p.lanes.count() {
+            let lane = p.lanes.nth(k);
+            if let Some((way, factor)) = find(self, lane) {
+                f(self, &way, only(lane, factor));
+            }
+        }
+    }
+
+    /// The straight line from a point to an end at `to`, from which ways through interfaces are looked for.
+    fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
+        let dir = (to - p.surface.p).try_normalize()?;
+        Some(p.line(self.scene, dir))
+    }
+
+    /// The way from a point to an end at `to` through interfaces.
+    fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
+        manifold::find(self.scene, self.straight(p, to)?, to, lane)
+    }
+
+    /// Appends what a way brings to the wavelengths `lanes`.
+    fn join_way(
+        &mut self,
+        camera: &[Point],
+        source: usize,
+        way: &Way,
+        (lanes, lane, factor): Found,
+        out: &mut Contributions,
+    ) {
+        let (scene, emission) = (self.scene, &self.setup.emission);
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let interactions = z.interactions + 1 + way.count() as u32;
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let Some(pixel) = emission.pixel(self.ends[0], source, way.first) else {
+            return;
+        };
+        let Some(scatter) = z.scatter(scene, z.back, way.dir) else {
+            return;
+        };
+        let mut chain = z.chain;
+        let mut frame = chain
+            .push(&scatter, z.back, z.frame)
+            .unwrap_or_else(|| perpendicular(way.dir));
+        let to = emission.position(scene, self.ends[0], source);
+        let limits = (most, lane);
+        let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays) else {
+            return;
+        };
+        let Some(emitter) = emission.emitter(scene, self.ends[0], source, way.first) else {
+            return;
+        };
+        let density = emission.density(self.ends[0], source, way.emitted);
+        let line = Line {
+            dirs: [way.dir, way.emitted],
+            passed: 1.0,
+            arrivals: [Some(way.density(density, &passed)), None],
+        };
+        let weight = if way.reflects() {
+            1.0
+        } else {
+            self.weight(camera, &[emitter], source, line)
+        };
+        chain.scale(lanes.ones() * Spectral::splat(weight * factor / way.spread));
+        let time_ps = picoseconds(z.optical_m + passed.optical_m);
+        let found = (pixel, interactions + passed.sheets);
+        meet(chain, (frame, way.emitted), &emitter, time_ps, found, out);
+    }
+
+    /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
+    /// pixel of each, the way and the wavelengths that take it.
+    pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Found)) {
+        let Some(y) = light.last() else {
+            return;
+        };
+        let camera = self.ends[0].camera;
+        let Some(dir) = (camera.origin - y.surface.p).try_normalize() else {
+            return;
+        };
+        let scattered = y.scatter_flux(self.scene, dir, y.back);
+        let density = camera.pixels_per_steradian(-dir) / self.setup.walks as f32;
+        let Some(factor) = self.spin(y, camera.origin, scattered, density) else {
+            return;
+        };
+        self.each_way(
+            y,
+            |joiner, lane| Some((joiner.way(y, camera.origin, lane)?, factor)),
+            |joiner, way, found| {
+                if let Some(pixel) = camera.pixel(way.first) {
+                    f(joiner, pixel, way, found);
+                }
+            },
+        );
+    }
+
+    /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
+    pub fn known_view(&self, y: &Point, dir: Vec3A, (interfaces, lane): (usize, usize)) -> Option<Way> {
+        let to = self.ends[0].camera.origin;
+        let route = Route::through(interfaces);
+        manifold::along(self.scene, self.straight(y, to)?, dir, to, (&route, lane))
+    }
+
+    /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.
+    ///
+    /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
+    /// D Kᵀ D, its radiance scaled the other way.
+    pub fn splat_way(
+        &mut self,
+        light: &[Point],
+        (source, pixel): (usize, u32),
+        way: &Way,
+        (lanes, lane, factor): Found,
+        out: &mut Contributions,
+    ) {
+        let (scene, camera) = (self.scene, &self.ends[0].camera);
+        let Some(y) = light.last() else {
+            return;
+        };
+        let interactions = y.interactions + 1 + way.count() as u32;
+        let Some(most) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let Some(scatter) = y.scatter_flux(scene, way.dir, y.back) else {
+            return;
+        };
+        let across = perpendicular(way.dir);
+        let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
+        let limits = (most, lane);
+        let Some(passed) = way.follow(
+            scene,
+            &mut back,
+            &mut frame,
+            camera.origin,
+            limits,
+            &mut self.rays,
+        ) else {
+            return;
+        };
+        let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
+        // Lines end at the camera's pinhole from outside.
+        let factor =
+            factor * end.density / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
+        end.chain.scale(lanes.ones() * Spectral::splat(factor));
+        let line = Line {
+            dirs: [way.emitted, way.dir],
+            passed: 1.0,
+            arrivals: [None, Some(way.density(end.density, &passed))],
+        };
+        let weight = self.weight(&[Point::end(scene, &end)], light, source, line);
+        let mut chain = end.chain;
+        chain.scale(Spectral::splat(weight));
+        let (c2, s2) = turn(-way.emitted, frame, end.frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&back.mirrored());
+        let frame = chain
+            .push(&scatter, way.dir, across)
+            .unwrap_or_else(|| perpendicular(y.back));
+        let time_ps = picoseconds(y.optical_m + passed.optical_m);
+        let found = (pixel, interactions + passed.sheets);
+        meet(chain, (frame, -y.back), y, time_ps, found, out);
+    }
+
+    /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
+    /// and the density per area with which light comes there; `None` where no such way would be found from that point.
+    pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
+        let to = self.setup.emission.position(self.scene, self.ends[1], source);
+        self.seen(light, 1, to, |joiner, dir| {
+            joiner.setup.emission.density(joiner.ends[1], source, dir)
+        })
+    }
+
+    /// The same of a walk from the camera.
+    pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
+        let to = self.ends[0].camera.origin;
+        self.seen(camera, 0, to, |joiner, dir| {
+            joiner.ends[0].camera.pixels_per_steradian(dir)
+        })
+    }
+
+    /// Of a walk from the camera (0) or the light (1), whose end is at `to` and sends rays with density `start`.
+    fn seen(
+        &mut self,
+        walk: &[Point],
+        side: usize,
+        to: Vec3A,
+        start: impl Fn(&Self, Vec3A) -> f32,
+    ) -> Option<(usize, f32)> {
+        if !self.setup.manifold {
+            return None;
+        }
+        let first = behind(walk)?;
+        if first < 2 {
+            return None;
+        }
+        let point = &walk[first];
+        let known = match self.scratch.seen[side] {
+            Some((i, known)) if i == first => known,
+            _ => {
+                let known = self.density_through(point, first - 1, to, start);
+                self.scratch.seen[side] = Some((first, known));
+                known
+            }
+        };
+        known.map(|density| (first, density * point.cosine(point.back)))
+    }
+
+    /// The density per area across with which a walk from the end at `to` comes to a point behind `count` interfaces;
+    /// `None` if the way would not be found from the point.
+    fn density_through(
+        &mut self,
+        point: &Point,
+        count: usize,
+        to: Vec3A,
+        start: impl Fn(&Self, Vec3A) -> f32,
+    ) -> Option<f32> {
+        let scene = self.scene;
+        if !point.connects(scene) {
+            return None;
+        }
+        let lane = point.lanes.nth(0);
+        let way = self.way(point, to, lane)?;
+        // Two ways through the same interfaces do not begin within a few milliradians of one another.
+        if way.count() != count || way.dir.dot(point.back) < 1.0 - 1e-5 {
+            return None;
+        }
+        let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
+        let limits = (most(scene), lane);
+        let passed = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays)?;
+        Some(way.density(start(self, way.emitted), &passed))
+    }
+}

@@ -1,0 +1,488 @@
+//! Connections to a pinhole through smooth interfaces and over mirrors: next-event estimation along specular manifolds
+//! (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
+//!
+//! From a point x a ray is shot through k interfaces, with its derivatives by the two angles of its direction (Igehy 1999,
+//! "Tracing ray differentials"). Newton's method turns the direction until the ray meets the emitter; it starts from the
+//! straight line, which also says how many interfaces there are. At the solution the derivative says how much area A the
+//! rays of a solid angle cover about the emitter, and so what arrives at x from its intensity I:
+//!
+//! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
+//!
+//! which is 1/d² where nothing bends the ray. Each Sᵢ is the interface's whole transmission with its radiance scaled by
+//! the squared indices. The density with which a walk from the light would have come the same way is
+//! p(ω_L) (n_x/n_L)² / J per area across.
+//!
+//! A start finds at most one of the ways that a curved interface may have. What is found depends on the point alone, so
+//! [`super::weight`] can ask of any path whether it would have been found.
+//!
+//! A way may also go over [`super::mirrors`], where it starts at a given point of each; J is the same.
+
+use super::bridge::{Start, bridge, unnoticed};
+use super::flight::mean_transmittance;
+use super::mirrors::{Mirrors, Seed};
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::{Lobe, Medium};
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::{basis, perpendicular};
+use optics::polarization::scatter::Scatter;
+
+/// Most interfaces on the way.
+const INTERFACES: usize = 8;
+
+/// Steps of Newton's method.
+const STEPS: usize = 24;
+
+/// A ray is at the emitter when it passes it this near, relative to its length.
+const NEAR: f32 = 5e-6;
+
+/// Ways whose cosine is nearer 1 than this are one: a milliradian.
+const SAME: f32 = 5e-7;
+
+/// A straight line to a mirror is looked along up to this near it, relative to its length.
+const BEFORE: f32 = 1e-4;
+
+/// What bends a way: interfaces and mirrors, in the order in which it comes to them.
+pub(super) struct Route<'a> {
+    /// Interfaces before each mirror, and after the last.
+    through: ArrayVec<usize, 3>,
+    over: &'a [Seed],
+    mirrors: Option<&'a Mirrors>,
+}
+
+/// Where the way is bent.
+struct Bend {
+    surface: Surface,
+    /// Directions before and after, away from x.
+    before: Vec3A,
+    after: Vec3A,
+    lobe: Lobe,
+    scatter: Scatter,
+    medium: Option<Medium>,
+}
+
+/// A way from a point to an emitter.
+pub(super) struct Way {
+    /// Direction in which it leaves the point, and in which the emitter's light starts out.
+    pub dir: Vec3A,
+    pub emitted: Vec3A,
+    /// The point that the emitter lights first.
+    pub first: Vec3A,
+    /// J, m².
+    pub spread: f32,
+    bends: ArrayVec<Bend, INTERFACES>,
+    start: Start,
+}
+
+/// What a way brings besides its polarization.
+pub(super) struct Passed {
+    pub optical_m: f64,
+    pub sheets: u32,
+    /// Mean transmittance of the media, and the index at the emitter.
+    pub mean: f32,
+    pub index: f32,
+}
+
+/// A ray shot toward an emitter: where it passes by, and the derivatives of that.
+#[derive(Clone, Copy)]
+struct Shot {
+    /// Unit direction at the end; the end minus the emitter, across it; derivatives by the two angles.
+    dir: Vec3A,
+    miss: Vec3A,
+    slopes: [Vec3A; 2],
+    length: f32,
+}
+
+/// True where light goes straight on.
+fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
+    let id = surface.material;
+    unnoticed(scene, nest, id) || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
+}
+
+impl<'a> Route<'a> {
+    /// True if a hit is on the mirror that ends a leg.
+    fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
+        match (self.mirrors, self.over.get(leg)) {
+            (Some(mirrors), Some(seed)) => mirrors.group(hit) == seed.group,
+            _ => false,
+        }
+    }
+
+    /// Through so many interfaces.
+    pub fn through(count: usize) -> Self {
+        Self {
+            through: ArrayVec::from_iter([count]),
+            over: &[],
+            mirrors: None,
+        }
+    }
+
+    /// The route from the start of a line to the points `over` of mirrors and on to `to`, as if all of it were straight in
+    /// between; `None` if something else stands in it.
+    fn over(scene: &Scene, mirrors: &'a Mirrors, start: &Start, over: &'a [Seed], to: Vec3A) -> Option<Self> {
+        let mut route = Self {
+            through: ArrayVec::new(),
+            over,
+            mirrors: Some(mirrors),
+        };
+        let (mut ray, mut nest) = (start.ray, start.nest);
+        for seed in over {
+            ray.dir = (seed.point - ray.origin).try_normalize()?;
+            let near = seed.point.lerp(ray.origin, BEFORE);
+            let (count, there, at) = interfaces(scene, (ray, nest), near)?;
+            route.through.push(count);
+            nest = there;
+            ray.origin = at;
+            let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+            if mirrors.group(&hit) != seed.group {
+                return None;
+            }
+            let surface = scene.geometry.surface(&ray, &hit);
+            ray.origin = scene.geometry.leave(&surface, -ray.dir);
+        }
+        ray.dir = (to - ray.origin).try_normalize()?;
+        route.through.push(interfaces(scene, (ray, nest), to)?.0);
+        (route.through.iter().sum::<usize>() + over.len() <= INTERFACES).then_some(route)
+    }
+}
+
+/// Number of interfaces on a straight line, what surrounds its end, and where the last of them is left; `None` if anything
+/// else stands in it.
+fn interfaces(scene: &Scene, (mut ray, mut nest): (Ray, Nest), to: Vec3A) -> Option<(usize, Nest, Vec3A)> {
+    let mut count = 0;
+    // Grazing rays must end.
+    for _ in 0..64 {
+        let length = (to - ray.origin).length();
+        let Some(hit) = scene.geometry.intersect(&ray, length) else {
+            return Some((count, nest, ray.origin));
+        };
+        let surface = scene.geometry.surface(&ray, &hit);
+        if !passes(scene, &nest, &surface, ray.dir) {
+            count += 1;
+            if !scene.materials.is_interface(surface.material) || count > INTERFACES {
+                return None;
+            }
+        }
+        nest.cross(&scene.boundaries, surface.material, surface.ng.dot(ray.dir) < 0.0);
+        ray.origin = scene.geometry.leave(&surface, ray.dir);
+    }
+    None
+}
+
+/// The direction of light along `dir` after a mirror, in a delta lobe that shading and geometry agree on.
+fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
+    let found = scene
+        .materials
+        .specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
+    let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
+    // Normal maps turn it by what is not known here.
+    (found.wi.dot(mirrored) > 1.0 - 1e-6).then_some(mirrored.normalize())
+}
+
+/// Shoots a ray along a route and on to where it passes `to`; calls back with each interface or mirror, and the directions
+/// before and after it.
+fn shoot(
+    scene: &Scene,
+    start: &Start,
+    dir: Vec3A,
+    to: Vec3A,
+    (route, lane): (&Route, usize),
+    mut bent: impl FnMut(&Surface, Vec3A, Vec3A),
+) -> Option<Shot> {
+    let across = basis(dir);
+    let mut slopes_p = [Vec3A::ZERO; 2];
+    let mut slopes_d = [across.x_axis, across.y_axis];
+    let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
+    // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
+    let mut origin = from + dir * (4.0 * (start.ray.origin - from).length());
+    let (mut left, mut leg) = (*route.through.first()?, 0);
+    let mut length = 0.0;
+    for _ in 0..64 {
+        if left == 0 && leg == route.over.len() {
+            let way = (to - from).dot(dir);
+            if way <= 0.0 {
+                return None;
+            }
+            let end = from + dir * way;
+            let slopes = [0, 1].map(|k| {
+                let s: Vec3A = slopes_p[k] + slopes_d[k] * way;
+                s - dir * dir.dot(s)
+            });
+            return Some(Shot {
+                dir,
+                miss: end - to,
+                slopes,
+                length: length + way,
+            });
+        }
+        let ray = Ray { origin, dir };
+        let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+        let surface = scene.geometry.surface(&ray, &hit);
+        let id = surface.material;
+        let step = (surface.p - from).length();
+        length += step;
+        let mirror = left == 0 && route.is_mirror(leg, &hit);
+        let straight = !mirror && passes(scene, &nest, &surface, dir);
+        if !straight && !mirror && left == 0 {
+            return None;
+        }
+        // On to the surface, along it.
+        for k in 0..2 {
+            let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
+            slopes_p[k] = if straight {
+                s
+            } else {
+                s - dir * (s.dot(surface.ng) / dir.dot(surface.ng))
+            };
+        }
+        if !mirror {
+            nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+        }
+        if !straight {
+            // To the derivatives a mirror is an interface without change of index whose far side is the near one.
+            let (after, ratio) = if mirror {
+                (reflected(scene, &surface, dir, lane)?, 1.0)
+            } else {
+                scene.materials.refracted(id, &surface, -dir, lane)?
+            };
+            let bend = scene.geometry.bend(&hit, &surface);
+            let (n, bend) = if dir.dot(surface.ng) > 0.0 {
+                (-surface.ns, bend * -1.0)
+            } else {
+                (surface.ns, bend)
+            };
+            let (cos, cos_far) = (dir.dot(n), after.dot(n));
+            let pull = ratio * cos - cos_far;
+            for k in 0..2 {
+                let turned = bend * slopes_p[k];
+                let slope = slopes_d[k].dot(n) + dir.dot(turned);
+                let pulled = (ratio - ratio * ratio * cos / cos_far) * slope;
+                slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
+            }
+            bent(&surface, dir, after);
+            if mirror {
+                leg += 1;
+                left = route.through[leg];
+            } else {
+                left -= 1;
+            }
+            dir = after;
+        }
+        from = surface.p;
+        let off = (scene.geometry.leave(&surface, dir) - from).length();
+        origin = from + dir * (off / surface.ng.dot(dir).abs().max(0.05));
+    }
+    None
+}
+
+/// The way from the start of a line to the point `to` through the interfaces in between; `None` if there are none, or no
+/// way is found. `lane` is the wavelength that it is for.
+pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Option<Way> {
+    let (count, ..) = interfaces(scene, (start.ray, start.nest), to)?;
+    if count == 0 {
+        return None;
+    }
+    solve(scene, start, start.ray.dir, to, (&Route::through(count), lane))
+}
+
+/// The way from the start of a line over mirrors to the point `to`, looked for from the points `over` of them.
+pub(super) fn find_over(
+    scene: &Scene,
+    mirrors: &Mirrors,
+    start: Start,
+    over: &[Seed],
+    (to, lane): (Vec3A, usize),
+) -> Option<Way> {
+    let route = Route::over(scene, mirrors, &start, over, to)?;
+    let dir = (over.first()?.point - start.from).try_normalize()?;
+    solve(scene, start, dir, to, (&route, lane))
+}
+
+/// Newton's method, from a direction.
+fn solve(
+    scene: &Scene,
+    start: Start,
+    mut dir: Vec3A,
+    to: Vec3A,
+    (route, lane): (&Route, usize),
+) -> Option<Way> {
+    let many = (route, lane);
+    let mut shot = shoot(scene, &start, dir, to, many, |_, _, _| ())?;
+    for _ in 0..STEPS {
+        let miss = shot.miss.length();
+        let (step, _) = newton(dir, &shot)?;
+        // No leap beyond where the derivative means something, and none that leads away.
+        let mut share = (0.3 / step.length()).min(1.0);
+        let mut better = None;
+        let near = miss < NEAR * shot.length;
+        for _ in 0..if near { 1 } else { 6 } {
+            let next = (dir + step * share).normalize();
+            if let Some(s) = shoot(scene, &start, next, to, many, |_, _, _| ())
+                && s.miss.length() < miss
+            {
+                better = Some((next, s));
+                break;
+            }
+            share *= 0.4;
+        }
+        if let Some(next) = better {
+            (dir, shot) = next;
+        }
+        // One step after it is near is as near as rounding allows.
+        if near {
+            return along(scene, start, dir, to, many);
+        }
+        better?;
+    }
+    None
+}
+
+/// The step of Newton's method that brings a shot along `dir` nearer, and J.
+fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
+    let q = basis(shot.dir);
+    let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
+    let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
+    let det = a * d - b * c;
+    // Also where something is not a number.
+    if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+        return None;
+    }
+    let across = basis(dir);
+    let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
+    Some((step, det.abs()))
+}
+
+/// The way from the start of a line along a route to the point `to`, of which is known that it leaves along `dir`.
+pub(super) fn along(
+    scene: &Scene,
+    start: Start,
+    dir: Vec3A,
+    to: Vec3A,
+    (route, lane): (&Route, usize),
+) -> Option<Way> {
+    let mut bends = ArrayVec::new();
+    let shot = shoot(scene, &start, dir, to, (route, lane), |surface, before, after| {
+        let lobe = if before.dot(surface.ng) * after.dot(surface.ng) < 0.0 {
+            Lobe::Reflected
+        } else {
+            Lobe::Transmitted
+        };
+        let found = scene
+            .materials
+            .specular(surface.material, surface, -before, lobe, lane);
+        if let Some(found) = found {
+            bends.push(Bend {
+                surface: *surface,
+                before,
+                after,
+                lobe,
+                scatter: found.scatter,
+                medium: found.medium,
+            });
+        }
+    })?;
+    let (_, spread) = newton(dir, &shot)?;
+    let last = bends.last()?;
+    Some(Way {
+        dir,
+        emitted: -last.after,
+        first: last.surface.p,
+        spread,
+        bends,
+        start,
+    })
+}
+
+impl Way {
+    /// Number of interfaces and mirrors.
+    pub fn count(&self) -> usize {
+        self.bends.len()
+    }
+
+    /// True if another way from the same point is this one.
+    pub fn is(&self, other: &Self) -> bool {
+        self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
+    }
+
+    /// True if it goes over mirrors.
+    pub fn reflects(&self) -> bool {
+        self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
+    }
+
+    /// True if wavelengths take different ways.
+    pub fn disperses(&self, scene: &Scene) -> bool {
+        self.bends
+            .iter()
+            .any(|b| scene.materials.disperses(b.surface.material))
+    }
+
+    /// Density per area across at the point with which walks from the other end come along the way, `density` being that
+    /// of their direction there per steradian.
+    pub fn density(&self, density: f32, passed: &Passed) -> f32 {
+        density * self.squared_indices(passed) / self.spread * passed.mean
+    }
+
+    /// (n_x/n_L)²: what radiance gains on the way from the other end.
+    pub fn squared_indices(&self, passed: &Passed) -> f32 {
+        let ratio = self.start.medium.index / passed.index;
+        ratio * ratio
+    }
+
+    /// Multiplies `chain`, whose light is in `frame`, by all that happens on the way to the emitter at `to`; `None` if
+    /// something blocks it or more than `most` sheets stand in it.
+    pub fn follow(
+        &self,
+        scene: &Scene,
+        chain: &mut Chain,
+        frame: &mut Vec3A,
+        to: Vec3A,
+        (most, lane): (u32, usize),
+        rays: &mut u32,
+    ) -> Option<Passed> {
+        let mut start = Start {
+            ray: Ray {
+                origin: self.start.ray.origin,
+                dir: self.dir,
+            },
+            ..self.start
+        };
+        let (mut optical_m, mut sheets, mut depth) = (0.0, 0, optics::spectrum::Spectral::ZERO);
+        for i in 0..=self.bends.len() {
+            let bend = self.bends.get(i);
+            let end = bend.map_or(to, |b| scene.geometry.leave(&b.surface, -b.before));
+            let line = bridge(scene, chain, frame, &start, end, (most - sheets, lane), rays)?;
+            optical_m += line.optical_m;
+            sheets += line.sheets;
+            depth += line.depth;
+            let Some(bend) = bend else {
+                break;
+            };
+            *frame = chain
+                .push(&bend.scatter, -bend.before, *frame)
+                .unwrap_or_else(|| perpendicular(bend.after));
+            let s = &bend.surface;
+            let mut nest = line.nest;
+            if bend.lobe == Lobe::Transmitted {
+                nest.cross(&scene.boundaries, s.material, s.ng.dot(bend.after) < 0.0);
+            }
+            start = Start {
+                ray: Ray {
+                    origin: scene.geometry.leave(s, bend.after),
+                    dir: bend.after,
+                },
+                from: s.p,
+                medium: bend.medium.unwrap_or(line.medium),
+                nest,
+            };
+        }
+        Some(Passed {
+            optical_m,
+            sheets,
+            mean: mean_transmittance(scene, depth),
+            index: start.medium.index,
+        })
+    }
+}

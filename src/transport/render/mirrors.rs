@@ -1,0 +1,371 @@
+//! Mirrors that light may take to a point: where ways over them are looked for (Zeltner, Georgiev & Jakob 2020, "Specular
+//! manifold sampling for rendering high-frequency caustics and glints").
+//!
+//! A surface that is lit over a mirror and seen in a mirror is reached by no walk from one end and no straight connection:
+//! both ends are points. [`super::manifold`] finds the way if it knows about where to start.
+//!
+//! - Flat mirrors: all that lie in one plane are a group. The end's image says where light for a point is reflected, so
+//!   every group, and every pair of them, is asked for its one way.
+//! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
+//!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
+
+use crate::geometry::bvh::{Geometry, Outline};
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::{Lobe, Materials};
+use crate::scene::Scene;
+use glam::{Mat3A, Vec3A};
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::max_lane;
+use std::collections::HashMap;
+
+/// No mirror, and any curved one.
+const NONE: u32 = u32::MAX;
+const CURVED: u32 = u32::MAX - 1;
+
+/// Above so many planes, flat mirrors are looked for at random like curved ones.
+const MOST_FLATS: usize = 2048;
+
+/// Up to so many planes, light may take two of them.
+const MOST_IN_PAIRS: usize = 64;
+
+/// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
+const SAME_PLANE: f32 = 1e-4;
+
+/// A point of a group of mirrors, from which a way is looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seed {
+    pub group: u32,
+    pub point: Vec3A,
+}
+
+/// All mirrors that lie in a plane n·p = d, within a sphere.
+#[derive(Clone, Copy, Debug)]
+struct Flat {
+    n: Vec3A,
+    d: f32,
+    centre: Vec3A,
+    radius: f32,
+}
+
+/// The mirrors of a scene.
+#[derive(Debug, Default)]
+pub(super) struct Mirrors {
+    flats: Vec<Flat>,
+    /// Curved mirrors, each with the area of all up to it.
+    curved: Vec<(Outline, f32)>,
+    /// Group of each primitive, by [`Hit::leaf`].
+    groups: HashMap<u32, u32>,
+    /// Interfaces may move the point of reflection.
+    bent: bool,
+    /// Some interface sends wavelengths different ways.
+    pub disperses: bool,
+}
+
+impl Flat {
+    fn height(&self, p: Vec3A) -> f32 {
+        self.n.dot(p) - self.d
+    }
+
+    fn image(&self, p: Vec3A) -> Vec3A {
+        p - self.n * (2.0 * self.height(p))
+    }
+
+    /// Where light between two points is reflected; `None` if not on these mirrors.
+    fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
+        let [s, e] = [a, b].map(|p| self.height(p));
+        if s * e <= 0.0 {
+            return None;
+        }
+        let p = a + (self.image(b) - a) * (s / (s + e));
+        let reach = self.radius * if bent { 1.5 } else { 1.001 };
+        (p.distance_squared(self.centre) <= reach * reach).then_some(p)
+    }
+}
+
+/// True if a material has a mirror's lobe.
+fn is_mirror(materials: &Materials, material: u32) -> bool {
+    let surface = Surface {
+        ng: Vec3A::Z,
+        ns: Vec3A::Z,
+        tangent: Vec3A::X,
+        material,
+        ..Surface::default()
+    };
+    let reflects = |wo: Vec3A| {
+        let found = materials.specular(material, &surface, wo, Lobe::Reflected, 0);
+        found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
+    };
+    reflects(Vec3A::Z) || reflects(-Vec3A::Z)
+}
+
+fn area(outline: &Outline) -> f32 {
+    match outline {
+        Outline::Flat {
+            corners: [a, b, c, d],
+        } => 0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length()),
+        Outline::Ball { radius, .. } | Outline::Inside { radius, .. } => {
+            4.0 * std::f32::consts::PI * radius * radius
+        }
+    }
+}
+
+impl Mirrors {
+    /// All surfaces of a scene that light is mirrored at.
+    pub fn new(scene: &Scene) -> Self {
+        let geometry = &scene.geometry;
+        let mut out = Self {
+            bent: scene.materials.any_interface(),
+            disperses: scene.materials.any_disperses(),
+            ..Self::default()
+        };
+        let mirrors: Vec<bool> = (0..scene.materials.list.len() as u32)
+            .map(|id| is_mirror(&scene.materials, id))
+            .collect();
+        let mut planes = HashMap::new();
+        let mut pieces: Vec<(u32, Outline, u32)> = vec![];
+        for (leaf, outline) in geometry.outlines() {
+            let (surface, flat) = primitive(geometry, leaf, &outline);
+            if !mirrors.get(surface.material as usize).copied().unwrap_or(false) {
+                continue;
+            }
+            let group = if flat {
+                let d = surface.ng.dot(surface.p);
+                let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
+                let key = key.map(|v| (v / SAME_PLANE).round() as i64);
+                *planes.entry((surface.material, key)).or_insert_with(|| {
+                    out.flats.push(Flat {
+                        n: surface.ng,
+                        d,
+                        centre: Vec3A::ZERO,
+                        radius: 0.0,
+                    });
+                    out.flats.len() as u32 - 1
+                })
+            } else {
+                CURVED
+            };
+            pieces.push((leaf, outline, group));
+        }
+        if out.flats.len() > MOST_FLATS {
+            out.flats.clear();
+            for piece in &mut pieces {
+                piece.2 = CURVED;
+            }
+        }
+        let mut all = 0.0;
+        for (leaf, outline, group) in &pieces {
+            out.groups.insert(*leaf, *group);
+            if *group == CURVED {
+                all += area(outline);
+                out.curved.push((*outline, all));
+            }
+        }
+        let mut bounds = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); out.flats.len()];
+        for (_, outline, group) in &pieces {
+            if let Some((lo, hi)) = bounds.get_mut(*group as usize) {
+                let (a, b) = ends(outline);
+                (*lo, *hi) = (lo.min(a), hi.max(b));
+            }
+        }
+        for (flat, (lo, hi)) in out.flats.iter_mut().zip(bounds) {
+            flat.centre = 0.5 * (lo + hi);
+            flat.radius = 0.5 * (hi - lo).length();
+        }
+        out
+    }
+
+    /// The group of what is hit, a number that no seed has for all but mirrors.
+    #[inline]
+    pub fn group(&self, hit: &Hit) -> u32 {
+        self.groups.get(&hit.leaf).copied().unwrap_or(NONE)
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    /// Calls back with the flat mirrors, one or two, that light between a point and an end at `to` may take, from the point
+    /// on.
+    pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
+        let seed = |group: usize, point| Seed {
+            group: group as u32,
+            point,
+        };
+        for (i, a) in self.flats.iter().enumerate() {
+            if let Some(p) = a.reflects(from, to, self.bent) {
+                f(&[seed(i, p)]);
+            }
+        }
+        if self.flats.len() > MOST_IN_PAIRS {
+            return;
+        }
+        for (j, b) in self.flats.iter().enumerate() {
+            let image = b.image(to);
+            for (i, a) in self.flats.iter().enumerate() {
+                if i != j
+                    && let Some(p) = a.reflects(from, image, self.bent)
+                    && let Some(q) = b.reflects(p, to, self.bent)
+                {
+                    f(&[seed(i, p), seed(j, q)]);
+                }
+            }
+        }
+    }
+
+    /// A random point of the curved mirrors, if there are any.
+    pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
+        let (_, all) = self.curved.last()?;
+        let at = stream.uniform() * all;
+        let i = self.curved.partition_point(|(_, area)| *area <= at);
+        let uniforms = stream.uniform2();
+        let point = match self.curved[i.min(self.curved.len() - 1)].0 {
+            Outline::Flat {
+                corners: [a, b, c, d],
+            } => {
+                let [mut u, mut v] = uniforms;
+                if c == d && u + v > 1.0 {
+                    (u, v) = (1.0 - u, 1.0 - v);
+                }
+                a + (b - a) * u + (d - a) * v
+            }
+            Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+                centre + warp::sphere(uniforms) * radius
+            }
+        };
+        Some(Seed { group: CURVED, point })
+    }
+}
+
+/// A primitive's surface at some point, and whether it is flat.
+fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, bool) {
+    let (lo, hi) = ends(outline);
+    let ray = Ray {
+        origin: 0.5 * (lo + hi),
+        dir: Vec3A::Z,
+    };
+    let hit = Hit {
+        t: 0.0,
+        leaf,
+        u: 0.3,
+        v: 0.3,
+    };
+    let surface = geometry.surface(&ray, &hit);
+    (surface, geometry.bend(&hit, &surface) == Mat3A::ZERO)
+}
+
+/// Bounds of a primitive.
+fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
+    match outline {
+        Outline::Flat { corners } => corners[1..]
+            .iter()
+            .fold((corners[0], corners[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c))),
+        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+            (*centre - *radius, *centre + *radius)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn mirrors(objects: &str) -> Mirrors {
+        let text = "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 30\n\
+                    pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n\
+                    [materials]\nwhite.diffuse.albedo = 0.5\ngold.conductor.metal = \"Au\"\n\
+                    matt.rough_conductor = { metal = \"Au\", alpha = 0.2 }\nglass.dielectric.ior = 1.5\n";
+        let text = text.to_owned()
+            + objects
+            + "[[emitters]]\npoint = { position = [0, 0, 3], intensity = 1 }\n[[slices]]\nname = \"s\"\n";
+        Mirrors::new(&Scene::from_text(Path::new("mirrors.toml"), &text).expect("a scene"))
+    }
+
+    fn rectangle(material: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> String {
+        format!(
+            "[[objects]]\nmaterial = \"{material}\"\n\
+             shape.rectangle = {{ corner = {corner:?}, u = {u:?}, v = {v:?} }}\n"
+        )
+    }
+
+    /// Pieces of one plane are one mirror, whichever side they face; what scatters or is rough is none.
+    #[test]
+    fn a_plane_is_one_mirror() {
+        let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let all = rectangle("gold", [0.0; 3], x, y)
+            + &rectangle("gold", [1.5, 0.0, 0.0], x, y)
+            + &rectangle("gold", [0.0, 0.0, 0.3], x, y)
+            + &rectangle("white", [0.0, 0.0, 0.6], x, y)
+            + &rectangle("matt", [0.0, 0.0, 0.9], x, y);
+        let mirrors = mirrors(&all);
+        assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (2, 0));
+        let wide = mirrors.flats.iter().filter(|f| f.radius > 1.2).count();
+        assert_eq!(wide, 1);
+    }
+
+    /// The way over a flat mirror has equal angles; there is none to the other side, or beside the mirror.
+    #[test]
+    fn flat_ways_are_images() {
+        let all = rectangle("gold", [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        let mirrors = mirrors(&all);
+        let ways = |a: [f32; 3], b: [f32; 3]| {
+            let mut found = vec![];
+            mirrors.flat_ways(Vec3A::from_array(a), Vec3A::from_array(b), |seeds| {
+                found.push(seeds[0].point)
+            });
+            found
+        };
+        let found = ways([-0.3, 0.2, 1.0], [0.6, 0.2, 2.0]);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].distance(Vec3A::new(0.0, 0.2, 0.0)) < 1e-6, "{found:?}");
+        assert!(ways([-0.3, 0.2, 1.0], [0.6, 0.2, -2.0]).is_empty());
+        assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
+    }
+
+    /// Two mirrors at a right angle: the light may take both, in one order from most places.
+    #[test]
+    fn pairs_are_images_of_images() {
+        let all = rectangle("gold", [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
+            + &rectangle("gold", [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]);
+        let mirrors = mirrors(&all);
+        let (a, b) = (Vec3A::new(1.0, 0.1, 0.5), Vec3A::new(0.5, 0.1, 1.2));
+        let mut pairs = 0;
+        mirrors.flat_ways(a, b, |seeds| {
+            if let [p, q] = seeds {
+                pairs += 1;
+                let [p, q] = [p.point, q.point];
+                // Each reflection turns about its mirror's normal.
+                for (before, after, at) in [((p - a), (q - p), p), ((q - p), (b - q), q)] {
+                    let n = if at.z.abs() < 1e-6 { Vec3A::Z } else { Vec3A::X };
+                    let (before, after) = (before.normalize(), after.normalize());
+                    assert!((before - n * (2.0 * before.dot(n)) - after).length() < 1e-5);
+                }
+            }
+        });
+        assert_eq!(pairs, 1);
+    }
+
+    /// Random points lie on curved mirrors, each surface by its area.
+    #[test]
+    fn seeds_cover_curved_mirrors() {
+        let ball = |x: f32, radius: f32| {
+            format!(
+                "[[objects]]\nmaterial = \"gold\"\nshape.sphere = {{ center = [{x:?}, 0, 0], radius = {radius:?} }}\n"
+            )
+        };
+        let mirrors = mirrors(&(ball(0.0, 1.0) + &ball(4.0, 0.5)));
+        assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (0, 2));
+        let (mut stream, n, mut large) = (Stream::new(1, 0, 0), 20_000, 0);
+        for _ in 0..n {
+            let p = mirrors.draw(&mut stream).expect("a mirror").point;
+            let on = |x: f32, radius: f32| (p.distance(Vec3A::new(x, 0.0, 0.0)) - radius).abs() < 1e-5;
+            large += u32::from(on(0.0, 1.0));
+            assert!(on(0.0, 1.0) || on(4.0, 0.5), "{p}");
+        }
+        // Four fifths, within 5 sigma of a binomial.
+        let (share, sigma) = (f64::from(large) / f64::from(n), (0.16 / f64::from(n)).sqrt());
+        assert!((share - 0.8).abs() < 5.0 * sigma, "{share}");
+    }
+}

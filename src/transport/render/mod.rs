@@ -1,0 +1,24 @@
+//! From a scene to finished tiles of its slices.
+
+pub mod backend;
+pub mod bidirectional;
+mod bridge;
+mod connect;
+pub mod coverage;
+mod emission;
+mod flight;
+pub mod job;
+mod join;
+mod join_manifold;
+mod manifold;
+mod mirrors;
+pub mod path;
+mod point;
+mod roulette;
+pub mod schedule;
+mod sheets;
+mod splats;
+mod tracer;
+mod views;
+mod walk;
+mod weight;

@@ -1,0 +1,401 @@
+//! Unidirectional path tracing from the camera with next-event estimation to every emitter.
+//!
+//! A path carries the Mueller product from its current ray to the camera frame (all wavelengths at once), the optical
+//! path length, the number of surface interactions, and at each connection the one projector pixel s' that lights it.
+//! Projector and points have no extent, so light reaches them only by connection; it passes sheets that let light straight
+//! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
+//! projector).
+
+use super::connect::{Lit, Vertex, connect_all};
+use super::views::Views;
+use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
+use crate::geometry::many;
+use crate::geometry::many::Many;
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::{perpendicular, perpendiculars, turn};
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+use optics::spectrum::Spectral;
+use std::ops::Range;
+
+/// The state of a path at its current ray.
+pub(super) struct State {
+    pub ray: Ray,
+    /// Where the ray really starts (its origin is nudged off the surface).
+    pub from: Vec3A,
+    /// Product from light coming in along the ray to the camera frame.
+    pub chain: Chain,
+    /// Frame of that light.
+    pub frame: Vec3A,
+    /// Optical path length so far, metres.
+    pub optical_m: f64,
+    /// The medium that the ray is in.
+    pub medium: Medium,
+    pub lanes: Lanes,
+}
+
+impl State {
+    /// Lets the medium act on the light of the current ray, all the way from a surface that the ray hit: it comes from
+    /// there, so the medium's matrix stands left of what that surface will add.
+    #[inline]
+    fn cross(&mut self, scene: &Scene, surface: &Surface) {
+        if self.medium.crystal == NO_CRYSTAL {
+            return;
+        }
+        if let Some(scatter) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
+            self.frame = self
+                .chain
+                .push(&scatter, -self.ray.dir, self.frame)
+                .unwrap_or(self.frame);
+        }
+    }
+}
+
+/// What the medium does to light on the way along ±`dir` between the point `from` and a surface; `None` where it does
+/// nothing.
+pub(super) fn crossed(
+    scene: &Scene,
+    medium: Medium,
+    dir: Vec3A,
+    from: Vec3A,
+    surface: &Surface,
+) -> Option<Scatter> {
+    // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off the
+    // surface, which shifts the hit point sideways.
+    let ng = surface.ng.as_dvec3();
+    let length = (surface.p.as_dvec3() - from.as_dvec3()).dot(ng) / dir.as_dvec3().dot(ng);
+    scene.materials.propagate(medium, dir, length)
+}
+
+/// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
+/// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
+pub const BATCH: usize = 16;
+
+/// One path and what it needs to go on.
+struct Path {
+    state: State,
+    stream: Stream,
+    /// What the current ray hits, and there.
+    hit: Option<Hit>,
+    surface: Surface,
+}
+
+/// Some paths of one camera pixel, traced in step.
+#[derive(Default)]
+pub struct Paths {
+    paths: Vec<Path>,
+    /// What each brings, in order, and the Mueller elements of all.
+    pub lists: Vec<Vec<Contribution>>,
+    pub elements: Vec<Spectral>,
+}
+
+/// What is worked out for all living paths at once: a row's entry belongs to the path at that place among them.
+struct Rows {
+    /// Where they are.
+    points: Many<BATCH>,
+    /// On Lambert surfaces: the normal on the side that light goes to, and what its next direction is drawn from.
+    normals: Many<BATCH>,
+    uniforms: [[f32; BATCH]; 2],
+}
+
+impl Paths {
+    /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
+    /// random point of the pixel, and leaves what they bring in `lists` and `elements`.
+    ///
+    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the number of rays
+    /// traced.
+    #[inline]
+    pub fn trace(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        if scene.geometry.avx2() {
+            // SAFETY: the processor was asked when the geometry was built.
+            return unsafe { self.trace_avx2(scene, views, [x, y], samples) };
+        }
+        self.trace_any(scene, views, [x, y], samples)
+    }
+
+    /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn trace_avx2(&mut self, scene: &Scene, views: &Views, pixel: [u32; 2], samples: Range<u32>) -> u32 {
+        self.trace_any(scene, views, pixel, samples)
+    }
+
+    #[inline(always)]
+    fn trace_any(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+        let count = samples.len().min(BATCH);
+        let pixel = y * scene.camera.resolution[0] + x;
+        self.lists.resize_with(count, Vec::new);
+        for list in &mut self.lists {
+            list.clear();
+        }
+        self.elements.clear();
+        let cells = self.start(scene, views, [x, y], samples);
+        let mut alive: ArrayVec<u8, BATCH> = (0..count as u8).collect();
+        let mut rows = Rows {
+            points: many::zero(),
+            normals: many::zero(),
+            uniforms: [[0.0; BATCH]; 2],
+        };
+        let last = scene.settings.max_depth - 1;
+        let mut rays = 0;
+        for bounces in 0..=last {
+            for i in &alive {
+                let path = &mut self.paths[*i as usize];
+                let known = match &views.camera {
+                    Some(view) if bounces == 0 => {
+                        view.first_hit(cells[*i as usize], &scene.geometry, &path.state.ray)
+                    }
+                    _ => None,
+                };
+                path.hit = match known {
+                    Some(hit) => Some(hit),
+                    None => scene.geometry.intersect(&path.state.ray, f32::INFINITY),
+                };
+            }
+            rays += alive.len() as u32;
+            // The last interaction goes on only to see an environment.
+            let goes_on = bounces + 1 < last || scene.environment.is_some();
+            // Not `retain`: its closure would not be compiled for the processor at hand.
+            let mut kept = 0;
+            for n in 0..alive.len() {
+                let i = alive[n];
+                let path = &mut self.paths[i as usize];
+                if path.hit.is_none() {
+                    let mut out = Contributions {
+                        list: &mut self.lists[i as usize],
+                        elements: &mut self.elements,
+                    };
+                    let state = &path.state;
+                    environment(
+                        scene,
+                        &state.chain,
+                        (state.ray.dir, state.frame),
+                        bounces,
+                        &mut out,
+                    );
+                } else if bounces < last {
+                    path.arrive(scene, goes_on, kept, &mut rows);
+                    alive[kept] = i;
+                    kept += 1;
+                }
+            }
+            alive.truncate(kept);
+            if alive.is_empty() {
+                break;
+            }
+            let lit = match &scene.projector {
+                Some(projector) => {
+                    let seen_in = (projector.coaxial && bounces == 0).then_some(pixel);
+                    Some(Lit::new(
+                        projector,
+                        views.projector.as_ref(),
+                        &rows.points,
+                        kept,
+                        seen_in,
+                    ))
+                }
+                None => None,
+            };
+            let diffuse = warp::cosine_hemispheres(&rows.normals, &rows.uniforms);
+            let frames = perpendiculars(&diffuse);
+            kept = 0;
+            for n in 0..alive.len() {
+                let i = alive[n];
+                let path = &mut self.paths[i as usize];
+                let mut out = Contributions {
+                    list: &mut self.lists[i as usize],
+                    elements: &mut self.elements,
+                };
+                let lit = lit.as_ref().map(|lit| (lit, n));
+                rays += path.connect(scene, views, bounces, lit, &mut out);
+                if goes_on && path.scatter(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n))) {
+                    alive[kept] = i;
+                    kept += 1;
+                }
+            }
+            alive.truncate(kept);
+            if alive.is_empty() {
+                break;
+            }
+        }
+        rays
+    }
+
+    /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
+    #[inline(always)]
+    fn start(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> [u32; BATCH] {
+        let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
+        let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
+        let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
+        for (n, sample) in samples.take(BATCH).enumerate() {
+            let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+            let [jx, jy] = stream.uniform2();
+            at[0][n] += f64::from(jx);
+            at[1][n] += f64::from(jy);
+            streams.push(stream);
+        }
+        let dirs = camera.directions(&at);
+        let (ones, lanes) = (scene.wavelengths.ones(), scene.lanes());
+        // Written in place, since paths are large.
+        self.paths.resize_with(BATCH, Path::default);
+        for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
+            let (state, dir) = (&mut path.state, many::get(&dirs, n));
+            state.ray = Ray {
+                origin: camera.origin,
+                dir,
+            };
+            state.from = camera.origin;
+            state.chain = Chain::start(ones);
+            state.frame = camera.frame(dir);
+            state.optical_m = 0.0;
+            state.medium = Medium::VACUUM;
+            state.lanes = lanes;
+            path.stream = stream;
+        }
+        match &views.camera {
+            Some(view) => view.cells_toward(&dirs),
+            None => [0; BATCH],
+        }
+    }
+}
+
+impl Default for Path {
+    /// None yet.
+    fn default() -> Self {
+        Self {
+            state: State {
+                ray: Ray {
+                    origin: Vec3A::ZERO,
+                    dir: Vec3A::Z,
+                },
+                from: Vec3A::ZERO,
+                chain: Chain::start(Spectral::ZERO),
+                frame: Vec3A::X,
+                optical_m: 0.0,
+                medium: Medium::VACUUM,
+                lanes: Lanes::first(0),
+            },
+            stream: Stream::new(0, 0, 0),
+            hit: None,
+            surface: Surface::default(),
+        }
+    }
+}
+
+impl Path {
+    /// Takes the path to the surface that its ray hits, and enters in the rows, at place `n`, what is to be worked out
+    /// for all paths at once; `goes_on` if it is to leave the surface again.
+    #[inline(always)]
+    fn arrive(&mut self, scene: &Scene, goes_on: bool, n: usize, rows: &mut Rows) {
+        let Some(hit) = &self.hit else {
+            return;
+        };
+        let state = &mut self.state;
+        self.surface = scene.geometry.surface(&state.ray, hit);
+        let surface = &self.surface;
+        state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
+        state.cross(scene, surface);
+        many::set(&mut rows.points, n, surface.p);
+        if goes_on && scene.materials.lambert(surface.material).is_some() {
+            // Where shading and geometry disagree about the side, the surface will say that it is dark.
+            let normal = facing(surface, -state.ray.dir).unwrap_or(surface.ns);
+            many::set(&mut rows.normals, n, normal);
+            [rows.uniforms[0][n], rows.uniforms[1][n]] = self.stream.uniform2();
+        }
+    }
+
+    /// Connects the surface to the emitters, after `bounces` interactions before this one; returns the rays traced.
+    #[inline(always)]
+    fn connect(
+        &self,
+        scene: &Scene,
+        views: &Views,
+        bounces: u32,
+        lit: Option<(&Lit<BATCH>, usize)>,
+        out: &mut Contributions,
+    ) -> u32 {
+        let (Some(hit), state, surface) = (self.hit, &self.state, &self.surface) else {
+            return 0;
+        };
+        if !scene.materials.is_smooth(surface.material) {
+            return 0;
+        }
+        let at = Vertex {
+            hit,
+            surface,
+            wo: -state.ray.dir,
+            bounces: bounces + 1,
+        };
+        connect_all(scene, views, state, &at, lit, out)
+    }
+
+    /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. Where it goes
+    /// on from a Lambert surface, it is along `diffuse`, in frame `frame`.
+    #[inline(always)]
+    fn scatter(&mut self, scene: &Scene, bounces: u32, [diffuse, frame]: [Vec3A; 2]) -> bool {
+        let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
+        let (materials, id, wo) = (&scene.materials, surface.material, -state.ray.dir);
+        let wi = if let Some(lambert) = materials.lambert(id) {
+            if !lambert.passes(surface, wo, diffuse) {
+                return false;
+            }
+            state
+                .chain
+                .depolarize(lambert.albedo.at(&materials.textures, surface.uv));
+            state.frame = frame;
+            diffuse
+        } else {
+            // Borrowed, not moved: it is large.
+            let sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
+            let Some(sampled) = &sampled else {
+                return false;
+            };
+            let frame = state.chain.push(&sampled.scatter, wo, state.frame);
+            state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
+            state.medium = sampled.medium.unwrap_or(state.medium);
+            sampled.wi
+        };
+        if bounces + 1 >= scene.settings.rr_depth {
+            let keep = state.chain.max_m00().clamp(0.0, 0.95);
+            if stream.uniform() >= keep {
+                return false;
+            }
+            state.chain.scale(Spectral::splat(1.0 / keep));
+        } else if state.chain.is_dark() {
+            return false;
+        }
+        state.from = surface.p;
+        state.ray = Ray {
+            origin: scene.geometry.leave(surface, wi),
+            dir: wi,
+        };
+        true
+    }
+}
+
+/// Light of the environment that is seen along `dir`, in frame `frame`, after `bounces` interactions.
+pub(super) fn environment(
+    scene: &Scene,
+    chain: &Chain,
+    (dir, frame): (Vec3A, Vec3A),
+    bounces: u32,
+    out: &mut Contributions,
+) {
+    let Some(environment) = &scene.environment else {
+        return;
+    };
+    let travel = -dir;
+    let (c2, s2) = turn(travel, environment.frame(travel), frame);
+    let mut chain = *chain;
+    chain.rotate_in(c2, s2);
+    chain.scale(environment.radiance);
+    let extent = chain.finish(out.elements);
+    out.push(extent, f64::INFINITY, NO_PIXEL, bounces);
+}

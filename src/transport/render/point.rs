@@ -1,0 +1,170 @@
+//! The points that a walk leaves behind, for those of another walk to be connected to.
+//!
+//! At each a walk keeps the Mueller product from its end: from the camera C = M₁ M₂ ⋯, from an emitter the transpose of
+//! L = ⋯ M₂ M₁, which grows on the same side, so that a whole path is C · L and both walks are made by the same steps.
+//! Interactions at a point are not in its product.
+//!
+//! Densities are per area (per volume in media) up to the medium's own μ_t at either point, which is the same factor from
+//! both sides. They are functions of the path alone, not of the wavelengths that a walk still carries, so that weights
+//! made of them sum to one.
+
+use super::bridge::Start;
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Lanes, Medium};
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
+
+/// A walk's end: a point without extent, and what leaves it.
+#[derive(Clone, Copy)]
+pub(super) struct End {
+    pub ray: Ray,
+    pub chain: Chain,
+    pub frame: Vec3A,
+    /// Density of the ray's direction per steradian.
+    pub density: f32,
+    pub medium: Medium,
+    pub nest: Nest,
+}
+
+/// Where a point of a walk is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// At the walk's end.
+    Pinhole,
+    Surface,
+    /// Inside the medium of this number.
+    Volume(u32),
+}
+
+/// A point of a walk.
+#[derive(Clone, Copy)]
+pub(super) struct Point {
+    pub place: Place,
+    /// Of a volume or an end, its position alone counts.
+    pub surface: Surface,
+    /// Unit direction to the point before.
+    pub back: Vec3A,
+    /// Mueller product from the walk's end to the light that arrives here, and that light's frame.
+    pub chain: Chain,
+    pub frame: Vec3A,
+    /// Optical path length from the walk's end, metres.
+    pub optical_m: f64,
+    /// What is on the side of `back`.
+    pub medium: Medium,
+    pub nest: Nest,
+    pub lanes: Lanes,
+    /// Interactions before this one.
+    pub interactions: u32,
+    /// True if the walk went on by a delta lobe.
+    pub delta: bool,
+    /// Density with which the walk came here, and with which one the other way would have come from the next point.
+    pub forward: f32,
+    pub reverse: f32,
+    /// What turns a density of the direction `back` into one at the point before.
+    pub spread: f32,
+}
+
+impl Point {
+    /// A walk's end. Its density is that of the direction in which the walk starts.
+    pub fn end(scene: &Scene, end: &End) -> Self {
+        let p = end.ray.origin;
+        Self {
+            place: Place::Pinhole,
+            surface: Surface {
+                p,
+                ..Surface::default()
+            },
+            back: -end.ray.dir,
+            chain: end.chain,
+            frame: end.frame,
+            optical_m: 0.0,
+            medium: end.medium,
+            nest: end.nest,
+            lanes: scene.lanes(),
+            interactions: 0,
+            delta: false,
+            forward: end.density,
+            reverse: 0.0,
+            spread: 0.0,
+        }
+    }
+
+    /// The light that leaves along `wo` of that which comes from `wi`, both away from the point.
+    ///
+    /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
+    pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match self.place {
+            Place::Surface => scene.materials.eval(self.surface.material, &self.surface, wo, wi),
+            Place::Volume(id) => Some(scene.media.eval(id, wo, wi)),
+            Place::Pinhole => None,
+        }
+    }
+
+    /// The intensity that leaves along `wo` per flux that arrives from `wi`.
+    pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        let scatter = self.scatter(scene, wo, wi)?;
+        if self.place != Place::Surface {
+            return Some(scatter);
+        }
+        // Shading normals may light a point from where its true surface is grazed.
+        let cos = self.cosine(wi);
+        (cos > 0.0).then(|| scatter.scaled(Spectral::splat(self.cosine(wo) / cos)))
+    }
+
+    /// Density per steradian with which a walk that came from direction `from` goes on along `to`.
+    pub fn density(&self, scene: &Scene, from: Vec3A, to: Vec3A) -> f32 {
+        match self.place {
+            Place::Surface => scene
+                .materials
+                .pdf(self.surface.material, &self.surface, from, to),
+            Place::Volume(id) => scene.media.pdf(id, scene.lanes(), from, to),
+            Place::Pinhole => 0.0,
+        }
+    }
+
+    /// Area that the point shows along a unit direction, per area.
+    pub fn cosine(&self, dir: Vec3A) -> f32 {
+        match self.place {
+            Place::Surface => self.surface.ng.dot(dir).abs(),
+            _ => 1.0,
+        }
+    }
+
+    /// True if light can come here from, or go to, any point.
+    pub fn connects(&self, scene: &Scene) -> bool {
+        match self.place {
+            Place::Surface => scene.materials.is_smooth(self.surface.material),
+            _ => true,
+        }
+    }
+
+    /// A ray's origin toward `dir` off the surface.
+    pub fn leave(&self, scene: &Scene, dir: Vec3A) -> Vec3A {
+        match self.place {
+            Place::Surface => scene.geometry.leave(&self.surface, dir),
+            _ => self.surface.p,
+        }
+    }
+
+    /// The start of a line along `dir`.
+    pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
+        let (mut medium, mut nest) = (self.medium, self.nest);
+        let s = &self.surface;
+        if self.place == Place::Surface && s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 {
+            nest.cross(&scene.boundaries, s.material, s.ng.dot(dir) < 0.0);
+            let beyond = scene.materials.beyond(s.material, s, self.back, self.lanes);
+            medium = beyond.unwrap_or(medium);
+        }
+        let origin = self.leave(scene, dir);
+        Start {
+            ray: Ray { origin, dir },
+            from: s.p,
+            medium,
+            nest,
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Russian roulette on connections (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): those that bring little are made rarely
+//! and count for more.
+//!
+//! In a medium nearly all of what a pixel gets comes from few of the connections of its walks. One that is expected to
+//! bring x is made with probability x/τ below a threshold τ, which adds at most τ x to the variance. The threshold keeps
+//! that small beside the variance that samples have anyway.
+
+use optics::sampling::stream::Stream;
+
+/// Variance that roulette may add, as a share of what samples have.
+const SHARE: f32 = 0.1;
+
+/// Least and most of τ, as shares of what is typical. Between surfaces a few bright pixels have most of the variance, and
+/// dim ones must not pay for them; in media all have.
+const LEAST: f32 = 0.1;
+const MOST: f32 = 0.2;
+const MOST_IN_MEDIA: f32 = 2.0;
+
+/// Expectations may be wrong by this factor where a connection follows light through interfaces: directions are not yet known
+/// when it is decided.
+const UNSURE: f32 = 2.0;
+
+/// Probability that is kept where only a guess says that nothing comes.
+const FLOOR: f32 = 0.05;
+
+/// The threshold τ; 0 to make all connections.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Roulette(f32);
+
+impl Roulette {
+    /// From what some camera samples bring, in a scene with media or without.
+    pub fn new(samples: &[f32], media: bool) -> Self {
+        let count = samples.len().max(1) as f32;
+        let mean = |f: &dyn Fn(f32) -> f32| samples.iter().map(|x| f(*x)).sum::<f32>() / count;
+        // Not moved by the few that bring most.
+        let typical = mean(&f32::sqrt).powi(2);
+        let (first, second) = (mean(&|x| x), mean(&|x| x * x));
+        if first <= 0.0 {
+            return Self::default();
+        }
+        let most = if media { MOST_IN_MEDIA } else { MOST };
+        Self((SHARE * second / first).clamp(LEAST * typical, most * typical))
+    }
+
+    /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
+    #[inline]
+    pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
+        Self::decide(expected, self.0, stream)
+    }
+
+    /// The same where `expected` is a guess.
+    #[inline]
+    pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
+        Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
+    }
+
+    /// Makes a connection with probability expected/threshold.
+    #[inline]
+    fn decide(expected: f32, threshold: f32, stream: &mut Stream) -> Option<f32> {
+        if expected >= threshold || expected.is_nan() {
+            return Some(1.0);
+        }
+        let chance = expected / threshold;
+        (stream.uniform() < chance).then(|| chance.recip())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is typical is a mean over samples; connections below it count for as much, over many, as if all were made
+    /// (5 sigma), and their second moment stays below τ x.
+    #[test]
+    fn roulette_keeps_means() {
+        // Mean 3, mean square 12; and one that is out of the way.
+        let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0], true);
+        let threshold = SHARE * 4.0;
+        assert_eq!(roulette.0, threshold);
+        let mut odd = [1.0; 16];
+        odd[3] = 1e4;
+        let typical = (115.0_f32 / 16.0).powi(2);
+        assert_eq!(Roulette::new(&odd, true).0, MOST_IN_MEDIA * typical);
+        assert_eq!(Roulette::new(&odd, false).0, MOST * typical);
+        let mut stream = Stream::new(5, 1, 2);
+        let n = 100_000;
+        for unsure in [false, true] {
+            for x in [1e-3, 0.03, 0.2, 0.9].map(|share| share * threshold) {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for _ in 0..n {
+                    let factor = if unsure {
+                        roulette.spin_unsure(x, &mut stream)
+                    } else {
+                        roulette.spin(x, &mut stream)
+                    };
+                    let brings = f64::from(factor.unwrap_or(0.0) * x);
+                    sum += brings;
+                    squares += brings * brings;
+                }
+                let n = f64::from(n);
+                let (mean, square) = (sum / n, squares / n);
+                let error = ((square - mean * mean).max(0.0) / n).sqrt();
+                let x = f64::from(x);
+                assert!(
+                    (mean - x).abs() <= 5.0 * error + 1e-6 * x,
+                    "{x}: {mean} +- {error}"
+                );
+                // As many as come through, within 5 sigma of their number.
+                let most = x * f64::from(threshold);
+                let unsure = 5.0 / (n * x / f64::from(threshold)).sqrt();
+                assert!(square <= most * (1.0 + unsure), "{x}: {square} above {most}");
+            }
+        }
+    }
+
+    /// Without a threshold everything is made.
+    #[test]
+    fn all_is_made_without_threshold() {
+        let mut stream = Stream::new(5, 1, 2);
+        for x in [0.0, 1e-30, 1.0, f32::NAN] {
+            assert_eq!(Roulette::default().spin(x, &mut stream), Some(1.0));
+        }
+    }
+}

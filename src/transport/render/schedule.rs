@@ -1,0 +1,143 @@
+//! The work: tiles of camera pixels, each finished completely and handed to the sink before it counts as done.
+
+use super::backend::{Cpu, TileBackend};
+use super::job::{job, plans};
+use crate::scene::Scene;
+use serde_json::Value;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+pub use tensor::sink::Summary;
+use tensor::sink::{Sink, TileRecord};
+
+/// Why a render stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError<E: std::error::Error + 'static> {
+    /// The scene has no slices.
+    #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
+    NoSlices,
+    /// The sink does not take the render.
+    #[error(transparent)]
+    Sink(E),
+}
+
+/// How a render reports and is stopped; called from worker threads, once a tile.
+pub trait Watch: Sync {
+    /// A tile is finished; `summary` holds the totals so far.
+    fn tile_done(&self, summary: &Summary);
+    /// True if no new tile shall be begun.
+    fn interrupted(&self) -> bool;
+}
+
+/// Watches nothing.
+pub struct Unwatched;
+
+impl Watch for Unwatched {
+    fn tile_done(&self, _: &Summary) {}
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+/// Renders all slices of a scene into a sink, on the current rayon thread pool.
+///
+/// `extra` attributes stand beside the provenance that the scene has itself.
+///
+/// # Errors
+/// [`RenderError`]; what the sink took by then is whole.
+pub fn render<S: Sink>(
+    scene: &Scene,
+    extra: &[(&str, Value)],
+    sink: &mut S,
+    watch: &dyn Watch,
+) -> Result<Summary, RenderError<S::Error>> {
+    if scene.slices.is_empty() {
+        return Err(RenderError::NoSlices);
+    }
+    let plans = plans(scene);
+    let mut job = job(scene);
+    let extra = extra
+        .iter()
+        .map(|(name, value)| ((*name).to_owned(), value.clone()));
+    job.attributes.extend(extra);
+    let tiles = job.tiles();
+    let records = sink.begin(&job).map_err(RenderError::Sink)?;
+    let summary = run(&Cpu::new(scene, &plans), tiles, &records, sink, watch).map_err(RenderError::Sink)?;
+    sink.end(&summary).map_err(RenderError::Sink)?;
+    Ok(summary)
+}
+
+/// Renders those of `tiles` tiles that no record calls finished.
+fn run<S: Sink>(
+    backend: &impl TileBackend,
+    tiles: u32,
+    records: &[TileRecord],
+    sink: &S,
+    watch: &dyn Watch,
+) -> Result<Summary, S::Error> {
+    let begun = Instant::now();
+    let mut done = vec![false; tiles as usize];
+    // What earlier runs finished, and what this one does.
+    let (before, totals) = (Totals::default(), Totals::default());
+    for r in records {
+        if (r.tile as usize) < done.len() && !done[r.tile as usize] {
+            done[r.tile as usize] = true;
+            before.add(r);
+        }
+    }
+    let summary = || Summary {
+        complete: before.tiles() + totals.tiles() == tiles,
+        tiles_done: before.tiles() + totals.tiles(),
+        tiles,
+        discarded: before.get(&before.discarded) + totals.get(&totals.discarded),
+        samples: totals.get(&totals.samples),
+        rays: totals.get(&totals.rays),
+        rays_before: before.get(&before.rays),
+        wall_s: begun.elapsed().as_secs_f64(),
+    };
+    let todo: Vec<u32> = (0..tiles).filter(|t| !done[*t as usize]).collect();
+    tracing::info!("{} of {tiles} tiles to render", todo.len());
+    backend.render(
+        &todo,
+        || watch.interrupted(),
+        |sums| {
+            sums.put(sink)?;
+            let record = &sums.record;
+            tracing::debug!(
+                "tile {}: {} rays in {:.2} s",
+                record.tile,
+                record.rays,
+                record.seconds
+            );
+            totals.add(record);
+            watch.tile_done(&summary());
+            Ok(())
+        },
+    )?;
+    Ok(summary())
+}
+
+/// Running totals, added to by all threads.
+#[derive(Default)]
+struct Totals {
+    tiles: AtomicU64,
+    samples: AtomicU64,
+    discarded: AtomicU64,
+    rays: AtomicU64,
+}
+
+impl Totals {
+    fn add(&self, r: &TileRecord) {
+        self.samples.fetch_add(r.samples, Ordering::Relaxed);
+        self.discarded.fetch_add(r.discarded, Ordering::Relaxed);
+        self.rays.fetch_add(r.rays, Ordering::Relaxed);
+        self.tiles.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn get(&self, counter: &AtomicU64) -> u64 {
+        counter.load(Ordering::Relaxed)
+    }
+
+    fn tiles(&self) -> u32 {
+        self.get(&self.tiles) as u32
+    }
+}

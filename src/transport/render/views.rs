@@ -1,0 +1,38 @@
+//! What the camera's and the projector's pinholes see of a scene, worked out once a render.
+
+use crate::device::pinhole::Pinhole;
+use crate::geometry::view::View;
+use crate::scene::Scene;
+
+/// Views of the devices; `None` where there is no device, or none to be had.
+#[derive(Default)]
+pub struct Views {
+    pub camera: Option<View>,
+    pub projector: Option<View>,
+}
+
+impl Views {
+    /// The views of a scene.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let view = |device: &Pinhole| {
+            let field = device.field().map(|v| v.as_vec2());
+            View::new(
+                &scene.geometry,
+                device.origin,
+                device.axes,
+                field,
+                device.resolution,
+            )
+        };
+        Self {
+            camera: view(&scene.camera),
+            // Light passes sheets, of which a view knows nothing.
+            projector: scene
+                .projector
+                .as_ref()
+                .filter(|_| !scene.sheets)
+                .and_then(|p| view(&p.pinhole)),
+        }
+    }
+}
