@@ -3,7 +3,6 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::path::Path;
 use sunstone::render::{Target, Unwatched, render};
-use sunstone::transport::scene::Scene;
 
 fn whole(c: &mut Criterion) {
     let text = std::fs::read_to_string("scenes/mirror_room/scene.toml")

@@ -7,7 +7,6 @@ use std::path::Path;
 use sunstone::optics::sampling::stream::Stream;
 use sunstone::optics::sampling::warp;
 use sunstone::transport::geometry::ray::Ray;
-use sunstone::transport::scene::Scene;
 
 fn traversal(c: &mut Criterion) {
     let scene =

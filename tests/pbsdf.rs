@@ -16,7 +16,6 @@ use sunstone::transport::material::measured::error::PbsdfError;
 use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::material::{Lanes, Material, Materials};
-use sunstone::transport::scene::Scene;
 
 /// Remembers the largest piece of memory that a thread asked for.
 struct Watched;

@@ -149,6 +149,9 @@ fn table(path: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Material,
 mod tests {
     use super::*;
     use optics::spectrum::Wavelengths;
+    use polarimetry::reconstruct::pca::data_set::Weight;
+    use polarimetry::reconstruct::pca::gather::Tally;
+    use polarimetry::reconstruct::pca::moments::Moments;
     use polarimetry::reconstruct::pca::moments::Row;
     use scene::materials::MaterialSet;
     use transport::material::measured::write::{tabulate, write};

@@ -151,7 +151,10 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
     for shipped in SHIPPED {
         for file in ["scene.toml", shipped.twin] {
             let path = path(shipped.folder, file);
-            let scene = sunstone::scene::load(&path).unwrap_or_else(|e| panic!("{e}"));
+            let text = sunstone::scene::read(&path).expect("a file");
+            let scene = sunstone::scene::from_text(&path, &text).unwrap_or_else(|e| panic!("{e}"));
+            let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+            let figures = sunstone::figure::spec::from_text(&path, &text, &slices).expect("figures");
             let projector = scene.projector.as_ref().unwrap();
             for (device, who) in [(&scene.camera, "camera"), (&projector.pinhole, "projector")] {
                 for (centre, radius) in shipped.seen {
@@ -159,7 +162,7 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
                         .unwrap_or_else(|e| panic!("{}: {who}, {centre:?}: {e}", path.display()));
                 }
             }
-            let figures: Vec<_> = scene.figures.iter().map(|f| f.name.as_str()).collect();
+            let figures: Vec<_> = figures.iter().map(|f| f.name.as_str()).collect();
             for figure in ["photo", "epipolar", "nonepipolar", "mueller"] {
                 assert!(figures.contains(&figure), "{}: {figure}", path.display());
             }

@@ -68,7 +68,7 @@ fn closed_grid(x: u32, y: u32) -> impl Iterator<Item = (f64, f64)> {
 /// Checks radiance and time bins of every camera pixel; returns how many pixels light a single bin.
 fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, normal: DVec3) -> u32 {
     let (sum, error, time) = (r.mean("sum"), r.std_error("sum"), r.mean("time"));
-    let overflow = r.field("time", sunstone::store::zarr::Field::Overflow);
+    let overflow = r.field("time", sunstone::tensor::field::Field::Overflow);
     assert!(overflow.data.iter().all(|v| *v == 0.0));
     let [w, h] = camera.resolution;
     let mut single = 0;

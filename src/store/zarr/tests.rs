@@ -3,6 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 use tensor::axes::{AxisKind, Extents};
+use tensor::field::Field;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 fn extents(tile: u32) -> Extents {

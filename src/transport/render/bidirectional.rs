@@ -73,7 +73,7 @@ impl Plan {
                 walks: w * h,
                 manifold: manifold && scene.materials.any_interface(),
                 mirrors: if mirrors {
-                    Mirrors::new(scene)
+                    Mirrors::new(&scene.geometry, &scene.materials)
                 } else {
                     Mirrors::default()
                 },

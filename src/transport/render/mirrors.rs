@@ -12,7 +12,6 @@
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::{Lobe, Materials};
-use crate::scene::Scene;
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
@@ -112,15 +111,14 @@ fn area(outline: &Outline) -> f32 {
 
 impl Mirrors {
     /// All surfaces of a scene that light is mirrored at.
-    pub fn new(scene: &Scene) -> Self {
-        let geometry = &scene.geometry;
+    pub fn new(geometry: &Geometry, materials: &Materials) -> Self {
         let mut out = Self {
-            bent: scene.materials.any_interface(),
-            disperses: scene.materials.any_disperses(),
+            bent: materials.any_interface(),
+            disperses: materials.any_disperses(),
             ..Self::default()
         };
-        let mirrors: Vec<bool> = (0..scene.materials.list.len() as u32)
-            .map(|id| is_mirror(&scene.materials, id))
+        let mirrors: Vec<bool> = (0..materials.list.len() as u32)
+            .map(|id| is_mirror(materials, id))
             .collect();
         let mut planes = HashMap::new();
         let mut pieces: Vec<(u32, Outline, u32)> = vec![];
@@ -270,35 +268,84 @@ fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
+    use crate::geometry::bvh::GeometryBuilder;
+    use crate::geometry::mesh::Mesh;
+    use crate::geometry::quadric::{Quadric, QuadricKind};
+    use crate::material::Material;
+    use crate::material::conductor::Conductor;
+    use crate::material::diffuse::Diffuse;
+    use crate::material::facets::Roughness;
+    use crate::material::rough_conductor::RoughConductor;
+    use crate::material::texture::{Scalar, Spectrum};
+    use glam::{Affine3A, Vec3};
+    use optics::sampling::microfacet::{Distribution, Masking};
+    use optics::spectrum::Spectral;
 
-    fn mirrors(objects: &str) -> Mirrors {
-        let text = "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 30\n\
-                    pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n\
-                    [materials]\nwhite.diffuse.albedo = 0.5\ngold.conductor.metal = \"Au\"\n\
-                    matt.rough_conductor = { metal = \"Au\", alpha = 0.2 }\nglass.dielectric.ior = 1.5\n";
-        let text = text.to_owned()
-            + objects
-            + "[[emitters]]\npoint = { position = [0, 0, 3], intensity = 1 }\n[[slices]]\nname = \"s\"\n";
-        Mirrors::new(&Scene::from_text(Path::new("mirrors.toml"), &text).expect("a scene"))
+    const WHITE: u32 = 0;
+    const GOLD: u32 = 1;
+    const MATT: u32 = 2;
+
+    /// Things to put into a scene.
+    enum Shape {
+        Rectangle(u32, [[f32; 3]; 3]),
+        Ball(f32, f32),
     }
 
-    fn rectangle(material: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> String {
-        format!(
-            "[[objects]]\nmaterial = \"{material}\"\n\
-             shape.rectangle = {{ corner = {corner:?}, u = {u:?}, v = {v:?} }}\n"
-        )
+    fn rectangle(material: u32, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> Shape {
+        Shape::Rectangle(material, [corner, u, v])
+    }
+
+    fn mirrors(shapes: &[Shape]) -> Mirrors {
+        let (n, k) = (Spectral::splat(0.4242), Spectral::splat(2.4721));
+        let roughness = Roughness {
+            distribution: Distribution::Ggx,
+            masking: Masking::default(),
+            alpha: Scalar::uniform(0.2),
+        };
+        let mut materials = Materials::default();
+        materials.list = vec![
+            Material::Diffuse(Diffuse {
+                albedo: Spectrum::uniform(Spectral::splat(0.5)),
+            }),
+            Material::Conductor(Conductor { n, k }),
+            Material::RoughConductor(RoughConductor { n, k, roughness }),
+        ];
+        let mut geometry = GeometryBuilder::default();
+        for shape in shapes {
+            match shape {
+                Shape::Rectangle(material, place) => {
+                    let [corner, u, v] = place.map(Vec3A::from_array);
+                    let mut square = Mesh::rectangle();
+                    let axes = Mat3A::from_cols(u / 2.0, v / 2.0, u.cross(v));
+                    square.transform(&Affine3A {
+                        matrix3: axes,
+                        translation: corner + (u + v) / 2.0,
+                    });
+                    geometry.mesh(&square, *material);
+                }
+                Shape::Ball(x, radius) => {
+                    let place = Affine3A {
+                        matrix3: Mat3A::from_diagonal(Vec3::splat(*radius)),
+                        translation: Vec3A::new(*x, 0.0, 0.0),
+                    };
+                    geometry.quadric(Quadric::new(QuadricKind::Sphere, place, GOLD));
+                }
+            }
+        }
+        Mirrors::new(&geometry.build(), &materials)
     }
 
     /// Pieces of one plane are one mirror, whichever side they face; what scatters or is rough is none.
     #[test]
     fn a_plane_is_one_mirror() {
         let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-        let all = rectangle("gold", [0.0; 3], x, y)
-            + &rectangle("gold", [1.5, 0.0, 0.0], x, y)
-            + &rectangle("gold", [0.0, 0.0, 0.3], x, y)
-            + &rectangle("white", [0.0, 0.0, 0.6], x, y)
-            + &rectangle("matt", [0.0, 0.0, 0.9], x, y);
+        let all = [
+            rectangle(GOLD, [0.0; 3], x, y),
+            rectangle(GOLD, [1.5, 0.0, 0.0], x, y),
+            rectangle(GOLD, [0.0, 0.0, 0.3], x, y),
+            rectangle(WHITE, [0.0, 0.0, 0.6], x, y),
+            rectangle(MATT, [0.0, 0.0, 0.9], x, y),
+        ];
         let mirrors = mirrors(&all);
         assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (2, 0));
         let wide = mirrors.flats.iter().filter(|f| f.radius > 1.2).count();
@@ -308,7 +355,12 @@ mod tests {
     /// The way over a flat mirror has equal angles; there is none to the other side, or beside the mirror.
     #[test]
     fn flat_ways_are_images() {
-        let all = rectangle("gold", [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        let all = [rectangle(
+            GOLD,
+            [-1.0, -1.0, 0.0],
+            [2.0, 0.0, 0.0],
+            [0.0, 2.0, 0.0],
+        )];
         let mirrors = mirrors(&all);
         let ways = |a: [f32; 3], b: [f32; 3]| {
             let mut found = vec![];
@@ -327,8 +379,10 @@ mod tests {
     /// Two mirrors at a right angle: the light may take both, in one order from most places.
     #[test]
     fn pairs_are_images_of_images() {
-        let all = rectangle("gold", [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])
-            + &rectangle("gold", [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]);
+        let all = [
+            rectangle(GOLD, [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
+            rectangle(GOLD, [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
+        ];
         let mirrors = mirrors(&all);
         let (a, b) = (Vec3A::new(1.0, 0.1, 0.5), Vec3A::new(0.5, 0.1, 1.2));
         let mut pairs = 0;
@@ -350,12 +404,7 @@ mod tests {
     /// Random points lie on curved mirrors, each surface by its area.
     #[test]
     fn seeds_cover_curved_mirrors() {
-        let ball = |x: f32, radius: f32| {
-            format!(
-                "[[objects]]\nmaterial = \"gold\"\nshape.sphere = {{ center = [{x:?}, 0, 0], radius = {radius:?} }}\n"
-            )
-        };
-        let mirrors = mirrors(&(ball(0.0, 1.0) + &ball(4.0, 0.5)));
+        let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);
         assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (0, 2));
         let (mut stream, n, mut large) = (Stream::new(1, 0, 0), 20_000, 0);
         for _ in 0..n {
