@@ -19,4 +19,5 @@ mod phase;
 mod resume;
 mod rooms;
 mod scenes;
+mod source_tree;
 mod standard_errors;
