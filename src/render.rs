@@ -1,8 +1,13 @@
-//! From a scene to a store on disk.
+//! Renders: from a scene to a store on disk, to arrays in memory, or into any other sink.
 
+use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
+use std::convert::Infallible;
+use std::path::Path;
 use store::sink::ZarrSink;
 pub use store::sink::{SinkError, Target};
+use tensor::memory::Arrays;
+use tensor::sink::Sink;
 pub use tensor::sink::Summary;
 use transport::render::schedule;
 pub use transport::render::schedule::{Unwatched, Watch};
@@ -11,30 +16,119 @@ use transport::scene::Scene;
 /// Why a render into a store stopped.
 pub type RenderError = schedule::RenderError<SinkError>;
 
+/// A render of all slices of a scene, which says where to and how.
+///
+/// The same scene, seed and samples give the same bits, whatever the number of threads and the sink.
+///
+/// ```
+/// use sunstone::{Camera, Field, Material, Object, Projector, Render, SceneBuilder, Slice};
+///
+/// let scene = SceneBuilder::new(Camera::look_at([0.0, 0.0, 2.0], [0.0; 3]).fov_x_deg(30.0).resolution(8, 8))
+///     .projector(Projector::look_at([0.3, 0.0, 2.0], [0.0; 3]).fov_x_deg(40.0).resolution(16, 16))
+///     .material("wall", Material::diffuse(0.5))
+///     .object(Object::rectangle([-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]).material("wall"))
+///     .slice(Slice::new("photo"))
+///     .spp(4)
+///     .build()?;
+/// let arrays = Render::new(&scene).to_arrays()?;
+/// let photo = arrays.get("photo", Field::Mean).expect("the slice of the scene");
+/// assert_eq!(photo.shape(), [8, 8, 3]); // y, x, wavelength
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Render<'a> {
+    scene: &'a Scene,
+    watch: &'a dyn Watch,
+    attributes: Vec<(&'a str, Value)>,
+    threads: Option<usize>,
+}
+
+impl<'a> Render<'a> {
+    /// Of a scene, on the threads of the current rayon pool, unwatched.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        let version = env!("CARGO_PKG_VERSION");
+        Self {
+            scene,
+            watch: &Unwatched,
+            attributes: vec![
+                ("source", json!(format!("sunstone {version}"))),
+                ("version", json!(version)),
+            ],
+            threads: None,
+        }
+    }
+
+    /// Reports to `watch` once a tile, and ends when it says so.
+    #[must_use]
+    pub fn watch(mut self, watch: &'a dyn Watch) -> Self {
+        self.watch = watch;
+        self
+    }
+
+    /// Notes something beside the provenance that every render notes: an attribute of a store.
+    #[must_use]
+    pub fn attribute(mut self, name: &'a str, value: Value) -> Self {
+        self.attributes.push((name, value));
+        self
+    }
+
+    /// On so many threads of its own.
+    #[must_use]
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.threads = Some(threads);
+        self
+    }
+
+    /// Into a sink.
+    ///
+    /// # Errors
+    /// [`schedule::RenderError`]: the scene keeps nothing, threads cannot be started, or the sink refuses.
+    pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
+        let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, sink, self.watch);
+        match self.threads {
+            None => run(sink),
+            Some(threads) => ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .map_err(|e| schedule::RenderError::Threads(e.to_string()))?
+                .install(|| run(sink)),
+        }
+    }
+
+    /// Into arrays in memory: all fields of all slices.
+    ///
+    /// # Errors
+    /// [`schedule::RenderError`]: the scene keeps nothing, or threads cannot be started.
+    pub fn to_arrays(self) -> Result<Arrays, schedule::RenderError<Infallible>> {
+        let mut arrays = Arrays::default();
+        self.into_sink(&mut arrays)?;
+        Ok(arrays)
+    }
+
+    /// Into a new Zarr store, which must not exist yet.
+    ///
+    /// # Errors
+    /// [`RenderError`]; what was finished stays on disk and can be resumed ([`Self::to_target`]).
+    pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
+        self.to_target(&Target {
+            path: path.to_owned(),
+            ..Target::default()
+        })
+    }
+
+    /// Into a Zarr store that is made, replaced or resumed.
+    ///
+    /// # Errors
+    /// [`RenderError`]; what was finished stays on disk and can be resumed.
+    pub fn to_target(self, target: &Target) -> Result<Summary, RenderError> {
+        self.into_sink(&mut ZarrSink::new(target.clone()))
+    }
+}
+
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors
 /// [`RenderError`]; what was finished stays on disk and can be resumed.
 pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
-    render_with(scene, &[], target, watch)
-}
-
-/// As [`render`], with attributes of the caller's beside the provenance.
-///
-/// # Errors
-/// As [`render`].
-pub fn render_with(
-    scene: &Scene,
-    extra: &[(&str, Value)],
-    target: &Target,
-    watch: &dyn Watch,
-) -> Result<Summary, RenderError> {
-    let version = env!("CARGO_PKG_VERSION");
-    let mut attributes = vec![
-        ("source", json!(format!("sunstone {version}"))),
-        ("version", json!(version)),
-    ];
-    attributes.extend(extra.iter().map(|(name, value)| (*name, value.clone())));
-    let mut sink = ZarrSink::new(target.clone());
-    schedule::render(scene, &attributes, &mut sink, watch)
+    Render::new(scene).watch(watch).to_target(target)
 }

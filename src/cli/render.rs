@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use sunstone::figure::spec::{self, Figure};
-use sunstone::render::{RenderError, SinkError, Summary, Target, Watch, render_with};
+use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
 use sunstone::store::sink::is_unfinished;
 use sunstone::transport::render::coverage::missing;
 use sunstone::transport::scene::Scene;
@@ -149,17 +149,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.threads == Some(0) {
         return Err(Failure::input("--threads is 0; give at least 1"));
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(a.threads.unwrap_or(0))
-        .build()
-        .map_err(Failure::failed)?;
     let progress = Progress::new(missing(&scene));
-    let summary = pool
-        .install(|| render_with(&scene, &[("figures", json!(figures))], &target, &progress))
-        .map_err(|e| match e {
-            RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => Failure::failed(e),
-            RenderError::Sink(_) | RenderError::NoSlices => Failure::input(e),
-        })?;
+    let render = Render::new(&scene)
+        .watch(&progress)
+        .attribute("figures", json!(figures))
+        .threads(a.threads.unwrap_or(0));
+    let summary = render.to_target(&target).map_err(|e| match e {
+        RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
+            Failure::failed(e)
+        }
+        RenderError::Sink(_) | RenderError::NoSlices => Failure::input(e),
+    })?;
     if let Some(bar) = &progress.bar {
         bar.finish_and_clear();
     }

@@ -20,4 +20,3 @@ mod resume;
 mod rooms;
 mod scenes;
 mod source_tree;
-mod standard_errors;

@@ -1,4 +1,4 @@
-//! Renders a scene given as text into a store in a temporary folder.
+//! What tests share that render: scenes as text, and stores in temporary folders.
 
 use std::path::Path;
 use sunstone::render::{Target, Unwatched, render};
@@ -7,6 +7,44 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Scene;
 use tempfile::TempDir;
+
+/// The scene of mirrors, metal and glass that ships with the program.
+pub const MIRROR_ROOM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/scene.toml");
+
+/// `text` with one passage replaced; it must be there.
+pub fn edit(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "the scene has no `{from}` to edit");
+    text.replacen(from, to, 1)
+}
+
+/// The mirror room as shipped.
+pub fn shipped() -> String {
+    std::fs::read_to_string(MIRROR_ROOM).expect("the shipped scene")
+}
+
+/// The mirror room with square images of `camera` and `projector` pixels, and other slices and figures. Its meshes
+/// are named by absolute paths, so the text works in any folder.
+pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &str) -> String {
+    let all = shipped();
+    let mut text = all[..all.find("[[slices]]").expect("slices")].to_owned();
+    for (size, fov) in [(camera, 50), (projector, 58)] {
+        text = edit(
+            &text,
+            &format!("resolution = [256, 256]\nfov_x_deg = {fov}"),
+            &format!("resolution = [{size}, {size}]\nfov_x_deg = {fov}"),
+        );
+    }
+    text = edit(&text, "spp = 128", &format!("spp = {spp}\ntile = {tile}"));
+    let folder = Path::new(MIRROR_ROOM).parent().expect("a folder");
+    for name in ["pedestal.obj", "knot.glb", "vase.ply"] {
+        let path = folder.join(name);
+        text = text.replace(
+            &format!("file = \"{name}\""),
+            &format!("file = \"{}\"", path.display()),
+        );
+    }
+    text + slices
+}
 
 /// A finished render; its files live as long as it does.
 pub struct Rendered {

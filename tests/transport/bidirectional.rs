@@ -138,7 +138,7 @@ fn every_strategy_alone() {
 /// Metal, plastic, rough glass, polarizing sheets, a smooth-shaded mesh, a point emitter.
 #[test]
 fn surfaces_of_all_kinds() {
-    let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mirror_room/knot.glb");
+    let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/knot.glb");
     let text = devices(256, 6, 3)
         + "[[emitters]]\npoint = { position = [0.2, 0.8, 0.9], intensity = 0.3 }\n\
            [materials]\nwall.rough_conductor = { metal = \"Au\", alpha = 0.5 }\n\

@@ -256,7 +256,7 @@ name = "image"
 /// depolarization index of Gil & Bernabéu (1985), |M without M00| / (√3 M00), tells them apart.
 #[test]
 fn metamers_differ_in_depolarization_alone() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("pbrdf/metamers.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/metamers.toml");
     let set = MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"));
     let at = flat([0.5; 2]);
     let mut widest = 0.0_f32;

@@ -26,8 +26,9 @@ mod sheets;
 mod slab;
 mod specular;
 mod stand_ins;
-#[path = "../support/mod.rs"]
-mod support;
+mod standard_errors;
 mod textures;
 mod thin_plates;
 mod wishes;
+
+use ::support;

@@ -15,7 +15,7 @@ use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::tabulate;
 
 fn stand_ins() -> MaterialSet {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("pbrdf/stand_ins.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/stand_ins.toml");
     MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -8,6 +8,7 @@ use nalgebra::Complex;
 use std::f64::consts::PI;
 use std::path::Path;
 use std::process::Command;
+use sunstone::render::{Target, Unwatched, render};
 use sunstone::scene::materials::MaterialSet;
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
@@ -70,7 +71,32 @@ fn measured_materials_under_a_projector() {
     assert!(lit > 80, "{lit} pixels");
 }
 
-/// Renders a wall of a table of `counts` entries and 5 bands, under a projector, by the program itself in a process that
+/// The folder of the scene that a process of this program is to render.
+#[cfg(target_os = "linux")]
+const TOLD: &str = "SUNSTONE_TEST_RENDER";
+
+/// No test: what a process does that [`in_little_memory`] starts.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "renders what another process tells it to"]
+fn what_a_process_is_told_to() {
+    let Some(folder) = std::env::var_os(TOLD) else {
+        return;
+    };
+    std::env::set_current_dir(folder).expect("the folder");
+    let scene = sunstone::scene::load(std::path::Path::new("scene.toml")).expect("the scene");
+    let target = Target {
+        path: "out.zarr".into(),
+        ..Target::default()
+    };
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let done = alone
+        .expect("a thread")
+        .install(|| render(&scene, &target, &Unwatched));
+    assert!(done.expect("a render").complete);
+}
+
+/// Renders a wall of a table of `counts` entries and 5 bands, under a projector, in a process that
 /// may own no more than `limit_kib` of memory. Every entry holds the same matrix, whose BRDF is 0.1.
 #[cfg(target_os = "linux")]
 fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
@@ -97,15 +123,17 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
         + &plate(DVec3::X, -DVec3::X, 2.0, "side")
         + MATRIX;
     std::fs::write(folder.path().join("scene.toml"), text).expect("the scene");
-    let limited = format!("ulimit -d {limit_kib} && exec \"$0\" render scene.toml --threads 1 -o out.zarr");
-    let program = env!("CARGO_BIN_EXE_sunstone");
-    let run = |script: &str| {
-        let mut command = Command::new("sh");
-        command.args(["-c", script, program]).current_dir(folder.path());
-        command.output().expect("a shell")
-    };
-    let out = run(&limited);
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let limited =
+        format!("ulimit -d {limit_kib} && exec \"$0\" --ignored --exact wishes::what_a_process_is_told_to");
+    let program = std::env::current_exe().expect("this program");
+    let mut command = Command::new("sh");
+    command
+        .arg("-c")
+        .arg(limited)
+        .arg(program)
+        .env(TOLD, folder.path());
+    let out = command.output().expect("a shell");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stdout));
     let store = TensorStore::open(&folder.path().join("out.zarr")).expect("a store");
     let m = store
         .slice("m")

@@ -15,6 +15,9 @@ pub enum RenderError<E: std::error::Error + 'static> {
     /// The scene has no slices.
     #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
     NoSlices,
+    /// No threads to render on.
+    #[error("cannot start threads: {0}")]
+    Threads(String),
     /// The sink does not take the render.
     #[error(transparent)]
     Sink(E),

@@ -1,6 +1,6 @@
 //! Standard errors are honest: over many seeds, deviations from the mean over seeds are as large as they say.
 
-use crate::harness::{mirror_room, read, rendered, scene};
+use crate::support::{mirror_room, render_scene, scene_of};
 use sunstone::tensor::field::Field;
 
 const SEEDS: u64 = 64;
@@ -28,15 +28,14 @@ projector = { nonepipolar = { half_width_px = 0.5 } }
 /// Gaussian. That choice looks at no deviation, so it cannot favour good ones.
 #[test]
 fn deviations_between_seeds_are_as_stated() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut scene = scene(&mirror_room(16, 16, 256, 16, SLICES));
+    let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
     let names: Vec<String> = scene.slices.iter().map(|s| s.name.clone()).collect();
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];
     for seed in 0..SEEDS {
         scene.settings.seed = 1000 + seed;
-        let store = rendered(&scene, folder.path().join(format!("{seed}.zarr")));
+        let store = render_scene(&scene);
         for (name, list) in names.iter().zip(&mut values) {
-            list.push([Field::Mean, Field::StdError].map(|f| read(&store, name, f).data));
+            list.push([Field::Mean, Field::StdError].map(|f| store.field(name, f).data));
         }
     }
     let s = SEEDS as f64;
