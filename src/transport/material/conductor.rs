@@ -1,7 +1,8 @@
 //! Smooth metal: mirror reflection with Fresnel's Mueller matrix.
 
 use super::facets::reflect;
-use super::{Specular, facing, s_vector, same_side};
+use super::lobe::Specular;
+use super::side::{facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;

@@ -26,7 +26,9 @@
 //! centimetres of the origin.
 
 use super::dielectric::Dielectric;
-use super::{Lanes, Lobe, Medium, NO_CRYSTAL, Sampled, Specular};
+use super::filling::{Medium, NO_CRYSTAL};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel::FresnelBlock;

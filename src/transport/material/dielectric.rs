@@ -5,7 +5,10 @@
 //! 2014, "Hero wavelength spectral sampling"); reflection keeps them all.
 
 use super::facets::{reflect, refract};
-use super::{Lanes, Lobe, Medium, Sampled, Specular, facing, s_vector, same_side};
+use super::filling::Medium;
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::side::{facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;

@@ -1,7 +1,8 @@
 //! Lambert's law: depolarizing, radiance ρ/π whatever the direction.
 
+use super::lobe::Sampled;
+use super::side::{facing, same_side};
 use super::texture::{Spectrum, Textures};
-use super::{Sampled, facing, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::basis;

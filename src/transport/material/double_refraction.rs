@@ -18,7 +18,10 @@
 //! do the rest: where the guess is wrong, two crossed ones follow each other and the path carries nothing.
 
 use super::crystal::Crystal;
-use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
+use super::filling::Medium;
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::side::s_vector;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::elements::polarizer;

@@ -1,6 +1,7 @@
 //! A boundary between media of the same index: light goes straight on and keeps its polarization.
 
-use super::{Specular, sheet};
+use super::lobe::Specular;
+use super::sheet;
 use glam::Vec3A;
 use optics::polarization::frame::perpendicular;
 use optics::polarization::fresnel::FresnelBlock;

@@ -12,8 +12,9 @@
 //! surface reflection, R included, but coloured and with a width of its own, ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
 
 use super::facets::{Facets, Roughness, reflect};
+use super::lobe::Sampled;
+use super::side::{facing, s_vector, same_side};
 use super::texture::{Scalar, Spectrum, Textures};
-use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::turn;

@@ -5,8 +5,9 @@
 //! growing with α⁴.
 
 use super::facets::{Facets, Roughness, reflect};
+use super::lobe::Sampled;
+use super::side::{facing, s_vector, same_side};
 use super::texture::Textures;
-use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;

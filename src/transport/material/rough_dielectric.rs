@@ -7,8 +7,11 @@
 
 use super::dielectric::Dielectric;
 use super::facets::{Facets, Passage, Roughness, reflect, refract};
+use super::filling::Medium;
+use super::lanes::Lanes;
+use super::lobe::Sampled;
+use super::side::{facing, s_vector, same_side};
 use super::texture::Textures;
-use super::{Lanes, Medium, Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;

@@ -17,7 +17,10 @@
 
 use super::dielectric::Dielectric;
 use super::facets::reflect;
-use super::{Lanes, Lobe, Sampled, Specular, s_vector, sheet};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::sheet;
+use super::side::s_vector;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
