@@ -29,7 +29,7 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
             block: fresnel(cos),
             s: s_vector(n, wo),
         },
-        medium: None,
+        filling: None,
     })
 }
 

@@ -26,7 +26,7 @@
 //! centimetres of the origin.
 
 use super::dielectric::Dielectric;
-use super::filling::{Medium, NO_CRYSTAL};
+use super::filling::{Filling, NO_CRYSTAL};
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
 use crate::geometry::ray::Surface;
@@ -95,11 +95,11 @@ impl Crystal {
     }
 
     /// The medium beyond the face, which is this crystal, number `id`, if `wo` is outside.
-    fn medium(&self, id: u32, at: &Surface, wo: Vec3A, medium: Medium) -> Medium {
+    fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
-        Medium {
+        Filling {
             crystal: if inward && !self.split { id } else { NO_CRYSTAL },
-            ..medium
+            ..filling
         }
     }
 
@@ -116,7 +116,7 @@ impl Crystal {
             return self.sample_split(at, wo, lanes, stream);
         }
         let mut s = self.faces.sample(at, wo, lanes, stream)?;
-        s.medium = s.medium.map(|m| self.medium(id, at, wo, m));
+        s.filling = s.filling.map(|m| self.filling(id, at, wo, m));
         Some(s)
     }
 
@@ -128,13 +128,13 @@ impl Crystal {
             return None;
         }
         let mut s = self.faces.interface(at, wo)?.specular(at, lobe, lane)?;
-        s.medium = s.medium.map(|m| self.medium(id, at, wo, m));
+        s.filling = s.filling.map(|m| self.filling(id, at, wo, m));
         Some(s)
     }
 
     /// See [`super::Materials::beyond`]; `id` is this material's number.
     #[must_use]
-    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Medium {
-        self.medium(id, at, wo, self.faces.beyond(at, wo, lanes))
+    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
+        self.filling(id, at, wo, self.faces.beyond(at, wo, lanes))
     }
 }

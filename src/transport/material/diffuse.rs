@@ -63,7 +63,7 @@ impl Diffuse {
             wi,
             scatter: Scatter::Depolarize(self.albedo.at(textures, at.uv)),
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

@@ -18,7 +18,7 @@
 //! do the rest: where the guess is wrong, two crossed ones follow each other and the path carries nothing.
 
 use super::crystal::Crystal;
-use super::filling::Medium;
+use super::filling::Filling;
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
 use super::side::s_vector;
@@ -182,7 +182,7 @@ impl Crystal {
                     frame_out: s,
                     frame_in: wave.electric,
                 },
-                medium: Some(Medium::clear(wave.k.dot(wave.ray))),
+                filling: Some(Filling::clear(wave.k.dot(wave.ray))),
             })
         });
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
@@ -221,7 +221,7 @@ impl Crystal {
                     frame_out: from.electric,
                     frame_in: s,
                 },
-                medium: Some(Medium::clear(optics.outside)),
+                filling: Some(Filling::clear(optics.outside)),
             }
         });
         let [o, e] = optics.refracted(t, -n).map(|wave| {
@@ -234,7 +234,7 @@ impl Crystal {
                     frame_out: from.electric,
                     frame_in: wave.electric,
                 },
-                medium: Some(Medium::clear(wave.k.dot(wave.ray))),
+                filling: Some(Filling::clear(wave.k.dot(wave.ray))),
             })
         });
         let inward = |lobe: Option<Specular>| lobe.filter(|l| at.ng.dot(l.wi) < 0.0);

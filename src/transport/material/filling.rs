@@ -2,17 +2,17 @@
 
 /// The medium that a ray runs through.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Medium {
+pub struct Filling {
     /// Refractive index, which sets the optical path length.
     pub index: f32,
     /// Number of the [`crystal`] that fills it, or [`NO_CRYSTAL`].
     pub crystal: u32,
 }
 
-/// [`Medium::crystal`] of what does not act on polarization.
+/// [`Filling::crystal`] of what does not act on polarization.
 pub const NO_CRYSTAL: u32 = u32::MAX;
 
-impl Medium {
+impl Filling {
     /// Outside of everything.
     pub const VACUUM: Self = Self::clear(1.0);
 

@@ -1,6 +1,6 @@
 //! What surfaces answer: a sampled direction, or a delta lobe as it is.
 
-use super::filling::Medium;
+use super::filling::Filling;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
@@ -15,7 +15,7 @@ pub struct Sampled {
     /// True if `wi` came from a delta lobe.
     pub delta: bool,
     /// The medium that `wi` lies in, where light crossed an interface.
-    pub medium: Option<Medium>,
+    pub filling: Option<Filling>,
 }
 
 /// One of the two delta lobes that a smooth surface can have.
@@ -35,7 +35,7 @@ pub struct Specular {
     /// The interaction: radiance out = matrix · radiance in.
     pub scatter: Scatter,
     /// The medium that `wi` lies in, where light crossed an interface.
-    pub medium: Option<Medium>,
+    pub filling: Option<Filling>,
 }
 
 impl Specular {
@@ -46,7 +46,7 @@ impl Specular {
             wi: self.wi,
             scatter: self.scatter.scaled(Spectral::splat(1.0 / p)),
             delta: true,
-            medium: self.medium,
+            filling: self.filling,
         }
     }
 }

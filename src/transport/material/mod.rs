@@ -35,7 +35,7 @@ pub mod thin_dielectric;
 pub mod two_sided;
 
 use crate::geometry::ray::Surface;
-pub use filling::{Medium, NO_CRYSTAL};
+pub use filling::{Filling, NO_CRYSTAL};
 use glam::Vec3A;
 pub use lanes::{Lanes, varies};
 pub use lobe::{Lobe, Sampled, Specular};
@@ -306,12 +306,12 @@ impl Materials {
     #[must_use]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
         let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;
-        (s.wi == -wo && s.medium.is_none()).then_some(s.scatter)
+        (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
     }
 
     /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
     #[must_use]
-    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Medium> {
+    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
         match &self.list[id as usize] {
             Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
             Material::RoughDielectric(m) => Some(m.interface.beyond(at, wo, lanes)),
@@ -402,8 +402,8 @@ impl Materials {
     /// ±`dir`; `None` where it does nothing.
     #[inline]
     #[must_use]
-    pub fn propagate(&self, medium: Medium, dir: Vec3A, length: f64) -> Option<Scatter> {
-        match self.list.get(medium.crystal as usize)? {
+    pub fn propagate(&self, filling: Filling, dir: Vec3A, length: f64) -> Option<Scatter> {
+        match self.list.get(filling.crystal as usize)? {
             Material::Crystal(m) => Some(m.propagate(dir, length)),
             _ => None,
         }

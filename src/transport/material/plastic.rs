@@ -209,7 +209,7 @@ impl Plastic {
             wi,
             scatter: self.value(&seen, wi, |pdf| 1.0 / pdf.max(f32::MIN_POSITIVE))?,
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

@@ -76,7 +76,7 @@ impl RoughConductor {
             wi,
             scatter: self.fresnel(wo, wi, facets.lo.dot(h), facets.kept(li)),
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

@@ -7,7 +7,7 @@
 
 use super::dielectric::Dielectric;
 use super::facets::{Facets, Passage, Roughness, reflect, refract};
-use super::filling::Medium;
+use super::filling::Filling;
 use super::lanes::Lanes;
 use super::lobe::Sampled;
 use super::side::{facing, s_vector, same_side};
@@ -126,14 +126,14 @@ impl RoughDielectric {
         let h = facets.visible(stream.uniform2());
         let fresnel = fresnel::dielectric(facets.lo.dot(h), eta);
         let reflectance = lanes.mean(fresnel.reflection.a);
-        let sampled = |wi, li, block: FresnelBlock, weight: Spectral, medium| Sampled {
+        let sampled = |wi, li, block: FresnelBlock, weight: Spectral, filling| Sampled {
             wi,
             scatter: Scatter::Fresnel {
                 block: block.scaled(weight * Spectral::splat(facets.kept(li))),
                 s: s_vector(wi, wo),
             },
             delta: false,
-            medium,
+            filling,
         };
         if stream.uniform() < reflectance {
             let li = reflect(facets.lo, h);
@@ -146,8 +146,8 @@ impl RoughDielectric {
         let li = refract(facets.lo, h, eta.to_array()[lane])?;
         let wi = facets.world(li);
         let weight = weight / (eta * eta * Spectral::splat(1.0 - reflectance));
-        let medium = Medium::clear(far.to_array()[lane]);
+        let filling = Filling::clear(far.to_array()[lane]);
         (li.z < 0.0 && !same_side(at, wo, wi))
-            .then(|| sampled(wi, li, fresnel.transmission, weight, Some(medium)))
+            .then(|| sampled(wi, li, fresnel.transmission, weight, Some(filling)))
     }
 }

@@ -41,6 +41,6 @@ pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular 
     Specular {
         wi: -wo,
         scatter: Scatter::Fresnel { block, s: axis },
-        medium: None,
+        filling: None,
     }
 }

@@ -81,7 +81,7 @@ impl ThinDielectric {
         (at.ng.dot(wi) * side > 0.0).then_some(Specular {
             wi,
             scatter: Scatter::Fresnel { block: reflection, s },
-            medium: None,
+            filling: None,
         })
     }
 

@@ -11,7 +11,7 @@ use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::view::View;
-use crate::material::{Medium, NO_CRYSTAL};
+use crate::material::{Filling, NO_CRYSTAL};
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
@@ -169,14 +169,14 @@ fn connect(
     }
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
-    let medium = beyond.flatten().unwrap_or(state.medium);
+    let filling = beyond.flatten().unwrap_or(state.filling);
     if let Some(ray) = blocked {
-        return rays + sheets::connect(scene, state, (scatter, wo), (&ray, medium), at.bounces, to, out);
+        return rays + sheets::connect(scene, state, (scatter, wo), (&ray, filling), at.bounces, to, out);
     }
     let extent = if let Scatter::Depolarize(f) = scatter {
         state.chain.finish_depolarized(*f * to.irradiance, out.elements)
-    } else if medium.crystal != NO_CRYSTAL {
-        through_crystal(scene, state, scatter, medium, wo, to, out)
+    } else if filling.crystal != NO_CRYSTAL {
+        through_crystal(scene, state, scatter, filling, wo, to, out)
     } else {
         let frame_in = scatter.frame_in();
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
@@ -184,7 +184,7 @@ fn connect(
             .chain
             .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
-    let time_ps = picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance));
+    let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * f64::from(to.distance));
     out.push(extent, time_ps, to.pixel, at.bounces);
     rays
 }
@@ -195,7 +195,7 @@ fn through_crystal(
     scene: &Scene,
     state: &State,
     scatter: &Scatter,
-    medium: Medium,
+    filling: Filling,
     wo: Vec3A,
     to: &Connection,
     out: &mut Contributions,
@@ -204,7 +204,7 @@ fn through_crystal(
     let frame = chain.push(scatter, wo, state.frame);
     chain.scale(to.irradiance);
     if let Some(mut frame) = frame {
-        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
+        if let Some(way) = scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
             frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
         }
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);

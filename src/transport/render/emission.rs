@@ -1,12 +1,12 @@
 //! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
 
-use super::bridge::filling;
+use super::bridge::surrounding;
 use super::point::{End, Point};
 use crate::accumulate::NO_PIXEL;
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
 use crate::geometry::ray::Ray;
-use crate::material::Medium;
+use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::{DVec2, Vec3A};
@@ -220,7 +220,7 @@ impl Emission {
                 chain: Chain::start(flux),
                 frame: project(axis, dir),
                 density,
-                medium: filling(scene, &nest, 0),
+                filling: surrounding(scene, &nest, 0),
                 nest,
             },
             source,
@@ -238,7 +238,7 @@ impl Emission {
             chain: Chain::start(scene.wavelengths.ones()),
             frame: camera.frame(dir),
             density: camera.pixels_per_steradian(dir),
-            medium: filling(scene, &self.camera, 0),
+            filling: surrounding(scene, &self.camera, 0),
             nest: self.camera,
         }
     }
@@ -256,7 +256,7 @@ impl Emission {
                 frame: project(axis, dir),
                 density: self.density(ends, source, dir),
                 // Lines are followed from the camera's side.
-                medium: Medium::VACUUM,
+                filling: Filling::VACUUM,
                 nest: Nest::default(),
             },
         ))

@@ -4,7 +4,7 @@ use super::bridge::{pass, unnoticed};
 use super::path::crossed;
 use super::point::Place;
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Lanes, Medium, NO_CRYSTAL};
+use crate::material::{Filling, Lanes, NO_CRYSTAL};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::Vec3A;
@@ -34,7 +34,7 @@ pub(super) struct Flight {
     pub optical_m: f64,
     /// Optical depth since the last point.
     pub depth: Spectral,
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
     pub hero: Hero,
@@ -103,10 +103,10 @@ pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
 impl Flight {
     /// Lets the medium act on the light along the way to a surface.
     fn cross(&mut self, scene: &Scene, from: From, surface: &Surface) {
-        if self.medium.crystal == NO_CRYSTAL {
+        if self.filling.crystal == NO_CRYSTAL {
             return;
         }
-        if let Some(act) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
+        if let Some(act) = crossed(scene, self.filling, self.ray.dir, self.from, surface) {
             self.push(&act, from);
         }
     }
@@ -148,15 +148,15 @@ impl Flight {
             let Some(surface) = surface else {
                 return Landing::Escaped;
             };
-            self.optical_m += f64::from(self.medium.index) * f64::from(way);
+            self.optical_m += f64::from(self.filling.index) * f64::from(way);
             self.cross(scene, from, &surface);
             self.settle();
             let id = surface.material;
             if !unnoticed(scene, &self.nest, id) {
                 return Landing::At(Place::Surface, surface);
             }
-            let (nest, medium) = (&mut self.nest, &mut self.medium);
-            pass(scene, nest, medium, &surface, self.ray.dir, self.lanes.nth(0));
+            let (nest, filling) = (&mut self.nest, &mut self.filling);
+            pass(scene, nest, filling, &surface, self.ray.dir, self.lanes.nth(0));
             self.from = surface.p;
             self.ray.origin = scene.geometry.leave(&surface, self.ray.dir);
         }
@@ -196,7 +196,7 @@ impl Flight {
             self.chain
                 .scale(medium.scattering * transmittance * Spectral::splat(1.0 / density));
             self.depth += depth;
-            self.optical_m += f64::from(self.medium.index) * f64::from(length);
+            self.optical_m += f64::from(self.filling.index) * f64::from(length);
             let p = self.from + self.ray.dir * length;
             return Some(Landing::At(
                 Place::Volume(id),

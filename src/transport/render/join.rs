@@ -226,7 +226,7 @@ impl<'a> Joiner<'a> {
         limits: (u32, usize),
     ) -> Option<(f64, u32, f32)> {
         let scene = self.scene;
-        if scene.sheets || scene.filled || line.medium.crystal != NO_CRYSTAL {
+        if scene.sheets || scene.filled || line.filling.crystal != NO_CRYSTAL {
             let way = bridge(scene, chain, frame, line, end, limits, &mut self.rays)?;
             return Some((way.optical_m, way.sheets, mean_transmittance(scene, way.depth)));
         }
@@ -235,7 +235,7 @@ impl<'a> Joiner<'a> {
         if scene.geometry.occluded(&line.ray, length * (1.0 - END_GAP)) {
             return None;
         }
-        let optical_m = f64::from(line.medium.index) * f64::from((end - line.from).length());
+        let optical_m = f64::from(line.filling.index) * f64::from((end - line.from).length());
         Some((optical_m, 0, 1.0))
     }
 

@@ -106,7 +106,7 @@ impl Joiner<'_> {
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
     /// way, times what the end has for it per steradian, times n²/d².
     fn spin(&mut self, p: &Point, to: Vec3A, scattered: Option<Scatter>, end: f32) -> Option<f32> {
-        let squared = p.medium.index * p.medium.index / (to - p.surface.p).length_squared();
+        let squared = p.filling.index * p.filling.index / (to - p.surface.p).length_squared();
         let scattered = scattered.map_or(0.0, |s| max_lane(s.m00()));
         let expected = p.chain.max_m00() * scattered * end * squared;
         self.setup.roulette.spin_unsure(expected, self.stream)

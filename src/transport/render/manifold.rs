@@ -21,7 +21,7 @@ use super::bridge::{Start, bridge, unnoticed};
 use super::flight::mean_transmittance;
 use super::mirrors::{Mirrors, Seed};
 use crate::geometry::ray::{Hit, Ray, Surface};
-use crate::material::{Lobe, Medium};
+use crate::material::{Filling, Lobe};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
@@ -61,7 +61,7 @@ struct Bend {
     after: Vec3A,
     lobe: Lobe,
     scatter: Scatter,
-    medium: Option<Medium>,
+    filling: Option<Filling>,
 }
 
 /// A way from a point to an emitter.
@@ -380,7 +380,7 @@ pub(super) fn along(
                 after,
                 lobe,
                 scatter: found.scatter,
-                medium: found.medium,
+                filling: found.filling,
             });
         }
     })?;
@@ -427,7 +427,7 @@ impl Way {
 
     /// (n_x/n_L)²: what radiance gains on the way from the other end.
     pub fn squared_indices(&self, passed: &Passed) -> f32 {
-        let ratio = self.start.medium.index / passed.index;
+        let ratio = self.start.filling.index / passed.index;
         ratio * ratio
     }
 
@@ -474,7 +474,7 @@ impl Way {
                     dir: bend.after,
                 },
                 from: s.p,
-                medium: bend.medium.unwrap_or(line.medium),
+                filling: bend.filling.unwrap_or(line.filling),
                 nest,
             };
         }
@@ -482,7 +482,7 @@ impl Way {
             optical_m,
             sheets,
             mean: mean_transmittance(scene, depth),
-            index: start.medium.index,
+            index: start.filling.index,
         })
     }
 }

@@ -12,7 +12,7 @@ use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
-use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
+use crate::material::{Filling, Lanes, NO_CRYSTAL, facing};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
@@ -36,7 +36,7 @@ pub(super) struct State {
     /// Optical path length so far, metres.
     pub optical_m: f64,
     /// The medium that the ray is in.
-    pub medium: Medium,
+    pub filling: Filling,
     pub lanes: Lanes,
 }
 
@@ -45,10 +45,10 @@ impl State {
     /// there, so the medium's matrix stands left of what that surface will add.
     #[inline]
     fn cross(&mut self, scene: &Scene, surface: &Surface) {
-        if self.medium.crystal == NO_CRYSTAL {
+        if self.filling.crystal == NO_CRYSTAL {
             return;
         }
-        if let Some(scatter) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
+        if let Some(scatter) = crossed(scene, self.filling, self.ray.dir, self.from, surface) {
             self.frame = self
                 .chain
                 .push(&scatter, -self.ray.dir, self.frame)
@@ -61,7 +61,7 @@ impl State {
 /// nothing.
 pub(super) fn crossed(
     scene: &Scene,
-    medium: Medium,
+    filling: Filling,
     dir: Vec3A,
     from: Vec3A,
     surface: &Surface,
@@ -70,7 +70,7 @@ pub(super) fn crossed(
     // surface, which shifts the hit point sideways.
     let ng = surface.ng.as_dvec3();
     let length = (surface.p.as_dvec3() - from.as_dvec3()).dot(ng) / dir.as_dvec3().dot(ng);
-    scene.materials.propagate(medium, dir, length)
+    scene.materials.propagate(filling, dir, length)
 }
 
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
@@ -255,7 +255,7 @@ impl Paths {
             state.chain = Chain::start(ones);
             state.frame = camera.frame(dir);
             state.optical_m = 0.0;
-            state.medium = Medium::VACUUM;
+            state.filling = Filling::VACUUM;
             state.lanes = lanes;
             path.stream = stream;
         }
@@ -279,7 +279,7 @@ impl Default for Path {
                 chain: Chain::start(Spectral::ZERO),
                 frame: Vec3A::X,
                 optical_m: 0.0,
-                medium: Medium::VACUUM,
+                filling: Filling::VACUUM,
                 lanes: Lanes::first(0),
             },
             stream: Stream::new(0, 0, 0),
@@ -300,7 +300,7 @@ impl Path {
         let state = &mut self.state;
         self.surface = scene.geometry.surface(&state.ray, hit);
         let surface = &self.surface;
-        state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
+        state.optical_m += f64::from(state.filling.index) * f64::from((surface.p - state.from).length());
         state.cross(scene, surface);
         many::set(&mut rows.points, n, surface.p);
         if goes_on && scene.materials.lambert(surface.material).is_some() {
@@ -359,7 +359,7 @@ impl Path {
             };
             let frame = state.chain.push(&sampled.scatter, wo, state.frame);
             state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
-            state.medium = sampled.medium.unwrap_or(state.medium);
+            state.filling = sampled.filling.unwrap_or(state.filling);
             sampled.wi
         };
         if bounces + 1 >= scene.settings.rr_depth {

@@ -10,7 +10,7 @@
 
 use super::bridge::Start;
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Lanes, Medium};
+use crate::material::{Filling, Lanes};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::Vec3A;
@@ -26,7 +26,7 @@ pub(super) struct End {
     pub frame: Vec3A,
     /// Density of the ray's direction per steradian.
     pub density: f32,
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
 }
 
@@ -54,7 +54,7 @@ pub(super) struct Point {
     /// Optical path length from the walk's end, metres.
     pub optical_m: f64,
     /// What is on the side of `back`.
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
     /// Interactions before this one.
@@ -82,7 +82,7 @@ impl Point {
             chain: end.chain,
             frame: end.frame,
             optical_m: 0.0,
-            medium: end.medium,
+            filling: end.filling,
             nest: end.nest,
             lanes: scene.lanes(),
             interactions: 0,
@@ -152,18 +152,18 @@ impl Point {
 
     /// The start of a line along `dir`.
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
-        let (mut medium, mut nest) = (self.medium, self.nest);
+        let (mut filling, mut nest) = (self.filling, self.nest);
         let s = &self.surface;
         if self.place == Place::Surface && s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 {
             nest.cross(&scene.boundaries, s.material, s.ng.dot(dir) < 0.0);
             let beyond = scene.materials.beyond(s.material, s, self.back, self.lanes);
-            medium = beyond.unwrap_or(medium);
+            filling = beyond.unwrap_or(filling);
         }
         let origin = self.leave(scene, dir);
         Start {
             ray: Ray { origin, dir },
             from: s.p,
-            medium,
+            filling,
             nest,
         }
     }

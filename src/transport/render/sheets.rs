@@ -7,7 +7,7 @@ use super::connect::Connection;
 use super::path::State;
 use crate::accumulate::Contributions;
 use crate::geometry::ray::Ray;
-use crate::material::Medium;
+use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use base::units::picoseconds;
@@ -25,7 +25,7 @@ pub(super) fn connect(
     scene: &Scene,
     state: &State,
     (scatter, wo): (&Scatter, Vec3A),
-    (shadow, medium): (&Ray, Medium),
+    (shadow, filling): (&Ray, Filling),
     bounces: u32,
     to: &Connection,
     out: &mut Contributions,
@@ -40,7 +40,7 @@ pub(super) fn connect(
     let start = Start {
         ray: *shadow,
         from: shadow.origin,
-        medium,
+        filling,
         nest: Nest::default(),
     };
     let mut rays = 0;

@@ -51,7 +51,7 @@ fn onward(
         return None;
     }
     let all = before.count() as usize == scene.wavelengths.count();
-    if !sampled.delta && (all || sampled.medium.is_none()) {
+    if !sampled.delta && (all || sampled.filling.is_none()) {
         *lanes = before;
         if density <= 0.0 {
             return None;
@@ -67,7 +67,7 @@ fn onward(
         let factor = shading_in * cos_out / (cos_in * shading_out).max(f32::MIN_POSITIVE);
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(factor));
     }
-    if let Some(far) = sampled.medium
+    if let Some(far) = sampled.filling
         && !materials.is_crystal(id)
         && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
     {
@@ -103,7 +103,7 @@ impl Walk {
             frame: end.frame,
             optical_m: 0.0,
             depth: Spectral::ZERO,
-            medium: end.medium,
+            filling: end.filling,
             nest: end.nest,
             lanes: all,
             hero: if scene.filled {
@@ -139,7 +139,7 @@ impl Walk {
                     }
                     flight.lanes = lanes;
                     flight.push(&n.scatter, from);
-                    if scene.sheets && n.delta && n.wi == -back && n.medium.is_none() {
+                    if scene.sheets && n.delta && n.wi == -back && n.filling.is_none() {
                         // Straight through a sheet: no point of its own, as on a line between points.
                         flight.settle();
                         interactions += 1;
@@ -159,7 +159,7 @@ impl Walk {
                 chain: arrived,
                 frame,
                 optical_m: flight.optical_m,
-                medium: flight.medium,
+                filling: flight.filling,
                 nest: flight.nest,
                 lanes,
                 interactions,
@@ -201,12 +201,12 @@ impl Walk {
                         let enters = surface.ng.dot(next.wi) < 0.0;
                         flight.nest.cross(&scene.boundaries, surface.material, enters);
                     }
-                    if let (From::Camera, Some(medium)) = (from, next.medium) {
+                    if let (From::Camera, Some(filling)) = (from, next.filling) {
                         // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
-                        let ratio = flight.medium.index / medium.index;
+                        let ratio = flight.filling.index / filling.index;
                         full *= ratio * ratio;
                     }
-                    flight.medium = next.medium.unwrap_or(flight.medium);
+                    flight.filling = next.filling.unwrap_or(flight.filling);
                     next.wi
                 }
                 (_, None) => {

@@ -98,7 +98,7 @@ impl Measured {
             wi,
             scatter: value.scaled(Spectral::splat(pdf.recip())),
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }
