@@ -183,7 +183,7 @@ pub struct Geometry {
     quadrics: Vec<Quadric>,
     triangle_count: usize,
     /// Someone reads texture coordinates; they are 0 otherwise.
-    pub textured: bool,
+    pub(crate) textured: bool,
     /// The processor has 256-bit vectors.
     avx2: bool,
     /// Longest edge of the world bounds.

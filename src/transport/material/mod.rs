@@ -90,10 +90,11 @@ impl Materials {
         }
     }
 
-    /// True if light can reach a direction from other than finitely many directions, so that it can be lit by a point.
+    /// True if some lobe is not a delta: light reaches a direction from more than finitely many others, so that a point can
+    /// light the surface.
     #[inline(always)]
     #[must_use]
-    pub fn is_smooth(&self, id: u32) -> bool {
+    pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
             Material::Diffuse(_)
             | Material::RoughConductor(_)
@@ -111,17 +112,17 @@ impl Materials {
             composite @ (Material::TwoSided(_)
             | Material::Blend(_)
             | Material::NormalMap(_)
-            | Material::PartialDepolarizer(_)) => self.is_smooth_rest(composite),
+            | Material::PartialDepolarizer(_)) => self.has_extended_lobe_rest(composite),
         }
     }
 
-    /// [`Self::is_smooth`] of what is made of other materials.
-    fn is_smooth_rest(&self, material: &Material) -> bool {
+    /// [`Self::has_extended_lobe`] of what is made of other materials.
+    fn has_extended_lobe_rest(&self, material: &Material) -> bool {
         match material {
-            Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
-            Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
-            Material::NormalMap(m) => self.is_smooth(m.material),
-            Material::PartialDepolarizer(m) => self.is_smooth(m.material),
+            Material::TwoSided(m) => m.sides().any(|side| self.has_extended_lobe(side)),
+            Material::Blend(m) => self.has_extended_lobe(m.a) || self.has_extended_lobe(m.b),
+            Material::NormalMap(m) => self.has_extended_lobe(m.material),
+            Material::PartialDepolarizer(m) => self.has_extended_lobe(m.material),
             _ => false,
         }
     }

@@ -31,6 +31,15 @@ pub(super) struct Start {
     pub nest: Nest,
 }
 
+/// What a line may meet.
+#[derive(Clone, Copy)]
+pub(super) struct Allowed {
+    /// Most sheets.
+    pub sheets: u32,
+    /// The wavelength whose indices count.
+    pub lane: usize,
+}
+
 /// A line that light gets along.
 pub(super) struct Bridge {
     /// Optical path length, metres.
@@ -44,7 +53,7 @@ pub(super) struct Bridge {
     pub nest: Nest,
 }
 
-/// The medium that surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
+/// What surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
     nest.medium(&scene.boundaries)
@@ -73,8 +82,8 @@ pub(super) fn pass(
     }
 }
 
-/// Follows the line to the point `to`, through at most `most` sheets; `None` if something blocks it. Multiplies `chain`,
-/// whose light is in `frame`, by what is in the way; counts the rays traced. `lane` is the wavelength whose indices count.
+/// Follows the line to the point `to`; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
+/// is in the way; counts the rays traced.
 // Out of line: scenes without sheets shall not carry its code through their inner loop.
 #[inline(never)]
 pub(super) fn bridge(
@@ -83,7 +92,7 @@ pub(super) fn bridge(
     frame: &mut Vec3A,
     start: &Start,
     to: Vec3A,
-    (most, lane): (u32, usize),
+    allowed: Allowed,
     rays: &mut u32,
 ) -> Option<Bridge> {
     let Start {
@@ -114,12 +123,12 @@ pub(super) fn bridge(
         let id = surface.material;
         if !unnoticed(scene, &nest, id) {
             let passed = scene.materials.straight(id, &surface, -ray.dir);
-            let passed = passed.filter(|_| sheets < most)?;
+            let passed = passed.filter(|_| sheets < allowed.sheets)?;
             *frame = chain.push(&passed, -ray.dir, *frame).unwrap_or(any);
             sheets += 1;
         }
         if scene.filled {
-            pass(scene, &mut nest, &mut filling, &surface, ray.dir, lane);
+            pass(scene, &mut nest, &mut filling, &surface, ray.dir, allowed.lane);
         }
         way -= step;
         from = surface.p;

@@ -70,12 +70,19 @@ impl Ends {
     }
 }
 
+/// Where a path's light comes from.
+#[derive(Clone, Copy)]
+pub(super) struct Sender {
+    /// Number of the source.
+    pub source: usize,
+    /// Projector pixel s', [`NO_PIXEL`] for point emitters.
+    pub pixel: u32,
+}
+
 /// A walk's start with what it knows of its light.
 pub(super) struct Emitted {
     pub end: End,
-    pub source: usize,
-    /// Projector pixel s'.
-    pub pixel: u32,
+    pub sender: Sender,
 }
 
 /// The filled objects around a point: those whose boundaries a ray to infinity leaves more often than it enters them.
@@ -223,8 +230,7 @@ impl Emission {
                 filling: surrounding(scene, &nest, 0),
                 nest,
             },
-            source,
-            pixel,
+            sender: Sender { source, pixel },
         })
     }
 

@@ -31,6 +31,14 @@ const MOST_IN_PAIRS: usize = 64;
 /// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
 const SAME_PLANE: f32 = 1e-4;
 
+/// Points of reflection count up to this many radii from the middle of a plane's mirrors: just beyond, against rounding,
+/// and farther where interfaces on the way move the point that a straight image gives.
+const REACH: f32 = 1.001;
+const REACH_BENT: f32 = 1.5;
+
+/// Barycentric coordinates of a point inside of any triangle or parallelogram, at which a primitive's surface is asked for.
+const INSIDE: f32 = 0.3;
+
 /// A point of a group of mirrors, from which a way is looked for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seed {
@@ -77,7 +85,7 @@ impl Flat {
             return None;
         }
         let p = a + (self.image(b) - a) * (s / (s + e));
-        let reach = self.radius * if bent { 1.5 } else { 1.001 };
+        let reach = self.radius * if bent { REACH_BENT } else { REACH };
         (p.distance_squared(self.centre) <= reach * reach).then_some(p)
     }
 }
@@ -246,8 +254,8 @@ fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, boo
     let hit = Hit {
         t: 0.0,
         leaf,
-        u: 0.3,
-        v: 0.3,
+        u: INSIDE,
+        v: INSIDE,
     };
     let surface = geometry.surface(&ray, &hit);
     (surface, geometry.bend(&hit, &surface) == Mat3A::ZERO)

@@ -32,7 +32,7 @@ pub(super) struct End {
 
 /// Where a point of a walk is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Site {
     /// At the walk's end.
     Pinhole,
     Surface,
@@ -43,7 +43,7 @@ pub(super) enum Place {
 /// A point of a walk.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
-    pub place: Place,
+    pub site: Site,
     /// Of a volume or an end, its position alone counts.
     pub surface: Surface,
     /// Unit direction to the point before.
@@ -73,7 +73,7 @@ impl Point {
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
         Self {
-            place: Place::Pinhole,
+            site: Site::Pinhole,
             surface: Surface {
                 p,
                 ..Surface::default()
@@ -97,17 +97,17 @@ impl Point {
     ///
     /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        match self.place {
-            Place::Surface => scene.materials.eval(self.surface.material, &self.surface, wo, wi),
-            Place::Volume(id) => Some(scene.media.eval(id, wo, wi)),
-            Place::Pinhole => None,
+        match self.site {
+            Site::Surface => scene.materials.eval(self.surface.material, &self.surface, wo, wi),
+            Site::Volume(id) => Some(scene.media.eval(id, wo, wi)),
+            Site::Pinhole => None,
         }
     }
 
     /// The intensity that leaves along `wo` per flux that arrives from `wi`.
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let scatter = self.scatter(scene, wo, wi)?;
-        if self.place != Place::Surface {
+        if self.site != Site::Surface {
             return Some(scatter);
         }
         // Shading normals may light a point from where its true surface is grazed.
@@ -117,35 +117,35 @@ impl Point {
 
     /// Density per steradian with which a walk that came from direction `from` goes on along `to`.
     pub fn density(&self, scene: &Scene, from: Vec3A, to: Vec3A) -> f32 {
-        match self.place {
-            Place::Surface => scene
+        match self.site {
+            Site::Surface => scene
                 .materials
                 .pdf(self.surface.material, &self.surface, from, to),
-            Place::Volume(id) => scene.media.pdf(id, scene.lanes(), from, to),
-            Place::Pinhole => 0.0,
+            Site::Volume(id) => scene.media.pdf(id, scene.lanes(), from, to),
+            Site::Pinhole => 0.0,
         }
     }
 
     /// Area that the point shows along a unit direction, per area.
     pub fn cosine(&self, dir: Vec3A) -> f32 {
-        match self.place {
-            Place::Surface => self.surface.ng.dot(dir).abs(),
+        match self.site {
+            Site::Surface => self.surface.ng.dot(dir).abs(),
             _ => 1.0,
         }
     }
 
     /// True if light can come here from, or go to, any point.
     pub fn connects(&self, scene: &Scene) -> bool {
-        match self.place {
-            Place::Surface => scene.materials.is_smooth(self.surface.material),
+        match self.site {
+            Site::Surface => scene.materials.has_extended_lobe(self.surface.material),
             _ => true,
         }
     }
 
     /// A ray's origin toward `dir` off the surface.
     pub fn leave(&self, scene: &Scene, dir: Vec3A) -> Vec3A {
-        match self.place {
-            Place::Surface => scene.geometry.leave(&self.surface, dir),
+        match self.site {
+            Site::Surface => scene.geometry.leave(&self.surface, dir),
             _ => self.surface.p,
         }
     }
@@ -154,7 +154,7 @@ impl Point {
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
         let (mut filling, mut nest) = (self.filling, self.nest);
         let s = &self.surface;
-        if self.place == Place::Surface && s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 {
+        if self.site == Site::Surface && s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 {
             nest.cross(&scene.boundaries, s.material, s.ng.dot(dir) < 0.0);
             let beyond = scene.materials.beyond(s.material, s, self.back, self.lanes);
             filling = beyond.unwrap_or(filling);
