@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
-use transport::geometry::bvh::GeometryBuilder;
+use transport::geometry::builder::GeometryBuilder;
 use transport::medium::nesting::Boundary;
 use transport::scene::{Integrator, Scene, SceneTables, Settings};
 

@@ -20,6 +20,7 @@ pub struct Blend {
 }
 
 /// The sum of what two materials do with the light between two directions.
+#[inline]
 fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.plus(&b, wo, wi)),
@@ -28,12 +29,14 @@ fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<S
 }
 
 impl Blend {
+    #[inline]
     fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
         let w = self.weight.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         [(self.a, 1.0 - w), (self.b, w)]
     }
 
     /// See [`Parts::eval`].
+    #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let [a, b] = self.shares(materials, at).map(|(id, w)| {
@@ -46,6 +49,7 @@ impl Blend {
     }
 
     /// See [`Parts::pdf`].
+    #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         self.shares(materials, at)
@@ -55,6 +59,7 @@ impl Blend {
     }
 
     /// Chooses a material by its share and samples that one: share and probability cancel.
+    #[inline]
     pub fn sample(
         &self,
         materials: &impl Parts,
@@ -70,6 +75,7 @@ impl Blend {
 
     /// See [`Parts::specular`]: where both materials have the lobe they must agree about its direction, else the
     /// first one's is given.
+    #[inline]
     #[must_use]
     pub fn specular(
         &self,

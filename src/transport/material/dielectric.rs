@@ -91,6 +91,7 @@ impl Dielectric {
     }
 
     /// The medium on the other side than `wo`.
+    #[inline]
     #[must_use]
     pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
@@ -98,6 +99,7 @@ impl Dielectric {
 
     /// The direction on the other side whose light leaves along `wo`, and the ratio of the indices, that on the side of `wo`
     /// over the other; `None` under total reflection, or if shading and geometry disagree.
+    #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         let n = facing(at, wo)?;
         let (near, far) = self.sides(at, wo);

@@ -20,6 +20,7 @@ pub struct Diffuse {
 }
 
 /// cosθ_i / π on the side of `wo`.
+#[inline]
 #[must_use]
 pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
     facing(at, wo).map_or(0.0, |n| n.dot(wi).max(0.0) * FRAC_1_PI)

@@ -12,6 +12,7 @@ pub struct Lanes {
 
 impl Lanes {
     /// The first `n` lanes.
+    #[inline]
     #[must_use]
     pub fn first(n: usize) -> Self {
         Self {

@@ -304,6 +304,7 @@ impl Materials {
     }
 
     /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
+    #[inline]
     #[must_use]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
         let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;
@@ -311,6 +312,7 @@ impl Materials {
     }
 
     /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
+    #[inline]
     #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
         match &self.list[id as usize] {
@@ -380,6 +382,7 @@ impl Materials {
     }
 
     /// True if the material's interface sends wavelengths different ways.
+    #[inline]
     #[must_use]
     pub fn disperses(&self, id: u32) -> bool {
         self.interface(id).is_some_and(|m| m.dispersive)
@@ -412,18 +415,22 @@ impl Materials {
 }
 
 impl Parts for Materials {
+    #[inline]
     fn textures(&self) -> &Textures {
         &self.textures
     }
 
+    #[inline]
     fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.eval(id, at, wo, wi)
     }
 
+    #[inline]
     fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         self.pdf(id, at, wo, wi)
     }
 
+    #[inline]
     fn sample(
         &self,
         id: u32,
@@ -435,6 +442,7 @@ impl Parts for Materials {
         self.sample(id, at, wo, lanes, stream)
     }
 
+    #[inline]
     fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         self.specular(id, at, wo, lobe, lane)
     }

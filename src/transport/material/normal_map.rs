@@ -43,18 +43,21 @@ impl NormalMap {
     }
 
     /// See [`Parts::eval`].
+    #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         materials.eval(self.material, &self.turned(materials, at), wo, wi)
     }
 
     /// See [`Parts::pdf`].
+    #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         materials.pdf(self.material, &self.turned(materials, at), wo, wi)
     }
 
     /// See [`Parts::sample`].
+    #[inline]
     pub fn sample(
         &self,
         materials: &impl Parts,
@@ -67,6 +70,7 @@ impl NormalMap {
     }
 
     /// See [`Parts::specular`].
+    #[inline]
     #[must_use]
     pub fn specular(
         &self,

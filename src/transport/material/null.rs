@@ -8,6 +8,7 @@ use optics::polarization::fresnel::FresnelBlock;
 use optics::spectrum::Spectral;
 
 /// Light that goes straight on to `wo`.
+#[inline]
 #[must_use]
 pub fn straight(wo: Vec3A) -> Specular {
     let block = FresnelBlock {

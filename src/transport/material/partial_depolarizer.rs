@@ -23,6 +23,7 @@ pub struct PartialDepolarizer {
 }
 
 impl PartialDepolarizer {
+    #[inline]
     fn apply(&self, materials: &impl Parts, at: &Surface, s: &Scatter, wo: Vec3A, wi: Vec3A) -> Scatter {
         let f = self.fraction.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         let lost = Scatter::Depolarize(s.m00() * Spectral::splat(f));
@@ -30,6 +31,7 @@ impl PartialDepolarizer {
     }
 
     /// See [`Parts::eval`].
+    #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let s = materials.eval(self.material, at, wo, wi)?;
@@ -37,6 +39,7 @@ impl PartialDepolarizer {
     }
 
     /// See [`Parts::sample`].
+    #[inline]
     pub fn sample(
         &self,
         materials: &impl Parts,
@@ -51,6 +54,7 @@ impl PartialDepolarizer {
     }
 
     /// See [`Parts::specular`].
+    #[inline]
     #[must_use]
     pub fn specular(
         &self,

@@ -175,6 +175,7 @@ impl Plastic {
     }
 
     /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));

@@ -50,6 +50,7 @@ impl RoughConductor {
     }
 
     /// Density of the visible normal over 4 wo·h.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let passage = |facets: Facets| facets.reflection(facets.local(wi));

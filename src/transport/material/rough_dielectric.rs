@@ -88,6 +88,7 @@ impl RoughDielectric {
 
     /// Density of [`Self::sample`] for a path that carries all of the scene's wavelengths: over a refraction of a
     /// dispersive index, the mean over the wavelength that goes on.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some((facets, _, eta)) = self.facets(textures, at, wo) else {

@@ -38,6 +38,7 @@ pub struct ThinDielectric {
 
 /// What the plate does to the power of light that meets it at an angle whose cosine is `cos`, `eta` being the index
 /// inside over that outside: reflected and transmitted, in the frame perpendicular to the plane of incidence.
+#[inline]
 #[must_use]
 pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
     let face = fresnel::dielectric(cos, eta).reflection;

@@ -15,6 +15,7 @@ pub struct TwoSided {
 
 impl TwoSided {
     /// The materials there are.
+    #[inline]
     pub fn sides(&self) -> impl Iterator<Item = u32> {
         [Some(self.front), self.back].into_iter().flatten()
     }
@@ -31,6 +32,7 @@ impl TwoSided {
     }
 
     /// See [`Parts::eval`]. Nothing shines through from one material to the other.
+    #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         materials.eval(self.side(at, wo)?, at, wo, wi)

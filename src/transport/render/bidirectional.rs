@@ -62,6 +62,7 @@ struct Begun {
 }
 
 /// True if connections of `s` points from the light to `t` from the camera are asked for.
+#[inline]
 fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
     match scene.settings.strategy {
         Some([a, b]) => [a as usize, b as usize] == [s, t],
@@ -136,6 +137,7 @@ impl Plan {
 }
 
 /// The intensity of all contributions in the brightest lane.
+#[inline]
 fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
     max_lane(intensities.fold(Spectral::ZERO, |a, b| a + b))
@@ -394,6 +396,7 @@ impl Walks {
 
 /// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
 /// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
+#[inline]
 fn spread(scene: &Scene, number: WalkNumber) -> [f32; 2] {
     let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, number.sample);
     let k = f64::from(number.walk);

@@ -54,6 +54,7 @@ pub(super) struct Bridge {
 }
 
 /// What surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
+#[inline]
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
     nest.medium(&scene.boundaries)
@@ -62,11 +63,13 @@ pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
 
 /// True if light does not notice the surfaces of material `id`: boundaries between media of one index, and those that lie in
 /// an object of higher priority.
+#[inline]
 pub(super) fn unnoticed(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
 /// Takes light that travels along `dir` straight through a surface, into what is behind it.
+#[inline]
 pub(super) fn pass(
     scene: &Scene,
     nest: &mut Nest,

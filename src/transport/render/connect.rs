@@ -15,7 +15,7 @@ use crate::material::{Filling, NO_CRYSTAL};
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
-use optics::polarization::chain::Extent;
+use optics::polarization::extent::Extent;
 use optics::polarization::frame::{project, turn};
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;

@@ -54,6 +54,7 @@ impl Ends {
     }
 
     /// Uniformly random points of the lenses.
+    #[inline]
     pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
         let mut ends = Self::new(scene);
         if ends.camera.lens.radius > 0.0 {
@@ -144,16 +145,19 @@ impl Emission {
     }
 
     /// Number of sources.
+    #[inline]
     pub fn count(&self) -> usize {
         self.sources.len()
     }
 
     /// Probability that a walk starts at a source.
+    #[inline]
     pub fn chance(&self, source: usize) -> f32 {
         self.sources[source].1
     }
 
     /// Where a source is.
+    #[inline]
     pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => scene.points[i].position,
@@ -164,6 +168,7 @@ impl Emission {
 
     /// Intensity that a source sends along the unit direction `dir`, which it lights, and the horizontal axis of its
     /// Stokes vectors.
+    #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => (scene.points[i].intensity, scene.points[i].axis),
@@ -178,6 +183,7 @@ impl Emission {
 
     /// The projector pixel through which a source lights the point `p`, [`NO_PIXEL`] for point emitters; `None` if it does
     /// not light it.
+    #[inline]
     pub fn pixel(&self, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(_), _) => Some(NO_PIXEL),
@@ -187,6 +193,7 @@ impl Emission {
     }
 
     /// Density per steradian with which a walk from a source starts along `dir`.
+    #[inline]
     pub fn density(&self, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(_), _) => 0.25 / PI,
@@ -235,6 +242,7 @@ impl Emission {
     }
 
     /// The camera's end of walks whose rays start along `dir`.
+    #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
         End {
             ray: Ray {
@@ -250,6 +258,7 @@ impl Emission {
     }
 
     /// A source as the end of a line from the point `p`; `None` where the two coincide.
+    #[inline]
     pub fn emitter(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
         let origin = self.position(scene, ends, source);
         let dir = (p - origin).try_normalize()?;

@@ -8,6 +8,7 @@ use optics::polarization::frame::turn;
 
 /// Appends what the environment sends into a path that left the scene after `bounces` interactions: `beam` is the light that
 /// the path's product takes in.
+#[inline]
 pub(super) fn seen(scene: &Scene, chain: &Chain, beam: Beam, bounces: u32, out: &mut Contributions) {
     let Some(environment) = &scene.environment else {
         return;

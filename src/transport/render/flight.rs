@@ -46,6 +46,7 @@ pub(super) struct Hero {
 
 impl Hero {
     /// Any of the living lanes.
+    #[inline]
     pub fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
         Self {
             lane: lanes.draw(stream),
@@ -54,6 +55,7 @@ impl Hero {
     }
 
     /// A dispersive interface leaves one lane.
+    #[inline]
     pub fn only(lanes: Lanes) -> Self {
         Self {
             lane: lanes.nth(0),
@@ -63,6 +65,7 @@ impl Hero {
 
     /// Takes on that an event has happened whose density is `densities` by lane; returns what to divide by, `None` where the
     /// event is too unlikely for numbers.
+    #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
         let all = sum(self.likely);
@@ -96,6 +99,7 @@ pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
 
 impl Flight {
     /// Begins at a walk's end.
+    #[inline]
     pub fn start(scene: &Scene, from: From, end: &End, stream: &mut Stream) -> Self {
         let all = scene.lanes();
         Self {
@@ -120,6 +124,7 @@ impl Flight {
     }
 
     /// Takes on what happens to the light that runs along the ray: an interaction in its true direction.
+    #[inline]
     pub fn push(&mut self, scatter: &Scatter) {
         let State {
             ray, chain, frame, ..
@@ -132,6 +137,7 @@ impl Flight {
     }
 
     /// A frame for the ray, where what it met left it open.
+    #[inline]
     pub fn settle(&mut self) {
         if self.state.frame == Vec3A::ZERO {
             self.state.frame = perpendicular(self.state.ray.dir);
@@ -177,6 +183,7 @@ impl Flight {
     }
 
     /// Draws how far the hero wavelength goes in a medium before it is scattered or absorbed; `None` where nothing scatters.
+    #[inline]
     fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
         let medium = &scene.media.list[id as usize];
         if medium.scattering == Spectral::ZERO {
@@ -188,6 +195,7 @@ impl Flight {
     }
 
     /// Goes `way` metres through a medium, or less if the light's free path is shorter.
+    #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let medium = &scene.media.list[id as usize];
         let extinction = medium.extinction();

@@ -43,6 +43,7 @@ pub(super) struct Scratch {
 }
 
 /// Interactions that a path may have.
+#[inline]
 pub(super) fn most(scene: &Scene) -> u32 {
     scene.settings.max_depth - 1
 }
@@ -59,6 +60,7 @@ pub(super) struct Line {
 }
 
 impl Line {
+    #[inline]
     fn straight(dir: Vec3A, passed: f32) -> Self {
         Self {
             dirs: [dir, -dir],
@@ -78,6 +80,7 @@ pub(super) struct Record {
 
 /// Joins a product that was grown from the camera, and takes in `beam`, to that of the light's walk at the point `y`, and
 /// appends the path.
+#[inline]
 pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
     chain.rotate_in(c2, s2);
@@ -224,6 +227,7 @@ impl<'a> Joiner<'a> {
     }
 
     /// Lets light along a line; `None` if it is blocked.
+    #[inline]
     fn follow(
         &mut self,
         chain: &mut Chain,

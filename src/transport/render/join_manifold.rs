@@ -30,6 +30,7 @@ pub(super) struct Takers {
 
 impl Takers {
     /// One wavelength.
+    #[inline]
     fn only(lane: usize, factor: f32) -> Self {
         Self {
             lanes: Lanes { mask: 1 << lane },
@@ -43,6 +44,7 @@ impl Takers {
 const MOST_TRIES: u32 = 1 << 16;
 
 /// The first point of a walk that lines can end at.
+#[inline]
 pub(super) fn behind(walk: &[Point]) -> Option<usize> {
     let last = walk.len() - 1;
     (1..=last).find(|i| !walk[*i].delta || *i == last)
@@ -73,6 +75,7 @@ impl Joiner<'_> {
 
     /// True if a path over the last point of a walk from the camera and mirrors to an emitter is made in other ways: by
     /// connections of two walks, or by ways through interfaces to the camera.
+    #[inline]
     pub fn reached(&mut self, camera: &[Point]) -> bool {
         let last = camera.len() - 1;
         let connects = |i: usize| !camera[i].delta || i == last;
@@ -125,6 +128,7 @@ impl Joiner<'_> {
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
     /// way, times what the end has for it per steradian, times n²/d².
+    #[inline]
     fn spin(&mut self, p: &Point, to: Vec3A, scattered: Option<Scatter>, end: f32) -> Option<f32> {
         let squared = p.filling.index * p.filling.index / (to - p.surface.p).length_squared();
         let scattered = scattered.map_or(0.0, |s| max_lane(s.m00()));
@@ -163,12 +167,14 @@ impl Joiner<'_> {
     }
 
     /// The straight line from a point to an end at `to`, from which ways through interfaces are looked for.
+    #[inline]
     fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
         Some(p.line(self.scene, dir))
     }
 
     /// The way from a point to an end at `to` through interfaces.
+    #[inline]
     fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
         manifold::find(self.scene, self.straight(p, to)?, Goal { to, lane })
     }
@@ -262,6 +268,7 @@ impl Joiner<'_> {
     }
 
     /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
+    #[inline]
     pub fn known_view(&self, y: &Point, dir: Vec3A, interfaces: usize, lane: usize) -> Option<Way> {
         let to = self.ends[0].camera.origin;
         let route = Route::through(interfaces);
@@ -334,6 +341,7 @@ impl Joiner<'_> {
 
     /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
     /// and the density per area with which light comes there; `None` where no such way would be found from that point.
+    #[inline]
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
         self.seen(light, 1, to, |joiner, dir| {
@@ -342,6 +350,7 @@ impl Joiner<'_> {
     }
 
     /// The same of a walk from the camera.
+    #[inline]
     pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
         self.seen(camera, 0, to, |joiner, dir| {

@@ -118,6 +118,7 @@ struct Shot {
 }
 
 /// The direction of light along `dir` after a mirror, in a delta lobe that shading and geometry agree on.
+#[inline]
 fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
     let found = scene
         .materials
@@ -163,6 +164,7 @@ pub(super) fn find_over(
 }
 
 /// The step of Newton's method that brings a shot along `dir` nearer, and J.
+#[inline]
 fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     let q = basis(shot.dir);
     let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
@@ -356,21 +358,25 @@ pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal
 
 impl Way {
     /// Number of interfaces and mirrors.
+    #[inline]
     pub fn count(&self) -> usize {
         self.bends.len()
     }
 
     /// True if another way from the same point is this one.
+    #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
     }
 
     /// True if it goes over mirrors.
+    #[inline]
     pub fn reflects(&self) -> bool {
         self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
     }
 
     /// True if wavelengths take different ways.
+    #[inline]
     pub fn disperses(&self, scene: &Scene) -> bool {
         self.bends
             .iter()
@@ -379,11 +385,13 @@ impl Way {
 
     /// Density per area across at the point with which walks from the other end come along the way, `density` being that
     /// of their direction there per steradian.
+    #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean
     }
 
     /// (n_x/n_L)²: what radiance gains on the way from the other end.
+    #[inline]
     pub fn squared_indices(&self, passed: &Passed) -> f32 {
         let ratio = self.start.filling.index / passed.index;
         ratio * ratio

@@ -70,15 +70,18 @@ pub(super) struct Mirrors {
 }
 
 impl Flat {
+    #[inline]
     fn height(&self, p: Vec3A) -> f32 {
         self.n.dot(p) - self.d
     }
 
+    #[inline]
     fn image(&self, p: Vec3A) -> Vec3A {
         p - self.n * (2.0 * self.height(p))
     }
 
     /// Where light between two points is reflected; `None` if not on these mirrors.
+    #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
         if s * e <= 0.0 {
@@ -188,6 +191,7 @@ impl Mirrors {
     }
 
     /// True if there are none.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
     }
@@ -276,7 +280,7 @@ fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::bvh::GeometryBuilder;
+    use crate::geometry::builder::GeometryBuilder;
     use crate::geometry::mesh::Mesh;
     use crate::geometry::quadric::{Quadric, QuadricKind};
     use crate::material::Material;

@@ -70,6 +70,7 @@ pub(super) struct Point {
 
 impl Point {
     /// A walk's end. Its density is that of the direction in which the walk starts.
+    #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
         Self {
@@ -96,6 +97,7 @@ impl Point {
     /// The light that leaves along `wo` of that which comes from `wi`, both away from the point.
     ///
     /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
+    #[inline]
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match self.site {
             Site::Surface => scene.materials.eval(self.surface.material, &self.surface, wo, wi),
@@ -105,6 +107,7 @@ impl Point {
     }
 
     /// The intensity that leaves along `wo` per flux that arrives from `wi`.
+    #[inline]
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let scatter = self.scatter(scene, wo, wi)?;
         if self.site != Site::Surface {
@@ -116,6 +119,7 @@ impl Point {
     }
 
     /// Density per steradian with which a walk that came from direction `from` goes on along `to`.
+    #[inline]
     pub fn density(&self, scene: &Scene, from: Vec3A, to: Vec3A) -> f32 {
         match self.site {
             Site::Surface => scene
@@ -127,6 +131,7 @@ impl Point {
     }
 
     /// Area that the point shows along a unit direction, per area.
+    #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {
             Site::Surface => self.surface.ng.dot(dir).abs(),
@@ -135,6 +140,7 @@ impl Point {
     }
 
     /// True if light can come here from, or go to, any point.
+    #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {
             Site::Surface => scene.materials.has_extended_lobe(self.surface.material),
@@ -143,6 +149,7 @@ impl Point {
     }
 
     /// A ray's origin toward `dir` off the surface.
+    #[inline]
     pub fn leave(&self, scene: &Scene, dir: Vec3A) -> Vec3A {
         match self.site {
             Site::Surface => scene.geometry.leave(&self.surface, dir),
@@ -151,6 +158,7 @@ impl Point {
     }
 
     /// The start of a line along `dir`.
+    #[inline]
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
         let (mut filling, mut nest) = (self.filling, self.nest);
         let s = &self.surface;

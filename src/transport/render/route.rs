@@ -34,6 +34,7 @@ pub(super) struct Met {
 }
 
 /// True where light goes straight on.
+#[inline]
 pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
     let id = surface.material;
     unnoticed(scene, nest, id) || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
@@ -41,6 +42,7 @@ pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) 
 
 impl<'a> Route<'a> {
     /// True if a hit is on the mirror that ends a leg.
+    #[inline]
     pub fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
         match (self.mirrors, self.over.get(leg)) {
             (Some(mirrors), Some(seed)) => mirrors.group(hit) == seed.group,
@@ -49,6 +51,7 @@ impl<'a> Route<'a> {
     }
 
     /// Through so many interfaces.
+    #[inline]
     pub fn through(count: usize) -> Self {
         Self {
             through: ArrayVec::from_iter([count]),

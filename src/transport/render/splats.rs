@@ -108,6 +108,7 @@ impl Splats {
     }
 
     /// The points of a sample that a pixel sees, in order.
+    #[inline]
     pub fn of(&self, pixel: u32, sample: u32) -> &[Splat] {
         let Some(&[begin, end]) = self.first.get(pixel as usize..pixel as usize + 2) else {
             return &[];

@@ -57,6 +57,7 @@ enum Onward {
 
 /// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
 /// interaction is in the true direction of the light; for light it is per flux.
+#[inline]
 fn onward(
     scene: &Scene,
     from: From,

@@ -65,6 +65,7 @@ impl Measured {
     }
 
     /// Density of half vectors over 4 wo·h, mixed with the cosine's.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some(n) = facing(at, wo) else { return 0.0 };
