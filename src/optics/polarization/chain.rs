@@ -321,8 +321,8 @@ impl Chain {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::polarization::extent::Extent;
     use crate::polarization::elements::depolarizer;
+    use crate::polarization::extent::Extent;
     use crate::polarization::fresnel::conductor;
 
     /// Every form of the chain equals the plain product of 4×4 matrices.

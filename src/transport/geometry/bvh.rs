@@ -19,9 +19,9 @@ pub(super) const SKIN: f32 = 1.0 / 1_048_576.0;
 
 /// True if the processor has AVX2.
 pub(super) fn avx2() -> bool {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     return std::arch::is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(all(target_arch = "x86_64", not(feature = "portable"))))]
     return false;
 }
 
@@ -48,7 +48,7 @@ pub struct Geometry {
     pub(super) triangle_count: usize,
     /// Someone reads texture coordinates; they are 0 otherwise.
     pub(crate) textured: bool,
-    /// The processor has 256-bit vectors.
+    /// Rays are met by the code for AVX2.
     pub(super) avx2: bool,
     /// Longest edge of the world bounds.
     pub(super) extent: f32,
@@ -141,7 +141,7 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.intersect_avx2(ray, tmax) };
@@ -153,7 +153,7 @@ impl Geometry {
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: as above.
             return unsafe { self.occluded_avx2(ray, tmax) };
@@ -161,13 +161,13 @@ impl Geometry {
         self.occluded_any(ray, tmax)
     }
 
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         self.intersect_any(ray, tmax)
     }
 
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
         self.occluded_any(ray, tmax)
@@ -342,11 +342,18 @@ impl Geometry {
         surface.p + surface.ng * (scale * 7.629_394_5e-6_f32).copysign(surface.ng.dot(dir))
     }
 
-    /// The processor has AVX2.
+    /// True if rays are met by code that was compiled for AVX2: the processor has it, and [`Self::plain`] was not asked for.
     #[inline]
     #[must_use]
     pub fn avx2(&self) -> bool {
         self.avx2
+    }
+
+    /// The same surfaces, met by the code for any processor, which gives the same bits more slowly.
+    #[must_use]
+    pub fn plain(mut self) -> Self {
+        self.avx2 = false;
+        self
     }
 
     /// Number of triangles and of quadrics.

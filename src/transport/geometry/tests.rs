@@ -80,11 +80,8 @@ fn bvh_equals_brute_force() {
     builder.mesh(&mesh, 0);
     for _ in 0..50 {
         let c = warp::sphere(stream.uniform2()) * 2.0;
-        let t = Affine3A::from_scale_rotation_translation(
-            glam::Vec3::splat(0.1),
-            glam::Quat::IDENTITY,
-            c.into(),
-        );
+        let t =
+            Affine3A::from_scale_rotation_translation(glam::Vec3::splat(0.1), glam::Quat::IDENTITY, c.into());
         builder.quadric(Quadric::new(QuadricKind::Sphere, t, 1));
     }
     let g = builder.build();
@@ -185,4 +182,62 @@ fn an_empty_scene_is_hit_by_nothing() {
     };
     assert!(g.intersect(&ray, f32::INFINITY).is_none());
     assert!(!g.occluded(&ray, f32::INFINITY));
+}
+
+/// The code for AVX2, that for any processor, and what other processors would compile (feature `portable`) meet every ray at
+/// the same bits. Only sums, products, quotients and roots are in them, which round the same everywhere.
+#[test]
+fn every_processor_meets_the_same() {
+    let mut stream = Stream::new(21, 0, 0);
+    let mut mesh = Mesh::default();
+    for i in 0..500 {
+        let c = warp::sphere(stream.uniform2()) * 2.0;
+        for _ in 0..3 {
+            mesh.positions
+                .push((c + warp::sphere(stream.uniform2()) * 0.5).into());
+        }
+        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    let build = || {
+        let mut builder = GeometryBuilder::default();
+        builder.mesh(&mesh, 0);
+        builder.mesh(&Mesh::rectangle(), 1);
+        for (i, kind) in [QuadricKind::Sphere, QuadricKind::Disk, QuadricKind::Cylinder]
+            .into_iter()
+            .enumerate()
+        {
+            let place = Affine3A::from_translation(Vec3::new(i as f32 - 1.0, 0.5, 0.2));
+            let size = Affine3A::from_scale(Vec3::splat(0.4));
+            builder.quadric(Quadric::new(kind, place * size, 2));
+        }
+        builder.build()
+    };
+    let (fast, plain) = (build(), build().plain());
+    assert!(!plain.avx2());
+    // FNV-1a over the bits of all hits.
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let (mut hits, mut hidden) = (0, 0);
+    for _ in 0..30_000 {
+        let origin = warp::sphere(stream.uniform2()) * 3.0;
+        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
+        let ray = Ray { origin, dir };
+        let [a, b] = [&fast, &plain].map(|g| {
+            let hit = g.intersect(&ray, f32::INFINITY)?;
+            let surface = g.surface(&ray, &hit);
+            let numbers = [hit.t, hit.u, hit.v, surface.p.x, surface.ns.y, surface.uv[0]];
+            Some((hit.leaf, numbers.map(f32::to_bits)))
+        });
+        assert_eq!(a, b);
+        let [a_hidden, b_hidden] = [&fast, &plain].map(|g| g.occluded(&ray, 2.5));
+        assert_eq!(a_hidden, b_hidden);
+        hidden += u32::from(a_hidden);
+        if let Some((leaf, numbers)) = a {
+            hits += 1;
+            for n in [leaf, numbers[0], numbers[1], numbers[2]] {
+                hash = (hash ^ u64::from(n)).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+    assert!(hits > 10_000 && hidden > 3_000, "{hits} {hidden}");
+    assert_eq!(hash, 0x9208_de61_4f77_581b, "{hash:#018x}");
 }

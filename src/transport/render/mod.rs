@@ -21,6 +21,8 @@ pub mod schedule;
 mod sheets;
 mod splats;
 mod state;
+#[cfg(test)]
+mod tests;
 mod tiles;
 mod tracer;
 mod views;

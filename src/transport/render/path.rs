@@ -68,7 +68,7 @@ impl Paths {
     /// traced.
     #[inline]
     pub fn trace(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if scene.geometry.avx2() {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.trace_avx2(scene, views, [x, y], samples) };
@@ -77,7 +77,7 @@ impl Paths {
     }
 
     /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn trace_avx2(&mut self, scene: &Scene, views: &Views, pixel: [u32; 2], samples: Range<u32>) -> u32 {
         self.trace_any(scene, views, pixel, samples)
