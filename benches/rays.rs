@@ -13,7 +13,8 @@ use std::io::{BufRead, Write};
 use std::path::Path;
 use std::time::Instant;
 use sunstone::scene::import;
-use sunstone::transport::geometry::bvh::{Geometry, GeometryBuilder};
+use sunstone::transport::geometry::builder::GeometryBuilder;
+use sunstone::transport::geometry::bvh::Geometry;
 use sunstone::transport::geometry::ray::{Hit, Ray};
 
 type Failure = Box<dyn std::error::Error>;

@@ -55,12 +55,14 @@ impl Wavelengths {
     }
 
     /// How many wavelengths the render carries (1 to 4).
+    #[inline]
     #[must_use]
     pub fn count(&self) -> usize {
         self.0.len()
     }
 
     /// The wavelengths in nanometres, rising.
+    #[inline]
     #[must_use]
     pub fn nm(&self) -> &[f64] {
         &self.0
@@ -76,6 +78,7 @@ impl Wavelengths {
     }
 
     /// One in every used lane, zero in the rest.
+    #[inline]
     #[must_use]
     pub fn ones(&self) -> Spectral {
         self.map(|_| 1.0)

@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
-use transport::geometry::bvh::GeometryBuilder;
+use transport::geometry::builder::GeometryBuilder;
 use transport::medium::nesting::Boundary;
-use transport::scene::{Integrator, Scene, Settings};
+use transport::scene::{Integrator, Scene, SceneTables, Settings};
 
 /// Reads the text of a scene file.
 ///
@@ -72,8 +72,6 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
             shapes::add(ctx, object, placed, &mut geometry)?;
         }
     }
-    let mut geometry = geometry.build();
-    geometry.textured = !materials.textures.images.is_empty();
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
     let uses_epipolar = |s: &tensor::slice::Slice| {
         matches!(
@@ -91,12 +89,10 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         ));
     }
     let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
-    Ok(Scene {
+    Ok(Scene::new(SceneTables {
         name,
         wavelengths: ctx.wavelengths.clone(),
-        geometry,
-        sheets: materials.any_straight(),
-        filled: boundaries.iter().any(|b| *b != Boundary::NONE) || materials.any_null(),
+        geometry: geometry.build(),
         materials,
         media,
         boundaries,
@@ -111,7 +107,7 @@ fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
             .iter()
             .map(|b| format!("{b:02x}"))
             .collect(),
-    })
+    }))
 }
 
 /// What fills an object.

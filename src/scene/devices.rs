@@ -8,7 +8,8 @@ use base::locate::{InputError, Located};
 use glam::{DVec2, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
 use transport::device::emitter::{Environment, PointEmitter};
-use transport::device::pinhole::{Distortion, Lens, Pinhole};
+use transport::device::distortion::Distortion;
+use transport::device::pinhole::{Lens, Pinhole};
 use transport::device::projector::Projector;
 
 /// Three finite numbers of sane size.

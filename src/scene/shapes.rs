@@ -8,7 +8,7 @@ use crate::import;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
-use transport::geometry::bvh::GeometryBuilder;
+use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 

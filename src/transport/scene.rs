@@ -12,30 +12,68 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use tensor::{axes::Extents, slice::Slice};
 
-/// Everything a render needs, as plain tables.
-pub struct Scene {
+/// Everything that describes a scene, as plain tables: what [`Scene::new`] takes.
+pub struct SceneTables {
     /// Short name, for titles and default output.
     pub name: String,
+    /// Of all spectral numbers, lane by lane.
     pub wavelengths: Wavelengths,
+    /// All surfaces.
     pub geometry: Geometry,
-    /// Indexed by `Surface::material`.
+    /// Indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
     pub materials: Materials,
     /// Participating media, by number.
     pub media: Media,
     /// What each material's surfaces bound, by the material's number: [`Boundary::NONE`] where nothing fills the object.
     pub boundaries: Vec<Boundary>,
+    /// The camera.
     pub camera: Pinhole,
+    /// The projector, if there is one.
     pub projector: Option<Projector>,
+    /// Point emitters.
     pub points: Vec<PointEmitter>,
+    /// Light from outside of the scene.
     pub environment: Option<Environment>,
+    /// What is kept of the light transport.
     pub slices: Vec<Slice>,
+    /// How to render.
     pub settings: Settings,
-    /// Some material lets light straight through, so connections may pass sheets.
-    pub sheets: bool,
-    /// Some object is filled with a medium, or some boundary is null: paths must keep account of the media they are in.
-    pub filled: bool,
     /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
     pub sha256: String,
+}
+
+/// Everything a render needs: the tables, and what is worked out from them.
+pub struct Scene {
+    /// Short name, for titles and default output.
+    pub name: String,
+    /// Of all spectral numbers, lane by lane.
+    pub wavelengths: Wavelengths,
+    /// All surfaces.
+    pub geometry: Geometry,
+    /// Indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
+    pub materials: Materials,
+    /// Participating media, by number.
+    pub media: Media,
+    /// What each material's surfaces bound, by the material's number: [`Boundary::NONE`] where nothing fills the object.
+    pub boundaries: Vec<Boundary>,
+    /// The camera.
+    pub camera: Pinhole,
+    /// The projector, if there is one.
+    pub projector: Option<Projector>,
+    /// Point emitters.
+    pub points: Vec<PointEmitter>,
+    /// Light from outside of the scene.
+    pub environment: Option<Environment>,
+    /// What is kept of the light transport.
+    pub slices: Vec<Slice>,
+    /// How to render.
+    pub settings: Settings,
+    /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
+    pub sha256: String,
+    /// Some material lets light straight through, so connections may pass sheets.
+    pub(crate) sheets: bool,
+    /// Some object is filled with a medium, or some boundary is null: paths must keep account of the media they are in.
+    pub(crate) filled: bool,
 }
 
 /// Which paths are traced.
@@ -71,6 +109,58 @@ pub struct Settings {
 }
 
 impl Scene {
+    /// A scene of these tables.
+    #[must_use]
+    pub fn new(tables: SceneTables) -> Self {
+        let SceneTables {
+            name,
+            wavelengths,
+            geometry,
+            materials,
+            media,
+            boundaries,
+            camera,
+            projector,
+            points,
+            environment,
+            slices,
+            settings,
+            sha256,
+        } = tables;
+        let mut scene = Self {
+            name,
+            wavelengths,
+            geometry,
+            materials,
+            media,
+            boundaries,
+            camera,
+            projector,
+            points,
+            environment,
+            slices,
+            settings,
+            sha256,
+            sheets: false,
+            filled: false,
+        };
+        scene.derive();
+        scene
+    }
+
+    /// Replaces all materials; the surfaces' and the boundaries' numbers go on to be theirs.
+    pub fn set_materials(&mut self, materials: Materials) {
+        self.materials = materials;
+        self.derive();
+    }
+
+    /// What follows from the tables, here and nowhere else.
+    fn derive(&mut self) {
+        self.sheets = self.materials.any_straight();
+        self.filled = self.boundaries.iter().any(|b| *b != Boundary::NONE) || self.materials.any_null();
+        self.geometry.textured = !self.materials.textures.images.is_empty();
+    }
+
     /// The lanes of all wavelengths.
     #[inline]
     #[must_use]

@@ -14,7 +14,7 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, Wavelength};
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::constants::lookup;
-use sunstone::transport::material::{Lanes, Lobe, Medium};
+use sunstone::transport::material::{Lanes, Lobe, Filling};
 
 /// n_o and n_e of quartz at 550 nm (Ghosh 1999).
 const QUARTZ: [f64; 2] = [1.54595, 1.55511];
@@ -296,8 +296,8 @@ fn crystals(text: &str) -> MaterialSet {
     MaterialSet::from_text(Path::new("m.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn inside_of(set: &MaterialSet, name: &str) -> Medium {
-    Medium {
+fn inside_of(set: &MaterialSet, name: &str) -> Filling {
+    Filling {
         index: 1.5,
         crystal: set.names[name],
     }
@@ -317,11 +317,11 @@ fn ways_are_realizable_and_reciprocal() {
         let z = 2.0 * u - 1.0;
         let (sin, cos) = (v * TAU as f32).sin_cos();
         let k = (Vec3A::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vec3A::Z * z).normalize();
-        let medium = inside_of(&set, ["a", "b"][case % 2]);
+        let filling = inside_of(&set, ["a", "b"][case % 2]);
         let length = 1e-3 * f64::from(stream.uniform());
         let x = sunstone::optics::polarization::frame::perpendicular(k);
         let matrix = |k: Vec3A| {
-            let s = set.materials.propagate(medium, k, length).expect("a crystal");
+            let s = set.materials.propagate(filling, k, length).expect("a crystal");
             s.between(k, x, -k, x)
         };
         let (forth, back) = (matrix(k), matrix(-k));
@@ -334,7 +334,7 @@ fn ways_are_realizable_and_reciprocal() {
             assert!((b - want).abs().max() < 1e-5, "{k}: {b} is not {want}");
         }
     }
-    let clear = Medium::clear(1.5);
+    let clear = Filling::clear(1.5);
     assert!(set.materials.propagate(clear, Vec3A::Z, 1.0).is_none());
 }
 
@@ -402,7 +402,7 @@ fn faces_are_those_of_the_mean_index() {
             } else {
                 sunstone::transport::material::NO_CRYSTAL
             };
-            assert_eq!(s.medium.map(|m| m.crystal), through.then_some(want));
+            assert_eq!(s.filling.map(|m| m.crystal), through.then_some(want));
         }
         let reflected = set
             .materials
@@ -427,7 +427,7 @@ fn faces_are_those_of_the_mean_index() {
                 s.scatter.m00().to_array()[0] * p,
                 whole.scatter.m00().to_array()[0],
             );
-            assert!((got - want).abs() < 1e-6 && s.delta && s.medium == whole.medium);
+            assert!((got - want).abs() < 1e-6 && s.delta && s.filling == whole.filling);
         }
         let r = f64::from(reflected.scatter.m00().to_array()[0]);
         let spread = (4000.0 * r * (1.0 - r)).sqrt();

@@ -159,7 +159,7 @@ fn faces_of_a_splitting_crystal() {
         assert!(sampled.delta);
         // What is drawn by its intensity has a weight of 1, less the squeeze of radiance by an index between the two.
         let weight = f64::from(sampled.scatter.m00().to_array()[0]);
-        let range = if sampled.medium.is_some() {
+        let range = if sampled.filling.is_some() {
             0.97 / (N_O * N_O)..1.03 / (N_E * N_E)
         } else {
             0.999..1.001

@@ -322,7 +322,7 @@ fn rough_glass_returns_its_directional_albedo() {
                     continue;
                 };
                 let through = surface().ng.dot(s.wi) * cos < 0.0;
-                assert_eq!(s.medium.is_some(), through);
+                assert_eq!(s.filling.is_some(), through);
                 for (lane, w) in s.scatter.m00().to_array().into_iter().enumerate() {
                     let [a, b] = &mut sums[usize::from(through)][lane];
                     *a += f64::from(w);
@@ -366,7 +366,7 @@ fn no_energy_is_made() {
                 continue;
             };
             let eta2 = match &m.list[0] {
-                Material::RoughDielectric(g) if s.medium.is_some() => {
+                Material::RoughDielectric(g) if s.filling.is_some() => {
                     let n2 = g.interface.interior * g.interface.interior;
                     if cos > 0.0 { n2 } else { Spectral::ONE / n2 }
                 }
@@ -399,7 +399,7 @@ fn the_smooth_limit_is_the_smooth_interface() {
             for _ in 0..N {
                 let s = m.sample(0, &surface(), wo, &mut Lanes::first(4), &mut stream);
                 let s = s.expect("nothing is lost");
-                let lobe = usize::from(s.medium.is_some());
+                let lobe = usize::from(s.filling.is_some());
                 counts[lobe] += 1;
                 let e = elements(&s.scatter, wo, s.wi)[0];
                 sums[lobe].iter_mut().zip(e).for_each(|(s, e)| *s += f64::from(e));

@@ -298,7 +298,7 @@ fn sheets_are_realizable_and_reciprocal() {
                 .specular(id, &at, wo, Lobe::Transmitted, 0)
                 .expect("a lobe");
             assert!(set.materials.specular(id, &at, wo, Lobe::Reflected, 0).is_none());
-            assert!(sampled.delta && sampled.wi == -wo && s.wi == -wo && s.medium.is_none());
+            assert!(sampled.delta && sampled.wi == -wo && s.wi == -wo && s.filling.is_none());
             let m = s.scatter.between(wo, x, -wo, x);
             assert_eq!(
                 m,

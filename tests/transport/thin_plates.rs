@@ -90,7 +90,7 @@ fn plates_are_the_sum_of_their_orders() {
     for (cos, wo) in directions(at.ng) {
         let lobe = |wo, lobe| set.materials.specular(0, &at, wo, lobe, 0).expect("a lobe");
         let (r, t) = (lobe(wo, Lobe::Reflected), lobe(wo, Lobe::Transmitted));
-        assert!(t.wi == -wo && t.medium.is_none() && r.medium.is_none());
+        assert!(t.wi == -wo && t.filling.is_none() && r.filling.is_none());
         let n = if at.ng.dot(wo) > 0.0 { at.ng } else { -at.ng };
         assert!((r.wi - (n * (2.0 * n.dot(wo)) - wo)).length() < 1e-6);
         let s = n.cross(wo).normalize();

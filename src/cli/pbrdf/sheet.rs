@@ -62,7 +62,7 @@ fn nearest(nm: &[f64], wanted: f64) -> usize {
 /// Renders one material. The scene's own materials only hold the places, so that those of the file, which may be large
 /// tables, are read once.
 fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid, Failure> {
-    let (light, depth) = if set.materials.is_smooth(id) {
+    let (light, depth) = if set.materials.has_extended_lobe(id) {
         let projector = "[projector]\nresolution = [8, 8]\nfov_x_deg = 60\nirradiance = 41\n\
                          pose.look_at = { origin = [4.2, 2.4, 4.2], target = [0, 0, 0] }";
         (projector, 2)
@@ -84,8 +84,7 @@ fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid,
         size = a.size,
     );
     let mut scene = sunstone::scene::from_text(&a.material, &text)?;
-    scene.materials = set.materials.clone();
-    scene.geometry.textured = true;
+    scene.set_materials(set.materials.clone());
     let folder = tempfile::tempdir().map_err(Failure::failed)?;
     let target = Target {
         path: folder.path().join("sphere"),

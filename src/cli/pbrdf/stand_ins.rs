@@ -59,14 +59,14 @@ impl Sets {
     }
 
     /// True if light from a point can show the material, false if not, `None` if there is none of that name.
-    pub fn is_smooth(&self, name: &str) -> Option<bool> {
+    pub fn has_extended_lobe(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
-        set.names.get(name).map(|id| set.materials.is_smooth(*id))
+        set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
     /// The stand-ins' names.
     pub fn stand_ins(&self) -> Vec<String> {
-        let wanted = |name: &&String| name.starts_with(PREFIX) && self.is_smooth(name) == Some(true);
+        let wanted = |name: &&String| name.starts_with(PREFIX) && self.has_extended_lobe(name) == Some(true);
         self.known().filter(wanted).cloned().collect()
     }
 

@@ -60,7 +60,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 /// The materials to make: those asked for, or all that light from a point can show.
 fn names(a: &Arguments, sets: &Sets) -> Result<Vec<String>, Failure> {
     for name in &a.name {
-        match sets.is_smooth(name) {
+        match sets.has_extended_lobe(name) {
             Some(true) => {}
             Some(false) => {
                 return Err(Failure::input(format!(
@@ -81,8 +81,8 @@ fn names(a: &Arguments, sets: &Sets) -> Result<Vec<String>, Failure> {
     if a.material.is_none() {
         return Ok(sets.stand_ins());
     }
-    let smooth = |name: &&String| sets.is_smooth(name) == Some(true);
-    Ok(sets.known().filter(smooth).cloned().collect())
+    let lit = |name: &&String| sets.has_extended_lobe(name) == Some(true);
+    Ok(sets.known().filter(lit).cloned().collect())
 }
 
 /// Writes materials.toml: every table of the folder as a material.

@@ -11,47 +11,6 @@ use super::scatter::Scatter;
 use crate::spectrum::{Spectral, max_lane};
 use glam::Vec3A;
 
-/// The part of a finished product that can be non-zero: its first `rows` rows and `cols` columns, 1 or 4 of each. The
-/// product maps projector-frame Stokes in to camera-frame Stokes out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Extent {
-    pub rows: u32,
-    pub cols: u32,
-}
-
-impl Extent {
-    /// Number of elements.
-    #[inline]
-    #[must_use]
-    pub fn count(self) -> usize {
-        (self.rows * self.cols) as usize
-    }
-
-    /// The least extent that holds this one and another.
-    #[inline]
-    #[must_use]
-    pub fn with(self, other: Self) -> Self {
-        Self {
-            rows: self.rows.max(other.rows),
-            cols: self.cols.max(other.cols),
-        }
-    }
-
-    /// Moves the elements of this extent, which stand row by row from `first` in `table`, to its end with room for
-    /// those of a larger one; the new ones are `zero`. Returns where they begin.
-    pub fn enlarge<T: Copy>(self, table: &mut Vec<T>, first: u32, larger: Self, zero: T) -> u32 {
-        let to = table.len() as u32;
-        table.resize(table.len() + larger.count(), zero);
-        for i in 0..self.rows {
-            for j in 0..self.cols {
-                let value = table[(first + i * self.cols + j) as usize];
-                table[(to + i * larger.cols + j) as usize] = value;
-            }
-        }
-        to
-    }
-}
-
 /// The product of all interactions so far: Stokes in the frame of the current ray's light in, camera frame out.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
@@ -69,14 +28,14 @@ pub enum Chain {
 }
 
 #[inline]
-fn rotate_row(row: &mut [Spectral; 4], c: Spectral, s: Spectral) {
+pub(super) fn rotate_row(row: &mut [Spectral; 4], c: Spectral, s: Spectral) {
     let (a, b) = (row[1], row[2]);
     row[1] = c * a - s * b;
     row[2] = s * a + c * b;
 }
 
 #[inline]
-fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectral; 4] {
+pub(super) fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectral; 4] {
     [
         row[0] * m.a + row[1] * m.b,
         row[0] * m.b + row[1] * m.a,
@@ -87,6 +46,7 @@ fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectral; 4] {
 
 impl Chain {
     /// The start of a path: identity scaled per lane, light in the camera frame.
+    #[inline]
     #[must_use]
     pub fn start(f: Spectral) -> Self {
         Self::Rotation {
@@ -218,6 +178,7 @@ impl Chain {
 
     /// Multiplies on the right by the transpose of another product: of one that was grown from the emitter, interaction by
     /// interaction transposed. The frame of the light in between must be the same for both.
+    #[inline]
     pub fn times_transposed(&mut self, other: &Self) {
         let dot =
             |a: &[Spectral; 4], b: &[Spectral; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
@@ -289,6 +250,7 @@ impl Chain {
 
     /// D · self · D with D = diag(1, 1, -1, 1): the transpose of the product for light that runs the other way, see
     /// [`Scatter::reversed`].
+    #[inline]
     #[must_use]
     pub fn mirrored(&self) -> Self {
         let mut out = *self;
@@ -337,6 +299,7 @@ impl Chain {
     }
 
     /// The full matrix.
+    #[inline]
     #[must_use]
     pub fn to_mueller(&self) -> Mueller {
         match self {
@@ -353,134 +316,13 @@ impl Chain {
             },
         }
     }
-
-    /// Ends the path at an emitter: appends the elements that can be non-zero, row by row.
-    #[inline]
-    pub fn finish(&self, elements: &mut Vec<Spectral>) -> Extent {
-        let (rows, cols) = match self {
-            Self::RankOne {
-                column_flat,
-                row_flat,
-                ..
-            } => (if *column_flat { 1 } else { 4 }, if *row_flat { 1 } else { 4 }),
-            _ => (4, 4),
-        };
-        match self {
-            Self::RankOne { column, row, .. } => {
-                for c in &column[..rows] {
-                    elements.extend(row[..cols].iter().map(|r| *c * *r));
-                }
-            }
-            Self::Full(m) => elements.extend_from_slice(m.m.as_flattened()),
-            Self::Rotation { .. } => elements.extend_from_slice(self.to_mueller().m.as_flattened()),
-        }
-        Extent {
-            rows: rows as u32,
-            cols: cols as u32,
-        }
-    }
-
-    /// [`Self::finish`] after one more interaction that does not depolarize, a factor and a turn of the frame of the
-    /// light that enters, (cos 2θ, sin 2θ): row by row, without copying the chain. For `d_out` and `frame` see
-    /// [`Self::push`].
-    #[inline]
-    pub fn finish_scattered(
-        &self,
-        scatter: &Scatter,
-        d_out: Vec3A,
-        frame: Vec3A,
-        factor: Spectral,
-        (c2, s2): (f32, f32),
-        elements: &mut Vec<Spectral>,
-    ) -> Extent {
-        let frame_out = match scatter {
-            Scatter::Fresnel { s, .. } => *s,
-            Scatter::Full { frame_out, .. } => *frame_out,
-            Scatter::Depolarize(f) => return self.finish_depolarized(*f * factor, elements),
-        };
-        let (c_out, s_out) = turn(d_out, frame_out, frame);
-        let pass = |row: &[Spectral; 4]| {
-            let mut row = *row;
-            rotate_row(&mut row, Spectral::splat(c_out), Spectral::splat(s_out));
-            let mut row = match scatter {
-                Scatter::Fresnel { block, .. } => row_times_block(&row, block),
-                Scatter::Full { mueller, .. } => mueller.row_times(&row),
-                Scatter::Depolarize(_) => row,
-            };
-            for element in &mut row {
-                *element *= factor;
-            }
-            rotate_row(&mut row, Spectral::splat(c2), Spectral::splat(s2));
-            row
-        };
-        let rows = match self {
-            Self::RankOne {
-                column,
-                row,
-                column_flat,
-                ..
-            } => {
-                let row = pass(row);
-                let rows = if *column_flat { 1 } else { 4 };
-                for c in &column[..rows] {
-                    elements.extend_from_slice(&[*c * row[0], *c * row[1], *c * row[2], *c * row[3]]);
-                }
-                rows
-            }
-            Self::Full(m) => {
-                for row in &m.m {
-                    elements.extend_from_slice(&pass(row));
-                }
-                4
-            }
-            Self::Rotation { .. } => {
-                for row in &self.to_mueller().m {
-                    elements.extend_from_slice(&pass(row));
-                }
-                4
-            }
-        };
-        Extent {
-            rows: rows as u32,
-            cols: 4,
-        }
-    }
-
-    /// [`Self::finish`] after one more interaction, a depolarizing one of factor `f`, without copying the chain.
-    #[inline]
-    pub fn finish_depolarized(&self, f: Spectral, elements: &mut Vec<Spectral>) -> Extent {
-        let rows = match self {
-            Self::RankOne {
-                column,
-                row,
-                column_flat,
-                ..
-            } => {
-                let g = row[0] * f;
-                let rows = if *column_flat { 1 } else { 4 };
-                elements.extend(column[..rows].iter().map(|c| *c * g));
-                rows
-            }
-            Self::Rotation { f: g, .. } => {
-                elements.push(*g * f);
-                1
-            }
-            Self::Full(m) => {
-                elements.extend(m.m.iter().map(|row| row[0] * f));
-                4
-            }
-        };
-        Extent {
-            rows: rows as u32,
-            cols: 1,
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::polarization::elements::depolarizer;
+    use crate::polarization::extent::Extent;
     use crate::polarization::fresnel::conductor;
 
     /// Every form of the chain equals the plain product of 4×4 matrices.

@@ -12,6 +12,7 @@ pub struct Complex {
 
 impl Complex {
     /// A real number per lane.
+    #[inline]
     #[must_use]
     pub fn real(re: Spectral) -> Self {
         Self {
@@ -21,12 +22,14 @@ impl Complex {
     }
 
     /// Squared modulus.
+    #[inline]
     #[must_use]
     pub fn norm2(self) -> Spectral {
         self.re * self.re + self.im * self.im
     }
 
     /// Complex conjugate.
+    #[inline]
     #[must_use]
     pub fn conj(self) -> Self {
         Self {
@@ -36,6 +39,7 @@ impl Complex {
     }
 
     /// Times a real number per lane.
+    #[inline]
     #[must_use]
     pub fn scale(self, f: Spectral) -> Self {
         Self {
@@ -46,6 +50,7 @@ impl Complex {
 
     /// The square root with non-negative real part; on the negative real axis the imaginary part is positive, which
     /// is the decaying wave.
+    #[inline]
     #[must_use]
     pub fn sqrt(self) -> Self {
         // The larger part by a root, the other by division: their difference would cancel for weak absorbers.
@@ -62,6 +67,7 @@ impl Complex {
 
 impl Add for Complex {
     type Output = Self;
+    #[inline]
     fn add(self, rhs: Self) -> Self {
         Self {
             re: self.re + rhs.re,
@@ -72,6 +78,7 @@ impl Add for Complex {
 
 impl Sub for Complex {
     type Output = Self;
+    #[inline]
     fn sub(self, rhs: Self) -> Self {
         Self {
             re: self.re - rhs.re,
@@ -82,6 +89,7 @@ impl Sub for Complex {
 
 impl Mul for Complex {
     type Output = Self;
+    #[inline]
     fn mul(self, rhs: Self) -> Self {
         Self {
             re: self.re * rhs.re - self.im * rhs.im,
@@ -93,6 +101,7 @@ impl Mul for Complex {
 impl Div for Complex {
     type Output = Self;
     /// The divisor must not be zero in a lane that is used.
+    #[inline]
     fn div(self, rhs: Self) -> Self {
         (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())
     }

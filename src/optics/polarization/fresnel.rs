@@ -23,6 +23,7 @@ pub struct FresnelBlock {
 
 impl FresnelBlock {
     /// From the complex amplitude coefficients of s and p and a common power factor.
+    #[inline]
     pub(super) fn from_amplitudes(s: Complex, p: Complex, factor: Spectral) -> Self {
         let half = Spectral::HALF;
         let (rs, rp) = (s.norm2(), p.norm2());
@@ -48,6 +49,7 @@ impl FresnelBlock {
     }
 
     /// The full matrix.
+    #[inline]
     #[must_use]
     pub fn to_mueller(self) -> Mueller {
         let z = Spectral::ZERO;
@@ -64,6 +66,7 @@ impl FresnelBlock {
 
 /// Reflection by a conductor of complex relative index `n + i·k` (k ≥ 0 absorbs), light meeting it at an angle whose
 /// cosine is `cos_i` in 0..1. Maps the incoming s-frame to the outgoing s-frame.
+#[inline]
 #[must_use]
 pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
@@ -97,6 +100,7 @@ pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
 }
 
 /// [`dielectric`] with an angle of incidence for each wavelength.
+#[inline]
 #[must_use]
 pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel {
     let ci = cos_i.max(Spectral::ZERO).min(Spectral::ONE);

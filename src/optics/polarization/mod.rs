@@ -7,6 +7,8 @@
 pub mod chain;
 pub mod complex;
 pub mod elements;
+pub mod extent;
+mod finish;
 pub mod frame;
 pub mod fresnel;
 pub mod mueller;

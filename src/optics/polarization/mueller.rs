@@ -40,6 +40,7 @@ impl Mueller {
     };
 
     /// The same real matrix in every lane.
+    #[inline]
     #[must_use]
     pub fn splat(rows: [[f32; 4]; 4]) -> Self {
         Self {
@@ -48,6 +49,7 @@ impl Mueller {
     }
 
     /// The identity in every lane.
+    #[inline]
     #[must_use]
     pub fn identity() -> Self {
         let mut m = Self::ZERO;
@@ -58,6 +60,7 @@ impl Mueller {
     }
 
     /// One lane as a plain matrix.
+    #[inline]
     #[must_use]
     pub fn lane(&self, lane: usize) -> [[f32; 4]; 4] {
         self.m.map(|row| row.map(|e| e.to_array()[lane]))
@@ -76,6 +79,7 @@ impl Mueller {
     }
 
     /// The matrix applied to a Stokes vector, `out[i] = Σ_j m[i][j] s[j]`.
+    #[inline]
     #[must_use]
     pub fn apply(&self, s: [Spectral; 4]) -> [Spectral; 4] {
         self.m
@@ -91,6 +95,7 @@ impl Mueller {
     }
 
     /// R(θ)·M: the outgoing frame turned by θ, given cos 2θ and sin 2θ (PHYSICS: M' = R(θ_out) M R(-θ_in)).
+    #[inline]
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
         for j in 0..4 {
@@ -102,6 +107,7 @@ impl Mueller {
 
     /// M·R(θ): takes Stokes vectors given in a frame from which the present incoming frame is reached by turning
     /// by θ.
+    #[inline]
     pub fn rotate_in(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
         for row in &mut self.m {
@@ -115,6 +121,7 @@ impl Mueller {
 impl Mul for Mueller {
     type Output = Self;
     /// Light meets the right factor first.
+    #[inline]
     fn mul(self, rhs: Self) -> Self {
         Self {
             m: self.m.map(|row| rhs.row_times(&row)),
@@ -124,6 +131,7 @@ impl Mul for Mueller {
 
 impl Add for Mueller {
     type Output = Self;
+    #[inline]
     fn add(mut self, rhs: Self) -> Self {
         for i in 0..4 {
             for j in 0..4 {

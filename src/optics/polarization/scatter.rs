@@ -60,6 +60,7 @@ impl Scatter {
 
     /// The full matrix between the given frames of the light that leaves along `wo` and of that which comes along
     /// `-wi`.
+    #[inline]
     #[must_use]
     pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {
         let (mut m, out, inn) = match self {
@@ -139,6 +140,7 @@ impl Scatter {
     }
 
     /// This interaction and another between the same two directions, side by side.
+    #[inline]
     #[must_use]
     pub fn plus(&self, other: &Self, wo: Vec3A, wi: Vec3A) -> Self {
         let (frame_out, frame_in) = match (self, other) {

@@ -48,6 +48,7 @@ struct Layer {
 }
 
 impl Layer {
+    #[inline]
     fn new(n: Spectral, k: Spectral, sin2: Spectral) -> Self {
         let eta = Complex { re: n, im: k };
         let eta2 = eta * eta;
@@ -58,6 +59,7 @@ impl Layer {
     }
 
     /// Amplitudes (s, p) that its interface with `below` reflects.
+    #[inline]
     fn interface(&self, below: &Self) -> [Complex; 2] {
         let ratio = |a: Complex, b: Complex| (a - b) / (a + b);
         [
@@ -67,6 +69,7 @@ impl Layer {
     }
 
     /// e^{2iβ} of the way down and up again.
+    #[inline]
     fn round_trip(&self, waves: Spectral) -> Complex {
         let twice = Spectral::splat(2.0) * waves;
         let turns = self.q.re * twice;

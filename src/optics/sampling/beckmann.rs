@@ -90,6 +90,7 @@ pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
 ///
 /// Solves 1 + x + T·exp(-s²) = u·(1 + X + T·exp(-cot²θ)) for x = erf(s), with X = erf(cotθ) and T = tanθ/√π. The left
 /// side rises with x and is concave, so that Newton's steps never leave the interval on the way up.
+#[inline]
 fn visible_slope(cos: f32, u: f32) -> f32 {
     let tan = (1.0 - cos * cos).max(0.0).sqrt() / cos;
     let cot = 1.0 / tan.max(f32::MIN_POSITIVE);
@@ -114,6 +115,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
 }
 
 /// A normal visible from the unit direction `wo` (wo.z > 0); density G1(wo) max(0, wo·h) D(h) / wo.z.
+#[inline]
 #[must_use]
 pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     // Uniforms have 24 bits; their ends have infinite slopes.

@@ -121,6 +121,7 @@ fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
 }
 
 /// Euler's B(x, y) for x, y ≥ 1. In f64, since at grazing incidence large logarithms cancel.
+#[inline]
 fn beta(x: f32, y: f32) -> f32 {
     // Facets far from the horizon hide nothing: B(1, y) = 1/y.
     if x == 1.0 || y == 1.0 {

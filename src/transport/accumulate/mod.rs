@@ -7,7 +7,7 @@
 pub mod plan;
 mod tile_values;
 
-use optics::polarization::chain::Extent;
+use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
 use plan::DROPPED;
 pub use plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
@@ -158,6 +158,7 @@ impl PixelSums {
 
     /// Turns the sums of a pixel into the mean and the variance of the mean, and adds them to the tile with weight
     /// 1/pixels and 1/pixels² (pixels are independent).
+    #[inline]
     fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: u32, pixels: f64) {
         let n = f64::from(n);
         let per_sample = f64x4::splat(1.0 / n);
@@ -180,6 +181,7 @@ impl PixelSums {
         self.clear();
     }
 
+    #[inline]
     fn clear(&mut self) {
         match &mut self.index {
             CellIndex::Direct(table) => {
@@ -280,6 +282,7 @@ impl<'a> TileAccumulator<'a> {
     }
 
     /// Starts camera pixel (x, y); false if no slice keeps it: then it has ended, too.
+    #[inline]
     #[must_use]
     pub fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
         self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
@@ -313,6 +316,7 @@ impl<'a> TileAccumulator<'a> {
     }
 
     /// Finishes pixel (x, y), of which `n` samples count (those without light included).
+    #[inline]
     pub fn end_pixel(&mut self, x: u32, y: u32, n: u32) {
         self.tile.counts.push(n);
         let slices = self.plans.iter().zip(&mut self.sums);

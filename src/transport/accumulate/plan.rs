@@ -1,6 +1,6 @@
 //! Which element of a slice a path contribution belongs to, worked out once a render.
 
-use optics::polarization::chain::Extent;
+use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
 use tensor::axes::{AxisKind, Extents, SliceLayout};
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
@@ -167,6 +167,7 @@ impl SlicePlan {
     }
 
     /// Cells of one camera element, those outside the time window included.
+    #[inline]
     pub(super) fn cells(&self) -> u64 {
         self.inner + self.overflow
     }

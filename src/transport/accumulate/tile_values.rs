@@ -4,7 +4,7 @@
 //! is kept, and chunks without any of it are not even looked at.
 
 use super::plan::SlicePlan;
-use optics::polarization::chain::Extent;
+use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -17,14 +17,17 @@ use tensor::sink::{self, Piece, Sink};
 pub(super) struct KeyHasher(u64);
 
 impl Hasher for KeyHasher {
+    #[inline]
     fn finish(&self) -> u64 {
         self.0
     }
+    #[inline]
     fn write(&mut self, bytes: &[u8]) {
         for b in bytes {
             self.write_u64(u64::from(*b));
         }
     }
+    #[inline]
     fn write_u64(&mut self, v: u64) {
         self.0 = (self.0 ^ v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
     }
@@ -126,6 +129,7 @@ impl TileValues {
     }
 
     /// Number of a camera element (indices along `y`, `x`) within the tile.
+    #[inline]
     pub(super) fn local(&self, iy: u32, ix: u32) -> u64 {
         (u64::from(iy) - self.start[0]) * self.shape[1] + u64::from(ix) - self.start[1]
     }

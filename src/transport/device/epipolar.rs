@@ -80,6 +80,7 @@ impl Epipolar {
     }
 
     /// The line of the centre of camera pixel (x, y).
+    #[inline]
     #[must_use]
     pub fn line(&self, camera: &Pinhole, x: u32, y: u32) -> EpipolarLine {
         let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -114,7 +115,7 @@ impl Epipolar {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::pinhole::Distortion;
+    use crate::device::distortion::Distortion;
     use glam::{Mat3A, Quat, Vec3A};
 
     /// Any point that both devices see lies on the epipolar line of its camera pixel, distortion and all.

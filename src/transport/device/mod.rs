@@ -1,5 +1,6 @@
 //! What looks and what shines: calibrated pinholes and lenses, the projector, epipolar geometry, other emitters.
 
+pub mod distortion;
 pub mod emitter;
 pub mod epipolar;
 pub mod pinhole;

@@ -4,6 +4,7 @@
 //! covers [i, i+1) × [j, j+1), the upper left corner of the image is (0, 0); OpenCV's cx, cy count from the centre of
 //! the first pixel, so add 0.5 to them. Normalized coordinates are those on the plane z = 1.
 
+use super::distortion::Distortion;
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use glam::{DVec2, Mat3A, Vec3A};
@@ -11,82 +12,6 @@ use optics::polarization::frame::project;
 
 /// No pixel's number.
 pub const OUTSIDE: u32 = u32::MAX;
-
-/// Brown–Conrady coefficients (Brown 1966; OpenCV's order k1, k2, p1, p2, k3), acting on normalized coordinates.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Distortion {
-    pub k1: f64,
-    pub k2: f64,
-    pub k3: f64,
-    pub p1: f64,
-    pub p2: f64,
-}
-
-impl Distortion {
-    /// True if nothing is distorted.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// Ideal normalized coordinates → distorted ones.
-    #[must_use]
-    pub fn distort(&self, p: DVec2) -> DVec2 {
-        let r2 = p.length_squared();
-        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
-        let xy = p.x * p.y;
-        p * radial
-            + DVec2::new(
-                2.0 * self.p1 * xy + self.p2 * (r2 + 2.0 * p.x * p.x),
-                self.p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * self.p2 * xy,
-            )
-    }
-
-    /// Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
-    #[must_use]
-    pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
-        let r2 = p.length_squared();
-        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
-        let slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3));
-        let (x, y) = (p.x, p.y);
-        let cross = x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y;
-        [
-            [
-                radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
-                cross,
-            ],
-            [
-                cross,
-                radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
-            ],
-        ]
-    }
-
-    /// Distorted normalized coordinates → ideal ones by Newton's method; `None` if it does not converge to a point
-    /// where the distortion is one-to-one.
-    #[must_use]
-    pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
-        if self.is_none() {
-            return Some(q);
-        }
-        let mut p = q;
-        for _ in 0..50 {
-            let e = self.distort(p) - q;
-            let [[a, b], [c, d]] = self.jacobian(p);
-            let det = a * d - b * c;
-            if e.length_squared() < 1e-26 {
-                return (det > 0.0).then_some(p);
-            }
-            let step = DVec2::new(d * e.x - b * e.y, a * e.y - c * e.x) / det;
-            // Damping keeps the first steps from leaping over the fold of strong barrel distortion.
-            p -= step * (0.5 / step.length()).min(1.0);
-            if !p.is_finite() {
-                return None;
-            }
-        }
-        None
-    }
-}
 
 /// A thin lens in place of the pinhole: all light between a pixel and its point of the plane in focus passes the lens, evenly
 /// over its area.
@@ -178,6 +103,7 @@ impl Pinhole {
 
     /// The device seen through one point of its lens, given by two uniforms: a pinhole there, whose image is shifted so that
     /// the plane in focus stays where it is. A thin lens is the mean over its points.
+    #[inline]
     #[must_use]
     pub fn through_lens(&self, uniforms: [f32; 2]) -> Self {
         let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);
@@ -329,12 +255,14 @@ impl Pinhole {
     }
 
     /// Row-major number of the pixel that sees a world point; `None` as for [`Self::project`].
+    #[inline]
     #[must_use]
     pub fn pixel(&self, p: Vec3A) -> Option<u32> {
         self.project(p).map(|(at, _)| self.number(at))
     }
 
     /// Row-major number of the pixel that holds a continuous position of the image.
+    #[inline]
     #[must_use]
     pub fn number(&self, at: DVec2) -> u32 {
         let [w, h] = self.resolution;
@@ -344,6 +272,7 @@ impl Pinhole {
 
     /// Image area in pixels per solid angle around a world direction of any length: |∂(x, y)/∂n| / cos³θ, n being
     /// normalized coordinates.
+    #[inline]
     #[must_use]
     pub fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
         let local = self.axes.transpose() * dir;
@@ -359,12 +288,14 @@ impl Pinhole {
     }
 
     /// Image right in world coordinates.
+    #[inline]
     #[must_use]
     pub fn right(&self) -> Vec3A {
         self.axes.x_axis
     }
 
     /// Forward in world coordinates.
+    #[inline]
     #[must_use]
     pub fn forward(&self) -> Vec3A {
         self.axes.z_axis
@@ -493,17 +424,6 @@ mod tests {
         }
         let edge = p.through_lens([1.0, 0.25]);
         assert!((edge.origin - p.origin).length() > 0.0499);
-    }
-
-    #[test]
-    fn jacobian_is_the_derivative() {
-        let d = device().distortion;
-        let (p, h) = (DVec2::new(0.3, -0.4), 1e-6);
-        let j = d.jacobian(p);
-        let dx = (d.distort(p + DVec2::X * h) - d.distort(p - DVec2::X * h)) / (2.0 * h);
-        let dy = (d.distort(p + DVec2::Y * h) - d.distort(p - DVec2::Y * h)) / (2.0 * h);
-        assert!((dx.x - j[0][0]).abs() < 1e-8 && (dx.y - j[1][0]).abs() < 1e-8);
-        assert!((dy.x - j[0][1]).abs() < 1e-8 && (dy.y - j[1][1]).abs() < 1e-8);
     }
 
     #[test]

@@ -68,7 +68,8 @@ impl Projector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::pinhole::{Distortion, OUTSIDE};
+    use crate::device::distortion::Distortion;
+    use crate::device::pinhole::OUTSIDE;
     use glam::{DVec2, Mat3A, Vec3A};
 
     /// The irradiance integrated over one pixel's area on the plane at 1 m is the flux into that pixel's solid angle.

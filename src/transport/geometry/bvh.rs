@@ -3,161 +3,25 @@
 //! Triangles stand in packs of eight that a ray meets at once; two triangles that make a parallelogram are one
 //! primitive. Both loops, over boxes and over packs, are compiled twice on x86-64: for any processor and for AVX2.
 
-use super::mesh::Mesh;
-use super::pack::{Pack, Primitive, Wide};
+use super::pack::{Pack, Wide};
 use super::quadric::{Quadric, normalized_slope};
 use super::ray::{Hit, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
 use super::triangle::{Triangle, vector};
-use bytemuck::Zeroable;
-use glam::{Mat3A, Vec2, Vec3, Vec3A};
-use obvhs::aabb::Aabb;
+use glam::{Mat3A, Vec3A};
 
-/// Set in [`Hit::leaf`] and in [`Primitive::id`] for quadrics.
+/// Set in [`Hit::leaf`] and in [`Primitive::id`](super::pack::Primitive) for quadrics.
 pub(super) const QUADRIC: u32 = 1 << 31;
 
 /// Triangles reach this far beyond their edges, in units of the scene's extent, so that neighbours overlap by more than
 /// the rounding of a hit: without it one ray in ten that meets a shared edge slips between them.
-const SKIN: f32 = 1.0 / 1_048_576.0;
-
-/// Collects surfaces, then builds the tree.
-#[derive(Default)]
-pub struct GeometryBuilder {
-    primitives: Vec<Primitive>,
-    bounds: Vec<Aabb>,
-    triangles: Vec<Triangle>,
-    normals: Vec<[f32; 3]>,
-    uvs: Vec<[f32; 2]>,
-    quadrics: Vec<Quadric>,
-    /// Triangles of the meshes.
-    triangle_count: usize,
-}
-
-impl GeometryBuilder {
-    /// Adds a mesh in world space.
-    pub fn mesh(&mut self, mesh: &Mesh, material: u32) {
-        let first_normal = self.normals.len() as u32;
-        let first_uv = self.uvs.len() as u32;
-        self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
-        self.uvs.extend(mesh.uvs.iter().map(|uv| uv.to_array()));
-        self.triangle_count += mesh.indices.len();
-        let mut rest = &mesh.indices[..];
-        while let [first, others @ ..] = rest {
-            rest = others;
-            let mut corners = *first;
-            let [a, b, c] = corners.map(|i| Vec3A::from(mesh.positions[i as usize]));
-            let mut far = a;
-            let parallelogram = others.first().and_then(|next| fourth_corner(mesh, first, next));
-            if let Some(d) = parallelogram {
-                // From the corner opposite to the diagonal both sides are edges, turned as before.
-                corners = [first[1], first[2], first[0]];
-                far = d.into();
-                rest = &others[1..];
-            }
-            let [v0, v1, v2] = corners.map(|i| Vec3A::from(mesh.positions[i as usize]));
-            let shifted = |first: u32, absent: bool| {
-                if absent {
-                    [u32::MAX; 3]
-                } else {
-                    corners.map(|i| first + i)
-                }
-            };
-            self.primitives.push(Primitive {
-                v0,
-                e1: v1 - v0,
-                e2: v2 - v0,
-                parallelogram: parallelogram.is_some(),
-                id: self.triangles.len() as u32,
-            });
-            self.bounds
-                .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
-            let uvs = (!mesh.uvs.is_empty()).then(|| corners.map(|i| mesh.uvs[i as usize].to_array()));
-            let normals = shifted(first_normal, mesh.normals.is_empty());
-            let uv_indices = shifted(first_uv, mesh.uvs.is_empty());
-            let triangle = Triangle::new([v0, v1, v2], uvs, normals, uv_indices, material);
-            self.triangles.push(triangle);
-        }
-    }
-
-    /// Adds a quadric.
-    pub fn quadric(&mut self, quadric: Quadric) {
-        let (lo, hi) = quadric.bounds();
-        self.primitives.push(Primitive {
-            v0: Vec3A::ZERO,
-            e1: Vec3A::ZERO,
-            e2: Vec3A::ZERO,
-            parallelogram: false,
-            id: QUADRIC | self.quadrics.len() as u32,
-        });
-        self.bounds.push(Aabb::new(lo, hi));
-        self.quadrics.push(quadric);
-    }
-
-    /// Builds the tree.
-    #[must_use]
-    pub fn build(self) -> Geometry {
-        let mut bounds = Aabb::empty();
-        for b in &self.bounds {
-            bounds.extend(b.min);
-            bounds.extend(b.max);
-        }
-        let extent = if self.bounds.is_empty() {
-            1.0
-        } else {
-            (bounds.max - bounds.min).max_element()
-        };
-        let (mut packs, mut triangles) = (vec![], vec![]);
-        let tree = Tree::build(
-            &self.bounds,
-            |run| run.iter().all(|i| self.primitives[*i as usize].id & QUADRIC == 0),
-            |run| {
-                let members: Vec<Primitive> = run.iter().map(|i| self.primitives[*i as usize]).collect();
-                if members[0].id & QUADRIC != 0 {
-                    return (members[0].id ^ QUADRIC) << 1 | 1;
-                }
-                packs.push(Pack::new(&members, extent * SKIN));
-                triangles.extend(members.iter().map(|p| self.triangles[p.id as usize]));
-                triangles.resize(8 * packs.len(), Triangle::zeroed());
-                (packs.len() as u32 - 1) << 1
-            },
-        );
-        Geometry {
-            tree,
-            packs,
-            triangles,
-            normals: self.normals,
-            uvs: self.uvs,
-            quadrics: self.quadrics,
-            triangle_count: self.triangle_count,
-            textured: true,
-            avx2: avx2(),
-            extent,
-        }
-    }
-}
-
-/// Where two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
-/// coordinates are those of one plane: its corner d.
-fn fourth_corner(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> Option<Vec3> {
-    let [ia, ib, ic] = first.map(|i| i as usize);
-    let id = next[2] as usize;
-    // Without texture coordinates the tangent comes from the triangle's own edges.
-    if next[0] != first[0] || next[1] != first[2] || mesh.uvs.is_empty() {
-        return None;
-    }
-    let p = &mesh.positions;
-    let size = p[ia].distance(p[ic]);
-    let flat = p[ia] + p[ic] - p[ib] - p[id];
-    let same = mesh.normals.is_empty() || [ib, ic, id].iter().all(|i| mesh.normals[*i] == mesh.normals[ia]);
-    let uv: Vec2 = mesh.uvs[ia] + mesh.uvs[ic] - mesh.uvs[ib] - mesh.uvs[id];
-    (flat.length() <= 1e-6 * size && same && uv.length() <= 1e-6).then_some(p[id])
-}
+pub(super) const SKIN: f32 = 1.0 / 1_048_576.0;
 
 /// True if the processor has AVX2.
-fn avx2() -> bool {
-    #[cfg(target_arch = "x86_64")]
+pub(super) fn avx2() -> bool {
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     return std::arch::is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(all(target_arch = "x86_64", not(feature = "portable"))))]
     return false;
 }
 
@@ -174,20 +38,20 @@ pub enum Outline {
 
 /// All surfaces of a scene.
 pub struct Geometry {
-    tree: Tree,
-    packs: Vec<Pack>,
+    pub(super) tree: Tree,
+    pub(super) packs: Vec<Pack>,
     /// Eight a pack, in its order.
-    triangles: Vec<Triangle>,
-    normals: Vec<[f32; 3]>,
-    uvs: Vec<[f32; 2]>,
-    quadrics: Vec<Quadric>,
-    triangle_count: usize,
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) normals: Vec<[f32; 3]>,
+    pub(super) uvs: Vec<[f32; 2]>,
+    pub(super) quadrics: Vec<Quadric>,
+    pub(super) triangle_count: usize,
     /// Someone reads texture coordinates; they are 0 otherwise.
-    pub textured: bool,
-    /// The processor has 256-bit vectors.
-    avx2: bool,
+    pub(crate) textured: bool,
+    /// Rays are met by the code for AVX2.
+    pub(super) avx2: bool,
     /// Longest edge of the world bounds.
-    extent: f32,
+    pub(super) extent: f32,
 }
 
 /// Looks for the nearest hit.
@@ -277,7 +141,7 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.intersect_avx2(ray, tmax) };
@@ -289,7 +153,7 @@ impl Geometry {
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: as above.
             return unsafe { self.occluded_avx2(ray, tmax) };
@@ -297,13 +161,13 @@ impl Geometry {
         self.occluded_any(ray, tmax)
     }
 
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         self.intersect_any(ray, tmax)
     }
 
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
         self.occluded_any(ray, tmax)
@@ -478,216 +342,38 @@ impl Geometry {
         surface.p + surface.ng * (scale * 7.629_394_5e-6_f32).copysign(surface.ng.dot(dir))
     }
 
-    /// The processor has AVX2.
+    /// True if rays are met by code that was compiled for AVX2: the processor has it, and [`Self::plain`] was not asked for.
     #[inline]
     #[must_use]
     pub fn avx2(&self) -> bool {
         self.avx2
     }
 
+    /// The same surfaces, met by the code for any processor, which gives the same bits more slowly.
+    #[must_use]
+    pub fn plain(mut self) -> Self {
+        self.avx2 = false;
+        self
+    }
+
     /// Number of triangles and of quadrics.
+    #[inline]
     #[must_use]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())
     }
 
     /// How far triangles reach beyond their edges, metres.
+    #[inline]
     #[must_use]
     pub fn skin(&self) -> f32 {
         self.extent * SKIN
     }
 
     /// Longest edge of the world bounds in metres.
+    #[inline]
     #[must_use]
     pub fn extent(&self) -> f32 {
         self.extent
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::quadric::QuadricKind;
-    use glam::Affine3A;
-    use optics::sampling::stream::Stream;
-    use optics::sampling::warp;
-
-    /// Distance and the least barycentric coordinate of a ray in a triangle's plane.
-    fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
-        let [a, b, c] = corners.map(|p| p.as_dvec3());
-        let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
-        let (e1, e2) = (b - a, c - a);
-        let n = e1.cross(e2);
-        let t = (a - o).dot(n) / d.dot(n);
-        let p = o + d * t - a;
-        let (u, v) = (p.cross(e2).dot(n) / n.dot(n), e1.cross(p).dot(n) / n.dot(n));
-        (t, u.min(v).min(1.0 - u - v))
-    }
-
-    /// A rectangle of two triangles is one primitive with the surface of the two.
-    #[test]
-    fn rectangles_are_one_primitive() {
-        let place = Affine3A::from_scale_rotation_translation(
-            Vec3::new(0.7, 1.3, 1.0),
-            glam::Quat::from_rotation_x(0.4),
-            Vec3::new(0.1, 0.2, 0.3),
-        );
-        let mut mesh = Mesh::rectangle();
-        mesh.transform(&place);
-        let mut apart = mesh.clone();
-        // In another order the two triangles are not recognized.
-        apart.indices.swap(0, 1);
-        let [one, two] = [&mesh, &apart].map(|m| {
-            let mut builder = GeometryBuilder::default();
-            builder.mesh(m, 3);
-            builder.build()
-        });
-        assert_eq!(one.packs[0].parallelogram.bits(), 1);
-        assert_eq!(two.packs[0].parallelogram.bits(), 0);
-        assert_eq!((one.counts(), two.counts()), ((2, 0), (2, 0)));
-        let mut stream = Stream::new(8, 0, 0);
-        let mut hits = 0;
-        for _ in 0..5000 {
-            let origin = warp::sphere(stream.uniform2()) * 4.0;
-            let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
-            let ray = Ray { origin, dir };
-            let [a, b] = [&one, &two].map(|g| g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h)));
-            let (Some(a), Some(b)) = (a, b) else {
-                continue;
-            };
-            // Rounding along a grazing ray is not small.
-            if a.ng.dot(dir).abs() < 0.1 {
-                continue;
-            }
-            hits += 1;
-            assert!((a.p - b.p).length() < 1e-5 && a.ng.dot(b.ng) > 0.999_99 && a.ns.dot(b.ns) > 0.999_99);
-            assert!(a.tangent.normalize().dot(b.tangent.normalize()) > 0.9999);
-            assert!(a.uv.iter().zip(b.uv).all(|(x, y)| (x - y).abs() < 1e-5) && a.material == 3);
-        }
-        assert!(hits > 1000);
-    }
-
-    /// A soup of triangles and spheres: the BVH finds exactly what a loop over all primitives finds.
-    #[test]
-    fn bvh_equals_brute_force() {
-        let mut stream = Stream::new(5, 0, 0);
-        let mut builder = GeometryBuilder::default();
-        let mut mesh = Mesh::default();
-        for i in 0..300 {
-            let c = warp::sphere(stream.uniform2()) * 2.0;
-            for _ in 0..3 {
-                mesh.positions
-                    .push((c + warp::sphere(stream.uniform2()) * 0.4).into());
-            }
-            mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
-        }
-        builder.mesh(&mesh, 0);
-        for _ in 0..50 {
-            let c = warp::sphere(stream.uniform2()) * 2.0;
-            let t = Affine3A::from_scale_rotation_translation(
-                glam::Vec3::splat(0.1),
-                glam::Quat::IDENTITY,
-                c.into(),
-            );
-            builder.quadric(Quadric::new(QuadricKind::Sphere, t, 1));
-        }
-        let g = builder.build();
-        let mut hits = 0;
-        for _ in 0..20_000 {
-            let origin = warp::sphere(stream.uniform2()) * 3.0;
-            let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
-            let ray = Ray { origin, dir };
-            let quadrics = g.quadrics.iter();
-            let round = quadrics
-                .map(|q| q.intersect(origin, dir, f32::INFINITY))
-                .fold(f32::INFINITY, f32::min);
-            // Triangles in double precision: those hit for certain, and those that may be.
-            let [mut certain, mut possible] = [f64::from(round); 2];
-            for tri in &mesh.indices {
-                let (t, margin) = reference(tri.map(|i| mesh.positions[i as usize]), &ray);
-                if t > 0.0 && margin > 1e-4 {
-                    certain = certain.min(t);
-                }
-                if t > 0.0 && margin > -1e-4 {
-                    possible = possible.min(t);
-                }
-            }
-            let got = g.intersect(&ray, f32::INFINITY);
-            let t = got.map_or(f64::INFINITY, |h| f64::from(h.t));
-            assert!(
-                t >= possible - 1e-4 && (t <= certain + 1e-4),
-                "{possible} {t} {certain}"
-            );
-            assert_eq!(g.occluded(&ray, f32::INFINITY), got.is_some());
-            if let Some(h) = got {
-                hits += 1;
-                let s = g.surface(&ray, &h);
-                assert!((s.p - (origin + dir * h.t)).length() < 1e-4);
-                let on = Ray {
-                    origin: g.leave(&s, s.ng),
-                    dir: s.ng,
-                };
-                let again = g.intersect(&on, f32::INFINITY);
-                assert!(
-                    again.is_none_or(|a| a.leaf != h.leaf || a.t > 0.05),
-                    "hits itself"
-                );
-            }
-        }
-        assert!(hits > 5000);
-    }
-
-    /// Rays aimed at the shared edge of two triangles, from near and far, steep and grazing: none slips through.
-    #[test]
-    fn shared_edges_are_closed() {
-        let mut stream = Stream::new(6, 0, 0);
-        let mut missed = 0;
-        for case in 0..200 {
-            let size = [0.01, 0.1, 1.0][case % 3];
-            let centre = warp::sphere(stream.uniform2()) * 2.0;
-            let frame = optics::polarization::frame::basis(warp::sphere(stream.uniform2()));
-            let (x, y) = (frame.x_axis * size, frame.y_axis * size);
-            let corners = [centre - x - y, centre + x - y, centre + x + y, centre - x + y];
-            let mut builder = GeometryBuilder::default();
-            // Something else spans the scene, as around any small object.
-            for (points, indices) in [
-                (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]),
-                (
-                    vec![Vec3A::splat(8.0), Vec3A::splat(8.1), Vec3A::new(8.0, 8.1, 8.0)],
-                    vec![[0, 1, 2]],
-                ),
-            ] {
-                builder.mesh(
-                    &Mesh {
-                        positions: points.into_iter().map(Into::into).collect(),
-                        indices,
-                        ..Mesh::default()
-                    },
-                    0,
-                );
-            }
-            let g = builder.build();
-            for _ in 0..500 {
-                let target = corners[0].lerp(corners[2], 0.02 + 0.96 * stream.uniform());
-                let origin = target + warp::sphere(stream.uniform2()) * (0.05 + 5.0 * stream.uniform());
-                let dir = (target - origin).normalize();
-                if dir.dot(frame.z_axis).abs() > 0.05 {
-                    let ray = Ray { origin, dir };
-                    missed += u32::from(g.intersect(&ray, f32::INFINITY).is_none());
-                }
-            }
-        }
-        assert_eq!(missed, 0);
-    }
-
-    #[test]
-    fn an_empty_scene_is_hit_by_nothing() {
-        let g = GeometryBuilder::default().build();
-        let ray = Ray {
-            origin: Vec3A::ZERO,
-            dir: Vec3A::X,
-        };
-        assert!(g.intersect(&ray, f32::INFINITY).is_none());
-        assert!(!g.occluded(&ray, f32::INFINITY));
     }
 }

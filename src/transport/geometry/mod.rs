@@ -3,6 +3,7 @@
 //!
 //! Knows nothing of materials beyond their names and numbers.
 
+pub mod builder;
 pub mod bvh;
 mod eight;
 pub mod many;
@@ -10,6 +11,9 @@ pub mod mesh;
 mod pack;
 pub mod quadric;
 pub mod ray;
+mod survey;
+#[cfg(test)]
+mod tests;
 mod tree;
 mod triangle;
 pub mod view;

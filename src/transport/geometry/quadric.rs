@@ -34,6 +34,7 @@ pub struct Quadric {
 
 /// Roots of a·t² - 2·b·t + c with the sign convention of the half-b form, without cancellation (Haines et al. 2019,
 /// "Precision improvements for ray/sphere intersection"); `disc` is b² - a·c computed by the caller.
+#[inline]
 fn roots(a: f32, b: f32, c: f32, disc: f32) -> Option<[f32; 2]> {
     if disc < 0.0 || a <= 0.0 {
         return None;
@@ -105,6 +106,7 @@ impl Quadric {
     }
 
     /// [`Self::intersect`] for all but balls.
+    #[inline]
     fn meet(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = self.to_object.transform_point3a(origin);
         let d = self.to_object.transform_vector3a(dir);
@@ -164,6 +166,7 @@ impl Quadric {
     }
 
     /// [`Self::surface`] of all but balls.
+    #[inline]
     fn own_surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
         let (o, n, u) = match self.kind {
@@ -186,6 +189,7 @@ impl Quadric {
     }
 
     /// Derivative of the unit outward normal by the position on the surface.
+    #[inline]
     #[must_use]
     pub fn bend(&self, p: Vec3A) -> Mat3A {
         let o = self.to_object.transform_point3a(p);
@@ -201,6 +205,7 @@ impl Quadric {
     }
 
     /// Texture coordinates at a point of the surface.
+    #[inline]
     #[must_use]
     pub fn uv(&self, p: Vec3A) -> [f32; 2] {
         let o = self.to_object.transform_point3a(p);
@@ -230,6 +235,7 @@ impl Quadric {
 }
 
 /// Derivative of a normalized vector, from the vector and its own derivative.
+#[inline]
 pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     let length = v.length().max(f32::MIN_POSITIVE);
     let n = v / length;

@@ -66,7 +66,7 @@ pub trait Visit {
 /// boxes and triangles; those of children that wait their turn can come meanwhile.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let first = std::ptr::from_ref(at).cast::<i8>();
@@ -75,7 +75,7 @@ pub fn fetch<T>(at: &T) {
             unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line)) };
         }
     }
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(all(target_arch = "x86_64", not(feature = "portable"))))]
     let _ = at;
 }
 

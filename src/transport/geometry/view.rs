@@ -5,34 +5,15 @@
 //! known, without a ray. Where a pyramid holds an edge the view says nothing, and a ray must be sent. Every bound is
 //! conservative, so that the answers are those of rays.
 
-use super::bvh::{Geometry, Outline, QUADRIC};
+use super::bvh::{Geometry, QUADRIC};
 use super::many::{Many, turned};
 use super::ray::{Hit, Ray, Surface};
+use super::survey::{Bounds, DEPTH_MARGIN, Grid, Survey};
 use super::tree::fetch;
-use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
 
 /// Most pyramids along an axis: beyond, the table is too large to stay near the processor.
 const MOST: u32 = 256;
-/// Pyramids are taken this much larger than they are, in their own width, against rounding.
-const MARGIN: f32 = 0.02;
-/// Relative margin of depths.
-const DEPTH_MARGIN: f32 = 1e-4;
-/// No primitive.
-const NOTHING: u32 = u32::MAX;
-
-/// What one pyramid holds; depths are along the axis of the pinhole, metres.
-#[derive(Clone, Copy, Debug)]
-struct Bounds {
-    /// The primitive that may be nearest, and the least depth at which it may be.
-    leaf: u32,
-    nearest: f32,
-    /// Least depth of anything else.
-    others: f32,
-    /// Depth behind which everything is hidden.
-    cover: f32,
-}
-
 /// What is asked of a pyramid, in eight bytes, because the answers come from memory: depths as the upper halves of
 /// their `f32`, rounded to the careful side.
 #[derive(Clone, Copy, Debug)]
@@ -79,35 +60,6 @@ pub struct View {
     pyramids: Vec<Pyramid>,
 }
 
-/// How directions are divided into pyramids.
-#[derive(Clone, Copy)]
-struct Grid {
-    /// First corner, and pyramids per unit, on the plane at distance 1.
-    first: Vec2,
-    density: Vec2,
-    size: [u32; 2],
-}
-
-/// The bounds of all pyramids while primitives are entered.
-struct Survey {
-    grid: Grid,
-    bounds: Vec<Bounds>,
-}
-
-/// A rectangle of directions on the plane at distance 1.
-#[derive(Clone, Copy)]
-struct Window {
-    lo: Vec2,
-    hi: Vec2,
-}
-
-impl Window {
-    fn corners(&self) -> [Vec2; 4] {
-        let (a, b) = (self.lo, self.hi);
-        [a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)]
-    }
-}
-
 impl View {
     /// The view from `origin` through the directions `lo` to `hi` (right/forward, down/forward; the columns of `axes`
     /// are right, down, forward), with a pyramid per cell of a grid of at most `size`. `None` where something is so
@@ -126,32 +78,8 @@ impl View {
             density: Vec2::new(size[0] as f32, size[1] as f32) / (hi - lo),
             size,
         };
-        let nothing = Bounds {
-            leaf: NOTHING,
-            nearest: f32::INFINITY,
-            others: f32::INFINITY,
-            cover: f32::INFINITY,
-        };
-        let mut survey = Survey {
-            grid,
-            bounds: vec![nothing; (size[0] * size[1]) as usize],
-        };
         let to_local = axes.transpose();
-        let near = 1e-3 * geometry.extent();
-        for (leaf, outline) in geometry.outlines() {
-            match outline {
-                Outline::Flat { corners } => {
-                    let corners = corners.map(|p| to_local * (p - origin));
-                    survey.flat(leaf, corners, near, geometry.skin())?;
-                }
-                Outline::Ball { centre, radius } => {
-                    survey.round(leaf, to_local * (centre - origin), radius, true)?;
-                }
-                Outline::Inside { centre, radius } => {
-                    survey.round(leaf, to_local * (centre - origin), radius, false)?;
-                }
-            }
-        }
+        let survey = Survey::of(geometry, grid, origin, to_local)?;
         Some(Self {
             grid,
             origin,
@@ -225,231 +153,9 @@ impl View {
     }
 }
 
-impl Survey {
-    /// Enters a primitive into a pyramid: least depth, and the depth that it surely hides all behind.
-    fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
-        let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
-        if depth < p.nearest {
-            p.others = p.nearest;
-            p.nearest = depth;
-            p.leaf = leaf;
-        } else {
-            p.others = p.others.min(depth);
-        }
-        p.cover = p.cover.min(cover);
-    }
-
-    /// Columns and rows of the pyramids that a window touches, widened by `more`.
-    fn touched(&self, window: Window, more: f32) -> [std::ops::Range<u32>; 2] {
-        let pad = Vec2::splat(2.0 * MARGIN) + self.grid.density * more;
-        let lo = (window.lo - self.grid.first) * self.grid.density - pad;
-        let hi = (window.hi - self.grid.first) * self.grid.density + pad + Vec2::ONE;
-        [0, 1].map(|k| {
-            let end = |v: f32| v.clamp(0.0, self.grid.size[k] as f32) as u32;
-            end(lo[k])..end(hi[k])
-        })
-    }
-
-    /// A pyramid, widened by `margin` of its width and `more`.
-    fn window(&self, column: u32, row: u32, more: f32) -> Window {
-        let (a, n) = (Vec2::new(column as f32, row as f32), self.grid.density);
-        let wider = Vec2::splat(MARGIN) + n * more;
-        Window {
-            lo: self.grid.first + (a - wider) / n,
-            hi: self.grid.first + (a + Vec2::ONE + wider) / n,
-        }
-    }
-
-    fn flat(&mut self, leaf: u32, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
-        let behind = corners.iter().all(|c| c.z <= near);
-        // What lies between the pinhole and the near plane must be outside of the whole image.
-        if corners.iter().any(|c| c.z <= near) {
-            let whole = self.whole();
-            let close = clip(&clip(&corners, |c| near - c.z), |c| c.z);
-            let outside = |f: &dyn Fn(&Vec3A) -> f32| close.iter().all(|c| f(c) > 0.0);
-            let clear = close.is_empty()
-                || outside(&|c| whole.lo.x * c.z - c.x)
-                || outside(&|c| c.x - whole.hi.x * c.z)
-                || outside(&|c| whole.lo.y * c.z - c.y)
-                || outside(&|c| c.y - whole.hi.y * c.z);
-            if !clear {
-                return None;
-            }
-        }
-        if behind {
-            return Some(());
-        }
-        let polygon = clip(&corners, |c| c.z - near);
-        let points: ArrayVec<Vec2, 8> = polygon.iter().map(|c| Vec2::new(c.x, c.y) / c.z).collect();
-        let fold = |f: fn(f32, f32) -> f32, start: f32| polygon.iter().fold(start, |m, c| f(m, c.z));
-        let (least, greatest) = (fold(f32::min, f32::INFINITY), fold(f32::max, 0.0));
-        let bounds = points.iter().fold(
-            Window {
-                lo: Vec2::INFINITY,
-                hi: Vec2::NEG_INFINITY,
-            },
-            |w, p| Window {
-                lo: w.lo.min(*p),
-                hi: w.hi.max(*p),
-            },
-        );
-        let area: f32 = (1..points.len())
-            .map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0]))
-            .sum();
-        // Which way round is not known of a sliver: its box must do.
-        let turn = if area.abs() > 1e-5 * (bounds.hi - bounds.lo).length() {
-            area.signum()
-        } else {
-            0.0
-        };
-        let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
-        let height = normal.dot(corners[0]);
-        // Nor is the depth of a plane that is seen edge-on.
-        let sloped = height.abs() > 1e-3 * normal.length() * corners[0].length();
-        let more = skin / least;
-        let [columns, rows] = self.touched(bounds, more);
-        for row in rows {
-            for column in columns.clone() {
-                let window = self.window(column, row, more);
-                // Outside one edge with all corners: no overlap. Inside all edges with all: covered.
-                let (mut apart, mut inside) = (false, turn != 0.0);
-                for i in 0..points.len() {
-                    let (a, b) = (points[i], points[(i + 1) % points.len()]);
-                    let side = |p: Vec2| (b - a).perp_dot(p - a) * turn;
-                    let sides = window.corners().map(side);
-                    apart |= turn != 0.0 && a != b && sides.iter().all(|s| *s < 0.0);
-                    inside &= a == b || sides.iter().all(|s| *s > 0.0);
-                }
-                if apart {
-                    continue;
-                }
-                // 1/z is linear over the image, so that its extremes are at the corners.
-                let inverse = window
-                    .corners()
-                    .map(|p| normal.dot(p.extend(1.0).into()) / height);
-                let (lo, hi) = inverse
-                    .iter()
-                    .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| {
-                        (lo.min(*v), hi.max(*v))
-                    });
-                let depth = if sloped && hi > 0.0 {
-                    least.max(1.0 / hi)
-                } else {
-                    least
-                };
-                let cover = if !inside {
-                    f32::INFINITY
-                } else if sloped && lo > 0.0 {
-                    greatest.min(1.0 / lo)
-                } else {
-                    greatest
-                };
-                self.enter(
-                    column,
-                    row,
-                    leaf,
-                    depth * (1.0 - DEPTH_MARGIN),
-                    cover * (1.0 + DEPTH_MARGIN),
-                );
-            }
-        }
-        Some(())
-    }
-
-    /// A sphere about `c` (right, down, forward), or something of unknown shape inside it.
-    fn round(&mut self, leaf: u32, c: Vec3A, radius: f32, solid: bool) -> Option<()> {
-        let distance = c.length();
-        let radius = radius * 1.001;
-        let rim = (radius / distance).min(1.0).asin();
-        if distance <= radius {
-            return None;
-        }
-        let ([left, right], [top, bottom]) = (shadow(c.x, c.z, radius), shadow(c.y, c.z, radius));
-        let bounds = Window {
-            lo: Vec2::new(left, top),
-            hi: Vec2::new(right, bottom),
-        };
-        let [columns, rows] = self.touched(bounds, 0.0);
-        for row in rows {
-            for column in columns.clone() {
-                let window = self.window(column, row, 0.0);
-                let middle = ((window.lo + window.hi) * 0.5).extend(1.0);
-                let middle = Vec3A::from(middle).normalize();
-                let half = window
-                    .corners()
-                    .iter()
-                    .map(|p| angle(p.extend(1.0).into(), middle))
-                    .fold(0.0, f32::max)
-                    + 1e-4;
-                let off = angle(middle, c);
-                if off > rim + half {
-                    continue;
-                }
-                let covered = solid && off < rim * 0.99 - half;
-                // The near half's depth exceeds the centre's by no more than the slant of the rays.
-                let cover = if covered {
-                    c.z + radius * (1.0 - middle.z * middle.z).sqrt() + half * radius
-                } else {
-                    f32::INFINITY
-                };
-                let leaf = if solid { leaf } else { NOTHING };
-                self.enter(column, row, leaf, (c.z - radius).max(0.0), cover);
-            }
-        }
-        Some(())
-    }
-
-    fn whole(&self) -> Window {
-        let cells = Vec2::new(self.grid.size[0] as f32, self.grid.size[1] as f32);
-        let margin = Vec2::splat(MARGIN) / self.grid.density;
-        Window {
-            lo: self.grid.first - margin,
-            hi: self.grid.first + cells / self.grid.density + margin,
-        }
-    }
-}
-
-/// What a disk about (x, z) covers of the line z = 1, seen from the origin outside of it: least and greatest x.
-fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
-    let (middle, distance) = (x.atan2(z), x.hypot(z));
-    if distance <= radius {
-        return [f32::NEG_INFINITY, f32::INFINITY];
-    }
-    let half = (radius / distance).asin();
-    let end = |angle: f32| {
-        if angle.abs() < 1.57 {
-            angle.tan()
-        } else {
-            f32::INFINITY.copysign(angle)
-        }
-    };
-    [end(middle - half), end(middle + half)]
-}
-
-/// The angle between two directions.
-fn angle(a: Vec3A, b: Vec3A) -> f32 {
-    a.cross(b).length().atan2(a.dot(b))
-}
-
-/// The part of a convex polygon where `f` is not negative (Sutherland & Hodgman 1974).
-fn clip(polygon: &[Vec3A], f: impl Fn(&Vec3A) -> f32) -> ArrayVec<Vec3A, 8> {
-    let mut out = ArrayVec::new();
-    for (i, b) in polygon.iter().enumerate() {
-        let a = &polygon[(i + polygon.len() - 1) % polygon.len()];
-        let (fa, fb) = (f(a), f(b));
-        if (fa < 0.0) != (fb < 0.0) {
-            out.push(*a + (*b - *a) * (fa / (fa - fb)));
-        }
-        if fb >= 0.0 {
-            out.push(*b);
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::bvh::GeometryBuilder;
+    use super::super::builder::GeometryBuilder;
     use super::super::mesh::Mesh;
     use super::super::quadric::{Quadric, QuadricKind};
     use super::*;

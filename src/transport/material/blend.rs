@@ -1,6 +1,9 @@
 //! Two materials side by side, finer than a pixel can tell: their Mueller matrices mixed by area.
 
-use super::{Lanes, Lobe, Materials, Sampled, Specular, texture::Scalar};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::parts::Parts;
+use super::texture::Scalar;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
@@ -17,6 +20,7 @@ pub struct Blend {
 }
 
 /// The sum of what two materials do with the light between two directions.
+#[inline]
 fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.plus(&b, wo, wi)),
@@ -25,14 +29,16 @@ fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<S
 }
 
 impl Blend {
-    fn shares(&self, materials: &Materials, at: &Surface) -> [(u32, f32); 2] {
-        let w = self.weight.at(&materials.textures, at.uv).clamp(0.0, 1.0);
+    #[inline]
+    fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
+        let w = self.weight.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         [(self.a, 1.0 - w), (self.b, w)]
     }
 
-    /// See [`Materials::eval`].
+    /// See [`Parts::eval`].
+    #[inline]
     #[must_use]
-    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let [a, b] = self.shares(materials, at).map(|(id, w)| {
             (w > 0.0)
                 .then(|| materials.eval(id, at, wo, wi))
@@ -42,9 +48,10 @@ impl Blend {
         sum(a, b, wo, wi)
     }
 
-    /// See [`Materials::pdf`].
+    /// See [`Parts::pdf`].
+    #[inline]
     #[must_use]
-    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+    pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         self.shares(materials, at)
             .map(|(id, w)| w * materials.pdf(id, at, wo, wi))
             .iter()
@@ -52,9 +59,10 @@ impl Blend {
     }
 
     /// Chooses a material by its share and samples that one: share and probability cancel.
+    #[inline]
     pub fn sample(
         &self,
-        materials: &Materials,
+        materials: &impl Parts,
         at: &Surface,
         wo: Vec3A,
         lanes: &mut Lanes,
@@ -65,12 +73,13 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// See [`Materials::specular`]: where both materials have the lobe they must agree about its direction, else the
+    /// See [`Parts::specular`]: where both materials have the lobe they must agree about its direction, else the
     /// first one's is given.
+    #[inline]
     #[must_use]
     pub fn specular(
         &self,
-        materials: &Materials,
+        materials: &impl Parts,
         at: &Surface,
         wo: Vec3A,
         lobe: Lobe,

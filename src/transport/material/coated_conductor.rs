@@ -3,7 +3,8 @@
 //! The Mueller matrix is that of [`thin_film::reflection`]. A film changes above all the phase between s and p, which is
 //! what tells a protected mirror from a bare one.
 
-use super::{Specular, conductor::mirror};
+use super::conductor::mirror;
+use super::lobe::Specular;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::thin_film;

@@ -1,7 +1,8 @@
 //! Smooth metal: mirror reflection with Fresnel's Mueller matrix.
 
 use super::facets::reflect;
-use super::{Specular, facing, s_vector, same_side};
+use super::lobe::Specular;
+use super::side::{facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -28,7 +29,7 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
             block: fresnel(cos),
             s: s_vector(n, wo),
         },
-        medium: None,
+        filling: None,
     })
 }
 

@@ -26,7 +26,9 @@
 //! centimetres of the origin.
 
 use super::dielectric::Dielectric;
-use super::{Lanes, Lobe, Medium, NO_CRYSTAL, Sampled, Specular};
+use super::filling::{Filling, NO_CRYSTAL};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel::FresnelBlock;
@@ -54,6 +56,7 @@ pub struct Crystal {
 }
 
 /// Cosine and sine of ψ's retardance δ for `waves` = L/λ, times the coherence factor γ.
+#[inline]
 fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64, f64) {
     let n_psi = (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt().recip();
     let turns = waves * (n_psi - n_o);
@@ -65,6 +68,7 @@ fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64
 
 impl Crystal {
     /// What a straight way of `length` metres inside does to light that travels along ±`dir`.
+    #[inline]
     #[must_use]
     pub fn propagate(&self, dir: Vec3A, length: f64) -> Scatter {
         let (k, c) = (dir.as_dvec3().normalize(), self.axis.as_dvec3().normalize());
@@ -93,15 +97,17 @@ impl Crystal {
     }
 
     /// The medium beyond the face, which is this crystal, number `id`, if `wo` is outside.
-    fn medium(&self, id: u32, at: &Surface, wo: Vec3A, medium: Medium) -> Medium {
+    #[inline]
+    fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
-        Medium {
+        Filling {
             crystal: if inward && !self.split { id } else { NO_CRYSTAL },
-            ..medium
+            ..filling
         }
     }
 
     /// See [`super::Materials::sample`]; `id` is this material's number.
+    #[inline]
     pub fn sample(
         &self,
         id: u32,
@@ -114,25 +120,27 @@ impl Crystal {
             return self.sample_split(at, wo, lanes, stream);
         }
         let mut s = self.faces.sample(at, wo, lanes, stream)?;
-        s.medium = s.medium.map(|m| self.medium(id, at, wo, m));
+        s.filling = s.filling.map(|m| self.filling(id, at, wo, m));
         Some(s)
     }
 
     /// See [`super::Materials::specular`]; `id` is this material's number. A crystal that splits light has two lobes of
     /// a kind inside, so it gives none but its outer reflection.
+    #[inline]
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {
             return None;
         }
         let mut s = self.faces.interface(at, wo)?.specular(at, lobe, lane)?;
-        s.medium = s.medium.map(|m| self.medium(id, at, wo, m));
+        s.filling = s.filling.map(|m| self.filling(id, at, wo, m));
         Some(s)
     }
 
     /// See [`super::Materials::beyond`]; `id` is this material's number.
+    #[inline]
     #[must_use]
-    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Medium {
-        self.medium(id, at, wo, self.faces.beyond(at, wo, lanes))
+    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
+        self.filling(id, at, wo, self.faces.beyond(at, wo, lanes))
     }
 }

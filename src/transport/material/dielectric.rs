@@ -5,7 +5,10 @@
 //! 2014, "Hero wavelength spectral sampling"); reflection keeps them all.
 
 use super::facets::{reflect, refract};
-use super::{Lanes, Lobe, Medium, Sampled, Specular, facing, s_vector, same_side};
+use super::filling::Filling;
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::side::{facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -58,7 +61,7 @@ impl Interface {
                     block: self.fresnel.reflection,
                     s,
                 },
-                medium: None,
+                filling: None,
             });
         }
         // Radiance per squared index is what travels unchanged; power transmittance is the same both ways.
@@ -71,7 +74,7 @@ impl Interface {
                     .scaled(Spectral::ONE / (self.eta * self.eta)),
                 s,
             },
-            medium: Some(Medium::clear(self.far.to_array()[lane])),
+            filling: Some(Filling::clear(self.far.to_array()[lane])),
         })
     }
 }
@@ -88,13 +91,15 @@ impl Dielectric {
     }
 
     /// The medium on the other side than `wo`.
+    #[inline]
     #[must_use]
-    pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Medium {
-        Medium::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
+    pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
+        Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
     /// The direction on the other side whose light leaves along `wo`, and the ratio of the indices, that on the side of `wo`
     /// over the other; `None` under total reflection, or if shading and geometry disagree.
+    #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         let n = facing(at, wo)?;
         let (near, far) = self.sides(at, wo);

@@ -1,7 +1,8 @@
 //! Lambert's law: depolarizing, radiance ρ/π whatever the direction.
 
+use super::lobe::Sampled;
+use super::side::{facing, same_side};
 use super::texture::{Spectrum, Textures};
-use super::{Sampled, facing, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::basis;
@@ -19,6 +20,7 @@ pub struct Diffuse {
 }
 
 /// cosθ_i / π on the side of `wo`.
+#[inline]
 #[must_use]
 pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
     facing(at, wo).map_or(0.0, |n| n.dot(wi).max(0.0) * FRAC_1_PI)
@@ -62,7 +64,7 @@ impl Diffuse {
             wi,
             scatter: Scatter::Depolarize(self.albedo.at(textures, at.uv)),
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

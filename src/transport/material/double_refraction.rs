@@ -18,7 +18,10 @@
 //! do the rest: where the guess is wrong, two crossed ones follow each other and the path carries nothing.
 
 use super::crystal::Crystal;
-use super::{Lanes, Lobe, Medium, Sampled, Specular, s_vector};
+use super::filling::Filling;
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::side::s_vector;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::elements::polarizer;
@@ -51,6 +54,7 @@ struct Optics {
 }
 
 /// Unit vector perpendicular to a ray and to the axis.
+#[inline]
 fn across(ray: Vec3A, axis: Vec3A) -> Vec3A {
     ray.cross(axis)
         .try_normalize()
@@ -58,6 +62,7 @@ fn across(ray: Vec3A, axis: Vec3A) -> Vec3A {
 }
 
 impl Optics {
+    #[inline]
     fn ordinary(&self, ray: Vec3A) -> Wave {
         Wave {
             k: ray * self.n_o,
@@ -66,6 +71,7 @@ impl Optics {
         }
     }
 
+    #[inline]
     fn extraordinary(&self, k: Vec3A, ray: Vec3A) -> Wave {
         Wave {
             k,
@@ -75,6 +81,7 @@ impl Optics {
     }
 
     /// The two waves (ordinary first) whose rays run along `ray`.
+    #[inline]
     fn along(&self, ray: Vec3A) -> [Wave; 2] {
         let c = self.axis;
         let (o2, e2) = (self.n_o * self.n_o, self.n_e * self.n_e);
@@ -86,6 +93,7 @@ impl Optics {
 
     /// The two waves (ordinary first) whose index vectors have tangential part `t` and that run to the side of the
     /// unit normal `n`; `None` where they would decay.
+    #[inline]
     fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
         let c = self.axis;
         let o2 = self.n_o * self.n_o - t.length_squared();
@@ -107,6 +115,7 @@ impl Optics {
 }
 
 /// A Fresnel block between frames `out` and `inn` of light along `d_out` and `d_in`, where its own is `s` (projected).
+#[inline]
 fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]: [Vec3A; 2]) -> Mueller {
     let mut m = block.to_mueller();
     let (c2, s2) = turn(d_out, project(s, d_out), out);
@@ -117,6 +126,7 @@ fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]:
 }
 
 impl Crystal {
+    #[inline]
     fn optics(&self, lane: usize) -> Optics {
         Optics {
             axis: self.axis,
@@ -179,7 +189,7 @@ impl Crystal {
                     frame_out: s,
                     frame_in: wave.electric,
                 },
-                medium: Some(Medium::clear(wave.k.dot(wave.ray))),
+                filling: Some(Filling::clear(wave.k.dot(wave.ray))),
             })
         });
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
@@ -218,7 +228,7 @@ impl Crystal {
                     frame_out: from.electric,
                     frame_in: s,
                 },
-                medium: Some(Medium::clear(optics.outside)),
+                filling: Some(Filling::clear(optics.outside)),
             }
         });
         let [o, e] = optics.refracted(t, -n).map(|wave| {
@@ -231,7 +241,7 @@ impl Crystal {
                     frame_out: from.electric,
                     frame_in: wave.electric,
                 },
-                medium: Some(Medium::clear(wave.k.dot(wave.ray))),
+                filling: Some(Filling::clear(wave.k.dot(wave.ray))),
             })
         });
         let inward = |lobe: Option<Specular>| lobe.filter(|l| at.ng.dot(l.wi) < 0.0);

@@ -15,25 +15,34 @@ pub mod dielectric;
 pub mod diffuse;
 pub mod double_refraction;
 pub mod facets;
+pub mod filling;
+pub mod lanes;
+pub mod lobe;
 pub mod measured;
 pub mod normal_map;
 pub mod null;
 pub mod partial_depolarizer;
+pub mod parts;
 pub mod plastic;
 pub mod polarizer;
 pub mod retarder;
 pub mod rough_conductor;
 pub mod rough_dielectric;
 pub mod sheet;
+pub mod side;
 pub mod texture;
 pub mod thin_dielectric;
 pub mod two_sided;
 
 use crate::geometry::ray::Surface;
+pub use filling::{Filling, NO_CRYSTAL};
 use glam::Vec3A;
+pub use lanes::{Lanes, varies};
+pub use lobe::{Lobe, Sampled, Specular};
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
-use optics::spectrum::Spectral;
+use parts::Parts;
+pub use side::facing;
 use texture::Textures;
 
 /// A material as the tracer sees it.
@@ -70,188 +79,6 @@ pub struct Materials {
     pub tables: Vec<measured::table::Table>,
 }
 
-/// The medium that a ray runs through.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Medium {
-    /// Refractive index, which sets the optical path length.
-    pub index: f32,
-    /// Number of the [`crystal`] that fills it, or [`NO_CRYSTAL`].
-    pub crystal: u32,
-}
-
-/// [`Medium::crystal`] of what does not act on polarization.
-pub const NO_CRYSTAL: u32 = u32::MAX;
-
-impl Medium {
-    /// Outside of everything.
-    pub const VACUUM: Self = Self::clear(1.0);
-
-    /// A medium that only slows light down.
-    #[inline]
-    #[must_use]
-    pub const fn clear(index: f32) -> Self {
-        Self {
-            index,
-            crystal: NO_CRYSTAL,
-        }
-    }
-}
-
-/// One sampled direction.
-#[derive(Clone, Copy, Debug)]
-pub struct Sampled {
-    /// Where light comes from.
-    pub wi: Vec3A,
-    /// Interaction divided by the density of `wi` (and by the probability of its lobe).
-    pub scatter: Scatter,
-    /// True if `wi` came from a delta lobe.
-    pub delta: bool,
-    /// The medium that `wi` lies in, where light crossed an interface.
-    pub medium: Option<Medium>,
-}
-
-/// One of the two delta lobes that a smooth surface can have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lobe {
-    /// Light that stays on its side.
-    Reflected,
-    /// Light that goes through, bent or not.
-    Transmitted,
-}
-
-/// What a delta lobe does to light, whole: not divided by any probability.
-#[derive(Clone, Copy, Debug)]
-pub struct Specular {
-    /// Where light comes from.
-    pub wi: Vec3A,
-    /// The interaction: radiance out = matrix · radiance in.
-    pub scatter: Scatter,
-    /// The medium that `wi` lies in, where light crossed an interface.
-    pub medium: Option<Medium>,
-}
-
-impl Specular {
-    /// As the outcome of a choice made with probability `p`.
-    #[inline]
-    fn chosen(self, p: f32) -> Sampled {
-        Sampled {
-            wi: self.wi,
-            scatter: self.scatter.scaled(Spectral::splat(1.0 / p)),
-            delta: true,
-            medium: self.medium,
-        }
-    }
-}
-
-/// The wavelength lanes that a path still carries: dispersion leaves one of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lanes {
-    /// Bit i: lane i is alive.
-    pub mask: u8,
-}
-
-impl Lanes {
-    /// The first `n` lanes.
-    #[must_use]
-    pub fn first(n: usize) -> Self {
-        Self {
-            mask: ((1_u16 << n) - 1) as u8,
-        }
-    }
-
-    /// How many lanes are alive.
-    #[inline]
-    #[must_use]
-    pub fn count(self) -> u32 {
-        self.mask.count_ones()
-    }
-
-    /// 1 in living lanes, 0 in the others.
-    #[inline]
-    #[must_use]
-    pub fn ones(self) -> Spectral {
-        Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
-    }
-
-    /// The `k`-th living lane.
-    #[inline]
-    #[must_use]
-    pub fn nth(self, k: u32) -> usize {
-        let mut left = k;
-        (0..4)
-            .find(|i| {
-                let alive = self.mask >> i & 1 == 1;
-                let found = alive && left == 0;
-                if alive && left > 0 {
-                    left -= 1;
-                }
-                found
-            })
-            .unwrap_or(0)
-    }
-
-    /// The mean of a value over the living lanes.
-    #[inline]
-    #[must_use]
-    pub fn mean(self, value: Spectral) -> f32 {
-        let values = value.to_array();
-        let alive = self.count().max(1);
-        (0..alive).map(|k| values[self.nth(k)]).sum::<f32>() / alive as f32
-    }
-
-    /// One of the living lanes, each as likely.
-    #[inline]
-    pub fn draw(self, stream: &mut Stream) -> usize {
-        let alive = self.count().max(1);
-        self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
-    }
-
-    /// Draws one living lane uniformly, which alone goes on; returns it with the weight that makes it stand for all
-    /// (Wilkie et al. 2014, "Hero wavelength spectral sampling").
-    #[inline]
-    pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
-        let alive = self.count().max(1);
-        let lane = self.draw(stream);
-        self.mask = 1 << lane;
-        let mut weight = [0.0; 4];
-        weight[lane] = alive as f32;
-        (lane, Spectral::new(weight))
-    }
-}
-
-/// True if the first `count` lanes of a value differ.
-#[must_use]
-pub fn varies(value: Spectral, count: usize) -> bool {
-    let lanes = value.to_array();
-    lanes[1..count].iter().any(|l| *l != lanes[0])
-}
-
-/// The shading normal on the side of `wo`, or `None` if shading and geometry disagree about that side.
-#[inline(always)]
-pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
-    let side = surface.ng.dot(wo);
-    let n = if side < 0.0 { -surface.ns } else { surface.ns };
-    (n.dot(wo) > 0.0).then_some(n)
-}
-
-/// True if `wi` leaves on the same side of the true surface as `wo`.
-#[inline]
-fn same_side(surface: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
-    surface.ng.dot(wo) * surface.ng.dot(wi) > 0.0
-}
-
-/// The frame vector s of a reflection or refraction: perpendicular to the plane of `a` and `b`.
-#[inline]
-fn s_vector(a: Vec3A, b: Vec3A) -> Vec3A {
-    let s = a.cross(b);
-    let n2 = s.length_squared();
-    if n2 > 1e-12 {
-        s * n2.sqrt().recip()
-    } else {
-        optics::polarization::frame::perpendicular(b)
-    }
-}
-
 impl Materials {
     /// The material, if it is a plain Lambert surface.
     #[inline(always)]
@@ -263,10 +90,11 @@ impl Materials {
         }
     }
 
-    /// True if light can reach a direction from other than finitely many directions, so that it can be lit by a point.
+    /// True if some lobe is not a delta: light reaches a direction from more than finitely many others, so that a point can
+    /// light the surface.
     #[inline(always)]
     #[must_use]
-    pub fn is_smooth(&self, id: u32) -> bool {
+    pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
             Material::Diffuse(_)
             | Material::RoughConductor(_)
@@ -284,17 +112,17 @@ impl Materials {
             composite @ (Material::TwoSided(_)
             | Material::Blend(_)
             | Material::NormalMap(_)
-            | Material::PartialDepolarizer(_)) => self.is_smooth_rest(composite),
+            | Material::PartialDepolarizer(_)) => self.has_extended_lobe_rest(composite),
         }
     }
 
-    /// [`Self::is_smooth`] of what is made of other materials.
-    fn is_smooth_rest(&self, material: &Material) -> bool {
+    /// [`Self::has_extended_lobe`] of what is made of other materials.
+    fn has_extended_lobe_rest(&self, material: &Material) -> bool {
         match material {
-            Material::TwoSided(m) => m.sides().any(|side| self.is_smooth(side)),
-            Material::Blend(m) => self.is_smooth(m.a) || self.is_smooth(m.b),
-            Material::NormalMap(m) => self.is_smooth(m.material),
-            Material::PartialDepolarizer(m) => self.is_smooth(m.material),
+            Material::TwoSided(m) => m.sides().any(|side| self.has_extended_lobe(side)),
+            Material::Blend(m) => self.has_extended_lobe(m.a) || self.has_extended_lobe(m.b),
+            Material::NormalMap(m) => self.has_extended_lobe(m.material),
+            Material::PartialDepolarizer(m) => self.has_extended_lobe(m.material),
             _ => false,
         }
     }
@@ -338,7 +166,7 @@ impl Materials {
             Material::Blend(m) => m.eval(self, at, wo, wi),
             Material::NormalMap(m) => m.eval(self, at, wo, wi),
             Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
-            Material::Measured(m) => m.eval(self, at, wo, wi),
+            Material::Measured(m) => m.eval(&self.tables, at, wo, wi),
             _ => None,
         }
     }
@@ -363,7 +191,7 @@ impl Materials {
             Material::Blend(m) => m.pdf(self, at, wo, wi),
             Material::NormalMap(m) => m.pdf(self, at, wo, wi),
             Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
-            Material::Measured(m) => m.pdf(self, at, wo, wi),
+            Material::Measured(m) => m.pdf(&self.tables, at, wo, wi),
         }
     }
 
@@ -420,7 +248,7 @@ impl Materials {
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::ThinDielectric(m) => m.sample(at, wo, *lanes, stream),
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
-            Material::Measured(m) => m.sample(self, at, wo, stream),
+            Material::Measured(m) => m.sample(&self.tables, at, wo, stream),
             Material::Null => Some(null::straight(wo).chosen(1.0)),
             Material::Diffuse(_)
             | Material::Conductor(_)
@@ -476,15 +304,17 @@ impl Materials {
     }
 
     /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
+    #[inline]
     #[must_use]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
         let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;
-        (s.wi == -wo && s.medium.is_none()).then_some(s.scatter)
+        (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
     }
 
     /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
+    #[inline]
     #[must_use]
-    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Medium> {
+    pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
         match &self.list[id as usize] {
             Material::Dielectric(m) => Some(m.beyond(at, wo, lanes)),
             Material::RoughDielectric(m) => Some(m.interface.beyond(at, wo, lanes)),
@@ -552,6 +382,7 @@ impl Materials {
     }
 
     /// True if the material's interface sends wavelengths different ways.
+    #[inline]
     #[must_use]
     pub fn disperses(&self, id: u32) -> bool {
         self.interface(id).is_some_and(|m| m.dispersive)
@@ -575,10 +406,44 @@ impl Materials {
     /// ±`dir`; `None` where it does nothing.
     #[inline]
     #[must_use]
-    pub fn propagate(&self, medium: Medium, dir: Vec3A, length: f64) -> Option<Scatter> {
-        match self.list.get(medium.crystal as usize)? {
+    pub fn propagate(&self, filling: Filling, dir: Vec3A, length: f64) -> Option<Scatter> {
+        match self.list.get(filling.crystal as usize)? {
             Material::Crystal(m) => Some(m.propagate(dir, length)),
             _ => None,
         }
+    }
+}
+
+impl Parts for Materials {
+    #[inline]
+    fn textures(&self) -> &Textures {
+        &self.textures
+    }
+
+    #[inline]
+    fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        self.eval(id, at, wo, wi)
+    }
+
+    #[inline]
+    fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+        self.pdf(id, at, wo, wi)
+    }
+
+    #[inline]
+    fn sample(
+        &self,
+        id: u32,
+        at: &Surface,
+        wo: Vec3A,
+        lanes: &mut Lanes,
+        stream: &mut Stream,
+    ) -> Option<Sampled> {
+        self.sample(id, at, wo, lanes, stream)
+    }
+
+    #[inline]
+    fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
+        self.specular(id, at, wo, lobe, lane)
     }
 }

@@ -3,7 +3,9 @@
 //! The image holds unit vectors in the tangent frame (x along ∂p/∂u, y, z along the shading normal), each coordinate c
 //! stored as (c + 1)/2 (Cohen et al. 1998; OpenGL's green-up variant).
 
-use super::{Lanes, Lobe, Materials, Sampled, Specular};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::parts::Parts;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
@@ -25,8 +27,8 @@ const LEAST_COS: f32 = 0.02;
 impl NormalMap {
     /// The surface with its turned normal, which stays on the true normal's side.
     #[inline]
-    fn turned(&self, materials: &Materials, at: &Surface) -> Surface {
-        let [x, y, z, _] = materials.textures.eval(self.texture, at.uv).to_array();
+    fn turned(&self, materials: &impl Parts, at: &Surface) -> Surface {
+        let [x, y, z, _] = materials.textures().eval(self.texture, at.uv).to_array();
         let local = Vec3A::new(
             (2.0 * x - 1.0) * self.strength,
             (2.0 * y - 1.0) * self.strength,
@@ -40,22 +42,25 @@ impl NormalMap {
         Surface { ns: n, ..*at }
     }
 
-    /// See [`Materials::eval`].
+    /// See [`Parts::eval`].
+    #[inline]
     #[must_use]
-    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         materials.eval(self.material, &self.turned(materials, at), wo, wi)
     }
 
-    /// See [`Materials::pdf`].
+    /// See [`Parts::pdf`].
+    #[inline]
     #[must_use]
-    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+    pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         materials.pdf(self.material, &self.turned(materials, at), wo, wi)
     }
 
-    /// See [`Materials::sample`].
+    /// See [`Parts::sample`].
+    #[inline]
     pub fn sample(
         &self,
-        materials: &Materials,
+        materials: &impl Parts,
         at: &Surface,
         wo: Vec3A,
         lanes: &mut Lanes,
@@ -64,11 +69,12 @@ impl NormalMap {
         materials.sample(self.material, &self.turned(materials, at), wo, lanes, stream)
     }
 
-    /// See [`Materials::specular`].
+    /// See [`Parts::specular`].
+    #[inline]
     #[must_use]
     pub fn specular(
         &self,
-        materials: &Materials,
+        materials: &impl Parts,
         at: &Surface,
         wo: Vec3A,
         lobe: Lobe,

@@ -4,7 +4,10 @@
 //! Chipman 1996, "depolarizer"). Under unpolarized light nothing changes, so two materials that differ in f alone are
 //! *metamers*: only their Mueller matrices tell them apart.
 
-use super::{Lanes, Lobe, Materials, Sampled, Specular, texture::Scalar};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::parts::Parts;
+use super::texture::Scalar;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
@@ -20,23 +23,26 @@ pub struct PartialDepolarizer {
 }
 
 impl PartialDepolarizer {
-    fn apply(&self, materials: &Materials, at: &Surface, s: &Scatter, wo: Vec3A, wi: Vec3A) -> Scatter {
-        let f = self.fraction.at(&materials.textures, at.uv).clamp(0.0, 1.0);
+    #[inline]
+    fn apply(&self, materials: &impl Parts, at: &Surface, s: &Scatter, wo: Vec3A, wi: Vec3A) -> Scatter {
+        let f = self.fraction.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         let lost = Scatter::Depolarize(s.m00() * Spectral::splat(f));
         s.scaled(Spectral::splat(1.0 - f)).plus(&lost, wo, wi)
     }
 
-    /// See [`Materials::eval`].
+    /// See [`Parts::eval`].
+    #[inline]
     #[must_use]
-    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let s = materials.eval(self.material, at, wo, wi)?;
         Some(self.apply(materials, at, &s, wo, wi))
     }
 
-    /// See [`Materials::sample`].
+    /// See [`Parts::sample`].
+    #[inline]
     pub fn sample(
         &self,
-        materials: &Materials,
+        materials: &impl Parts,
         at: &Surface,
         wo: Vec3A,
         lanes: &mut Lanes,
@@ -47,11 +53,12 @@ impl PartialDepolarizer {
         Some(s)
     }
 
-    /// See [`Materials::specular`].
+    /// See [`Parts::specular`].
+    #[inline]
     #[must_use]
     pub fn specular(
         &self,
-        materials: &Materials,
+        materials: &impl Parts,
         at: &Surface,
         wo: Vec3A,
         lobe: Lobe,

@@ -12,8 +12,9 @@
 //! surface reflection, R included, but coloured and with a width of its own, ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
 
 use super::facets::{Facets, Roughness, reflect};
+use super::lobe::Sampled;
+use super::side::{facing, s_vector, same_side};
 use super::texture::{Scalar, Spectrum, Textures};
-use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::turn;
@@ -174,6 +175,7 @@ impl Plastic {
     }
 
     /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));
@@ -208,7 +210,7 @@ impl Plastic {
             wi,
             scatter: self.value(&seen, wi, |pdf| 1.0 / pdf.max(f32::MIN_POSITIVE))?,
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

@@ -9,7 +9,8 @@
 //!
 //! Reflection by the faces is neglected; T may include it.
 
-use super::{Specular, sheet};
+use super::lobe::Specular;
+use super::sheet;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::project;

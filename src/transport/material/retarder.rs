@@ -13,7 +13,9 @@
 //!
 //! Reflection by the faces is neglected; the transmittance may include it.
 
-use super::{Specular, s_vector, sheet};
+use super::lobe::Specular;
+use super::sheet;
+use super::side::s_vector;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::project;

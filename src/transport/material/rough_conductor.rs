@@ -5,8 +5,9 @@
 //! growing with α⁴.
 
 use super::facets::{Facets, Roughness, reflect};
+use super::lobe::Sampled;
+use super::side::{facing, s_vector, same_side};
 use super::texture::Textures;
-use super::{Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -49,6 +50,7 @@ impl RoughConductor {
     }
 
     /// Density of the visible normal over 4 wo·h.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let passage = |facets: Facets| facets.reflection(facets.local(wi));
@@ -75,7 +77,7 @@ impl RoughConductor {
             wi,
             scatter: self.fresnel(wo, wi, facets.lo.dot(h), facets.kept(li)),
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

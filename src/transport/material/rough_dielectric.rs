@@ -7,8 +7,11 @@
 
 use super::dielectric::Dielectric;
 use super::facets::{Facets, Passage, Roughness, reflect, refract};
+use super::filling::Filling;
+use super::lanes::Lanes;
+use super::lobe::Sampled;
+use super::side::{facing, s_vector, same_side};
 use super::texture::Textures;
-use super::{Lanes, Medium, Sampled, facing, s_vector, same_side};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -85,6 +88,7 @@ impl RoughDielectric {
 
     /// Density of [`Self::sample`] for a path that carries all of the scene's wavelengths: over a refraction of a
     /// dispersive index, the mean over the wavelength that goes on.
+    #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some((facets, _, eta)) = self.facets(textures, at, wo) else {
@@ -123,14 +127,14 @@ impl RoughDielectric {
         let h = facets.visible(stream.uniform2());
         let fresnel = fresnel::dielectric(facets.lo.dot(h), eta);
         let reflectance = lanes.mean(fresnel.reflection.a);
-        let sampled = |wi, li, block: FresnelBlock, weight: Spectral, medium| Sampled {
+        let sampled = |wi, li, block: FresnelBlock, weight: Spectral, filling| Sampled {
             wi,
             scatter: Scatter::Fresnel {
                 block: block.scaled(weight * Spectral::splat(facets.kept(li))),
                 s: s_vector(wi, wo),
             },
             delta: false,
-            medium,
+            filling,
         };
         if stream.uniform() < reflectance {
             let li = reflect(facets.lo, h);
@@ -143,8 +147,8 @@ impl RoughDielectric {
         let li = refract(facets.lo, h, eta.to_array()[lane])?;
         let wi = facets.world(li);
         let weight = weight / (eta * eta * Spectral::splat(1.0 - reflectance));
-        let medium = Medium::clear(far.to_array()[lane]);
+        let filling = Filling::clear(far.to_array()[lane]);
         (li.z < 0.0 && !same_side(at, wo, wi))
-            .then(|| sampled(wi, li, fresnel.transmission, weight, Some(medium)))
+            .then(|| sampled(wi, li, fresnel.transmission, weight, Some(filling)))
     }
 }

@@ -3,7 +3,7 @@
 //! Sheets are thin: light leaves where it enters, on the line it came along, and keeps its medium. Their matrices have
 //! the block form of Fresnel's in the frame of their axis.
 
-use super::Specular;
+use super::lobe::Specular;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::project;
@@ -41,6 +41,6 @@ pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular 
     Specular {
         wi: -wo,
         scatter: Scatter::Fresnel { block, s: axis },
-        medium: None,
+        filling: None,
     }
 }

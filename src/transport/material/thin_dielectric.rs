@@ -17,7 +17,10 @@
 
 use super::dielectric::Dielectric;
 use super::facets::reflect;
-use super::{Lanes, Lobe, Sampled, Specular, s_vector, sheet};
+use super::lanes::Lanes;
+use super::lobe::{Lobe, Sampled, Specular};
+use super::sheet;
+use super::side::s_vector;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -35,6 +38,7 @@ pub struct ThinDielectric {
 
 /// What the plate does to the power of light that meets it at an angle whose cosine is `cos`, `eta` being the index
 /// inside over that outside: reflected and transmitted, in the frame perpendicular to the plane of incidence.
+#[inline]
 #[must_use]
 pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
     let face = fresnel::dielectric(cos, eta).reflection;
@@ -78,7 +82,7 @@ impl ThinDielectric {
         (at.ng.dot(wi) * side > 0.0).then_some(Specular {
             wi,
             scatter: Scatter::Fresnel { block: reflection, s },
-            medium: None,
+            filling: None,
         })
     }
 

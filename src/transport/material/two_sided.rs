@@ -1,6 +1,6 @@
 //! One material in front, another (or none) behind. Front is the side that the geometric normal points to.
 
-use super::Materials;
+use super::parts::Parts;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
@@ -15,6 +15,7 @@ pub struct TwoSided {
 
 impl TwoSided {
     /// The materials there are.
+    #[inline]
     pub fn sides(&self) -> impl Iterator<Item = u32> {
         [Some(self.front), self.back].into_iter().flatten()
     }
@@ -30,9 +31,10 @@ impl TwoSided {
         }
     }
 
-    /// See [`Materials::eval`]. Nothing shines through from one material to the other.
+    /// See [`Parts::eval`]. Nothing shines through from one material to the other.
+    #[inline]
     #[must_use]
-    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         materials.eval(self.side(at, wo)?, at, wo, wi)
     }
 }

@@ -31,6 +31,7 @@ pub struct Nest {
 }
 
 impl Nest {
+    #[inline]
     fn list(&self) -> &[u32] {
         &self.entered[..usize::from(self.count)]
     }

@@ -45,9 +45,9 @@ pub struct Table {
     alias: Vec<[Alias; MAX_WAVELENGTHS]>,
 }
 
-/// A place in the table.
+/// A place between the nodes of the table.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Lookup {
     backward: bool,
     cell: usize,
     /// Within the cell, 0..1, linear in v.
@@ -207,12 +207,12 @@ impl Table {
     }
 
     #[inline]
-    fn place(&self, at: Angle) -> Place {
+    fn place(&self, at: Angle) -> Lookup {
         let backward = at.forward > at.backward;
         // v/sin 45° = √(1 - cosθ).
         let i = at.forward.min(at.backward).sqrt() * self.cells as f32;
         let cell = (i as usize).min(self.cells - 1);
-        Place {
+        Lookup {
             backward,
             cell,
             fraction: (i - cell as f32).min(1.0),
@@ -227,7 +227,7 @@ impl Table {
     }
 
     #[inline]
-    fn block_at(&self, p: Place) -> FresnelBlock {
+    fn block_at(&self, p: Lookup) -> FresnelBlock {
         let first = p.cell + if p.backward { self.cells + 3 } else { 0 };
         let n: [&FresnelBlock; 4] = std::array::from_fn(|k| &self.nodes[first + k]);
         let [w0, w1, w2, w3] = cubic(p.fraction).map(Spectral::splat);
@@ -263,7 +263,7 @@ impl Table {
     }
 
     #[inline]
-    fn density_at(&self, p: Place) -> Spectral {
+    fn density_at(&self, p: Lookup) -> Spectral {
         let first = p.cell + if p.backward { self.cells + 1 } else { 0 };
         let (near, far) = (self.density[first], self.density[first + 1]);
         // Linear in cosθ: 1 - cosθ goes with the square of the place.

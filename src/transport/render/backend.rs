@@ -4,6 +4,7 @@
 //! on scene, seed and sample count alone, so neither threads nor interruptions change a bit.
 
 use super::path::BATCH;
+use super::tiles;
 use super::tracer::{Prepared, Tracer, tiles_at_once};
 use crate::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
 use crate::device::epipolar::Epipolar;
@@ -55,9 +56,10 @@ impl<'a> Cpu<'a> {
     fn tile(&self, prepared: &Prepared, tile: u32, accumulator: &mut TileAccumulator, tracer: &mut Tracer) {
         let begun = Instant::now();
         let scene = self.scene;
-        let ([x0, y0], [x1, y1]) = tile_pixels(scene, tile);
-        accumulator.begin_tile(tile, [x0, y0], [x1, y1]);
-        for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+        let pixels = tiles::pixels(scene, tile);
+        let (columns, rows) = (&pixels.x, &pixels.y);
+        accumulator.begin_tile(tile, [columns.start, rows.start], [columns.end, rows.end]);
+        for (x, y) in rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))) {
             if !accumulator.begin_pixel(x, y) {
                 continue;
             }
@@ -123,20 +125,6 @@ impl TileBackend for Cpu<'_> {
         }
         Ok(())
     }
-}
-
-/// Pixels of tile number `tile`: first and one past last (x, y).
-fn tile_pixels(scene: &Scene, tile: u32) -> ([u32; 2], [u32; 2]) {
-    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
-    let across = w.div_ceil(n);
-    let (x0, y0) = (tile % across * n, tile / across * n);
-    ([x0, y0], [(x0 + n).min(w), (y0 + n).min(h)])
-}
-
-/// Number of tiles.
-pub(super) fn tile_count(scene: &Scene) -> u32 {
-    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
-    w.div_ceil(n) * h.div_ceil(n)
 }
 
 /// True if every number is finite.

@@ -10,15 +10,15 @@
 //!
 //! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
 
-use super::emission::{Emission, Ends};
+use super::emission::{Emission, Ends, Sender};
+use super::environment;
 use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, most};
-use super::join_manifold::behind;
+use super::join_manifold::{Takers, behind};
 use super::manifold::Way;
 use super::mirrors::Mirrors;
-use super::path::environment;
 use super::roulette::Roulette;
-use super::splats::{Splat, Splats, WalkNumber};
+use super::splats::{Counts, Splat, Splats, WalkNumber};
 use super::walk::{Limits, Walk};
 use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::material::Lanes;
@@ -52,7 +52,17 @@ pub struct Walks {
     pub elements: Vec<Spectral>,
 }
 
+/// A walk from the light that has been made.
+struct Begun {
+    /// The pinholes that it runs between.
+    ends: Ends,
+    sender: Sender,
+    /// What is left of its stream.
+    stream: Stream,
+}
+
 /// True if connections of `s` points from the light to `t` from the camera are asked for.
+#[inline]
 fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
     match scene.settings.strategy {
         Some([a, b]) => [a as usize, b as usize] == [s, t],
@@ -88,7 +98,11 @@ impl Plan {
         if scene.settings.integrator == Integrator::Bidirectional && splats && plan.setup.emission.count() > 0
         {
             plan.splats = Splats::new(
-                (scene.settings.spp, plan.setup.walks, w * h),
+                Counts {
+                    samples: scene.settings.spp,
+                    walks: plan.setup.walks,
+                    pixels: w * h,
+                },
                 asked,
                 || (Walks::default(), vec![], vec![]),
                 |(walks, list, elements), number, found| {
@@ -123,6 +137,7 @@ impl Plan {
 }
 
 /// The intensity of all contributions in the brightest lane.
+#[inline]
 fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
     max_lane(intensities.fold(Spectral::ZERO, |a, b| a + b))
@@ -175,10 +190,8 @@ impl Walks {
         self.camera.run(scene, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
-        if let (Some((dir, chain, frame, interactions)), None) =
-            (&self.camera.escape, scene.settings.strategy)
-        {
-            environment(scene, chain, (*dir, *frame), *interactions, out);
+        if let (Some(left), None) = (&self.camera.escape, scene.settings.strategy) {
+            environment::seen(scene, &left.chain, left.beam, left.interactions, out);
         }
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         for t in 2..=self.camera.points.len() {
@@ -197,7 +210,8 @@ impl Walks {
                     lit = pixel;
                 }
                 if let Some(emitter) = plan.setup.emission.emitter(scene, &ends, source, point.surface.p) {
-                    joiner.join(camera, &[emitter], (source, lit), None, out);
+                    let sender = Sender { source, pixel: lit };
+                    joiner.join(camera, &[emitter], sender, None, out);
                 }
             }
             let over_mirrors = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
@@ -216,12 +230,12 @@ impl Walks {
         }
         // Over the samples, any walk starts anywhere.
         let number = WalkNumber { sample, walk: pixel };
-        if let Some((lit_ends, source, lit, _)) = self.light_walk(scene, plan, number, usize::MAX) {
+        if let Some(begun) = self.light_walk(scene, plan, number, usize::MAX) {
             rays += self.light.rays;
             let mut joiner = Joiner::new(
                 scene,
                 &plan.setup,
-                [&ends, &lit_ends],
+                [&ends, &begun.ends],
                 &mut self.scratch,
                 &mut stream,
             );
@@ -232,7 +246,7 @@ impl Walks {
                 for t in 2..=self.camera.points.len() {
                     if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
                         let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
-                        joiner.join(camera, light, (source, lit), None, out);
+                        joiner.join(camera, light, begun.sender, None, out);
                     }
                 }
             }
@@ -244,15 +258,8 @@ impl Walks {
         rays
     }
 
-    /// Makes a walk from the light up to a point; the pinholes, the source that it started from, its projector pixel
-    /// and what is left of its stream.
-    fn light_walk(
-        &mut self,
-        scene: &Scene,
-        plan: &Plan,
-        number: WalkNumber,
-        point: usize,
-    ) -> Option<(Ends, usize, u32, Stream)> {
+    /// Makes a walk from the light up to a point, and leaves it in `light`; `None` if the scene has no sources.
+    fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber, point: usize) -> Option<Begun> {
         let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
         let ends = Ends::draw(scene, &mut stream);
         let start = plan
@@ -267,7 +274,11 @@ impl Walks {
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
         self.scratch.seen[1] = None;
-        Some((ends, start.source, start.pixel, stream))
+        Some(Begun {
+            ends,
+            sender: start.sender,
+            stream,
+        })
     }
 
     /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
@@ -279,7 +290,12 @@ impl Walks {
         out: &mut Contributions,
         found: &mut dyn FnMut(u32, Splat),
     ) {
-        let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, number, usize::MAX) else {
+        let Some(Begun {
+            ends,
+            sender,
+            mut stream,
+        }) = self.light_walk(scene, plan, number, usize::MAX)
+        else {
             return;
         };
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
@@ -303,7 +319,7 @@ impl Walks {
                         return;
                     };
                     if weighs {
-                        joiner.seen_through(light, source);
+                        joiner.seen_through(light, sender.source);
                     }
                     let seen = joiner.scratch.seen[1].and_then(|(_, density)| density);
                     let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, lanes)| {
@@ -323,16 +339,20 @@ impl Walks {
                     );
                 };
             if let Some(mut pixel) = ends.camera.pixel(point.surface.p) {
-                if s == 2 && ends.coaxial && lit != NO_PIXEL {
-                    pixel = lit;
+                if s == 2 && ends.coaxial && sender.pixel != NO_PIXEL {
+                    pixel = sender.pixel;
                 }
-                joiner.splat(light, (source, lit), 1.0, out);
+                joiner.splat(light, sender, 1.0, out);
                 keep(&mut joiner, pixel, None, 1.0, out);
             }
             if plan.setup.manifold {
-                joiner.views_by_manifold(light, |joiner, pixel, way, (lanes, lane, factor)| {
-                    joiner.splat_way(light, (source, lit), way, (lanes, lane, 1.0), out);
-                    keep(joiner, pixel, Some((way, lanes)), factor, out);
+                joiner.views_by_manifold(light, |joiner, pixel, way, takers| {
+                    let once = Takers {
+                        factor: 1.0,
+                        ..takers
+                    };
+                    joiner.splat_way(light, sender, way, once, out);
+                    keep(joiner, pixel, Some((way, takers.lanes)), takers.factor, out);
                 });
             }
         }
@@ -341,7 +361,12 @@ impl Walks {
     /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
     fn splat(&mut self, scene: &Scene, plan: &Plan, splat: &Splat, out: &mut Contributions) -> u32 {
         let last = usize::from(splat.point);
-        let Some((ends, source, lit, mut stream)) = self.light_walk(scene, plan, splat.walk, last) else {
+        let Some(Begun {
+            ends,
+            sender,
+            mut stream,
+        }) = self.light_walk(scene, plan, splat.walk, last)
+        else {
             return 0;
         };
         let Some(light) = self.light.points.get(..=last) else {
@@ -351,12 +376,18 @@ impl Walks {
         self.scratch.seen[1] = behind(light).map(|first| (first, known));
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         if splat.interfaces == 0 {
-            joiner.splat(light, (source, lit), splat.factor, out);
+            joiner.splat(light, sender, splat.factor, out);
         } else {
             let lanes = Lanes { mask: splat.lanes };
-            let many = (usize::from(splat.interfaces), lanes.nth(0));
-            if let Some(way) = joiner.known_view(&light[last], Vec3A::from_array(splat.dir), many) {
-                joiner.splat_way(light, (source, lit), &way, (lanes, many.1, splat.factor), out);
+            let (interfaces, lane) = (usize::from(splat.interfaces), lanes.nth(0));
+            let dir = Vec3A::from_array(splat.dir);
+            if let Some(way) = joiner.known_view(&light[last], dir, interfaces, lane) {
+                let takers = Takers {
+                    lanes,
+                    lane,
+                    factor: splat.factor,
+                };
+                joiner.splat_way(light, sender, &way, takers, out);
             }
         }
         joiner.rays + self.light.rays
@@ -365,6 +396,7 @@ impl Walks {
 
 /// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
 /// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
+#[inline]
 fn spread(scene: &Scene, number: WalkNumber) -> [f32; 2] {
     let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, number.sample);
     let k = f64::from(number.walk);

@@ -9,7 +9,7 @@
 //! interaction, as where a path meets it; boundaries that light does not notice do not. Anything else blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::Medium;
+use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::Vec3A;
@@ -27,8 +27,17 @@ pub(super) struct Start {
     pub ray: Ray,
     /// Where the line really starts (the ray's origin is nudged off the surface).
     pub from: Vec3A,
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
+}
+
+/// What a line may meet.
+#[derive(Clone, Copy)]
+pub(super) struct Allowed {
+    /// Most sheets.
+    pub sheets: u32,
+    /// The wavelength whose indices count.
+    pub lane: usize,
 }
 
 /// A line that light gets along.
@@ -40,28 +49,31 @@ pub(super) struct Bridge {
     /// Optical depth τ.
     pub depth: Spectral,
     /// What is at the end of the line.
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
 }
 
-/// The medium that surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
-pub(super) fn filling(scene: &Scene, nest: &Nest, lane: usize) -> Medium {
+/// What surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
+#[inline]
+pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
     nest.medium(&scene.boundaries)
-        .map_or(Medium::VACUUM, |id| Medium::clear(index(id)))
+        .map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
 /// True if light does not notice the surfaces of material `id`: boundaries between media of one index, and those that lie in
 /// an object of higher priority.
+#[inline]
 pub(super) fn unnoticed(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
 /// Takes light that travels along `dir` straight through a surface, into what is behind it.
+#[inline]
 pub(super) fn pass(
     scene: &Scene,
     nest: &mut Nest,
-    medium: &mut Medium,
+    filling: &mut Filling,
     at: &Surface,
     dir: Vec3A,
     lane: usize,
@@ -69,12 +81,12 @@ pub(super) fn pass(
     let before = nest.medium(&scene.boundaries);
     nest.cross(&scene.boundaries, at.material, at.ng.dot(dir) < 0.0);
     if nest.medium(&scene.boundaries) != before {
-        *medium = filling(scene, nest, lane);
+        *filling = surrounding(scene, nest, lane);
     }
 }
 
-/// Follows the line to the point `to`, through at most `most` sheets; `None` if something blocks it. Multiplies `chain`,
-/// whose light is in `frame`, by what is in the way; counts the rays traced. `lane` is the wavelength whose indices count.
+/// Follows the line to the point `to`; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
+/// is in the way; counts the rays traced.
 // Out of line: scenes without sheets shall not carry its code through their inner loop.
 #[inline(never)]
 pub(super) fn bridge(
@@ -83,13 +95,13 @@ pub(super) fn bridge(
     frame: &mut Vec3A,
     start: &Start,
     to: Vec3A,
-    (most, lane): (u32, usize),
+    allowed: Allowed,
     rays: &mut u32,
 ) -> Option<Bridge> {
     let Start {
         mut ray,
         mut from,
-        mut medium,
+        mut filling,
         mut nest,
     } = *start;
     let any = perpendicular(ray.dir);
@@ -100,13 +112,13 @@ pub(super) fn bridge(
         let length = (to - ray.origin).length() * (1.0 - END_GAP);
         let hit = scene.geometry.intersect(&ray, length);
         let step = hit.map_or(way, |hit| (ray.origin + ray.dir * hit.t - from).length());
-        if let Some(act) = scene.materials.propagate(medium, ray.dir, f64::from(step)) {
+        if let Some(act) = scene.materials.propagate(filling, ray.dir, f64::from(step)) {
             *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
         }
         if let Some(id) = nest.medium(&scene.boundaries) {
             depth += scene.media.list[id as usize].extinction() * Spectral::splat(step);
         }
-        optical_m += f64::from(medium.index) * f64::from(step);
+        optical_m += f64::from(filling.index) * f64::from(step);
         let Some(hit) = hit else {
             break;
         };
@@ -114,12 +126,12 @@ pub(super) fn bridge(
         let id = surface.material;
         if !unnoticed(scene, &nest, id) {
             let passed = scene.materials.straight(id, &surface, -ray.dir);
-            let passed = passed.filter(|_| sheets < most)?;
+            let passed = passed.filter(|_| sheets < allowed.sheets)?;
             *frame = chain.push(&passed, -ray.dir, *frame).unwrap_or(any);
             sheets += 1;
         }
         if scene.filled {
-            pass(scene, &mut nest, &mut medium, &surface, ray.dir, lane);
+            pass(scene, &mut nest, &mut filling, &surface, ray.dir, allowed.lane);
         }
         way -= step;
         from = surface.p;
@@ -137,7 +149,7 @@ pub(super) fn bridge(
         optical_m,
         sheets,
         depth,
-        medium,
+        filling,
         nest,
     })
 }

@@ -1,8 +1,8 @@
 //! Next-event estimation: connections from a surface point to the projector and to the point emitters.
 
 use super::bridge::END_GAP;
-use super::path::State;
-use super::sheets;
+use super::sheets::{self, Blocked, Connection};
+use super::state::State;
 use super::views::Views;
 use crate::accumulate::{Contributions, NO_PIXEL};
 use crate::device::pinhole::OUTSIDE;
@@ -11,11 +11,11 @@ use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::view::View;
-use crate::material::{Medium, NO_CRYSTAL};
+use crate::material::{Filling, NO_CRYSTAL};
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
-use optics::polarization::chain::Extent;
+use optics::polarization::extent::Extent;
 use optics::polarization::frame::{project, turn};
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
@@ -28,19 +28,6 @@ pub(super) struct Vertex<'a> {
     pub wo: Vec3A,
     /// Surface interactions, this one included.
     pub bounces: u32,
-}
-
-/// A connection to a point emitter or the projector.
-pub(super) struct Connection {
-    /// Direction to it, its position and distance.
-    pub wi: Vec3A,
-    pub position: Vec3A,
-    pub distance: f32,
-    /// Irradiance at normal incidence.
-    pub irradiance: Spectral,
-    /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
-    pub axis: Vec3A,
-    pub pixel: u32,
 }
 
 /// What several points get from the projector if nothing is in between, and where its view knows about that.
@@ -79,33 +66,40 @@ impl<const N: usize> Lit<N> {
     }
 }
 
-/// Connects a surface point to the projector, from which it gets what `lit` says at a place, and to every point emitter;
-/// returns the rays traced.
+/// What one of several points gets: that at this place among them.
+#[derive(Clone, Copy)]
+pub(super) struct LitAt<'a, const N: usize> {
+    pub lit: &'a Lit<N>,
+    pub place: usize,
+}
+
+/// Connects a surface point to the projector, from which it gets what `lit` says, and to every point emitter; returns the
+/// rays traced.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
     scene: &Scene,
     views: &Views,
     state: &State,
     at: &Vertex<'_>,
-    lit: Option<(&Lit<N>, usize)>,
+    lit: Option<LitAt<N>>,
     out: &mut Contributions,
 ) -> u32 {
     let mut rays = 0;
     let p = at.surface.p;
-    if let (Some(projector), Some((arrivals, lane))) = (&scene.projector, lit)
-        && arrivals.at.pixel[lane] != OUTSIDE
+    if let (Some(projector), Some(LitAt { lit, place })) = (&scene.projector, lit)
+        && lit.at.pixel[place] != OUTSIDE
     {
-        let a = &arrivals.at;
+        let a = &lit.at;
         let connection = Connection {
-            wi: many::get(&a.wi, lane),
+            wi: many::get(&a.wi, place),
             position: projector.pinhole.origin,
-            distance: a.distance[lane],
-            irradiance: projector.irradiance * Spectral::splat(a.factor[lane]),
+            distance: a.distance[place],
+            irradiance: projector.irradiance * Spectral::splat(a.factor[place]),
             axis: projector.pinhole.axes.x_axis,
-            pixel: a.pixel[lane],
+            pixel: a.pixel[place],
         };
         let seen = match &views.projector {
-            Some(view) => view.sees(arrivals.cells[lane], a.local[2][lane], &at.hit, at.surface),
+            Some(view) => view.sees(lit.cells[place], a.local[2][place], &at.hit, at.surface),
             None => None,
         };
         rays += connect(scene, state, at, &connection, seen, out);
@@ -169,14 +163,22 @@ fn connect(
     }
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
-    let medium = beyond.flatten().unwrap_or(state.medium);
-    if let Some(ray) = blocked {
-        return rays + sheets::connect(scene, state, (scatter, wo), (&ray, medium), at.bounces, to, out);
+    let filling = beyond.flatten().unwrap_or(state.filling);
+    if let Some(shadow) = blocked {
+        let blocked = Blocked {
+            to,
+            scatter,
+            wo,
+            shadow,
+            filling,
+            bounces: at.bounces,
+        };
+        return rays + sheets::connect(scene, state, &blocked, out);
     }
     let extent = if let Scatter::Depolarize(f) = scatter {
         state.chain.finish_depolarized(*f * to.irradiance, out.elements)
-    } else if medium.crystal != NO_CRYSTAL {
-        through_crystal(scene, state, scatter, medium, wo, to, out)
+    } else if filling.crystal != NO_CRYSTAL {
+        through_crystal(scene, state, scatter, filling, wo, to, out)
     } else {
         let frame_in = scatter.frame_in();
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
@@ -184,7 +186,7 @@ fn connect(
             .chain
             .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
-    let time_ps = picoseconds(state.optical_m + f64::from(medium.index) * f64::from(to.distance));
+    let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * f64::from(to.distance));
     out.push(extent, time_ps, to.pixel, at.bounces);
     rays
 }
@@ -195,7 +197,7 @@ fn through_crystal(
     scene: &Scene,
     state: &State,
     scatter: &Scatter,
-    medium: Medium,
+    filling: Filling,
     wo: Vec3A,
     to: &Connection,
     out: &mut Contributions,
@@ -204,7 +206,7 @@ fn through_crystal(
     let frame = chain.push(scatter, wo, state.frame);
     chain.scale(to.irradiance);
     if let Some(mut frame) = frame {
-        if let Some(way) = scene.materials.propagate(medium, to.wi, f64::from(to.distance)) {
+        if let Some(way) = scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
             frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
         }
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);

@@ -54,7 +54,7 @@ fn meets(scene: &Scene, device: &Pinhole) -> Meets {
                 meets.interface += one;
             } else if scene.materials.is_crystal(id) {
                 meets.split += one;
-            } else if !scene.materials.is_smooth(id) {
+            } else if !scene.materials.has_extended_lobe(id) {
                 meets.mirror += one;
             }
             break;

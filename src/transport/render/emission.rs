@@ -1,12 +1,12 @@
 //! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
 
-use super::bridge::filling;
+use super::bridge::surrounding;
 use super::point::{End, Point};
 use crate::accumulate::NO_PIXEL;
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
 use crate::geometry::ray::Ray;
-use crate::material::Medium;
+use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::{DVec2, Vec3A};
@@ -54,6 +54,7 @@ impl Ends {
     }
 
     /// Uniformly random points of the lenses.
+    #[inline]
     pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
         let mut ends = Self::new(scene);
         if ends.camera.lens.radius > 0.0 {
@@ -70,12 +71,19 @@ impl Ends {
     }
 }
 
+/// Where a path's light comes from.
+#[derive(Clone, Copy)]
+pub(super) struct Sender {
+    /// Number of the source.
+    pub source: usize,
+    /// Projector pixel s', [`NO_PIXEL`] for point emitters.
+    pub pixel: u32,
+}
+
 /// A walk's start with what it knows of its light.
 pub(super) struct Emitted {
     pub end: End,
-    pub source: usize,
-    /// Projector pixel s'.
-    pub pixel: u32,
+    pub sender: Sender,
 }
 
 /// The filled objects around a point: those whose boundaries a ray to infinity leaves more often than it enters them.
@@ -137,16 +145,19 @@ impl Emission {
     }
 
     /// Number of sources.
+    #[inline]
     pub fn count(&self) -> usize {
         self.sources.len()
     }
 
     /// Probability that a walk starts at a source.
+    #[inline]
     pub fn chance(&self, source: usize) -> f32 {
         self.sources[source].1
     }
 
     /// Where a source is.
+    #[inline]
     pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => scene.points[i].position,
@@ -157,6 +168,7 @@ impl Emission {
 
     /// Intensity that a source sends along the unit direction `dir`, which it lights, and the horizontal axis of its
     /// Stokes vectors.
+    #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => (scene.points[i].intensity, scene.points[i].axis),
@@ -171,6 +183,7 @@ impl Emission {
 
     /// The projector pixel through which a source lights the point `p`, [`NO_PIXEL`] for point emitters; `None` if it does
     /// not light it.
+    #[inline]
     pub fn pixel(&self, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(_), _) => Some(NO_PIXEL),
@@ -180,6 +193,7 @@ impl Emission {
     }
 
     /// Density per steradian with which a walk from a source starts along `dir`.
+    #[inline]
     pub fn density(&self, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(_), _) => 0.25 / PI,
@@ -220,15 +234,15 @@ impl Emission {
                 chain: Chain::start(flux),
                 frame: project(axis, dir),
                 density,
-                medium: filling(scene, &nest, 0),
+                filling: surrounding(scene, &nest, 0),
                 nest,
             },
-            source,
-            pixel,
+            sender: Sender { source, pixel },
         })
     }
 
     /// The camera's end of walks whose rays start along `dir`.
+    #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
         End {
             ray: Ray {
@@ -238,12 +252,13 @@ impl Emission {
             chain: Chain::start(scene.wavelengths.ones()),
             frame: camera.frame(dir),
             density: camera.pixels_per_steradian(dir),
-            medium: filling(scene, &self.camera, 0),
+            filling: surrounding(scene, &self.camera, 0),
             nest: self.camera,
         }
     }
 
     /// A source as the end of a line from the point `p`; `None` where the two coincide.
+    #[inline]
     pub fn emitter(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
         let origin = self.position(scene, ends, source);
         let dir = (p - origin).try_normalize()?;
@@ -256,7 +271,7 @@ impl Emission {
                 frame: project(axis, dir),
                 density: self.density(ends, source, dir),
                 // Lines are followed from the camera's side.
-                medium: Medium::VACUUM,
+                filling: Filling::VACUUM,
                 nest: Nest::default(),
             },
         ))

@@ -1,14 +1,13 @@
 //! A walk between two of its points: straight through media, sheets' gaps and boundaries that light does not notice.
 
 use super::bridge::{pass, unnoticed};
-use super::path::crossed;
-use super::point::Place;
-use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Lanes, Medium, NO_CRYSTAL};
+use super::point::{End, Site};
+use super::state::State;
+use crate::geometry::ray::Surface;
+use crate::material::Lanes;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::Vec3A;
-use optics::polarization::chain::Chain;
 use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
@@ -26,17 +25,12 @@ pub(super) enum From {
 
 /// The state of a walk between two points.
 pub(super) struct Flight {
-    pub ray: Ray,
-    /// Where the ray really starts.
-    pub from: Vec3A,
-    pub chain: Chain,
-    pub frame: Vec3A,
-    pub optical_m: f64,
+    pub state: State,
+    /// Which end it began at.
+    pub end: From,
     /// Optical depth since the last point.
     pub depth: Spectral,
-    pub medium: Medium,
     pub nest: Nest,
-    pub lanes: Lanes,
     pub hero: Hero,
 }
 
@@ -52,6 +46,7 @@ pub(super) struct Hero {
 
 impl Hero {
     /// Any of the living lanes.
+    #[inline]
     pub fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
         Self {
             lane: lanes.draw(stream),
@@ -60,6 +55,7 @@ impl Hero {
     }
 
     /// A dispersive interface leaves one lane.
+    #[inline]
     pub fn only(lanes: Lanes) -> Self {
         Self {
             lane: lanes.nth(0),
@@ -69,6 +65,7 @@ impl Hero {
 
     /// Takes on that an event has happened whose density is `densities` by lane; returns what to divide by, `None` where the
     /// event is too unlikely for numbers.
+    #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
         let all = sum(self.likely);
@@ -85,7 +82,7 @@ impl Hero {
 
 /// What ends a flight.
 pub(super) enum Landing {
-    At(Place, Surface),
+    At(Site, Surface),
     Escaped,
     Absorbed,
 }
@@ -101,34 +98,54 @@ pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
 }
 
 impl Flight {
-    /// Lets the medium act on the light along the way to a surface.
-    fn cross(&mut self, scene: &Scene, from: From, surface: &Surface) {
-        if self.medium.crystal == NO_CRYSTAL {
-            return;
-        }
-        if let Some(act) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
-            self.push(&act, from);
+    /// Begins at a walk's end.
+    #[inline]
+    pub fn start(scene: &Scene, from: From, end: &End, stream: &mut Stream) -> Self {
+        let all = scene.lanes();
+        Self {
+            state: State {
+                ray: end.ray,
+                from: end.ray.origin,
+                chain: end.chain,
+                frame: end.frame,
+                optical_m: 0.0,
+                filling: end.filling,
+                lanes: all,
+            },
+            end: from,
+            depth: Spectral::ZERO,
+            nest: end.nest,
+            hero: if scene.filled {
+                Hero::draw(all, stream)
+            } else {
+                Hero::only(all)
+            },
         }
     }
 
     /// Takes on what happens to the light that runs along the ray: an interaction in its true direction.
-    pub fn push(&mut self, scatter: &Scatter, from: From) {
-        let next = match from {
-            From::Camera => self.chain.push(scatter, -self.ray.dir, self.frame),
-            From::Light => self.chain.push(&scatter.transposed(), self.ray.dir, self.frame),
+    #[inline]
+    pub fn push(&mut self, scatter: &Scatter) {
+        let State {
+            ray, chain, frame, ..
+        } = &mut self.state;
+        let next = match self.end {
+            From::Camera => chain.push(scatter, -ray.dir, *frame),
+            From::Light => chain.push(&scatter.transposed(), ray.dir, *frame),
         };
-        self.frame = next.unwrap_or(Vec3A::ZERO);
+        *frame = next.unwrap_or(Vec3A::ZERO);
     }
 
     /// A frame for the ray, where what it met left it open.
+    #[inline]
     pub fn settle(&mut self) {
-        if self.frame == Vec3A::ZERO {
-            self.frame = perpendicular(self.ray.dir);
+        if self.state.frame == Vec3A::ZERO {
+            self.state.frame = perpendicular(self.state.ray.dir);
         }
     }
 
     /// Flies on to the next thing that happens.
-    pub fn fly(&mut self, scene: &Scene, from: From, stream: &mut Stream, rays: &mut u32) -> Landing {
+    pub fn fly(&mut self, scene: &Scene, stream: &mut Stream, rays: &mut u32) -> Landing {
         loop {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
@@ -137,9 +154,9 @@ impl Flight {
             let reach = free.map_or(f32::INFINITY, |length| {
                 length * (1.0 + REACH) + scene.geometry.skin()
             });
-            let hit = scene.geometry.intersect(&self.ray, reach);
-            let surface = hit.map(|hit| scene.geometry.surface(&self.ray, &hit));
-            let way = surface.map_or(f32::INFINITY, |s| (s.p - self.from).length());
+            let hit = scene.geometry.intersect(&self.state.ray, reach);
+            let surface = hit.map(|hit| scene.geometry.surface(&self.state.ray, &hit));
+            let way = surface.map_or(f32::INFINITY, |s| (s.p - self.state.from).length());
             if let Some(id) = inside
                 && let Some(landing) = self.through(scene, id, way, free)
             {
@@ -148,21 +165,25 @@ impl Flight {
             let Some(surface) = surface else {
                 return Landing::Escaped;
             };
-            self.optical_m += f64::from(self.medium.index) * f64::from(way);
-            self.cross(scene, from, &surface);
+            self.state.optical_m += f64::from(self.state.filling.index) * f64::from(way);
+            if let Some(act) = self.state.crossed(scene, &surface) {
+                self.push(&act);
+            }
             self.settle();
             let id = surface.material;
             if !unnoticed(scene, &self.nest, id) {
-                return Landing::At(Place::Surface, surface);
+                return Landing::At(Site::Surface, surface);
             }
-            let (nest, medium) = (&mut self.nest, &mut self.medium);
-            pass(scene, nest, medium, &surface, self.ray.dir, self.lanes.nth(0));
-            self.from = surface.p;
-            self.ray.origin = scene.geometry.leave(&surface, self.ray.dir);
+            let state = &mut self.state;
+            let (dir, lane) = (state.ray.dir, state.lanes.nth(0));
+            pass(scene, &mut self.nest, &mut state.filling, &surface, dir, lane);
+            state.from = surface.p;
+            state.ray.origin = scene.geometry.leave(&surface, dir);
         }
     }
 
     /// Draws how far the hero wavelength goes in a medium before it is scattered or absorbed; `None` where nothing scatters.
+    #[inline]
     fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
         let medium = &scene.media.list[id as usize];
         if medium.scattering == Spectral::ZERO {
@@ -174,6 +195,7 @@ impl Flight {
     }
 
     /// Goes `way` metres through a medium, or less if the light's free path is shorter.
+    #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let medium = &scene.media.list[id as usize];
         let extinction = medium.extinction();
@@ -184,7 +206,7 @@ impl Flight {
         };
         let Some(length) = free else {
             self.depth += passed(way);
-            self.chain.scale((-passed(way)).exp());
+            self.state.chain.scale((-passed(way)).exp());
             return None;
         };
         if length < way {
@@ -193,13 +215,14 @@ impl Flight {
             let Some(density) = self.hero.event(extinction * transmittance) else {
                 return Some(Landing::Absorbed);
             };
-            self.chain
+            self.state
+                .chain
                 .scale(medium.scattering * transmittance * Spectral::splat(1.0 / density));
             self.depth += depth;
-            self.optical_m += f64::from(self.medium.index) * f64::from(length);
-            let p = self.from + self.ray.dir * length;
+            self.state.optical_m += f64::from(self.state.filling.index) * f64::from(length);
+            let p = self.state.from + self.state.ray.dir * length;
             return Some(Landing::At(
-                Place::Volume(id),
+                Site::Volume(id),
                 Surface {
                     p,
                     ..Surface::default()
@@ -211,7 +234,9 @@ impl Flight {
         let Some(chance) = self.hero.event(transmittance) else {
             return Some(Landing::Absorbed);
         };
-        self.chain.scale(transmittance * Spectral::splat(1.0 / chance));
+        self.state
+            .chain
+            .scale(transmittance * Spectral::splat(1.0 / chance));
         self.depth += depth;
         None
     }

@@ -1,11 +1,12 @@
 //! Connections between a walk from the camera and one from the light, and their weights.
 
-use super::bridge::{END_GAP, Start, bridge};
-use super::emission::{Emission, Ends};
+use super::bridge::{Allowed, END_GAP, Start, bridge};
+use super::emission::{Emission, Ends, Sender};
 use super::flight::mean_transmittance;
 use super::mirrors::Mirrors;
-use super::point::{Place, Point};
+use super::point::{Point, Site};
 use super::roulette::Roulette;
+use super::state::Beam;
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
 use crate::material::NO_CRYSTAL;
@@ -42,6 +43,7 @@ pub(super) struct Scratch {
 }
 
 /// Interactions that a path may have.
+#[inline]
 pub(super) fn most(scene: &Scene) -> u32 {
     scene.settings.max_depth - 1
 }
@@ -58,6 +60,7 @@ pub(super) struct Line {
 }
 
 impl Line {
+    #[inline]
     fn straight(dir: Vec3A, passed: f32) -> Self {
         Self {
             dirs: [dir, -dir],
@@ -67,21 +70,33 @@ impl Line {
     }
 }
 
-/// Joins a product that was grown from the camera, whose light travels along `travel` in frame `frame`, to that of the light's
-/// walk at the point `y`, and appends the path with its time, projector pixel and number of interactions.
-pub(super) fn meet(
-    mut chain: Chain,
-    (frame, travel): (Vec3A, Vec3A),
-    y: &Point,
-    time_ps: f64,
-    (pixel, interactions): (u32, u32),
-    out: &mut Contributions,
-) {
-    let (c2, s2) = turn(travel, y.frame, frame);
+/// What is recorded of a path beside its matrix.
+pub(super) struct Record {
+    pub time_ps: f64,
+    /// Projector pixel.
+    pub pixel: u32,
+    pub interactions: u32,
+}
+
+/// Joins a product that was grown from the camera, and takes in `beam`, to that of the light's walk at the point `y`, and
+/// appends the path.
+#[inline]
+pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out: &mut Contributions) {
+    let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
     chain.rotate_in(c2, s2);
     chain.times_transposed(&y.chain);
     let extent = chain.finish(out.elements);
-    out.push(extent, time_ps, pixel, interactions);
+    out.push(extent, record.time_ps, record.pixel, record.interactions);
+}
+
+/// A line that light has been let along.
+struct Followed {
+    /// Optical length, metres.
+    optical_m: f64,
+    /// Sheets passed.
+    sheets: u32,
+    /// Mean transmittance.
+    passed: f32,
 }
 
 /// Makes connections.
@@ -121,7 +136,7 @@ impl<'a> Joiner<'a> {
     }
 
     /// Connects the last point of a walk from the light to the camera, which counts `factor` times.
-    pub fn splat(&mut self, light: &[Point], lit: (usize, u32), factor: f32, out: &mut Contributions) {
+    pub fn splat(&mut self, light: &[Point], sender: Sender, factor: f32, out: &mut Contributions) {
         let camera = &self.ends[0].camera;
         let Some(point) = light.last() else {
             return;
@@ -130,17 +145,16 @@ impl<'a> Joiner<'a> {
         let mut end = self.setup.emission.camera_end(self.scene, camera, dir);
         end.chain
             .scale(Spectral::splat(end.density / self.setup.walks as f32));
-        self.join(&[Point::end(self.scene, &end)], light, lit, Some(factor), out);
+        self.join(&[Point::end(self.scene, &end)], light, sender, Some(factor), out);
     }
 
     /// Connects the last points of a walk from the camera and of one from the light, both of which may be ends, and appends
-    /// what the path brings; `lit` are the light's source and projector pixel. It counts `factor` times,
-    /// if roulette has decided already.
+    /// what the path brings. It counts `factor` times, if roulette has decided already.
     pub fn join(
         &mut self,
         camera: &[Point],
         light: &[Point],
-        (source, pixel): (usize, u32),
+        sender: Sender,
         factor: Option<f32>,
         out: &mut Contributions,
     ) {
@@ -151,9 +165,9 @@ impl<'a> Joiner<'a> {
         if z.lanes.mask & y.lanes.mask == 0 {
             return;
         }
-        let inner = |p: &Point| u32::from(p.place != Place::Pinhole);
+        let inner = |p: &Point| u32::from(p.site != Site::Pinhole);
         let interactions = z.interactions + y.interactions + inner(z) + inner(y);
-        let Some(most) = most(scene).checked_sub(interactions) else {
+        let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;
         };
         let to = y.surface.p - z.surface.p;
@@ -162,7 +176,7 @@ impl<'a> Joiner<'a> {
             return;
         };
         let (mut chain, mut frame) = (z.chain, z.frame);
-        if z.place != Place::Pinhole {
+        if z.site != Site::Pinhole {
             let Some(scatter) = z.scatter(scene, z.back, dir) else {
                 return;
             };
@@ -171,7 +185,7 @@ impl<'a> Joiner<'a> {
                 .unwrap_or_else(|| perpendicular(dir));
         }
         let mut last = None;
-        if y.place != Place::Pinhole {
+        if y.site != Site::Pinhole {
             last = y.scatter_flux(scene, -dir, y.back);
             if last.is_none() {
                 return;
@@ -188,12 +202,12 @@ impl<'a> Joiner<'a> {
         let end = y.leave(scene, -dir);
         let whole = end - line.ray.origin;
         line.ray.dir = whole.normalize_or(dir);
-        let Some((optical_m, sheets, passed)) =
-            self.follow(&mut chain, &mut frame, &line, end, (most, z.lanes.nth(0)))
-        else {
+        let lane = z.lanes.nth(0);
+        let Some(way) = self.follow(&mut chain, &mut frame, &line, end, Allowed { sheets, lane }) else {
             return;
         };
-        let weight = self.weight(camera, light, source, Line::straight(dir, passed / distance2));
+        let straight = Line::straight(dir, way.passed / distance2);
+        let weight = self.weight(camera, light, sender.source, straight);
         chain.scale(Spectral::splat(weight * factor / distance2));
         let travel = match &last {
             Some(scatter) => {
@@ -204,39 +218,44 @@ impl<'a> Joiner<'a> {
             }
             None => -dir,
         };
-        let time_ps = picoseconds(z.optical_m + optical_m + y.optical_m);
-        meet(
-            chain,
-            (frame, travel),
-            y,
-            time_ps,
-            (pixel, interactions + sheets),
-            out,
-        );
+        let record = Record {
+            time_ps: picoseconds(z.optical_m + way.optical_m + y.optical_m),
+            pixel: sender.pixel,
+            interactions: interactions + way.sheets,
+        };
+        meet(chain, Beam { travel, frame }, y, &record, out);
     }
 
-    /// Lets light along a line: its optical length in metres, sheets passed and mean transmittance; `None` if it is
-    /// blocked.
+    /// Lets light along a line; `None` if it is blocked.
+    #[inline]
     fn follow(
         &mut self,
         chain: &mut Chain,
         frame: &mut Vec3A,
         line: &Start,
         end: Vec3A,
-        limits: (u32, usize),
-    ) -> Option<(f64, u32, f32)> {
+        allowed: Allowed,
+    ) -> Option<Followed> {
         let scene = self.scene;
-        if scene.sheets || scene.filled || line.medium.crystal != NO_CRYSTAL {
-            let way = bridge(scene, chain, frame, line, end, limits, &mut self.rays)?;
-            return Some((way.optical_m, way.sheets, mean_transmittance(scene, way.depth)));
+        if scene.sheets || scene.filled || line.filling.crystal != NO_CRYSTAL {
+            let way = bridge(scene, chain, frame, line, end, allowed, &mut self.rays)?;
+            return Some(Followed {
+                optical_m: way.optical_m,
+                sheets: way.sheets,
+                passed: mean_transmittance(scene, way.depth),
+            });
         }
         let length = (end - line.ray.origin).length();
         self.rays += 1;
         if scene.geometry.occluded(&line.ray, length * (1.0 - END_GAP)) {
             return None;
         }
-        let optical_m = f64::from(line.medium.index) * f64::from((end - line.from).length());
-        Some((optical_m, 0, 1.0))
+        let optical_m = f64::from(line.filling.index) * f64::from((end - line.from).length());
+        Some(Followed {
+            optical_m,
+            sheets: 0,
+            passed: 1.0,
+        })
     }
 
     /// The weight of a connection among all strategies that can make its path.
@@ -260,15 +279,15 @@ impl<'a> Joiner<'a> {
         let [toward_light, toward_camera] = line.dirs;
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed
-                * match y.place {
-                    Place::Pinhole => self.setup.emission.density(self.ends[0], source, toward_camera),
+                * match y.site {
+                    Site::Pinhole => self.setup.emission.density(self.ends[0], source, toward_camera),
                     _ => y.density(scene, y.back, toward_camera),
                 }
         });
         let to_y = line.arrivals[1].unwrap_or_else(|| {
             line.passed
-                * match z.place {
-                    Place::Pinhole => z.forward,
+                * match z.site {
+                    Site::Pinhole => z.forward,
                     _ => z.density(scene, z.back, toward_light),
                 }
         });

@@ -1,11 +1,14 @@
 //! Connections through smooth interfaces and over mirrors, of a walk from the camera to an emitter, and through interfaces
 //! of a walk from the light to the camera ([`super::manifold`]).
 
-use super::bridge::Start;
-use super::join::{Joiner, Line, meet, most};
-use super::manifold::{self, Route, Way};
+use super::bridge::{Allowed, Start};
+use super::emission::Sender;
+use super::join::{Joiner, Line, Record, meet, most};
+use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
 use super::point::Point;
+use super::route::Route;
+use super::state::Beam;
 use crate::accumulate::Contributions;
 use crate::material::Lanes;
 use base::units::picoseconds;
@@ -15,13 +18,33 @@ use optics::polarization::frame::{perpendicular, turn};
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::{Spectral, max_lane};
 
-/// Wavelengths that take a way, the one whose indices count, and how many times it counts.
-pub(super) type Found = (Lanes, usize, f32);
+/// Who takes a way that was found.
+#[derive(Clone, Copy)]
+pub(super) struct Takers {
+    /// Wavelengths that take it, and the one whose indices count.
+    pub lanes: Lanes,
+    pub lane: usize,
+    /// How many times it counts.
+    pub factor: f32,
+}
+
+impl Takers {
+    /// One wavelength.
+    #[inline]
+    fn only(lane: usize, factor: f32) -> Self {
+        Self {
+            lanes: Lanes { mask: 1 << lane },
+            lane,
+            factor,
+        }
+    }
+}
 
 /// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
 const MOST_TRIES: u32 = 1 << 16;
 
 /// The first point of a walk that lines can end at.
+#[inline]
 pub(super) fn behind(walk: &[Point]) -> Option<usize> {
     let last = walk.len() - 1;
     (1..=last).find(|i| !walk[*i].delta || *i == last)
@@ -46,12 +69,13 @@ impl Joiner<'_> {
         self.each_way(
             z,
             |joiner, lane| Some((joiner.way(z, to, lane)?, factor)),
-            |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+            |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
         );
     }
 
     /// True if a path over the last point of a walk from the camera and mirrors to an emitter is made in other ways: by
     /// connections of two walks, or by ways through interfaces to the camera.
+    #[inline]
     pub fn reached(&mut self, camera: &[Point]) -> bool {
         let last = camera.len() - 1;
         let connects = |i: usize| !camera[i].delta || i == last;
@@ -71,13 +95,13 @@ impl Joiner<'_> {
             Some(z.line(scene, dir))
         };
         let find = |seeds: &[Seed], lane| {
-            manifold::find_over(scene, &setup.mirrors, line(seeds)?, seeds, (to, lane))
+            manifold::find_over(scene, &setup.mirrors, line(seeds)?, seeds, Goal { to, lane })
         };
         setup.mirrors.flat_ways(z.surface.p, to, |seeds| {
             self.each_way(
                 z,
                 |_, lane| Some((find(seeds, lane)?, 1.0)),
-                |joiner, way, lanes| joiner.join_way(camera, source, way, lanes, out),
+                |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
             );
         });
         let draw = |joiner: &mut Self, lane| find(&[setup.mirrors.draw(joiner.stream)?], lane);
@@ -88,8 +112,8 @@ impl Joiner<'_> {
             Some((way, tries as f32))
         };
         if !setup.mirrors.disperses {
-            self.each_way(z, found_by_chance, |joiner, way, lanes| {
-                joiner.join_way(camera, source, way, lanes, out);
+            self.each_way(z, found_by_chance, |joiner, way, takers| {
+                joiner.join_way(camera, source, way, takers, out);
             });
             return;
         }
@@ -97,16 +121,16 @@ impl Joiner<'_> {
         for k in 0..z.lanes.count() {
             let lane = z.lanes.nth(k);
             if let Some((way, tries)) = found_by_chance(self, lane) {
-                let only = (Lanes { mask: 1 << lane }, lane, tries);
-                self.join_way(camera, source, &way, only, out);
+                self.join_way(camera, source, &way, Takers::only(lane, tries), out);
             }
         }
     }
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
     /// way, times what the end has for it per steradian, times n²/d².
+    #[inline]
     fn spin(&mut self, p: &Point, to: Vec3A, scattered: Option<Scatter>, end: f32) -> Option<f32> {
-        let squared = p.medium.index * p.medium.index / (to - p.surface.p).length_squared();
+        let squared = p.filling.index * p.filling.index / (to - p.surface.p).length_squared();
         let scattered = scattered.map_or(0.0, |s| max_lane(s.m00()));
         let expected = p.chain.max_m00() * scattered * end * squared;
         self.setup.roulette.spin_unsure(expected, self.stream)
@@ -118,44 +142,50 @@ impl Joiner<'_> {
         &mut self,
         p: &Point,
         mut find: impl FnMut(&mut Self, usize) -> Option<(Way, f32)>,
-        mut f: impl FnMut(&mut Self, &Way, Found),
+        mut f: impl FnMut(&mut Self, &Way, Takers),
     ) {
         let first = p.lanes.nth(0);
         let Some((way, factor)) = find(self, first) else {
             return;
         };
         if !way.disperses(self.scene) {
-            f(self, &way, (p.lanes, first, factor));
+            let takers = Takers {
+                lanes: p.lanes,
+                lane: first,
+                factor,
+            };
+            f(self, &way, takers);
             return;
         }
-        let only = |lane: usize, factor| (Lanes { mask: 1 << lane }, lane, factor);
-        f(self, &way, only(first, factor));
+        f(self, &way, Takers::only(first, factor));
         for k in 1..p.lanes.count() {
             let lane = p.lanes.nth(k);
             if let Some((way, factor)) = find(self, lane) {
-                f(self, &way, only(lane, factor));
+                f(self, &way, Takers::only(lane, factor));
             }
         }
     }
 
     /// The straight line from a point to an end at `to`, from which ways through interfaces are looked for.
+    #[inline]
     fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
         Some(p.line(self.scene, dir))
     }
 
     /// The way from a point to an end at `to` through interfaces.
+    #[inline]
     fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
-        manifold::find(self.scene, self.straight(p, to)?, to, lane)
+        manifold::find(self.scene, self.straight(p, to)?, Goal { to, lane })
     }
 
-    /// Appends what a way brings to the wavelengths `lanes`.
+    /// Appends what a way brings to its takers.
     fn join_way(
         &mut self,
         camera: &[Point],
         source: usize,
         way: &Way,
-        (lanes, lane, factor): Found,
+        takers: Takers,
         out: &mut Contributions,
     ) {
         let (scene, emission) = (self.scene, &self.setup.emission);
@@ -163,7 +193,7 @@ impl Joiner<'_> {
             return;
         };
         let interactions = z.interactions + 1 + way.count() as u32;
-        let Some(most) = most(scene).checked_sub(interactions) else {
+        let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;
         };
         let Some(pixel) = emission.pixel(self.ends[0], source, way.first) else {
@@ -177,8 +207,11 @@ impl Joiner<'_> {
             .push(&scatter, z.back, z.frame)
             .unwrap_or_else(|| perpendicular(way.dir));
         let to = emission.position(scene, self.ends[0], source);
-        let limits = (most, lane);
-        let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays) else {
+        let allowed = Allowed {
+            sheets,
+            lane: takers.lane,
+        };
+        let Some(passed) = way.follow(scene, &mut chain, &mut frame, to, allowed, &mut self.rays) else {
             return;
         };
         let Some(emitter) = emission.emitter(scene, self.ends[0], source, way.first) else {
@@ -195,15 +228,22 @@ impl Joiner<'_> {
         } else {
             self.weight(camera, &[emitter], source, line)
         };
-        chain.scale(lanes.ones() * Spectral::splat(weight * factor / way.spread));
-        let time_ps = picoseconds(z.optical_m + passed.optical_m);
-        let found = (pixel, interactions + passed.sheets);
-        meet(chain, (frame, way.emitted), &emitter, time_ps, found, out);
+        chain.scale(takers.lanes.ones() * Spectral::splat(weight * takers.factor / way.spread));
+        let record = Record {
+            time_ps: picoseconds(z.optical_m + passed.optical_m),
+            pixel,
+            interactions: interactions + passed.sheets,
+        };
+        let beam = Beam {
+            travel: way.emitted,
+            frame,
+        };
+        meet(chain, beam, &emitter, &record, out);
     }
 
     /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
     /// pixel of each, the way and the wavelengths that take it.
-    pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Found)) {
+    pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Takers)) {
         let Some(y) = light.last() else {
             return;
         };
@@ -219,31 +259,32 @@ impl Joiner<'_> {
         self.each_way(
             y,
             |joiner, lane| Some((joiner.way(y, camera.origin, lane)?, factor)),
-            |joiner, way, found| {
+            |joiner, way, takers| {
                 if let Some(pixel) = camera.pixel(way.first) {
-                    f(joiner, pixel, way, found);
+                    f(joiner, pixel, way, takers);
                 }
             },
         );
     }
 
     /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
-    pub fn known_view(&self, y: &Point, dir: Vec3A, (interfaces, lane): (usize, usize)) -> Option<Way> {
+    #[inline]
+    pub fn known_view(&self, y: &Point, dir: Vec3A, interfaces: usize, lane: usize) -> Option<Way> {
         let to = self.ends[0].camera.origin;
         let route = Route::through(interfaces);
-        manifold::along(self.scene, self.straight(y, to)?, dir, to, (&route, lane))
+        manifold::along(self.scene, self.straight(y, to)?, &route, dir, Goal { to, lane })
     }
 
-    /// Appends what a way from a point of the light's walk to the camera brings to the wavelengths `lanes`.
+    /// Appends what a way from a point of the light's walk to the camera brings to its takers.
     ///
     /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
     /// D Kᵀ D, its radiance scaled the other way.
     pub fn splat_way(
         &mut self,
         light: &[Point],
-        (source, pixel): (usize, u32),
+        sender: Sender,
         way: &Way,
-        (lanes, lane, factor): Found,
+        takers: Takers,
         out: &mut Contributions,
     ) {
         let (scene, camera) = (self.scene, &self.ends[0].camera);
@@ -251,7 +292,7 @@ impl Joiner<'_> {
             return;
         };
         let interactions = y.interactions + 1 + way.count() as u32;
-        let Some(most) = most(scene).checked_sub(interactions) else {
+        let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;
         };
         let Some(scatter) = y.scatter_flux(scene, way.dir, y.back) else {
@@ -259,28 +300,25 @@ impl Joiner<'_> {
         };
         let across = perpendicular(way.dir);
         let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
-        let limits = (most, lane);
-        let Some(passed) = way.follow(
-            scene,
-            &mut back,
-            &mut frame,
-            camera.origin,
-            limits,
-            &mut self.rays,
-        ) else {
+        let allowed = Allowed {
+            sheets,
+            lane: takers.lane,
+        };
+        let to = camera.origin;
+        let Some(passed) = way.follow(scene, &mut back, &mut frame, to, allowed, &mut self.rays) else {
             return;
         };
         let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
         // Lines end at the camera's pinhole from outside.
-        let factor =
-            factor * end.density / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
-        end.chain.scale(lanes.ones() * Spectral::splat(factor));
+        let factor = takers.factor * end.density
+            / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
+        end.chain.scale(takers.lanes.ones() * Spectral::splat(factor));
         let line = Line {
             dirs: [way.emitted, way.dir],
             passed: 1.0,
             arrivals: [None, Some(way.density(end.density, &passed))],
         };
-        let weight = self.weight(&[Point::end(scene, &end)], light, source, line);
+        let weight = self.weight(&[Point::end(scene, &end)], light, sender.source, line);
         let mut chain = end.chain;
         chain.scale(Spectral::splat(weight));
         let (c2, s2) = turn(-way.emitted, frame, end.frame);
@@ -289,13 +327,21 @@ impl Joiner<'_> {
         let frame = chain
             .push(&scatter, way.dir, across)
             .unwrap_or_else(|| perpendicular(y.back));
-        let time_ps = picoseconds(y.optical_m + passed.optical_m);
-        let found = (pixel, interactions + passed.sheets);
-        meet(chain, (frame, -y.back), y, time_ps, found, out);
+        let record = Record {
+            time_ps: picoseconds(y.optical_m + passed.optical_m),
+            pixel: sender.pixel,
+            interactions: interactions + passed.sheets,
+        };
+        let beam = Beam {
+            travel: -y.back,
+            frame,
+        };
+        meet(chain, beam, y, &record, out);
     }
 
     /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
     /// and the density per area with which light comes there; `None` where no such way would be found from that point.
+    #[inline]
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
         self.seen(light, 1, to, |joiner, dir| {
@@ -304,6 +350,7 @@ impl Joiner<'_> {
     }
 
     /// The same of a walk from the camera.
+    #[inline]
     pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
         self.seen(camera, 0, to, |joiner, dir| {
@@ -358,8 +405,11 @@ impl Joiner<'_> {
             return None;
         }
         let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
-        let limits = (most(scene), lane);
-        let passed = way.follow(scene, &mut chain, &mut frame, to, limits, &mut self.rays)?;
+        let allowed = Allowed {
+            sheets: most(scene),
+            lane,
+        };
+        let passed = way.follow(scene, &mut chain, &mut frame, to, allowed, &mut self.rays)?;
         Some(way.density(start(self, way.emitted), &passed))
     }
 }

@@ -17,21 +17,18 @@
 //!
 //! A way may also go over [`super::mirrors`], where it starts at a given point of each; J is the same.
 
-use super::bridge::{Start, bridge, unnoticed};
+use super::bridge::{Allowed, Start, bridge};
 use super::flight::mean_transmittance;
 use super::mirrors::{Mirrors, Seed};
-use crate::geometry::ray::{Hit, Ray, Surface};
-use crate::material::{Lobe, Medium};
-use crate::medium::nesting::Nest;
+use super::route::{INTERFACES, MOST_SURFACES, Route, interfaces, passes};
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Filling, Lobe};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{basis, perpendicular};
 use optics::polarization::scatter::Scatter;
-
-/// Most interfaces on the way.
-const INTERFACES: usize = 8;
 
 /// Steps of Newton's method.
 const STEPS: usize = 24;
@@ -42,16 +39,24 @@ const NEAR: f32 = 5e-6;
 /// Ways whose cosine is nearer 1 than this are one: a milliradian.
 const SAME: f32 = 5e-7;
 
-/// A straight line to a mirror is looked along up to this near it, relative to its length.
-const BEFORE: f32 = 1e-4;
+/// A mirror's direction whose cosine with the geometric one is less than 1 minus this was turned by a normal map, whose
+/// derivatives are not known; rounding stays ten times below.
+const TURNED: f32 = 1e-6;
 
-/// What bends a way: interfaces and mirrors, in the order in which it comes to them.
-pub(super) struct Route<'a> {
-    /// Interfaces before each mirror, and after the last.
-    through: ArrayVec<usize, 3>,
-    over: &'a [Seed],
-    mirrors: Option<&'a Mirrors>,
-}
+/// Shots start this many times as far from their surface as other rays: along the ray and not along the normal, so that
+/// rays up to 75° off the normal still clear what rounding may do to it.
+const LEAVE: f32 = 4.0;
+
+/// Least cosine for which the distance along a ray is stretched so that it clears a surface: nearer to grazing, the ray would
+/// start more than twenty times as far off as others do.
+const LEAST_COSINE: f32 = 0.05;
+
+/// Longest step of Newton's method, radians: a leap beyond is one to where the derivative means nothing.
+const LEAP: f32 = 0.3;
+
+/// A step that leads away is cut to this share, at most so many times: 0.4⁵ is 1 %, below which the way is given up.
+const CUT: f32 = 0.4;
+const CUTS: usize = 6;
 
 /// Where the way is bent.
 struct Bend {
@@ -61,7 +66,7 @@ struct Bend {
     after: Vec3A,
     lobe: Lobe,
     scatter: Scatter,
-    medium: Option<Medium>,
+    filling: Option<Filling>,
 }
 
 /// A way from a point to an emitter.
@@ -75,6 +80,22 @@ pub(super) struct Way {
     pub spread: f32,
     bends: ArrayVec<Bend, INTERFACES>,
     start: Start,
+}
+
+/// Where a way shall end.
+#[derive(Clone, Copy)]
+pub(super) struct Goal {
+    pub to: Vec3A,
+    /// The wavelength that it is for.
+    pub lane: usize,
+}
+
+/// What a way is looked for by.
+struct Search<'a> {
+    scene: &'a Scene,
+    start: Start,
+    route: &'a Route<'a>,
+    goal: Goal,
 }
 
 /// What a way brings besides its polarization.
@@ -96,251 +117,54 @@ struct Shot {
     length: f32,
 }
 
-/// True where light goes straight on.
-fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
-    let id = surface.material;
-    unnoticed(scene, nest, id) || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
-}
-
-impl<'a> Route<'a> {
-    /// True if a hit is on the mirror that ends a leg.
-    fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
-        match (self.mirrors, self.over.get(leg)) {
-            (Some(mirrors), Some(seed)) => mirrors.group(hit) == seed.group,
-            _ => false,
-        }
-    }
-
-    /// Through so many interfaces.
-    pub fn through(count: usize) -> Self {
-        Self {
-            through: ArrayVec::from_iter([count]),
-            over: &[],
-            mirrors: None,
-        }
-    }
-
-    /// The route from the start of a line to the points `over` of mirrors and on to `to`, as if all of it were straight in
-    /// between; `None` if something else stands in it.
-    fn over(scene: &Scene, mirrors: &'a Mirrors, start: &Start, over: &'a [Seed], to: Vec3A) -> Option<Self> {
-        let mut route = Self {
-            through: ArrayVec::new(),
-            over,
-            mirrors: Some(mirrors),
-        };
-        let (mut ray, mut nest) = (start.ray, start.nest);
-        for seed in over {
-            ray.dir = (seed.point - ray.origin).try_normalize()?;
-            let near = seed.point.lerp(ray.origin, BEFORE);
-            let (count, there, at) = interfaces(scene, (ray, nest), near)?;
-            route.through.push(count);
-            nest = there;
-            ray.origin = at;
-            let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
-            if mirrors.group(&hit) != seed.group {
-                return None;
-            }
-            let surface = scene.geometry.surface(&ray, &hit);
-            ray.origin = scene.geometry.leave(&surface, -ray.dir);
-        }
-        ray.dir = (to - ray.origin).try_normalize()?;
-        route.through.push(interfaces(scene, (ray, nest), to)?.0);
-        (route.through.iter().sum::<usize>() + over.len() <= INTERFACES).then_some(route)
-    }
-}
-
-/// Number of interfaces on a straight line, what surrounds its end, and where the last of them is left; `None` if anything
-/// else stands in it.
-fn interfaces(scene: &Scene, (mut ray, mut nest): (Ray, Nest), to: Vec3A) -> Option<(usize, Nest, Vec3A)> {
-    let mut count = 0;
-    // Grazing rays must end.
-    for _ in 0..64 {
-        let length = (to - ray.origin).length();
-        let Some(hit) = scene.geometry.intersect(&ray, length) else {
-            return Some((count, nest, ray.origin));
-        };
-        let surface = scene.geometry.surface(&ray, &hit);
-        if !passes(scene, &nest, &surface, ray.dir) {
-            count += 1;
-            if !scene.materials.is_interface(surface.material) || count > INTERFACES {
-                return None;
-            }
-        }
-        nest.cross(&scene.boundaries, surface.material, surface.ng.dot(ray.dir) < 0.0);
-        ray.origin = scene.geometry.leave(&surface, ray.dir);
-    }
-    None
-}
-
 /// The direction of light along `dir` after a mirror, in a delta lobe that shading and geometry agree on.
+#[inline]
 fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
     let found = scene
         .materials
         .specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
     let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
     // Normal maps turn it by what is not known here.
-    (found.wi.dot(mirrored) > 1.0 - 1e-6).then_some(mirrored.normalize())
+    (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
 }
 
-/// Shoots a ray along a route and on to where it passes `to`; calls back with each interface or mirror, and the directions
-/// before and after it.
-fn shoot(
-    scene: &Scene,
-    start: &Start,
-    dir: Vec3A,
-    to: Vec3A,
-    (route, lane): (&Route, usize),
-    mut bent: impl FnMut(&Surface, Vec3A, Vec3A),
-) -> Option<Shot> {
-    let across = basis(dir);
-    let mut slopes_p = [Vec3A::ZERO; 2];
-    let mut slopes_d = [across.x_axis, across.y_axis];
-    let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
-    // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
-    let mut origin = from + dir * (4.0 * (start.ray.origin - from).length());
-    let (mut left, mut leg) = (*route.through.first()?, 0);
-    let mut length = 0.0;
-    for _ in 0..64 {
-        if left == 0 && leg == route.over.len() {
-            let way = (to - from).dot(dir);
-            if way <= 0.0 {
-                return None;
-            }
-            let end = from + dir * way;
-            let slopes = [0, 1].map(|k| {
-                let s: Vec3A = slopes_p[k] + slopes_d[k] * way;
-                s - dir * dir.dot(s)
-            });
-            return Some(Shot {
-                dir,
-                miss: end - to,
-                slopes,
-                length: length + way,
-            });
-        }
-        let ray = Ray { origin, dir };
-        let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
-        let surface = scene.geometry.surface(&ray, &hit);
-        let id = surface.material;
-        let step = (surface.p - from).length();
-        length += step;
-        let mirror = left == 0 && route.is_mirror(leg, &hit);
-        let straight = !mirror && passes(scene, &nest, &surface, dir);
-        if !straight && !mirror && left == 0 {
-            return None;
-        }
-        // On to the surface, along it.
-        for k in 0..2 {
-            let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
-            slopes_p[k] = if straight {
-                s
-            } else {
-                s - dir * (s.dot(surface.ng) / dir.dot(surface.ng))
-            };
-        }
-        if !mirror {
-            nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
-        }
-        if !straight {
-            // To the derivatives a mirror is an interface without change of index whose far side is the near one.
-            let (after, ratio) = if mirror {
-                (reflected(scene, &surface, dir, lane)?, 1.0)
-            } else {
-                scene.materials.refracted(id, &surface, -dir, lane)?
-            };
-            let bend = scene.geometry.bend(&hit, &surface);
-            let (n, bend) = if dir.dot(surface.ng) > 0.0 {
-                (-surface.ns, bend * -1.0)
-            } else {
-                (surface.ns, bend)
-            };
-            let (cos, cos_far) = (dir.dot(n), after.dot(n));
-            let pull = ratio * cos - cos_far;
-            for k in 0..2 {
-                let turned = bend * slopes_p[k];
-                let slope = slopes_d[k].dot(n) + dir.dot(turned);
-                let pulled = (ratio - ratio * ratio * cos / cos_far) * slope;
-                slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
-            }
-            bent(&surface, dir, after);
-            if mirror {
-                leg += 1;
-                left = route.through[leg];
-            } else {
-                left -= 1;
-            }
-            dir = after;
-        }
-        from = surface.p;
-        let off = (scene.geometry.leave(&surface, dir) - from).length();
-        origin = from + dir * (off / surface.ng.dot(dir).abs().max(0.05));
-    }
-    None
-}
-
-/// The way from the start of a line to the point `to` through the interfaces in between; `None` if there are none, or no
-/// way is found. `lane` is the wavelength that it is for.
-pub(super) fn find(scene: &Scene, start: Start, to: Vec3A, lane: usize) -> Option<Way> {
-    let (count, ..) = interfaces(scene, (start.ray, start.nest), to)?;
+/// The way from the start of a line to a goal through the interfaces in between; `None` if there are none, or no way is
+/// found.
+pub(super) fn find(scene: &Scene, start: Start, goal: Goal) -> Option<Way> {
+    let count = interfaces(scene, start.ray, start.nest, goal.to)?.count;
     if count == 0 {
         return None;
     }
-    solve(scene, start, start.ray.dir, to, (&Route::through(count), lane))
+    let search = Search {
+        scene,
+        start,
+        route: &Route::through(count),
+        goal,
+    };
+    search.solve(start.ray.dir)
 }
 
-/// The way from the start of a line over mirrors to the point `to`, looked for from the points `over` of them.
+/// The way from the start of a line over mirrors to a goal, looked for from the points `over` of them.
 pub(super) fn find_over(
     scene: &Scene,
     mirrors: &Mirrors,
     start: Start,
     over: &[Seed],
-    (to, lane): (Vec3A, usize),
+    goal: Goal,
 ) -> Option<Way> {
-    let route = Route::over(scene, mirrors, &start, over, to)?;
+    let route = Route::over(scene, mirrors, &start, over, goal.to)?;
     let dir = (over.first()?.point - start.from).try_normalize()?;
-    solve(scene, start, dir, to, (&route, lane))
-}
-
-/// Newton's method, from a direction.
-fn solve(
-    scene: &Scene,
-    start: Start,
-    mut dir: Vec3A,
-    to: Vec3A,
-    (route, lane): (&Route, usize),
-) -> Option<Way> {
-    let many = (route, lane);
-    let mut shot = shoot(scene, &start, dir, to, many, |_, _, _| ())?;
-    for _ in 0..STEPS {
-        let miss = shot.miss.length();
-        let (step, _) = newton(dir, &shot)?;
-        // No leap beyond where the derivative means something, and none that leads away.
-        let mut share = (0.3 / step.length()).min(1.0);
-        let mut better = None;
-        let near = miss < NEAR * shot.length;
-        for _ in 0..if near { 1 } else { 6 } {
-            let next = (dir + step * share).normalize();
-            if let Some(s) = shoot(scene, &start, next, to, many, |_, _, _| ())
-                && s.miss.length() < miss
-            {
-                better = Some((next, s));
-                break;
-            }
-            share *= 0.4;
-        }
-        if let Some(next) = better {
-            (dir, shot) = next;
-        }
-        // One step after it is near is as near as rounding allows.
-        if near {
-            return along(scene, start, dir, to, many);
-        }
-        better?;
-    }
-    None
+    let search = Search {
+        scene,
+        start,
+        route: &route,
+        goal,
+    };
+    search.solve(dir)
 }
 
 /// The step of Newton's method that brings a shot along `dir` nearer, and J.
+#[inline]
 fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     let q = basis(shot.dir);
     let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
@@ -355,64 +179,204 @@ fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     Some((step, det.abs()))
 }
 
-/// The way from the start of a line along a route to the point `to`, of which is known that it leaves along `dir`.
-pub(super) fn along(
-    scene: &Scene,
-    start: Start,
-    dir: Vec3A,
-    to: Vec3A,
-    (route, lane): (&Route, usize),
-) -> Option<Way> {
-    let mut bends = ArrayVec::new();
-    let shot = shoot(scene, &start, dir, to, (route, lane), |surface, before, after| {
-        let lobe = if before.dot(surface.ng) * after.dot(surface.ng) < 0.0 {
-            Lobe::Reflected
-        } else {
-            Lobe::Transmitted
-        };
-        let found = scene
-            .materials
-            .specular(surface.material, surface, -before, lobe, lane);
-        if let Some(found) = found {
-            bends.push(Bend {
-                surface: *surface,
-                before,
-                after,
-                lobe,
-                scatter: found.scatter,
-                medium: found.medium,
-            });
+impl Search<'_> {
+    /// Shoots a ray along the route and on to where it passes the goal; calls back with each interface or mirror, and the directions
+    /// before and after it.
+    fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A)) -> Option<Shot> {
+        let Self {
+            scene,
+            start,
+            route,
+            goal,
+        } = self;
+        let Goal { to, lane } = *goal;
+        let across = basis(dir);
+        let mut slopes_p = [Vec3A::ZERO; 2];
+        let mut slopes_d = [across.x_axis, across.y_axis];
+        let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
+        // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
+        let mut origin = from + dir * (LEAVE * (start.ray.origin - from).length());
+        let (mut left, mut leg) = (*route.through.first()?, 0);
+        let mut length = 0.0;
+        for _ in 0..MOST_SURFACES {
+            if left == 0 && leg == route.over.len() {
+                let way = (to - from).dot(dir);
+                if way <= 0.0 {
+                    return None;
+                }
+                let end = from + dir * way;
+                let slopes = [0, 1].map(|k| {
+                    let s: Vec3A = slopes_p[k] + slopes_d[k] * way;
+                    s - dir * dir.dot(s)
+                });
+                return Some(Shot {
+                    dir,
+                    miss: end - to,
+                    slopes,
+                    length: length + way,
+                });
+            }
+            let ray = Ray { origin, dir };
+            let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+            let surface = scene.geometry.surface(&ray, &hit);
+            let id = surface.material;
+            let step = (surface.p - from).length();
+            length += step;
+            let mirror = left == 0 && route.is_mirror(leg, &hit);
+            let straight = !mirror && passes(scene, &nest, &surface, dir);
+            if !straight && !mirror && left == 0 {
+                return None;
+            }
+            // On to the surface, along it.
+            for k in 0..2 {
+                let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
+                slopes_p[k] = if straight {
+                    s
+                } else {
+                    s - dir * (s.dot(surface.ng) / dir.dot(surface.ng))
+                };
+            }
+            if !mirror {
+                nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+            }
+            if !straight {
+                // To the derivatives a mirror is an interface without change of index whose far side is the near one.
+                let (after, ratio) = if mirror {
+                    (reflected(scene, &surface, dir, lane)?, 1.0)
+                } else {
+                    scene.materials.refracted(id, &surface, -dir, lane)?
+                };
+                let bend = scene.geometry.bend(&hit, &surface);
+                let (n, bend) = if dir.dot(surface.ng) > 0.0 {
+                    (-surface.ns, bend * -1.0)
+                } else {
+                    (surface.ns, bend)
+                };
+                let (cos, cos_far) = (dir.dot(n), after.dot(n));
+                let pull = ratio * cos - cos_far;
+                for k in 0..2 {
+                    let turned = bend * slopes_p[k];
+                    let slope = slopes_d[k].dot(n) + dir.dot(turned);
+                    let pulled = (ratio - ratio * ratio * cos / cos_far) * slope;
+                    slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
+                }
+                bent(&surface, dir, after);
+                if mirror {
+                    leg += 1;
+                    left = route.through[leg];
+                } else {
+                    left -= 1;
+                }
+                dir = after;
+            }
+            from = surface.p;
+            let off = (scene.geometry.leave(&surface, dir) - from).length();
+            origin = from + dir * (off / surface.ng.dot(dir).abs().max(LEAST_COSINE));
         }
-    })?;
-    let (_, spread) = newton(dir, &shot)?;
-    let last = bends.last()?;
-    Some(Way {
-        dir,
-        emitted: -last.after,
-        first: last.surface.p,
-        spread,
-        bends,
+        None
+    }
+
+    /// Newton's method, from a direction.
+    fn solve(&self, mut dir: Vec3A) -> Option<Way> {
+        let mut shot = self.shoot(dir, |_, _, _| ())?;
+        for _ in 0..STEPS {
+            let miss = shot.miss.length();
+            let (step, _) = newton(dir, &shot)?;
+            // No leap beyond where the derivative means something, and none that leads away.
+            let mut share = (LEAP / step.length()).min(1.0);
+            let mut better = None;
+            let near = miss < NEAR * shot.length;
+            for _ in 0..if near { 1 } else { CUTS } {
+                let next = (dir + step * share).normalize();
+                if let Some(s) = self.shoot(next, |_, _, _| ())
+                    && s.miss.length() < miss
+                {
+                    better = Some((next, s));
+                    break;
+                }
+                share *= CUT;
+            }
+            if let Some(next) = better {
+                (dir, shot) = next;
+            }
+            // One step after it is near is as near as rounding allows.
+            if near {
+                return self.along(dir);
+            }
+            better?;
+        }
+        None
+    }
+
+    /// The way along the route, of which is known that it leaves along `dir`.
+    fn along(&self, dir: Vec3A) -> Option<Way> {
+        let mut bends = ArrayVec::new();
+        let shot = self.shoot(dir, |surface, before, after| {
+            let lobe = if before.dot(surface.ng) * after.dot(surface.ng) < 0.0 {
+                Lobe::Reflected
+            } else {
+                Lobe::Transmitted
+            };
+            let found =
+                self.scene
+                    .materials
+                    .specular(surface.material, surface, -before, lobe, self.goal.lane);
+            if let Some(found) = found {
+                bends.push(Bend {
+                    surface: *surface,
+                    before,
+                    after,
+                    lobe,
+                    scatter: found.scatter,
+                    filling: found.filling,
+                });
+            }
+        })?;
+        let (_, spread) = newton(dir, &shot)?;
+        let last = bends.last()?;
+        Some(Way {
+            dir,
+            emitted: -last.after,
+            first: last.surface.p,
+            spread,
+            bends,
+            start: self.start,
+        })
+    }
+}
+
+/// The way from the start of a line along a route to a goal, of which is known that it leaves along `dir`.
+pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
+    let search = Search {
+        scene,
         start,
-    })
+        route,
+        goal,
+    };
+    search.along(dir)
 }
 
 impl Way {
     /// Number of interfaces and mirrors.
+    #[inline]
     pub fn count(&self) -> usize {
         self.bends.len()
     }
 
     /// True if another way from the same point is this one.
+    #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
     }
 
     /// True if it goes over mirrors.
+    #[inline]
     pub fn reflects(&self) -> bool {
         self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
     }
 
     /// True if wavelengths take different ways.
+    #[inline]
     pub fn disperses(&self, scene: &Scene) -> bool {
         self.bends
             .iter()
@@ -421,25 +385,27 @@ impl Way {
 
     /// Density per area across at the point with which walks from the other end come along the way, `density` being that
     /// of their direction there per steradian.
+    #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean
     }
 
     /// (n_x/n_L)²: what radiance gains on the way from the other end.
+    #[inline]
     pub fn squared_indices(&self, passed: &Passed) -> f32 {
-        let ratio = self.start.medium.index / passed.index;
+        let ratio = self.start.filling.index / passed.index;
         ratio * ratio
     }
 
     /// Multiplies `chain`, whose light is in `frame`, by all that happens on the way to the emitter at `to`; `None` if
-    /// something blocks it or more than `most` sheets stand in it.
+    /// something blocks it or more sheets than are allowed stand in it.
     pub fn follow(
         &self,
         scene: &Scene,
         chain: &mut Chain,
         frame: &mut Vec3A,
         to: Vec3A,
-        (most, lane): (u32, usize),
+        allowed: Allowed,
         rays: &mut u32,
     ) -> Option<Passed> {
         let mut start = Start {
@@ -453,7 +419,11 @@ impl Way {
         for i in 0..=self.bends.len() {
             let bend = self.bends.get(i);
             let end = bend.map_or(to, |b| scene.geometry.leave(&b.surface, -b.before));
-            let line = bridge(scene, chain, frame, &start, end, (most - sheets, lane), rays)?;
+            let left = Allowed {
+                sheets: allowed.sheets - sheets,
+                ..allowed
+            };
+            let line = bridge(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;
             sheets += line.sheets;
             depth += line.depth;
@@ -474,7 +444,7 @@ impl Way {
                     dir: bend.after,
                 },
                 from: s.p,
-                medium: bend.medium.unwrap_or(line.medium),
+                filling: bend.filling.unwrap_or(line.filling),
                 nest,
             };
         }
@@ -482,7 +452,7 @@ impl Way {
             optical_m,
             sheets,
             mean: mean_transmittance(scene, depth),
-            index: start.medium.index,
+            index: start.filling.index,
         })
     }
 }

@@ -31,6 +31,14 @@ const MOST_IN_PAIRS: usize = 64;
 /// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
 const SAME_PLANE: f32 = 1e-4;
 
+/// Points of reflection count up to this many radii from the middle of a plane's mirrors: just beyond, against rounding,
+/// and farther where interfaces on the way move the point that a straight image gives.
+const REACH: f32 = 1.001;
+const REACH_BENT: f32 = 1.5;
+
+/// Barycentric coordinates of a point inside of any triangle or parallelogram, at which a primitive's surface is asked for.
+const INSIDE: f32 = 0.3;
+
 /// A point of a group of mirrors, from which a way is looked for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seed {
@@ -62,22 +70,25 @@ pub(super) struct Mirrors {
 }
 
 impl Flat {
+    #[inline]
     fn height(&self, p: Vec3A) -> f32 {
         self.n.dot(p) - self.d
     }
 
+    #[inline]
     fn image(&self, p: Vec3A) -> Vec3A {
         p - self.n * (2.0 * self.height(p))
     }
 
     /// Where light between two points is reflected; `None` if not on these mirrors.
+    #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
         if s * e <= 0.0 {
             return None;
         }
         let p = a + (self.image(b) - a) * (s / (s + e));
-        let reach = self.radius * if bent { 1.5 } else { 1.001 };
+        let reach = self.radius * if bent { REACH_BENT } else { REACH };
         (p.distance_squared(self.centre) <= reach * reach).then_some(p)
     }
 }
@@ -180,6 +191,7 @@ impl Mirrors {
     }
 
     /// True if there are none.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
     }
@@ -246,8 +258,8 @@ fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, boo
     let hit = Hit {
         t: 0.0,
         leaf,
-        u: 0.3,
-        v: 0.3,
+        u: INSIDE,
+        v: INSIDE,
     };
     let surface = geometry.surface(&ray, &hit);
     (surface, geometry.bend(&hit, &surface) == Mat3A::ZERO)
@@ -268,7 +280,7 @@ fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::bvh::GeometryBuilder;
+    use crate::geometry::builder::GeometryBuilder;
     use crate::geometry::mesh::Mesh;
     use crate::geometry::quadric::{Quadric, QuadricKind};
     use crate::material::Material;

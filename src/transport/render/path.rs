@@ -6,76 +6,32 @@
 //! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
 //! projector).
 
-use super::connect::{Lit, Vertex, connect_all};
+use super::connect::{Lit, LitAt, Vertex, connect_all};
+use super::environment;
+use super::roulette::{Odds, survives};
+use super::state::{Beam, State};
 use super::views::Views;
-use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
+use crate::accumulate::{Contribution, Contributions};
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
-use crate::material::{Lanes, Medium, NO_CRYSTAL, facing};
+use crate::material::{Filling, Lanes, facing};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
-use optics::polarization::frame::{perpendicular, perpendiculars, turn};
-use optics::polarization::scatter::Scatter;
+use optics::polarization::frame::{perpendicular, perpendiculars};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// The state of a path at its current ray.
-pub(super) struct State {
-    pub ray: Ray,
-    /// Where the ray really starts (its origin is nudged off the surface).
-    pub from: Vec3A,
-    /// Product from light coming in along the ray to the camera frame.
-    pub chain: Chain,
-    /// Frame of that light.
-    pub frame: Vec3A,
-    /// Optical path length so far, metres.
-    pub optical_m: f64,
-    /// The medium that the ray is in.
-    pub medium: Medium,
-    pub lanes: Lanes,
-}
-
-impl State {
-    /// Lets the medium act on the light of the current ray, all the way from a surface that the ray hit: it comes from
-    /// there, so the medium's matrix stands left of what that surface will add.
-    #[inline]
-    fn cross(&mut self, scene: &Scene, surface: &Surface) {
-        if self.medium.crystal == NO_CRYSTAL {
-            return;
-        }
-        if let Some(scatter) = crossed(scene, self.medium, self.ray.dir, self.from, surface) {
-            self.frame = self
-                .chain
-                .push(&scatter, -self.ray.dir, self.frame)
-                .unwrap_or(self.frame);
-        }
-    }
-}
-
-/// What the medium does to light on the way along ±`dir` between the point `from` and a surface; `None` where it does
-/// nothing.
-pub(super) fn crossed(
-    scene: &Scene,
-    medium: Medium,
-    dir: Vec3A,
-    from: Vec3A,
-    surface: &Surface,
-) -> Option<Scatter> {
-    // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off the
-    // surface, which shifts the hit point sideways.
-    let ng = surface.ng.as_dvec3();
-    let length = (surface.p.as_dvec3() - from.as_dvec3()).dot(ng) / dir.as_dvec3().dot(ng);
-    scene.materials.propagate(medium, dir, length)
-}
-
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
 /// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
 pub const BATCH: usize = 16;
+
+/// Most likely survival of Russian roulette.
+const SURVIVAL: f32 = 0.95;
 
 /// One path and what it needs to go on.
 struct Path {
@@ -112,7 +68,7 @@ impl Paths {
     /// traced.
     #[inline]
     pub fn trace(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if scene.geometry.avx2() {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.trace_avx2(scene, views, [x, y], samples) };
@@ -121,7 +77,7 @@ impl Paths {
     }
 
     /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn trace_avx2(&mut self, scene: &Scene, views: &Views, pixel: [u32; 2], samples: Range<u32>) -> u32 {
         self.trace_any(scene, views, pixel, samples)
@@ -173,13 +129,11 @@ impl Paths {
                         elements: &mut self.elements,
                     };
                     let state = &path.state;
-                    environment(
-                        scene,
-                        &state.chain,
-                        (state.ray.dir, state.frame),
-                        bounces,
-                        &mut out,
-                    );
+                    let beam = Beam {
+                        travel: -state.ray.dir,
+                        frame: state.frame,
+                    };
+                    environment::seen(scene, &state.chain, beam, bounces, &mut out);
                 } else if bounces < last {
                     path.arrive(scene, goes_on, kept, &mut rows);
                     alive[kept] = i;
@@ -213,7 +167,7 @@ impl Paths {
                     list: &mut self.lists[i as usize],
                     elements: &mut self.elements,
                 };
-                let lit = lit.as_ref().map(|lit| (lit, n));
+                let lit = lit.as_ref().map(|lit| LitAt { lit, place: n });
                 rays += path.connect(scene, views, bounces, lit, &mut out);
                 if goes_on && path.scatter(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n))) {
                     alive[kept] = i;
@@ -255,7 +209,7 @@ impl Paths {
             state.chain = Chain::start(ones);
             state.frame = camera.frame(dir);
             state.optical_m = 0.0;
-            state.medium = Medium::VACUUM;
+            state.filling = Filling::VACUUM;
             state.lanes = lanes;
             path.stream = stream;
         }
@@ -279,7 +233,7 @@ impl Default for Path {
                 chain: Chain::start(Spectral::ZERO),
                 frame: Vec3A::X,
                 optical_m: 0.0,
-                medium: Medium::VACUUM,
+                filling: Filling::VACUUM,
                 lanes: Lanes::first(0),
             },
             stream: Stream::new(0, 0, 0),
@@ -300,8 +254,12 @@ impl Path {
         let state = &mut self.state;
         self.surface = scene.geometry.surface(&state.ray, hit);
         let surface = &self.surface;
-        state.optical_m += f64::from(state.medium.index) * f64::from((surface.p - state.from).length());
-        state.cross(scene, surface);
+        state.optical_m += f64::from(state.filling.index) * f64::from((surface.p - state.from).length());
+        if let Some(scatter) = state.crossed(scene, surface) {
+            // The light comes from the surface, so this stands left of what the surface will add.
+            let frame = state.chain.push(&scatter, -state.ray.dir, state.frame);
+            state.frame = frame.unwrap_or(state.frame);
+        }
         many::set(&mut rows.points, n, surface.p);
         if goes_on && scene.materials.lambert(surface.material).is_some() {
             // Where shading and geometry disagree about the side, the surface will say that it is dark.
@@ -318,13 +276,13 @@ impl Path {
         scene: &Scene,
         views: &Views,
         bounces: u32,
-        lit: Option<(&Lit<BATCH>, usize)>,
+        lit: Option<LitAt<BATCH>>,
         out: &mut Contributions,
     ) -> u32 {
         let (Some(hit), state, surface) = (self.hit, &self.state, &self.surface) else {
             return 0;
         };
-        if !scene.materials.is_smooth(surface.material) {
+        if !scene.materials.has_extended_lobe(surface.material) {
             return 0;
         }
         let at = Vertex {
@@ -359,16 +317,15 @@ impl Path {
             };
             let frame = state.chain.push(&sampled.scatter, wo, state.frame);
             state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
-            state.medium = sampled.medium.unwrap_or(state.medium);
+            state.filling = sampled.filling.unwrap_or(state.filling);
             sampled.wi
         };
-        if bounces + 1 >= scene.settings.rr_depth {
-            let keep = state.chain.max_m00().clamp(0.0, 0.95);
-            if stream.uniform() >= keep {
-                return false;
-            }
-            state.chain.scale(Spectral::splat(1.0 / keep));
-        } else if state.chain.is_dark() {
+        let odds = Odds {
+            plays: bounces + 1 >= scene.settings.rr_depth,
+            full: 1.0,
+            most: SURVIVAL,
+        };
+        if !survives(&mut state.chain, odds, stream) {
             return false;
         }
         state.from = surface.p;
@@ -378,24 +335,4 @@ impl Path {
         };
         true
     }
-}
-
-/// Light of the environment that is seen along `dir`, in frame `frame`, after `bounces` interactions.
-pub(super) fn environment(
-    scene: &Scene,
-    chain: &Chain,
-    (dir, frame): (Vec3A, Vec3A),
-    bounces: u32,
-    out: &mut Contributions,
-) {
-    let Some(environment) = &scene.environment else {
-        return;
-    };
-    let travel = -dir;
-    let (c2, s2) = turn(travel, environment.frame(travel), frame);
-    let mut chain = *chain;
-    chain.rotate_in(c2, s2);
-    chain.scale(environment.radiance);
-    let extent = chain.finish(out.elements);
-    out.push(extent, f64::INFINITY, NO_PIXEL, bounces);
 }

@@ -10,7 +10,7 @@
 
 use super::bridge::Start;
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Lanes, Medium};
+use crate::material::{Filling, Lanes};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::Vec3A;
@@ -26,13 +26,13 @@ pub(super) struct End {
     pub frame: Vec3A,
     /// Density of the ray's direction per steradian.
     pub density: f32,
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
 }
 
 /// Where a point of a walk is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Site {
     /// At the walk's end.
     Pinhole,
     Surface,
@@ -43,7 +43,7 @@ pub(super) enum Place {
 /// A point of a walk.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
-    pub place: Place,
+    pub site: Site,
     /// Of a volume or an end, its position alone counts.
     pub surface: Surface,
     /// Unit direction to the point before.
@@ -54,7 +54,7 @@ pub(super) struct Point {
     /// Optical path length from the walk's end, metres.
     pub optical_m: f64,
     /// What is on the side of `back`.
-    pub medium: Medium,
+    pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
     /// Interactions before this one.
@@ -70,10 +70,11 @@ pub(super) struct Point {
 
 impl Point {
     /// A walk's end. Its density is that of the direction in which the walk starts.
+    #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
         Self {
-            place: Place::Pinhole,
+            site: Site::Pinhole,
             surface: Surface {
                 p,
                 ..Surface::default()
@@ -82,7 +83,7 @@ impl Point {
             chain: end.chain,
             frame: end.frame,
             optical_m: 0.0,
-            medium: end.medium,
+            filling: end.filling,
             nest: end.nest,
             lanes: scene.lanes(),
             interactions: 0,
@@ -96,18 +97,20 @@ impl Point {
     /// The light that leaves along `wo` of that which comes from `wi`, both away from the point.
     ///
     /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
+    #[inline]
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
-        match self.place {
-            Place::Surface => scene.materials.eval(self.surface.material, &self.surface, wo, wi),
-            Place::Volume(id) => Some(scene.media.eval(id, wo, wi)),
-            Place::Pinhole => None,
+        match self.site {
+            Site::Surface => scene.materials.eval(self.surface.material, &self.surface, wo, wi),
+            Site::Volume(id) => Some(scene.media.eval(id, wo, wi)),
+            Site::Pinhole => None,
         }
     }
 
     /// The intensity that leaves along `wo` per flux that arrives from `wi`.
+    #[inline]
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let scatter = self.scatter(scene, wo, wi)?;
-        if self.place != Place::Surface {
+        if self.site != Site::Surface {
             return Some(scatter);
         }
         // Shading normals may light a point from where its true surface is grazed.
@@ -116,54 +119,59 @@ impl Point {
     }
 
     /// Density per steradian with which a walk that came from direction `from` goes on along `to`.
+    #[inline]
     pub fn density(&self, scene: &Scene, from: Vec3A, to: Vec3A) -> f32 {
-        match self.place {
-            Place::Surface => scene
+        match self.site {
+            Site::Surface => scene
                 .materials
                 .pdf(self.surface.material, &self.surface, from, to),
-            Place::Volume(id) => scene.media.pdf(id, scene.lanes(), from, to),
-            Place::Pinhole => 0.0,
+            Site::Volume(id) => scene.media.pdf(id, scene.lanes(), from, to),
+            Site::Pinhole => 0.0,
         }
     }
 
     /// Area that the point shows along a unit direction, per area.
+    #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
-        match self.place {
-            Place::Surface => self.surface.ng.dot(dir).abs(),
+        match self.site {
+            Site::Surface => self.surface.ng.dot(dir).abs(),
             _ => 1.0,
         }
     }
 
     /// True if light can come here from, or go to, any point.
+    #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
-        match self.place {
-            Place::Surface => scene.materials.is_smooth(self.surface.material),
+        match self.site {
+            Site::Surface => scene.materials.has_extended_lobe(self.surface.material),
             _ => true,
         }
     }
 
     /// A ray's origin toward `dir` off the surface.
+    #[inline]
     pub fn leave(&self, scene: &Scene, dir: Vec3A) -> Vec3A {
-        match self.place {
-            Place::Surface => scene.geometry.leave(&self.surface, dir),
+        match self.site {
+            Site::Surface => scene.geometry.leave(&self.surface, dir),
             _ => self.surface.p,
         }
     }
 
     /// The start of a line along `dir`.
+    #[inline]
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
-        let (mut medium, mut nest) = (self.medium, self.nest);
+        let (mut filling, mut nest) = (self.filling, self.nest);
         let s = &self.surface;
-        if self.place == Place::Surface && s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 {
+        if self.site == Site::Surface && s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 {
             nest.cross(&scene.boundaries, s.material, s.ng.dot(dir) < 0.0);
             let beyond = scene.materials.beyond(s.material, s, self.back, self.lanes);
-            medium = beyond.unwrap_or(medium);
+            filling = beyond.unwrap_or(filling);
         }
         let origin = self.leave(scene, dir);
         Start {
             ray: Ray { origin, dir },
             from: s.p,
-            medium,
+            filling,
             nest,
         }
     }

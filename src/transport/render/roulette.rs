@@ -1,11 +1,37 @@
-//! Russian roulette on connections (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): those that bring little are made rarely
-//! and count for more.
+//! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): paths that carry little end early, and connections that
+//! bring little are made rarely; those that are left count for more.
 //!
 //! In a medium nearly all of what a pixel gets comes from few of the connections of its walks. One that is expected to
 //! bring x is made with probability x/τ below a threshold τ, which adds at most τ x to the variance. The threshold keeps
 //! that small beside the variance that samples have anyway.
 
+use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// How likely a path is to go on.
+pub(super) struct Odds {
+    /// Roulette has set in; before, only paths without light end.
+    pub plays: bool,
+    /// Throughput of a path that has lost nothing, which survives for certain but for `most`.
+    pub full: f32,
+    /// Most likely survival: every path must end.
+    pub most: f32,
+}
+
+/// Decides whether a path goes on, with a probability of its throughput in the brightest lane; then it counts for more.
+#[inline(always)]
+pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bool {
+    if !odds.plays {
+        return !chain.is_dark();
+    }
+    let keep = (chain.max_m00() / odds.full).clamp(0.0, odds.most);
+    if stream.uniform() >= keep {
+        return false;
+    }
+    chain.scale(Spectral::splat(1.0 / keep));
+    true
+}
 
 /// Variance that roulette may add, as a share of what samples have.
 const SHARE: f32 = 0.1;

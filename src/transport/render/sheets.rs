@@ -2,56 +2,80 @@
 //! and an emitter. The straight line from a surface to the pinhole is then a path of its own that is found by no other
 //! sampling ([`super::bridge`]).
 
-use super::bridge::{Start, bridge};
-use super::connect::Connection;
-use super::path::State;
+use super::bridge::{Allowed, Start, bridge};
+use super::state::State;
 use crate::accumulate::Contributions;
 use crate::geometry::ray::Ray;
-use crate::material::Medium;
+use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::frame::{perpendicular, project, turn};
 use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
+
+/// A connection to a point emitter or the projector.
+pub(super) struct Connection {
+    /// Direction to it, its position and distance.
+    pub wi: Vec3A,
+    pub position: Vec3A,
+    pub distance: f32,
+    /// Irradiance at normal incidence.
+    pub irradiance: Spectral,
+    /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
+    pub axis: Vec3A,
+    pub pixel: u32,
+}
+
+/// A connection that something stands in the way of.
+pub(super) struct Blocked<'a> {
+    pub to: &'a Connection,
+    /// The interaction at the connected surface, and its direction `wo`.
+    pub scatter: &'a Scatter,
+    pub wo: Vec3A,
+    /// The ray from there, and what it runs through.
+    pub shadow: Ray,
+    pub filling: Filling,
+    /// Interactions without the sheets.
+    pub bounces: u32,
+}
 
 /// Makes a connection that something stands in the way of: follows its ray through one sheet after the other, and appends
-/// what it brings unless something else blocks it or it has more interactions than `max_depth` allows.
-///
-/// `scatter` is the interaction at the connected surface with its direction `wo`, `shadow` the ray from there and its
-/// medium, `bounces` the number of interactions without the sheets. Returns the number of rays traced.
+/// what it brings unless something else blocks it or it has more interactions than `max_depth` allows. Returns the number
+/// of rays traced.
 #[inline(never)]
 pub(super) fn connect(
     scene: &Scene,
     state: &State,
-    (scatter, wo): (&Scatter, Vec3A),
-    (shadow, medium): (&Ray, Medium),
-    bounces: u32,
-    to: &Connection,
+    connection: &Blocked<'_>,
     out: &mut Contributions,
 ) -> u32 {
-    let most = scene.settings.max_depth.saturating_sub(1 + bounces);
+    let Blocked { to, bounces, .. } = *connection;
     let mut chain = state.chain;
     // Behind an interaction that depolarizes any frame is right.
     let mut frame = chain
-        .push(scatter, wo, state.frame)
+        .push(connection.scatter, connection.wo, state.frame)
         .unwrap_or_else(|| perpendicular(to.wi));
     chain.scale(to.irradiance);
     let start = Start {
-        ray: *shadow,
-        from: shadow.origin,
-        medium,
+        ray: connection.shadow,
+        from: connection.shadow.origin,
+        filling: connection.filling,
         nest: Nest::default(),
     };
     let mut rays = 0;
-    let ends = (most, state.lanes.nth(0));
+    let allowed = Allowed {
+        sheets: scene.settings.max_depth.saturating_sub(1 + bounces),
+        lane: state.lanes.nth(0),
+    };
     if let Some(line) = bridge(
         scene,
         &mut chain,
         &mut frame,
         &start,
         to.position,
-        ends,
+        allowed,
         &mut rays,
     ) {
         let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);

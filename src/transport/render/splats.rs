@@ -41,18 +41,32 @@ pub(super) struct WalkNumber {
     pub walk: u32,
 }
 
+/// How many there are.
+#[derive(Clone, Copy)]
+pub(super) struct Counts {
+    pub samples: u32,
+    /// Walks per sample.
+    pub walks: u32,
+    pub pixels: u32,
+}
+
 /// Walks that one piece of work makes.
 const CHUNK: u64 = 1 << 12;
 
 impl Splats {
-    /// Makes `samples` times `walks` walks by `trace`, which calls back with every point that is seen and its pixel, below
-    /// `pixels`; points are kept of the pixels that are `wanted`.
+    /// Makes all walks of all samples by `trace`, which calls back with every point that is seen and its pixel; points are
+    /// kept of the pixels that are `wanted`.
     pub fn new<T: Send>(
-        (samples, walks, pixels): (u32, u32, u32),
+        counts: Counts,
         wanted: impl Fn(u32) -> bool + Sync,
         make: impl Fn() -> T + Sync,
         trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> Self {
+        let Counts {
+            samples,
+            walks,
+            pixels,
+        } = counts;
         let all = u64::from(samples) * u64::from(walks);
         // In order whatever the number of threads.
         let found: Vec<Vec<(u32, Splat)>> = (0..all.div_ceil(CHUNK))
@@ -94,6 +108,7 @@ impl Splats {
     }
 
     /// The points of a sample that a pixel sees, in order.
+    #[inline]
     pub fn of(&self, pixel: u32, sample: u32) -> &[Splat] {
         let Some(&[begin, end]) = self.first.get(pixel as usize..pixel as usize + 2) else {
             return &[];
@@ -124,7 +139,11 @@ mod tests {
             lanes: 7,
         };
         let splats = Splats::new(
-            (samples, walks, pixels),
+            Counts {
+                samples,
+                walks,
+                pixels,
+            },
             |p| p != 5,
             || (),
             |(), n, found| {

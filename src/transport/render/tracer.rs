@@ -1,8 +1,8 @@
 //! How the paths of a camera pixel are made: plain paths from the camera, or walks where a scene needs more.
 
-use super::backend::tile_count;
 use super::bidirectional::{Plan, Walks};
 use super::path::Paths;
+use super::tiles;
 use super::views::Views;
 use crate::accumulate::Contribution;
 use crate::device::pinhole::Pinhole;
@@ -37,7 +37,7 @@ fn needs_walks(scene: &Scene) -> bool {
 
 /// How many tiles are rendered after one preparation.
 pub(super) fn tiles_at_once(scene: &Scene) -> usize {
-    let all = tile_count(scene) as usize;
+    let all = tiles::count(scene) as usize;
     if scene.settings.integrator == Integrator::Path {
         return all;
     }
@@ -51,16 +51,11 @@ impl Prepared {
         if !needs_walks(scene) {
             return Self::Paths(Views::new(scene));
         }
-        let mut asked = vec![false; tile_count(scene) as usize];
+        let mut asked = vec![false; tiles::count(scene) as usize];
         for tile in tiles {
             asked[*tile as usize] = true;
         }
-        let ([w, _], n) = (scene.camera.resolution, scene.settings.tile);
-        let across = w.div_ceil(n);
-        Self::Walks(Plan::new(scene, |pixel| {
-            let (x, y) = (pixel % w, pixel / w);
-            asked[(y / n * across + x / n) as usize]
-        }))
+        Self::Walks(Plan::new(scene, |pixel| asked[tiles::of(scene, pixel) as usize]))
     }
 }
 

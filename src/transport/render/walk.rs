@@ -2,7 +2,9 @@
 //! ([`super::flight`]) in between.
 
 use super::flight::{Flight, From, Hero, Landing, mean_transmittance};
-use super::point::{End, Place, Point};
+use super::point::{End, Point, Site};
+use super::roulette::{Odds, survives};
+use super::state::Beam;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lanes, Sampled};
 use crate::scene::Scene;
@@ -19,14 +21,43 @@ const SURVIVAL: f32 = 0.99;
 #[derive(Default)]
 pub(super) struct Walk {
     pub points: Vec<Point>,
-    /// What is left of it where nothing was hit: the direction, product, frame and number of interactions.
-    pub escape: Option<(Vec3A, Chain, Vec3A, u32)>,
+    /// What is left of it where nothing was hit.
+    pub escape: Option<Escape>,
     /// Rays traced.
     pub rays: u32,
 }
 
+/// A walk that has left the scene.
+pub(super) struct Escape {
+    pub chain: Chain,
+    /// The light that its product takes in.
+    pub beam: Beam,
+    /// Interactions before.
+    pub interactions: u32,
+}
+
+/// A walk on its way.
+struct Progress {
+    flight: Flight,
+    /// With which the present direction was drawn, per steradian; 1 in delta lobes.
+    density: f32,
+    /// Throughput of a walk that has lost nothing.
+    full: f32,
+    interactions: u32,
+}
+
+/// How a walk goes on from a point.
+enum Onward {
+    /// Along a direction.
+    Toward(Vec3A),
+    /// Straight through a sheet, which is no point of its own, as on a line between points.
+    Straight,
+    Nowhere,
+}
+
 /// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
 /// interaction is in the true direction of the light; for light it is per flux.
+#[inline]
 fn onward(
     scene: &Scene,
     from: From,
@@ -51,7 +82,7 @@ fn onward(
         return None;
     }
     let all = before.count() as usize == scene.wavelengths.count();
-    if !sampled.delta && (all || sampled.medium.is_none()) {
+    if !sampled.delta && (all || sampled.filling.is_none()) {
         *lanes = before;
         if density <= 0.0 {
             return None;
@@ -67,7 +98,7 @@ fn onward(
         let factor = shading_in * cos_out / (cos_in * shading_out).max(f32::MIN_POSITIVE);
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(factor));
     }
-    if let Some(far) = sampled.medium
+    if let Some(far) = sampled.filling
         && !materials.is_crystal(id)
         && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
     {
@@ -95,144 +126,183 @@ impl Walk {
         self.points.clear();
         self.escape = None;
         self.rays = 0;
-        let all = scene.lanes();
-        let mut flight = Flight {
-            ray: end.ray,
-            from: end.ray.origin,
-            chain: end.chain,
-            frame: end.frame,
-            optical_m: 0.0,
-            depth: Spectral::ZERO,
-            medium: end.medium,
-            nest: end.nest,
-            lanes: all,
-            hero: if scene.filled {
-                Hero::draw(all, stream)
-            } else {
-                Hero::only(all)
-            },
+        let mut progress = Progress {
+            flight: Flight::start(scene, from, end, stream),
+            density: end.density,
+            full: end.chain.max_m00(),
+            interactions: 0,
         };
-        let mut full = end.chain.max_m00();
         self.points.push(Point::end(scene, end));
-        let (mut interactions, mut density) = (0, end.density);
-        loop {
-            let (place, surface) = match flight.fly(scene, from, stream, &mut self.rays) {
-                Landing::At(place, surface) => (place, surface),
-                Landing::Escaped => {
-                    self.escape = Some((flight.ray.dir, flight.chain, flight.frame, interactions));
-                    return;
-                }
-                Landing::Absorbed => return,
-            };
-            if interactions >= limits.interactions {
-                return;
+        while self.step(scene, &mut progress, stream, limits) {}
+    }
+
+    /// Flies to the next point and draws where to go from there; false where the walk ends.
+    fn step(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
+        let Some(mut point) = self.land(scene, progress, stream, limits) else {
+            return false;
+        };
+        let onward = match point.site {
+            Site::Volume(id) => self.scatter_in(scene, id, &mut point, progress, stream),
+            _ => self.scatter_on(scene, &mut point, progress, stream),
+        };
+        progress.interactions += 1;
+        let wi = match onward {
+            Onward::Toward(wi) => wi,
+            Onward::Straight => {
+                let flight = &mut progress.flight;
+                flight.settle();
+                flight.state.from = point.surface.p;
+                flight.state.ray.origin = scene.geometry.leave(&point.surface, flight.state.ray.dir);
+                return true;
             }
-            let back = -flight.ray.dir;
-            let (lanes, arrived, frame) = (flight.lanes, flight.chain, flight.frame);
-            let mut next = None;
-            if place == Place::Surface {
-                let mut lanes = flight.lanes;
-                next = onward(scene, from, &surface, back, &mut lanes, stream);
-                if let Some((n, _)) = &next {
-                    if lanes != flight.lanes {
-                        flight.hero = Hero::only(lanes);
-                    }
-                    flight.lanes = lanes;
-                    flight.push(&n.scatter, from);
-                    if scene.sheets && n.delta && n.wi == -back && n.medium.is_none() {
-                        // Straight through a sheet: no point of its own, as on a line between points.
-                        flight.settle();
-                        interactions += 1;
-                        flight.from = surface.p;
-                        flight.ray.origin = scene.geometry.leave(&surface, flight.ray.dir);
-                        continue;
-                    }
-                }
+            Onward::Nowhere => {
+                self.points.push(point);
+                return false;
             }
-            let Some(k) = self.points.len().checked_sub(1) else {
-                return;
-            };
-            let mut point = Point {
-                place,
-                surface,
-                back,
-                chain: arrived,
-                frame,
-                optical_m: flight.optical_m,
-                medium: flight.medium,
-                nest: flight.nest,
-                lanes,
-                interactions,
-                delta: false,
-                forward: 0.0,
-                reverse: 0.0,
-                spread: 0.0,
-            };
-            let to = surface.p - self.points[k].surface.p;
-            let distance2 = to.length_squared().max(f32::MIN_POSITIVE);
-            let passed = mean_transmittance(scene, flight.depth) / distance2;
-            point.forward = density * passed * point.cosine(back);
-            point.spread = passed * self.points[k].cosine(back);
-            interactions += 1;
-            let wi = match (place, next) {
-                (Place::Volume(id), _) => {
-                    let lane = flight.hero.lane;
-                    let (wi, scatter, densities) = scene.media.sample_lane(id, back, lane, stream);
-                    let Some(drawn) = flight.hero.event(densities) else {
-                        self.points.push(point);
-                        return;
-                    };
-                    // The same from both sides: particles are their own mirror images.
-                    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)), from);
-                    density = all.mean(densities);
-                    self.points[k].reverse = density * point.spread;
-                    wi
-                }
-                (_, Some((next, onward))) => {
-                    point.delta = next.delta;
-                    density = onward;
-                    let reverse = if next.delta {
-                        1.0
-                    } else {
-                        point.density(scene, next.wi, back)
-                    };
-                    self.points[k].reverse = reverse * point.spread;
-                    if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
-                        let enters = surface.ng.dot(next.wi) < 0.0;
-                        flight.nest.cross(&scene.boundaries, surface.material, enters);
-                    }
-                    if let (From::Camera, Some(medium)) = (from, next.medium) {
-                        // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
-                        let ratio = flight.medium.index / medium.index;
-                        full *= ratio * ratio;
-                    }
-                    flight.medium = next.medium.unwrap_or(flight.medium);
-                    next.wi
-                }
-                (_, None) => {
-                    self.points.push(point);
-                    return;
-                }
-            };
-            self.points.push(point);
-            let last = self.points.len() > limits.point;
-            if last || interactions >= limits.interactions && !limits.escapes {
-                return;
-            }
-            if interactions >= scene.settings.rr_depth {
-                let keep = (flight.chain.max_m00() / full).clamp(0.0, SURVIVAL);
-                if stream.uniform() >= keep {
-                    return;
-                }
-                flight.chain.scale(Spectral::splat(1.0 / keep));
-            } else if flight.chain.is_dark() {
-                return;
-            }
-            flight.from = surface.p;
-            let origin = point.leave(scene, wi);
-            flight.ray = Ray { origin, dir: wi };
-            flight.settle();
-            flight.depth = Spectral::ZERO;
+        };
+        let (from, origin) = (point.surface.p, point.leave(scene, wi));
+        self.points.push(point);
+        let last = self.points.len() > limits.point;
+        if last || progress.interactions >= limits.interactions && !limits.escapes {
+            return false;
         }
+        let odds = Odds {
+            plays: progress.interactions >= scene.settings.rr_depth,
+            full: progress.full,
+            most: SURVIVAL,
+        };
+        let flight = &mut progress.flight;
+        if !survives(&mut flight.state.chain, odds, stream) {
+            return false;
+        }
+        flight.state.from = from;
+        flight.state.ray = Ray { origin, dir: wi };
+        flight.settle();
+        flight.depth = Spectral::ZERO;
+        true
+    }
+
+    /// Flies to the next point: what arrives there, and with what density the walk came; `None` where it ends before.
+    fn land(
+        &mut self,
+        scene: &Scene,
+        progress: &mut Progress,
+        stream: &mut Stream,
+        limits: Limits,
+    ) -> Option<Point> {
+        let Progress {
+            flight, interactions, ..
+        } = progress;
+        let (site, surface) = match flight.fly(scene, stream, &mut self.rays) {
+            Landing::At(site, surface) => (site, surface),
+            Landing::Escaped => {
+                self.escape = Some(Escape {
+                    chain: flight.state.chain,
+                    beam: Beam {
+                        travel: -flight.state.ray.dir,
+                        frame: flight.state.frame,
+                    },
+                    interactions: *interactions,
+                });
+                return None;
+            }
+            Landing::Absorbed => return None,
+        };
+        let before = self
+            .points
+            .last()
+            .filter(|_| *interactions < limits.interactions)?;
+        let state = &flight.state;
+        let mut point = Point {
+            site,
+            surface,
+            back: -state.ray.dir,
+            chain: state.chain,
+            frame: state.frame,
+            optical_m: state.optical_m,
+            filling: state.filling,
+            nest: flight.nest,
+            lanes: state.lanes,
+            interactions: *interactions,
+            delta: false,
+            forward: 0.0,
+            reverse: 0.0,
+            spread: 0.0,
+        };
+        let distance2 = (surface.p - before.surface.p)
+            .length_squared()
+            .max(f32::MIN_POSITIVE);
+        let passed = mean_transmittance(scene, flight.depth) / distance2;
+        point.forward = progress.density * passed * point.cosine(point.back);
+        point.spread = passed * before.cosine(point.back);
+        Some(point)
+    }
+
+    /// Draws where a walk goes from a surface.
+    fn scatter_on(
+        &mut self,
+        scene: &Scene,
+        point: &mut Point,
+        progress: &mut Progress,
+        stream: &mut Stream,
+    ) -> Onward {
+        let (flight, surface, back) = (&mut progress.flight, &point.surface, point.back);
+        let mut lanes = flight.state.lanes;
+        let Some((next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
+            return Onward::Nowhere;
+        };
+        if lanes != flight.state.lanes {
+            flight.hero = Hero::only(lanes);
+        }
+        flight.state.lanes = lanes;
+        flight.push(&next.scatter);
+        if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
+            return Onward::Straight;
+        }
+        progress.density = density;
+        let reverse = if next.delta {
+            1.0
+        } else {
+            point.density(scene, next.wi, back)
+        };
+        if let Some(before) = self.points.last_mut() {
+            before.reverse = reverse * point.spread;
+        }
+        if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
+            let enters = surface.ng.dot(next.wi) < 0.0;
+            flight.nest.cross(&scene.boundaries, surface.material, enters);
+        }
+        if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
+            // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
+            let ratio = flight.state.filling.index / filling.index;
+            progress.full *= ratio * ratio;
+        }
+        flight.state.filling = next.filling.unwrap_or(flight.state.filling);
+        point.delta = next.delta;
+        Onward::Toward(next.wi)
+    }
+
+    /// Draws where a walk goes from a particle of medium number `id`.
+    fn scatter_in(
+        &mut self,
+        scene: &Scene,
+        id: u32,
+        point: &mut Point,
+        progress: &mut Progress,
+        stream: &mut Stream,
+    ) -> Onward {
+        let flight = &mut progress.flight;
+        let lane = flight.hero.lane;
+        let (wi, scatter, densities) = scene.media.sample_lane(id, point.back, lane, stream);
+        let Some(drawn) = flight.hero.event(densities) else {
+            return Onward::Nowhere;
+        };
+        // The same from both sides: particles are their own mirror images.
+        flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+        progress.density = scene.lanes().mean(densities);
+        if let Some(before) = self.points.last_mut() {
+            before.reverse = progress.density * point.spread;
+        }
+        Onward::Toward(wi)
     }
 }

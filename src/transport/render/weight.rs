@@ -27,6 +27,7 @@ pub(super) struct Tries {
 
 impl Tries {
     /// Of the strategy with `s` points from the light and `t` from the camera. An emitter alone is connected to always.
+    #[inline]
     fn of(self, s: usize, t: usize) -> f64 {
         let light = if s > 1 { f64::from(self.light) } else { 1.0 };
         let splats = if t == 1 { f64::from(self.splats) } else { 1.0 };
@@ -36,6 +37,7 @@ impl Tries {
 
 /// Weight of the strategy that makes `light` from the light and `camera` from the camera, both from their ends on, which
 /// are included.
+#[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());
     let own = tries.of(s, t);

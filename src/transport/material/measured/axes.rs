@@ -119,7 +119,7 @@ pub(super) fn even_axis(k: usize, count: usize) -> Vec<f32> {
 }
 
 /// The two entries around a value, and the weight of the second.
-pub(super) type Place = (usize, usize, f32);
+pub(super) type Between = (usize, usize, f32);
 
 /// One checked axis, ready for lookup.
 #[derive(Clone, Debug)]
@@ -174,7 +174,7 @@ impl Axis {
 
     /// Where `x` lies; beyond the ends, the end.
     #[inline]
-    pub fn place(&self, x: f32) -> Place {
+    pub fn place(&self, x: f32) -> Between {
         let i = self.below(x);
         let (a, b) = (self.nodes[i], self.nodes[i + 1]);
         (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
@@ -182,7 +182,7 @@ impl Axis {
 
     /// Where the angle `x` in -π..π lies on an axis that goes round: the last entry and the first are neighbours.
     #[inline]
-    pub fn place_around(&self, x: f32) -> Place {
+    pub fn place_around(&self, x: f32) -> Between {
         let last = self.nodes.len() - 1;
         let (first, end) = (self.nodes[0], self.nodes[last]);
         if x >= first && x <= end {

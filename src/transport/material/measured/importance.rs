@@ -19,6 +19,7 @@ pub(super) struct Mean {
 }
 
 impl Mean {
+    #[inline]
     fn at(&self, theta_d: f32, theta_h: f32) -> f32 {
         let (d0, d1, td) = self.theta_d.place(theta_d);
         let (h0, h1, th) = self.theta_h.place(theta_h);

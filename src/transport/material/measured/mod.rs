@@ -13,7 +13,8 @@ pub mod table;
 pub mod tensor_file;
 pub mod write;
 
-use super::{Materials, Sampled, facing, same_side};
+use super::lobe::Sampled;
+use super::side::{facing, same_side};
 use crate::geometry::ray::Surface;
 use glam::{Mat3A, Vec3A};
 use optics::polarization::frame::project;
@@ -26,7 +27,7 @@ use table::Table;
 /// A surface as measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
-    /// Its place in [`Materials::tables`].
+    /// Its place in [`Materials::tables`](super::Materials::tables).
     pub table: u32,
 }
 
@@ -42,14 +43,14 @@ fn frame(n: Vec3A, wo: Vec3A) -> Mat3A {
 
 impl Measured {
     #[inline]
-    fn table(self, materials: &Materials) -> &Table {
-        &materials.tables[self.table as usize]
+    fn table(self, tables: &[Table]) -> &Table {
+        &tables[self.table as usize]
     }
 
     /// Table value times cosθ_i.
     #[inline]
     #[must_use]
-    pub fn eval(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+    pub fn eval(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
         if cos <= 0.0 || !same_side(at, wo, wi) {
@@ -57,18 +58,16 @@ impl Measured {
         }
         let (coordinates, s) = rusinkiewicz::coordinates(n, wo, wi);
         Some(Scatter::Full {
-            mueller: self
-                .table(materials)
-                .eval(coordinates)
-                .scaled(Spectral::splat(cos)),
+            mueller: self.table(tables).eval(coordinates).scaled(Spectral::splat(cos)),
             frame_out: s,
             frame_in: s,
         })
     }
 
     /// Density of half vectors over 4 wo·h, mixed with the cosine's.
+    #[inline]
     #[must_use]
-    pub fn pdf(&self, materials: &Materials, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
+    pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some(n) = facing(at, wo) else { return 0.0 };
         let cos = n.dot(wi);
         if cos <= 0.0 {
@@ -76,37 +75,31 @@ impl Measured {
         }
         let h = (wo + wi).normalize_or(n);
         let local = frame(n, wo).transpose() * h;
-        let half = self.table(materials).importance().pdf(n.dot(wo), local);
+        let half = self.table(tables).importance().pdf(n.dot(wo), local);
         let lobe = half / (4.0 * wo.dot(h)).max(1e-6);
         COSINE_SHARE * cos * std::f32::consts::FRAC_1_PI + (1.0 - COSINE_SHARE) * lobe
     }
 
     /// A half vector from the importance tables, or a cosine-weighted direction.
     #[inline]
-    pub fn sample(
-        &self,
-        materials: &Materials,
-        at: &Surface,
-        wo: Vec3A,
-        stream: &mut Stream,
-    ) -> Option<Sampled> {
+    pub fn sample(&self, tables: &[Table], at: &Surface, wo: Vec3A, stream: &mut Stream) -> Option<Sampled> {
         let n = facing(at, wo)?;
         let frame = frame(n, wo);
         let wi = if stream.uniform() < COSINE_SHARE {
             frame * warp::cosine_hemisphere(stream.uniform2())
         } else {
             let ([a, b], [c, d]) = (stream.uniform2(), stream.uniform2());
-            let h = frame * self.table(materials).importance().sample(n.dot(wo), [a, b, c, d]);
+            let h = frame * self.table(tables).importance().sample(n.dot(wo), [a, b, c, d]);
             h * (2.0 * h.dot(wo)) - wo
         };
         let wi = wi.normalize();
-        let value = self.eval(materials, at, wo, wi)?;
-        let pdf = self.pdf(materials, at, wo, wi);
+        let value = self.eval(tables, at, wo, wi)?;
+        let pdf = self.pdf(tables, at, wo, wi);
         (pdf > 0.0).then(|| Sampled {
             wi,
             scatter: value.scaled(Spectral::splat(pdf.recip())),
             delta: false,
-            medium: None,
+            filling: None,
         })
     }
 }

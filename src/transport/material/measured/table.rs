@@ -218,6 +218,7 @@ impl Table {
     }
 
     /// What to draw half vectors from.
+    #[inline]
     pub(super) fn importance(&self) -> &Importance {
         &self.importance
     }

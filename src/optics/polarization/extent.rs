@@ -1,0 +1,42 @@
+//! Which elements of a Mueller matrix can be non-zero, so that only they are kept.
+
+/// The part of a finished product that can be non-zero: its first `rows` rows and `cols` columns, 1 or 4 of each. The
+/// product maps projector-frame Stokes in to camera-frame Stokes out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    pub rows: u32,
+    pub cols: u32,
+}
+
+impl Extent {
+    /// Number of elements.
+    #[inline]
+    #[must_use]
+    pub fn count(self) -> usize {
+        (self.rows * self.cols) as usize
+    }
+
+    /// The least extent that holds this one and another.
+    #[inline]
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            rows: self.rows.max(other.rows),
+            cols: self.cols.max(other.cols),
+        }
+    }
+
+    /// Moves the elements of this extent, which stand row by row from `first` in `table`, to its end with room for
+    /// those of a larger one; the new ones are `zero`. Returns where they begin.
+    pub fn enlarge<T: Copy>(self, table: &mut Vec<T>, first: u32, larger: Self, zero: T) -> u32 {
+        let to = table.len() as u32;
+        table.resize(table.len() + larger.count(), zero);
+        for i in 0..self.rows {
+            for j in 0..self.cols {
+                let value = table[(first + i * self.cols + j) as usize];
+                table[(to + i * larger.cols + j) as usize] = value;
+            }
+        }
+        to
+    }
+}

@@ -1,0 +1,326 @@
+//! What stands in every small pyramid of directions from a point: bounds on the depths of what is nearest, of all else, and of
+//! what hides everything behind it. All are conservative.
+
+use super::bvh::{Geometry, Outline};
+use arrayvec::ArrayVec;
+use glam::{Mat3A, Vec2, Vec3A};
+
+/// Pyramids are taken this much larger than they are, in their own width, against rounding.
+const MARGIN: f32 = 0.02;
+/// Relative margin of depths.
+pub(super) const DEPTH_MARGIN: f32 = 1e-4;
+/// No primitive.
+pub(super) const NOTHING: u32 = u32::MAX;
+/// What comes nearer than this, relative to the scene, is too close for a view.
+const NEAR: f32 = 1e-3;
+/// An outline whose area on the plane at distance 1 is below this, over its length there, is a sliver: rounding decides which
+/// way round it is.
+const SLIVER: f32 = 1e-5;
+/// A plane at less than this sine to the line to one of its corners is seen edge-on: its depths are not to be trusted.
+const EDGE_ON: f32 = 1e-3;
+/// Balls are taken this much larger than they are, against rounding of their hits.
+const ROUND_MARGIN: f32 = 1e-3;
+/// Rounding of angles between directions, radians: arc tangents of single precision stay a hundred times below.
+const ANGLE_MARGIN: f32 = 1e-4;
+/// A direction this share of a ball's rim off its middle still hits it for certain.
+const WELL_INSIDE: f32 = 0.99;
+/// Beyond this angle off the axis a tangent is as good as infinite: just below π/2, where single precision changes its sign.
+const RIGHT_ANGLE: f32 = 1.57;
+
+/// What one pyramid holds; depths are along the axis of the pinhole, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounds {
+    /// The primitive that may be nearest, and the least depth at which it may be.
+    pub leaf: u32,
+    pub nearest: f32,
+    /// Least depth of anything else.
+    pub others: f32,
+    /// Depth behind which everything is hidden.
+    pub cover: f32,
+}
+
+impl Bounds {
+    /// Of an empty pyramid.
+    const NOTHING: Self = Self {
+        leaf: NOTHING,
+        nearest: f32::INFINITY,
+        others: f32::INFINITY,
+        cover: f32::INFINITY,
+    };
+}
+
+/// How directions are divided into pyramids.
+#[derive(Clone, Copy)]
+pub(super) struct Grid {
+    /// First corner, and pyramids per unit, on the plane at distance 1.
+    pub first: Vec2,
+    pub density: Vec2,
+    pub size: [u32; 2],
+}
+
+/// The bounds of all pyramids while primitives are entered.
+pub(super) struct Survey {
+    grid: Grid,
+    pub bounds: Vec<Bounds>,
+}
+
+/// A rectangle of directions on the plane at distance 1.
+#[derive(Clone, Copy)]
+struct Window {
+    lo: Vec2,
+    hi: Vec2,
+}
+
+impl Window {
+    fn corners(&self) -> [Vec2; 4] {
+        let (a, b) = (self.lo, self.hi);
+        [a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)]
+    }
+}
+
+impl Survey {
+    /// Enters all primitives of a geometry, seen from `origin` with world directions turned by `to_local`; `None` where something
+    /// is so close that nothing could be said.
+    pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
+        let mut survey = Self {
+            grid,
+            bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize],
+        };
+        let near = NEAR * geometry.extent();
+        for (leaf, outline) in geometry.outlines() {
+            match outline {
+                Outline::Flat { corners } => {
+                    let corners = corners.map(|p| to_local * (p - origin));
+                    survey.flat(leaf, corners, near, geometry.skin())?;
+                }
+                Outline::Ball { centre, radius } => {
+                    survey.round(leaf, to_local * (centre - origin), radius, true)?;
+                }
+                Outline::Inside { centre, radius } => {
+                    survey.round(leaf, to_local * (centre - origin), radius, false)?;
+                }
+            }
+        }
+        Some(survey)
+    }
+
+    /// Enters a primitive into a pyramid: least depth, and the depth that it surely hides all behind.
+    fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
+        let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
+        if depth < p.nearest {
+            p.others = p.nearest;
+            p.nearest = depth;
+            p.leaf = leaf;
+        } else {
+            p.others = p.others.min(depth);
+        }
+        p.cover = p.cover.min(cover);
+    }
+
+    /// Columns and rows of the pyramids that a window touches, widened by `more`.
+    fn touched(&self, window: Window, more: f32) -> [std::ops::Range<u32>; 2] {
+        let pad = Vec2::splat(2.0 * MARGIN) + self.grid.density * more;
+        let lo = (window.lo - self.grid.first) * self.grid.density - pad;
+        let hi = (window.hi - self.grid.first) * self.grid.density + pad + Vec2::ONE;
+        [0, 1].map(|k| {
+            let end = |v: f32| v.clamp(0.0, self.grid.size[k] as f32) as u32;
+            end(lo[k])..end(hi[k])
+        })
+    }
+
+    /// A pyramid, widened by `margin` of its width and `more`.
+    fn window(&self, column: u32, row: u32, more: f32) -> Window {
+        let (a, n) = (Vec2::new(column as f32, row as f32), self.grid.density);
+        let wider = Vec2::splat(MARGIN) + n * more;
+        Window {
+            lo: self.grid.first + (a - wider) / n,
+            hi: self.grid.first + (a + Vec2::ONE + wider) / n,
+        }
+    }
+
+    fn flat(&mut self, leaf: u32, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
+        let behind = corners.iter().all(|c| c.z <= near);
+        // What lies between the pinhole and the near plane must be outside of the whole image.
+        if corners.iter().any(|c| c.z <= near) {
+            let whole = self.whole();
+            let close = clip(&clip(&corners, |c| near - c.z), |c| c.z);
+            let outside = |f: &dyn Fn(&Vec3A) -> f32| close.iter().all(|c| f(c) > 0.0);
+            let clear = close.is_empty()
+                || outside(&|c| whole.lo.x * c.z - c.x)
+                || outside(&|c| c.x - whole.hi.x * c.z)
+                || outside(&|c| whole.lo.y * c.z - c.y)
+                || outside(&|c| c.y - whole.hi.y * c.z);
+            if !clear {
+                return None;
+            }
+        }
+        if behind {
+            return Some(());
+        }
+        let polygon = clip(&corners, |c| c.z - near);
+        let points: ArrayVec<Vec2, 8> = polygon.iter().map(|c| Vec2::new(c.x, c.y) / c.z).collect();
+        let fold = |f: fn(f32, f32) -> f32, start: f32| polygon.iter().fold(start, |m, c| f(m, c.z));
+        let (least, greatest) = (fold(f32::min, f32::INFINITY), fold(f32::max, 0.0));
+        let bounds = points.iter().fold(
+            Window {
+                lo: Vec2::INFINITY,
+                hi: Vec2::NEG_INFINITY,
+            },
+            |w, p| Window {
+                lo: w.lo.min(*p),
+                hi: w.hi.max(*p),
+            },
+        );
+        let area: f32 = (1..points.len())
+            .map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0]))
+            .sum();
+        // Which way round is not known of a sliver: its box must do.
+        let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() {
+            area.signum()
+        } else {
+            0.0
+        };
+        let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
+        let height = normal.dot(corners[0]);
+        // Nor is the depth of a plane that is seen edge-on.
+        let sloped = height.abs() > EDGE_ON * normal.length() * corners[0].length();
+        let more = skin / least;
+        let [columns, rows] = self.touched(bounds, more);
+        for row in rows {
+            for column in columns.clone() {
+                let window = self.window(column, row, more);
+                // Outside one edge with all corners: no overlap. Inside all edges with all: covered.
+                let (mut apart, mut inside) = (false, turn != 0.0);
+                for i in 0..points.len() {
+                    let (a, b) = (points[i], points[(i + 1) % points.len()]);
+                    let side = |p: Vec2| (b - a).perp_dot(p - a) * turn;
+                    let sides = window.corners().map(side);
+                    apart |= turn != 0.0 && a != b && sides.iter().all(|s| *s < 0.0);
+                    inside &= a == b || sides.iter().all(|s| *s > 0.0);
+                }
+                if apart {
+                    continue;
+                }
+                // 1/z is linear over the image, so that its extremes are at the corners.
+                let inverse = window
+                    .corners()
+                    .map(|p| normal.dot(p.extend(1.0).into()) / height);
+                let (lo, hi) = inverse
+                    .iter()
+                    .fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| {
+                        (lo.min(*v), hi.max(*v))
+                    });
+                let depth = if sloped && hi > 0.0 {
+                    least.max(1.0 / hi)
+                } else {
+                    least
+                };
+                let cover = if !inside {
+                    f32::INFINITY
+                } else if sloped && lo > 0.0 {
+                    greatest.min(1.0 / lo)
+                } else {
+                    greatest
+                };
+                self.enter(
+                    column,
+                    row,
+                    leaf,
+                    depth * (1.0 - DEPTH_MARGIN),
+                    cover * (1.0 + DEPTH_MARGIN),
+                );
+            }
+        }
+        Some(())
+    }
+
+    /// A sphere about `c` (right, down, forward), or something of unknown shape inside it.
+    fn round(&mut self, leaf: u32, c: Vec3A, radius: f32, solid: bool) -> Option<()> {
+        let distance = c.length();
+        let radius = radius * (1.0 + ROUND_MARGIN);
+        let rim = (radius / distance).min(1.0).asin();
+        if distance <= radius {
+            return None;
+        }
+        let ([left, right], [top, bottom]) = (shadow(c.x, c.z, radius), shadow(c.y, c.z, radius));
+        let bounds = Window {
+            lo: Vec2::new(left, top),
+            hi: Vec2::new(right, bottom),
+        };
+        let [columns, rows] = self.touched(bounds, 0.0);
+        for row in rows {
+            for column in columns.clone() {
+                let window = self.window(column, row, 0.0);
+                let middle = ((window.lo + window.hi) * 0.5).extend(1.0);
+                let middle = Vec3A::from(middle).normalize();
+                let half = window
+                    .corners()
+                    .iter()
+                    .map(|p| angle(p.extend(1.0).into(), middle))
+                    .fold(0.0, f32::max)
+                    + ANGLE_MARGIN;
+                let off = angle(middle, c);
+                if off > rim + half {
+                    continue;
+                }
+                let covered = solid && off < rim * WELL_INSIDE - half;
+                // The near half's depth exceeds the centre's by no more than the slant of the rays.
+                let cover = if covered {
+                    c.z + radius * (1.0 - middle.z * middle.z).sqrt() + half * radius
+                } else {
+                    f32::INFINITY
+                };
+                let leaf = if solid { leaf } else { NOTHING };
+                self.enter(column, row, leaf, (c.z - radius).max(0.0), cover);
+            }
+        }
+        Some(())
+    }
+
+    fn whole(&self) -> Window {
+        let cells = Vec2::new(self.grid.size[0] as f32, self.grid.size[1] as f32);
+        let margin = Vec2::splat(MARGIN) / self.grid.density;
+        Window {
+            lo: self.grid.first - margin,
+            hi: self.grid.first + cells / self.grid.density + margin,
+        }
+    }
+}
+
+/// What a disk about (x, z) covers of the line z = 1, seen from the origin outside of it: least and greatest x.
+fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
+    let (middle, distance) = (x.atan2(z), x.hypot(z));
+    if distance <= radius {
+        return [f32::NEG_INFINITY, f32::INFINITY];
+    }
+    let half = (radius / distance).asin();
+    let end = |angle: f32| {
+        if angle.abs() < RIGHT_ANGLE {
+            angle.tan()
+        } else {
+            f32::INFINITY.copysign(angle)
+        }
+    };
+    [end(middle - half), end(middle + half)]
+}
+
+/// The angle between two directions.
+fn angle(a: Vec3A, b: Vec3A) -> f32 {
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// The part of a convex polygon where `f` is not negative (Sutherland & Hodgman 1974).
+fn clip(polygon: &[Vec3A], f: impl Fn(&Vec3A) -> f32) -> ArrayVec<Vec3A, 8> {
+    let mut out = ArrayVec::new();
+    for (i, b) in polygon.iter().enumerate() {
+        let a = &polygon[(i + polygon.len() - 1) % polygon.len()];
+        let (fa, fb) = (f(a), f(b));
+        if (fa < 0.0) != (fb < 0.0) {
+            out.push(*a + (*b - *a) * (fa / (fa - fb)));
+        }
+        if fb >= 0.0 {
+            out.push(*b);
+        }
+    }
+    out
+}

@@ -1,0 +1,243 @@
+//! Builder and tree together: rays hit what they should.
+
+use super::builder::GeometryBuilder;
+use super::mesh::Mesh;
+use super::quadric::{Quadric, QuadricKind};
+use super::ray::Ray;
+use glam::{Affine3A, Vec3, Vec3A};
+use optics::sampling::stream::Stream;
+use optics::sampling::warp;
+
+/// Distance and the least barycentric coordinate of a ray in a triangle's plane.
+fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
+    let (e1, e2) = (b - a, c - a);
+    let n = e1.cross(e2);
+    let t = (a - o).dot(n) / d.dot(n);
+    let p = o + d * t - a;
+    let (u, v) = (p.cross(e2).dot(n) / n.dot(n), e1.cross(p).dot(n) / n.dot(n));
+    (t, u.min(v).min(1.0 - u - v))
+}
+
+/// A rectangle of two triangles is one primitive with the surface of the two.
+#[test]
+fn rectangles_are_one_primitive() {
+    let place = Affine3A::from_scale_rotation_translation(
+        Vec3::new(0.7, 1.3, 1.0),
+        glam::Quat::from_rotation_x(0.4),
+        Vec3::new(0.1, 0.2, 0.3),
+    );
+    let mut mesh = Mesh::rectangle();
+    mesh.transform(&place);
+    let mut apart = mesh.clone();
+    // In another order the two triangles are not recognized.
+    apart.indices.swap(0, 1);
+    let [one, two] = [&mesh, &apart].map(|m| {
+        let mut builder = GeometryBuilder::default();
+        builder.mesh(m, 3);
+        builder.build()
+    });
+    assert_eq!(one.packs[0].parallelogram.bits(), 1);
+    assert_eq!(two.packs[0].parallelogram.bits(), 0);
+    assert_eq!((one.counts(), two.counts()), ((2, 0), (2, 0)));
+    let mut stream = Stream::new(8, 0, 0);
+    let mut hits = 0;
+    for _ in 0..5000 {
+        let origin = warp::sphere(stream.uniform2()) * 4.0;
+        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
+        let ray = Ray { origin, dir };
+        let [a, b] = [&one, &two].map(|g| g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h)));
+        let (Some(a), Some(b)) = (a, b) else {
+            continue;
+        };
+        // Rounding along a grazing ray is not small.
+        if a.ng.dot(dir).abs() < 0.1 {
+            continue;
+        }
+        hits += 1;
+        assert!((a.p - b.p).length() < 1e-5 && a.ng.dot(b.ng) > 0.999_99 && a.ns.dot(b.ns) > 0.999_99);
+        assert!(a.tangent.normalize().dot(b.tangent.normalize()) > 0.9999);
+        assert!(a.uv.iter().zip(b.uv).all(|(x, y)| (x - y).abs() < 1e-5) && a.material == 3);
+    }
+    assert!(hits > 1000);
+}
+
+/// A soup of triangles and spheres: the BVH finds exactly what a loop over all primitives finds.
+#[test]
+fn bvh_equals_brute_force() {
+    let mut stream = Stream::new(5, 0, 0);
+    let mut builder = GeometryBuilder::default();
+    let mut mesh = Mesh::default();
+    for i in 0..300 {
+        let c = warp::sphere(stream.uniform2()) * 2.0;
+        for _ in 0..3 {
+            mesh.positions
+                .push((c + warp::sphere(stream.uniform2()) * 0.4).into());
+        }
+        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    builder.mesh(&mesh, 0);
+    for _ in 0..50 {
+        let c = warp::sphere(stream.uniform2()) * 2.0;
+        let t =
+            Affine3A::from_scale_rotation_translation(glam::Vec3::splat(0.1), glam::Quat::IDENTITY, c.into());
+        builder.quadric(Quadric::new(QuadricKind::Sphere, t, 1));
+    }
+    let g = builder.build();
+    let mut hits = 0;
+    for _ in 0..20_000 {
+        let origin = warp::sphere(stream.uniform2()) * 3.0;
+        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
+        let ray = Ray { origin, dir };
+        let quadrics = g.quadrics.iter();
+        let round = quadrics
+            .map(|q| q.intersect(origin, dir, f32::INFINITY))
+            .fold(f32::INFINITY, f32::min);
+        // Triangles in double precision: those hit for certain, and those that may be.
+        let [mut certain, mut possible] = [f64::from(round); 2];
+        for tri in &mesh.indices {
+            let (t, margin) = reference(tri.map(|i| mesh.positions[i as usize]), &ray);
+            if t > 0.0 && margin > 1e-4 {
+                certain = certain.min(t);
+            }
+            if t > 0.0 && margin > -1e-4 {
+                possible = possible.min(t);
+            }
+        }
+        let got = g.intersect(&ray, f32::INFINITY);
+        let t = got.map_or(f64::INFINITY, |h| f64::from(h.t));
+        assert!(
+            t >= possible - 1e-4 && (t <= certain + 1e-4),
+            "{possible} {t} {certain}"
+        );
+        assert_eq!(g.occluded(&ray, f32::INFINITY), got.is_some());
+        if let Some(h) = got {
+            hits += 1;
+            let s = g.surface(&ray, &h);
+            assert!((s.p - (origin + dir * h.t)).length() < 1e-4);
+            let on = Ray {
+                origin: g.leave(&s, s.ng),
+                dir: s.ng,
+            };
+            let again = g.intersect(&on, f32::INFINITY);
+            assert!(
+                again.is_none_or(|a| a.leaf != h.leaf || a.t > 0.05),
+                "hits itself"
+            );
+        }
+    }
+    assert!(hits > 5000);
+}
+
+/// Rays aimed at the shared edge of two triangles, from near and far, steep and grazing: none slips through.
+#[test]
+fn shared_edges_are_closed() {
+    let mut stream = Stream::new(6, 0, 0);
+    let mut missed = 0;
+    for case in 0..200 {
+        let size = [0.01, 0.1, 1.0][case % 3];
+        let centre = warp::sphere(stream.uniform2()) * 2.0;
+        let frame = optics::polarization::frame::basis(warp::sphere(stream.uniform2()));
+        let (x, y) = (frame.x_axis * size, frame.y_axis * size);
+        let corners = [centre - x - y, centre + x - y, centre + x + y, centre - x + y];
+        let mut builder = GeometryBuilder::default();
+        // Something else spans the scene, as around any small object.
+        for (points, indices) in [
+            (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]),
+            (
+                vec![Vec3A::splat(8.0), Vec3A::splat(8.1), Vec3A::new(8.0, 8.1, 8.0)],
+                vec![[0, 1, 2]],
+            ),
+        ] {
+            builder.mesh(
+                &Mesh {
+                    positions: points.into_iter().map(Into::into).collect(),
+                    indices,
+                    ..Mesh::default()
+                },
+                0,
+            );
+        }
+        let g = builder.build();
+        for _ in 0..500 {
+            let target = corners[0].lerp(corners[2], 0.02 + 0.96 * stream.uniform());
+            let origin = target + warp::sphere(stream.uniform2()) * (0.05 + 5.0 * stream.uniform());
+            let dir = (target - origin).normalize();
+            if dir.dot(frame.z_axis).abs() > 0.05 {
+                let ray = Ray { origin, dir };
+                missed += u32::from(g.intersect(&ray, f32::INFINITY).is_none());
+            }
+        }
+    }
+    assert_eq!(missed, 0);
+}
+
+#[test]
+fn an_empty_scene_is_hit_by_nothing() {
+    let g = GeometryBuilder::default().build();
+    let ray = Ray {
+        origin: Vec3A::ZERO,
+        dir: Vec3A::X,
+    };
+    assert!(g.intersect(&ray, f32::INFINITY).is_none());
+    assert!(!g.occluded(&ray, f32::INFINITY));
+}
+
+/// The code for AVX2, that for any processor, and what other processors would compile (feature `portable`) meet every ray at
+/// the same bits. Only sums, products, quotients and roots are in them, which round the same everywhere.
+#[test]
+fn every_processor_meets_the_same() {
+    let mut stream = Stream::new(21, 0, 0);
+    let mut mesh = Mesh::default();
+    for i in 0..500 {
+        let c = warp::sphere(stream.uniform2()) * 2.0;
+        for _ in 0..3 {
+            mesh.positions
+                .push((c + warp::sphere(stream.uniform2()) * 0.5).into());
+        }
+        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    let build = || {
+        let mut builder = GeometryBuilder::default();
+        builder.mesh(&mesh, 0);
+        builder.mesh(&Mesh::rectangle(), 1);
+        for (i, kind) in [QuadricKind::Sphere, QuadricKind::Disk, QuadricKind::Cylinder]
+            .into_iter()
+            .enumerate()
+        {
+            let place = Affine3A::from_translation(Vec3::new(i as f32 - 1.0, 0.5, 0.2));
+            let size = Affine3A::from_scale(Vec3::splat(0.4));
+            builder.quadric(Quadric::new(kind, place * size, 2));
+        }
+        builder.build()
+    };
+    let (fast, plain) = (build(), build().plain());
+    assert!(!plain.avx2());
+    // FNV-1a over the bits of all hits.
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let (mut hits, mut hidden) = (0, 0);
+    for _ in 0..30_000 {
+        let origin = warp::sphere(stream.uniform2()) * 3.0;
+        let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
+        let ray = Ray { origin, dir };
+        let [a, b] = [&fast, &plain].map(|g| {
+            let hit = g.intersect(&ray, f32::INFINITY)?;
+            let surface = g.surface(&ray, &hit);
+            let numbers = [hit.t, hit.u, hit.v, surface.p.x, surface.ns.y, surface.uv[0]];
+            Some((hit.leaf, numbers.map(f32::to_bits)))
+        });
+        assert_eq!(a, b);
+        let [a_hidden, b_hidden] = [&fast, &plain].map(|g| g.occluded(&ray, 2.5));
+        assert_eq!(a_hidden, b_hidden);
+        hidden += u32::from(a_hidden);
+        if let Some((leaf, numbers)) = a {
+            hits += 1;
+            for n in [leaf, numbers[0], numbers[1], numbers[2]] {
+                hash = (hash ^ u64::from(n)).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+    assert!(hits > 10_000 && hidden > 3_000, "{hits} {hidden}");
+    assert_eq!(hash, 0x9208_de61_4f77_581b, "{hash:#018x}");
+}

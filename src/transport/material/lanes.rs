@@ -1,0 +1,88 @@
+//! The wavelengths that a path carries, side by side in the lanes of a [`Spectral`].
+
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+
+/// The wavelength lanes that a path still carries: dispersion leaves one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lanes {
+    /// Bit i: lane i is alive.
+    pub mask: u8,
+}
+
+impl Lanes {
+    /// The first `n` lanes.
+    #[inline]
+    #[must_use]
+    pub fn first(n: usize) -> Self {
+        Self {
+            mask: ((1_u16 << n) - 1) as u8,
+        }
+    }
+
+    /// How many lanes are alive.
+    #[inline]
+    #[must_use]
+    pub fn count(self) -> u32 {
+        self.mask.count_ones()
+    }
+
+    /// 1 in living lanes, 0 in the others.
+    #[inline]
+    #[must_use]
+    pub fn ones(self) -> Spectral {
+        Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
+    }
+
+    /// The `k`-th living lane.
+    #[inline]
+    #[must_use]
+    pub fn nth(self, k: u32) -> usize {
+        let mut left = k;
+        (0..4)
+            .find(|i| {
+                let alive = self.mask >> i & 1 == 1;
+                let found = alive && left == 0;
+                if alive && left > 0 {
+                    left -= 1;
+                }
+                found
+            })
+            .unwrap_or(0)
+    }
+
+    /// The mean of a value over the living lanes.
+    #[inline]
+    #[must_use]
+    pub fn mean(self, value: Spectral) -> f32 {
+        let values = value.to_array();
+        let alive = self.count().max(1);
+        (0..alive).map(|k| values[self.nth(k)]).sum::<f32>() / alive as f32
+    }
+
+    /// One of the living lanes, each as likely.
+    #[inline]
+    pub fn draw(self, stream: &mut Stream) -> usize {
+        let alive = self.count().max(1);
+        self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
+    }
+
+    /// Draws one living lane uniformly, which alone goes on; returns it with the weight that makes it stand for all
+    /// (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    #[inline]
+    pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
+        let alive = self.count().max(1);
+        let lane = self.draw(stream);
+        self.mask = 1 << lane;
+        let mut weight = [0.0; 4];
+        weight[lane] = alive as f32;
+        (lane, Spectral::new(weight))
+    }
+}
+
+/// True if the first `count` lanes of a value differ.
+#[must_use]
+pub fn varies(value: Spectral, count: usize) -> bool {
+    let lanes = value.to_array();
+    lanes[1..count].iter().any(|l| *l != lanes[0])
+}

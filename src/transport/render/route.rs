@@ -1,0 +1,121 @@
+//! What a way to a pinhole is bent by ([`super::manifold`]): so many interfaces, a mirror, so many interfaces, …
+
+use super::bridge::{Start, unnoticed};
+use super::mirrors::{Mirrors, Seed};
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+
+/// Most interfaces on the way.
+pub(super) const INTERFACES: usize = 8;
+
+/// A straight line to a mirror is looked along up to this near it, relative to its length.
+const BEFORE: f32 = 1e-4;
+
+/// Surfaces that a line or a shot may meet, sheets and null boundaries included: one that grazes forever must end.
+pub(super) const MOST_SURFACES: usize = 64;
+
+/// What bends a way: interfaces and mirrors, in the order in which it comes to them.
+pub(super) struct Route<'a> {
+    /// Interfaces before each mirror, and after the last.
+    pub through: ArrayVec<usize, 3>,
+    pub over: &'a [Seed],
+    mirrors: Option<&'a Mirrors>,
+}
+
+/// What a straight line through interfaces meets.
+pub(super) struct Met {
+    pub count: usize,
+    /// What surrounds its end, and where the last of them is left.
+    nest: Nest,
+    left: Vec3A,
+}
+
+/// True where light goes straight on.
+#[inline]
+pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
+    let id = surface.material;
+    unnoticed(scene, nest, id) || (scene.sheets && scene.materials.straight(id, surface, -dir).is_some())
+}
+
+impl<'a> Route<'a> {
+    /// True if a hit is on the mirror that ends a leg.
+    #[inline]
+    pub fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
+        match (self.mirrors, self.over.get(leg)) {
+            (Some(mirrors), Some(seed)) => mirrors.group(hit) == seed.group,
+            _ => false,
+        }
+    }
+
+    /// Through so many interfaces.
+    #[inline]
+    pub fn through(count: usize) -> Self {
+        Self {
+            through: ArrayVec::from_iter([count]),
+            over: &[],
+            mirrors: None,
+        }
+    }
+
+    /// The route from the start of a line to the points `over` of mirrors and on to `to`, as if all of it were straight in
+    /// between; `None` if something else stands in it.
+    pub fn over(
+        scene: &Scene,
+        mirrors: &'a Mirrors,
+        start: &Start,
+        over: &'a [Seed],
+        to: Vec3A,
+    ) -> Option<Self> {
+        let mut route = Self {
+            through: ArrayVec::new(),
+            over,
+            mirrors: Some(mirrors),
+        };
+        let (mut ray, mut nest) = (start.ray, start.nest);
+        for seed in over {
+            ray.dir = (seed.point - ray.origin).try_normalize()?;
+            let near = seed.point.lerp(ray.origin, BEFORE);
+            let met = interfaces(scene, ray, nest, near)?;
+            route.through.push(met.count);
+            nest = met.nest;
+            ray.origin = met.left;
+            let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+            if mirrors.group(&hit) != seed.group {
+                return None;
+            }
+            let surface = scene.geometry.surface(&ray, &hit);
+            ray.origin = scene.geometry.leave(&surface, -ray.dir);
+        }
+        ray.dir = (to - ray.origin).try_normalize()?;
+        route.through.push(interfaces(scene, ray, nest, to)?.count);
+        (route.through.iter().sum::<usize>() + over.len() <= INTERFACES).then_some(route)
+    }
+}
+
+/// The interfaces on a straight line; `None` if anything else stands in it.
+pub(super) fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<Met> {
+    let mut count = 0;
+    for _ in 0..MOST_SURFACES {
+        let length = (to - ray.origin).length();
+        let Some(hit) = scene.geometry.intersect(&ray, length) else {
+            return Some(Met {
+                count,
+                nest,
+                left: ray.origin,
+            });
+        };
+        let surface = scene.geometry.surface(&ray, &hit);
+        if !passes(scene, &nest, &surface, ray.dir) {
+            count += 1;
+            if !scene.materials.is_interface(surface.material) || count > INTERFACES {
+                return None;
+            }
+        }
+        nest.cross(&scene.boundaries, surface.material, surface.ng.dot(ray.dir) < 0.0);
+        ray.origin = scene.geometry.leave(&surface, ray.dir);
+    }
+    None
+}

@@ -1,0 +1,46 @@
+//! What a path carries along its current ray, whichever way it is traced.
+
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Filling, Lanes, NO_CRYSTAL};
+use crate::scene::Scene;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::scatter::Scatter;
+
+/// The state of a path at its current ray.
+pub(super) struct State {
+    pub ray: Ray,
+    /// Where the ray really starts (its origin is nudged off the surface).
+    pub from: Vec3A,
+    /// Product from the light along the ray to the path's end: to the camera frame, or from an emitter, transposed.
+    pub chain: Chain,
+    /// Frame of that light.
+    pub frame: Vec3A,
+    /// Optical path length so far, metres.
+    pub optical_m: f64,
+    /// What the ray runs through.
+    pub filling: Filling,
+    pub lanes: Lanes,
+}
+
+/// A direction in which light travels, and the frame of its Stokes vectors.
+#[derive(Clone, Copy)]
+pub(super) struct Beam {
+    pub travel: Vec3A,
+    pub frame: Vec3A,
+}
+
+impl State {
+    /// What the filling does to light all along the current ray, to the surface that it hit; `None` where it does nothing.
+    #[inline(always)]
+    pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
+        if self.filling.crystal == NO_CRYSTAL {
+            return None;
+        }
+        // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off the
+        // surface, which shifts the hit point sideways.
+        let (dir, ng) = (self.ray.dir, surface.ng.as_dvec3());
+        let length = (surface.p.as_dvec3() - self.from.as_dvec3()).dot(ng) / dir.as_dvec3().dot(ng);
+        scene.materials.propagate(self.filling, dir, length)
+    }
+}

@@ -1,0 +1,145 @@
+//! Renders of a scene made in code.
+
+use super::schedule::{Unwatched, render};
+use crate::device::distortion::Distortion;
+use crate::device::emitter::{Environment, PointEmitter};
+use crate::device::pinhole::Pinhole;
+use crate::device::projector::Projector;
+use crate::geometry::builder::GeometryBuilder;
+use crate::geometry::mesh::Mesh;
+use crate::geometry::quadric::{Quadric, QuadricKind};
+use crate::material::conductor::Conductor;
+use crate::material::diffuse::Diffuse;
+use crate::material::facets::Roughness;
+use crate::material::rough_conductor::RoughConductor;
+use crate::material::texture::{Scalar, Spectrum};
+use crate::material::{Material, Materials};
+use crate::medium::Media;
+use crate::medium::nesting::Boundary;
+use crate::scene::{Integrator, Scene, SceneTables, Settings};
+use glam::{Affine3A, DVec2, Mat3A, Quat, Vec3, Vec3A};
+use optics::sampling::microfacet::{Distribution, Masking};
+use optics::spectrum::{Spectral, Wavelengths};
+use tensor::field::Field;
+use tensor::memory::Arrays;
+use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+
+/// A room with a ball that mirrors, a rough one, and light of every kind.
+fn scene(integrator: Integrator, plain: bool) -> Scene {
+    let (n, k) = (
+        Spectral::new([0.4, 1.5, 0.2, 2.0]),
+        Spectral::new([2.5, 1.9, 3.4, 2.0]),
+    );
+    let roughness = Roughness {
+        distribution: Distribution::Ggx,
+        masking: Masking::default(),
+        alpha: Scalar::uniform(0.3),
+    };
+    let mut materials = Materials::default();
+    materials.list = vec![
+        Material::Diffuse(Diffuse {
+            albedo: Spectrum::uniform(Spectral::new([0.3, 0.5, 0.7, 0.0])),
+        }),
+        Material::Conductor(Conductor { n, k }),
+        Material::RoughConductor(RoughConductor { n, k, roughness }),
+    ];
+    let mut builder = GeometryBuilder::default();
+    for turn in [0.0, 0.5, -0.5] {
+        let mut wall = Mesh::rectangle();
+        let middle = Affine3A::from_translation(Vec3::new(-0.5, -0.5, 0.0));
+        let size = Affine3A::from_scale_rotation_translation(
+            Vec3::new(6.0, 6.0, 1.0),
+            Quat::IDENTITY,
+            Vec3::new(0.0, 0.0, -2.0),
+        );
+        let turned = Affine3A::from_rotation_y(turn * std::f32::consts::PI);
+        wall.transform(&(turned * size * middle));
+        builder.mesh(&wall, 0);
+    }
+    for (material, radius, at) in [(1, 0.6, [-0.7, -0.2, 0.0]), (2, 0.5, [0.6, 0.2, 0.4])] {
+        let place = Affine3A::from_scale_rotation_translation(
+            Vec3::splat(radius),
+            Quat::IDENTITY,
+            Vec3::from_array(at),
+        );
+        builder.quadric(Quadric::new(QuadricKind::Sphere, place, material));
+    }
+    let geometry = builder.build();
+    let axes = Mat3A::from_cols(Vec3A::X, -Vec3A::Y, -Vec3A::Z);
+    let device = |x: f32| {
+        let (focal, middle) = (DVec2::splat(20.0), DVec2::splat(12.0));
+        let origin = Vec3A::new(x, 0.1, 4.0);
+        Pinhole::new([24, 24], focal, middle, Distortion::default(), origin, axes).expect("no distortion")
+    };
+    Scene::new(SceneTables {
+        name: "test".to_owned(),
+        wavelengths: Wavelengths::default(),
+        geometry: if plain { geometry.plain() } else { geometry },
+        boundaries: vec![Boundary::NONE; materials.list.len()],
+        materials,
+        media: Media::default(),
+        camera: device(0.0),
+        projector: Some(Projector {
+            pinhole: device(0.3),
+            irradiance: Spectral::splat(3.0),
+            coaxial: false,
+        }),
+        points: vec![PointEmitter {
+            position: Vec3A::new(-1.0, 1.5, 2.0),
+            intensity: Spectral::ONE,
+            axis: Vec3A::X,
+        }],
+        environment: Some(Environment {
+            radiance: Spectral::splat(0.1),
+            axis: Vec3A::Y,
+        }),
+        slices: vec![Slice {
+            name: "all".to_owned(),
+            camera: CameraSelect::All,
+            projector: ProjectorSelect::Sum,
+            time: TimeSelect::Sum,
+            polarization: Polarization::Mueller,
+            bounces: true,
+            split_first_bounce: false,
+        }],
+        settings: Settings {
+            spp: 9,
+            max_depth: 6,
+            rr_depth: 3,
+            integrator,
+            manifold: integrator == Integrator::Bidirectional,
+            strategy: None,
+            seed: 7,
+            tile: 8,
+        },
+        sha256: String::new(),
+    })
+}
+
+/// Bits of all means and errors, and their number that is not zero.
+fn bits(scene: &Scene) -> (Vec<u32>, usize) {
+    let mut arrays = Arrays::default();
+    let summary = render(scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    assert!(summary.complete && summary.discarded == 0);
+    let bits: Vec<u32> = [Field::Mean, Field::StdError]
+        .into_iter()
+        .flat_map(|field| arrays.get("all", field).expect("the field").data)
+        .map(f32::to_bits)
+        .collect();
+    let lit = bits.iter().filter(|b| **b != 0).count();
+    (bits, lit)
+}
+
+/// The code for AVX2 and that for any processor render the same bits, by paths and by walks.
+#[test]
+fn every_processor_renders_the_same() {
+    for integrator in [Integrator::Path, Integrator::Bidirectional] {
+        let [fast, plain] = [false, true].map(|plain| {
+            let scene = scene(integrator, plain);
+            assert!(!(plain && scene.geometry.avx2()));
+            bits(&scene)
+        });
+        assert!(fast.1 > 10_000, "{} of {} are lit", fast.1, fast.0.len());
+        assert!(fast == plain, "{integrator:?}");
+    }
+}

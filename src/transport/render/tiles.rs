@@ -1,0 +1,34 @@
+//! The camera's image in square tiles, which are rendered one by one.
+
+use crate::scene::Scene;
+use std::ops::Range;
+
+/// Columns and rows of camera pixels.
+pub(super) struct TilePixels {
+    pub x: Range<u32>,
+    pub y: Range<u32>,
+}
+
+/// Number of tiles.
+pub(super) fn count(scene: &Scene) -> u32 {
+    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
+    w.div_ceil(n) * h.div_ceil(n)
+}
+
+/// The pixels of tile number `tile`.
+pub(super) fn pixels(scene: &Scene, tile: u32) -> TilePixels {
+    let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
+    let across = w.div_ceil(n);
+    let (x, y) = (tile % across * n, tile / across * n);
+    TilePixels {
+        x: x..(x + n).min(w),
+        y: y..(y + n).min(h),
+    }
+}
+
+/// Number of the tile that holds a camera pixel, given by its row-major number.
+pub(super) fn of(scene: &Scene, pixel: u32) -> u32 {
+    let ([w, _], n) = (scene.camera.resolution, scene.settings.tile);
+    let (x, y) = (pixel % w, pixel / w);
+    y / n * w.div_ceil(n) + x / n
+}
