@@ -1,7 +1,7 @@
 //! Places in a document, and errors that name them.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::{Deref, Range};
@@ -19,10 +19,29 @@ impl<T> Located<T> {
         Self(toml::Spanned::new(0..0, value))
     }
 
+    /// A value that stands at a place.
+    #[must_use]
+    pub fn at(span: Range<usize>, value: T) -> Self {
+        Self(toml::Spanned::new(span, value))
+    }
+
     /// Byte range in the file.
     #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.0.span()
+    }
+}
+
+/// Located values are equal if they say the same, wherever they stand.
+impl<T: PartialEq> PartialEq for Located<T> {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl<T> From<T> for Located<T> {
+    fn from(value: T) -> Self {
+        Self::nowhere(value)
     }
 }
 
@@ -42,6 +61,12 @@ impl<T> Deref for Located<T> {
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Located<T> {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
         toml::Spanned::deserialize(d).map(Self)
+    }
+}
+
+impl<T: Serialize> Serialize for Located<T> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        (**self).serialize(s)
     }
 }
 

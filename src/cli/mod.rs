@@ -147,7 +147,7 @@ fn start_logging(verbose: u8) {
 }
 
 fn schema() -> Result<(), Failure> {
-    let mut schema = schemars::schema_for!(sunstone::scene::file::SceneFile);
+    let mut schema = schemars::schema_for!(sunstone::scene::syntax::scene::SceneFile);
     sunstone::figure::spec::describe_in(&mut schema);
     let text = serde_json::to_string_pretty(&schema).map_err(Failure::failed)?;
     print(&text)

@@ -9,7 +9,7 @@ use crate::medium::Media;
 use crate::medium::nesting::Boundary;
 use optics::spectrum::Wavelengths;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use tensor::{axes::Extents, slice::Slice};
 
 /// Everything that describes a scene, as plain tables: what [`Scene::new`] takes.
@@ -77,7 +77,7 @@ pub struct Scene {
 }
 
 /// Which paths are traced.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
     /// From the camera, with connections to the emitters.

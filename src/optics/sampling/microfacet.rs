@@ -12,11 +12,11 @@
 use super::{beckmann, gamma::ln_gamma, warp};
 use glam::Vec3A;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::f32::consts::FRAC_1_PI;
 
 /// Shape of the distribution of normals.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
     /// Trowbridge & Reitz: long tails, as of ground surfaces.
@@ -27,7 +27,7 @@ pub enum Distribution {
 }
 
 /// How masking and shadowing of the same facet go together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Masking {
     /// Through the facet's height (Heitz 2014).

@@ -6,8 +6,8 @@
 use super::export::{Needs, Output, bitmap, is_even, plain_id, png, spectrum};
 use super::files::Contents;
 use super::xml::{Element, single};
-use crate::context::Context;
-use crate::material_file::MaterialFile;
+use crate::build::context::Context;
+use crate::syntax::material::MaterialFile;
 use base::locate::{InputError, Located};
 use image::{DynamicImage, ImageBuffer, Luma, Rgb};
 use optics::sampling::microfacet::{Distribution, Masking};

@@ -1,11 +1,11 @@
 //! Media of a file → the flat table of [`Media`].
 
-use super::medium_file::{
+use super::context::{Context, parse, read};
+use crate::syntax::medium::{
     AmountFile, HomogeneousFile, KindFile, MediumFile, MediumSetFile, MilkFile, ParticlesFile, PhaseFile,
     PolystyreneFile, SizesFile,
 };
-use super::values::IndexFile;
-use crate::context::{Context, parse, read};
+use crate::syntax::values::IndexFile;
 use base::locate::{InputError, Located};
 use optics::spectrum::Wavelengths;
 use std::collections::BTreeMap;
@@ -77,7 +77,7 @@ const LARGEST_COEFFICIENT: f64 = 1e9;
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
 /// Builds all media.
-pub(super) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, InputError> {
+pub(crate) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
     for (name, file) in files {
         let optics = optics(ctx, file)?;

@@ -1,10 +1,10 @@
 //! Objects of a scene file → triangles and quadrics.
 
+use super::context::{Context, HUGE};
 use super::devices::vector;
-use super::file::{MeshFile, ObjectFile, ShapeFile, TransformFile};
-use super::values::SpectrumFile;
-use crate::context::{Context, HUGE};
 use crate::import;
+use crate::syntax::shape::{MeshFile, ObjectFile, ShapeFile, TransformFile};
+use crate::syntax::values::SpectrumFile;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
@@ -13,14 +13,14 @@ use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 
 /// A shape in the world, before it is cut into what the tracer knows.
-pub(super) struct Placed {
+pub(crate) struct Placed {
     pub form: Form,
     /// Number of its material.
     pub material: u32,
 }
 
 /// The form of a [`Placed`] shape; maps take its own space to the world.
-pub(super) enum Form {
+pub(crate) enum Form {
     Quadric(QuadricKind, DAffine3),
     /// [`Mesh::rectangle`].
     Rectangle(DAffine3),
@@ -31,7 +31,7 @@ pub(super) enum Form {
 }
 
 /// Adds a shape of an object.
-pub(super) fn add(
+pub(crate) fn add(
     ctx: &Context,
     object: &Located<ObjectFile>,
     Placed { form, material }: Placed,
@@ -47,7 +47,7 @@ pub(super) fn add(
 }
 
 /// The shapes that an object is made of.
-pub(super) fn place(
+pub(crate) fn place(
     ctx: &mut Context,
     object: &Located<ObjectFile>,
     materials: &BTreeMap<&str, u32>,
@@ -196,7 +196,7 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import
 }
 
 /// A mesh moved to the world.
-pub(super) fn moved(
+pub(crate) fn moved(
     ctx: &Context,
     mut mesh: Mesh,
     place: DAffine3,

@@ -1,27 +1,29 @@
 //! The syntax of participating media, in scene files and in files of their own.
 
-use super::file::default_wavelengths;
-use super::material_file::unit_index;
+use super::defaults::{self, is_default};
 use super::values::{IndexFile, SpectrumFile};
 use base::locate::Located;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A file of media alone: what `sunstone phase eval` reads.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone media")]
 pub struct MediumSetFile {
     /// Vacuum wavelengths in nanometres, 1 to 4, rising.
-    #[serde(default = "default_wavelengths")]
+    #[serde(
+        default = "defaults::wavelengths",
+        skip_serializing_if = "defaults::is_wavelengths"
+    )]
     pub wavelengths_nm: Located<Vec<f64>>,
     /// Media by name.
     pub media: BTreeMap<String, Located<MediumFile>>,
 }
 
 /// A participating medium.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum MediumFile {
     /// Coefficients and a phase function as given.
@@ -39,29 +41,34 @@ pub enum MediumFile {
 }
 
 /// See [`MediumFile::Homogeneous`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomogeneousFile {
     /// Absorption coefficient, 1/m.
-    #[serde(default = "zero")]
+    #[serde(
+        default = "defaults::zero_spectrum",
+        skip_serializing_if = "defaults::is_zero_spectrum"
+    )]
     pub absorption: Located<SpectrumFile>,
     /// Scattering coefficient, 1/m.
-    #[serde(default = "zero")]
+    #[serde(
+        default = "defaults::zero_spectrum",
+        skip_serializing_if = "defaults::is_zero_spectrum"
+    )]
     pub scattering: Located<SpectrumFile>,
     /// Refractive index: a number, one per wavelength, or a name of the optical constants.
-    #[serde(default = "unit_index")]
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
     pub index: Located<IndexFile>,
     /// How it scatters.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub phase: PhaseFile,
 }
 
-fn zero() -> Located<SpectrumFile> {
-    Located::nowhere(SpectrumFile::Scalar(0.0))
-}
-
 /// A phase function.
-#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PhaseFile {
     /// Equally in all directions, depolarizing.
@@ -76,34 +83,30 @@ pub enum PhaseFile {
 }
 
 /// See [`PhaseFile::Rayleigh`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RayleighFile {
     /// Depolarization factor, 0..0.5: parallel over perpendicular light at 90° from unpolarized light; air: 0.028.
-    #[serde(default = "nothing")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depolarization: Located<f64>,
 }
 
-fn nothing() -> Located<f64> {
-    Located::nowhere(0.0)
-}
-
 /// See [`PhaseFile::HenyeyGreenstein`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HenyeyGreensteinFile {
     /// Mean cosine of the scattering angle, -0.999..0.999.
     pub g: Located<SpectrumFile>,
     /// Share of a dipole's linear polarization, 0..(1 + circular)/2.
-    #[serde(default = "nothing")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub linear: Located<f64>,
     /// Share of a dipole's circular polarization, 0..1.
-    #[serde(default = "nothing")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub circular: Located<f64>,
 }
 
 /// See [`PhaseFile::Mie`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MieFile {
     /// Kinds of particle.
@@ -111,11 +114,14 @@ pub struct MieFile {
 }
 
 /// See [`MediumFile::Particles`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParticlesFile {
     /// Refractive index of the host: a number, one per wavelength, or a name of the optical constants.
-    #[serde(default = "unit_index")]
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
     pub host: Located<IndexFile>,
     /// Absorption coefficient of the host, 1/m; absent: water's for `host = "water"`, else 0.
     pub host_absorption: Option<Located<SpectrumFile>>,
@@ -124,7 +130,7 @@ pub struct ParticlesFile {
 }
 
 /// Spheres of one substance.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KindFile {
     /// Refractive index: a number, one per wavelength, or a name of the optical constants (which has its own k).
@@ -138,7 +144,7 @@ pub struct KindFile {
 }
 
 /// Radii of particles, by number.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SizesFile {
     /// All alike.
@@ -152,7 +158,7 @@ pub enum SizesFile {
 }
 
 /// See [`SizesFile::Single`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleFile {
     /// Nanometres.
@@ -160,7 +166,7 @@ pub struct SingleFile {
 }
 
 /// See [`SizesFile::LogNormal`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogNormalFile {
     /// Median radius in nanometres.
@@ -170,7 +176,7 @@ pub struct LogNormalFile {
 }
 
 /// See [`SizesFile::Gamma`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GammaFile {
     /// Area-weighted mean radius in nanometres.
@@ -180,7 +186,7 @@ pub struct GammaFile {
 }
 
 /// See [`SizesFile::List`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SizeListFile {
     /// Nanometres.
@@ -190,7 +196,7 @@ pub struct SizeListFile {
 }
 
 /// How many particles there are.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum AmountFile {
     /// Share of the volume that they fill, 0..1.
@@ -202,7 +208,7 @@ pub enum AmountFile {
 }
 
 /// See [`AmountFile::Mass`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MassFile {
     /// Grams of particles in a litre of medium.
@@ -212,69 +218,69 @@ pub struct MassFile {
 }
 
 /// See [`MediumFile::Milk`]; whole milk 3.5 % fat, reduced-fat 1.5 %, skimmed 0.1 %.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MilkFile {
     /// Percentage by weight of fat, 0..20.
+    #[serde(skip_serializing_if = "defaults::is_fat_percent")]
     pub fat_percent: Located<f64>,
     /// Percentage by weight of protein, 0..20.
+    #[serde(skip_serializing_if = "defaults::is_protein_percent")]
     pub protein_percent: Located<f64>,
     /// Pressure at which it was homogenized, MPa, 0..100; 0: not at all.
+    #[serde(skip_serializing_if = "defaults::is_homogenization_mpa")]
     pub homogenization_mpa: Located<f64>,
     /// Share of milk in a mixture with water, by volume, 0..1.
+    #[serde(skip_serializing_if = "defaults::is_unit")]
     pub concentration: Located<f64>,
 }
 
 impl Default for MilkFile {
     fn default() -> Self {
         Self {
-            fat_percent: Located::nowhere(3.5),
-            protein_percent: Located::nowhere(3.4),
-            homogenization_mpa: Located::nowhere(20.0),
-            concentration: Located::nowhere(1.0),
+            fat_percent: defaults::fat_percent(),
+            protein_percent: defaults::protein_percent(),
+            homogenization_mpa: defaults::homogenization_mpa(),
+            concentration: defaults::unit(),
         }
     }
 }
 
 /// See [`MediumFile::Polystyrene`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolystyreneFile {
     /// Mean diameter in nanometres.
     pub diameter_nm: Located<f64>,
     /// Standard deviation of the diameter over its mean, 0..1.
-    #[serde(default = "nothing")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub spread: Located<f64>,
     /// How much of it.
     pub amount: Located<AmountFile>,
 }
 
 /// See [`MediumFile::Marble`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarbleFile {
     /// Mean cosine of the scattering angle, -0.999..0.999, which the reduced scattering leaves open.
+    #[serde(skip_serializing_if = "is_default")]
     pub g: Located<f64>,
 }
 
-impl Default for MarbleFile {
-    fn default() -> Self {
-        Self { g: nothing() }
-    }
-}
-
 /// See [`MediumFile::Skin`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SkinFile {
     /// Mean cosine of the scattering angle, -0.999..0.999; van Gemert et al. (1989) found about 0.8.
+    #[serde(skip_serializing_if = "defaults::is_skin_g")]
     pub g: Located<f64>,
 }
 
 impl Default for SkinFile {
     fn default() -> Self {
         Self {
-            g: Located::nowhere(0.8),
+            g: defaults::skin_g(),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Materials of a file → the flat table of [`Materials`].
 
-use super::material_file::{MaterialFile, MaterialSetFile, MeasuredFile};
-use super::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
-use crate::context::{Context, parse, read};
+use super::context::{Context, parse, read};
+use crate::syntax::material::{MaterialFile, MaterialSetFile, MeasuredFile};
+use crate::syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
@@ -87,8 +87,8 @@ fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
 type Named = BTreeMap<String, Located<MaterialFile>>;
 
 /// The state of building: materials that others name are built before them.
-pub(super) struct Builder<'c, 'a> {
-    pub(super) ctx: &'c mut Context,
+pub(crate) struct Builder<'c, 'a> {
+    pub(crate) ctx: &'c mut Context,
     files: &'a Named,
     table: Materials,
     done: BTreeMap<&'a str, u32>,
@@ -97,7 +97,7 @@ pub(super) struct Builder<'c, 'a> {
 }
 
 /// Builds all materials; the map gives their numbers.
-pub(super) fn build<'a>(
+pub(crate) fn build<'a>(
     ctx: &mut Context,
     files: &'a Named,
 ) -> Result<(Materials, BTreeMap<&'a str, u32>), InputError> {
@@ -327,7 +327,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// Refractive index of something transparent; 0 in unused lanes.
-    pub(super) fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
+    pub(crate) fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
         let name = match &**index {
             IndexFile::Values(s) => return self.ctx.spectrum(s, index.span(), what, 1.0..=10.0),
             IndexFile::Named(name) => name,
@@ -347,7 +347,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// n and k of something that absorbs, by name or by value; n is 1 in unused lanes.
-    pub(super) fn complex_index(
+    pub(crate) fn complex_index(
         &mut self,
         place: &Located<MaterialFile>,
         metal: &Option<Located<String>>,
@@ -373,7 +373,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// n and k of a named substance on the scene's wavelengths, in full precision; rows past their count are zero.
-    pub(super) fn constants_f64(
+    pub(crate) fn constants_f64(
         &self,
         name: &str,
         span: Range<usize>,
@@ -396,7 +396,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     /// n and k of a named substance; 0 in unused lanes.
-    pub(super) fn constants(
+    pub(crate) fn constants(
         &self,
         name: &str,
         span: Range<usize>,

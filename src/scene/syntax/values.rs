@@ -2,24 +2,29 @@
 //!
 //! Each has a visitor of its own, so that errors keep their place in the file (serde's untagged enums lose it).
 
+use super::defaults;
 use base::locate::Located;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 
 /// One number for all wavelengths, a list with one number per wavelength, or a table of its own.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum SpectrumFile {
+    /// One number for all wavelengths.
     Scalar(f64),
+    /// One for each of the file's wavelengths.
     PerWavelength(Vec<f64>),
+    /// With wavelengths of its own.
     Table(SpectrumTable),
 }
 
 /// `{ nm = [400, 550, 700], values = [0.1, 0.2, 0.8] }`: linear between entries, constant beyond them.
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpectrumTable {
     /// Vacuum wavelengths in nanometres, rising.
@@ -41,7 +46,7 @@ impl SpectrumTable {
 }
 
 /// The value at a wavelength: linear between entries, constant beyond them, 0 where there are none. `nm` rises.
-pub(super) fn interpolate(nm: &[f64], values: &[f64], at: f64) -> f64 {
+pub(crate) fn interpolate(nm: &[f64], values: &[f64], at: f64) -> f64 {
     let right = nm.partition_point(|w| *w <= at);
     let entry = |i: usize| Some((*nm.get(i)?, *values.get(i)?));
     match (right.checked_sub(1).and_then(entry), entry(right)) {
@@ -52,50 +57,61 @@ pub(super) fn interpolate(nm: &[f64], values: &[f64], at: f64) -> f64 {
 }
 
 /// An albedo: a spectrum, or an image.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum AlbedoFile {
+    /// The same everywhere.
     Spectrum(SpectrumFile),
+    /// From texel to texel.
     Image(ImageAlbedo),
 }
 
 /// A number, or an image of it (the first channel, linear).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum ScalarFile {
+    /// The same everywhere.
     Number(f64),
+    /// From texel to texel.
     Image(ImageAlbedo),
 }
 
 /// A refractive index: a spectrum, or a name of the optical constants.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum IndexFile {
+    /// By number.
     Values(SpectrumFile),
+    /// By name.
     Named(String),
 }
 
 /// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
     /// PNG or JPEG file, relative to the scene file; colours are sRGB-encoded, numbers (roughness, weights) linear.
     pub image: Located<String>,
     /// Multiplies the image.
-    #[serde(default = "one")]
+    #[serde(default = "defaults::one", skip_serializing_if = "defaults::is_one")]
     pub scale: f64,
 }
 
 /// Travel time of a slice: `"sum"` or bins.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum TimeFile {
+    /// All light, however long it took.
     Sum,
+    /// In bins of travel time.
     Bins(TimeBins),
 }
 
 /// `{ start_ps, bin_ps, bins }`.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeBins {
     /// First edge, picoseconds.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "defaults::is_default")]
     pub start_ps: f64,
     /// Bin width, picoseconds.
     pub bin_ps: Located<f64>,
@@ -106,10 +122,6 @@ pub struct TimeBins {
 /// A bin size: `n` or `[n_x, n_y]` pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BinSize(pub [u32; 2]);
-
-fn one() -> f64 {
-    1.0
-}
 
 struct SpectrumVisitor;
 
@@ -178,7 +190,7 @@ impl AlbedoMap {
                 values: None,
             } => Ok(AlbedoFile::Image(ImageAlbedo {
                 image,
-                scale: scale.unwrap_or_else(one),
+                scale: scale.unwrap_or_else(defaults::one),
             })),
             Self {
                 image: None,
@@ -328,6 +340,15 @@ impl<'de> Deserialize<'de> for TimeFile {
     }
 }
 
+impl Serialize for TimeFile {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Sum => s.serialize_str("sum"),
+            Self::Bins(bins) => bins.serialize(s),
+        }
+    }
+}
+
 impl JsonSchema for TimeFile {
     fn schema_name() -> Cow<'static, str> {
         "Time".into()
@@ -362,6 +383,15 @@ impl<'de> Deserialize<'de> for BinSize {
             }
         }
         d.deserialize_any(V)
+    }
+}
+
+impl Serialize for BinSize {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            [x, y] if x == y => s.serialize_u32(x),
+            size => size.serialize(s),
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What every step from syntax to tables needs: where messages point to, and what has been read.
 
-use crate::values::{SpectrumFile, interpolate};
+use crate::syntax::values::{SpectrumFile, interpolate};
 use base::document;
 use base::locate::{InputError, Located};
 use optics::spectrum::{Spectral, Wavelengths};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A file being built.
-pub(super) struct Context {
+pub(crate) struct Context {
     pub file: PathBuf,
     pub text: Arc<str>,
     /// Wavelengths to build for.
@@ -172,15 +172,15 @@ impl Context {
 }
 
 /// The largest value that makes sense anywhere in a scene file; keeps f32 arithmetic finite.
-pub(super) const HUGE: f64 = 1e12;
+pub(crate) const HUGE: f64 = 1e12;
 
 /// Reads the text of a scene or material file.
-pub(super) fn read(path: &Path, what: &str) -> Result<String, InputError> {
+pub(crate) fn read(path: &Path, what: &str) -> Result<String, InputError> {
     document::read(path, what, "give the path of a TOML file")
 }
 
 /// Reads the syntax of a file.
-pub(super) fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, InputError> {
+pub(crate) fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, InputError> {
     document::parse(path, text, syntax_help)
 }
 

@@ -1,9 +1,10 @@
 //! Cameras, projectors and other emitters of a scene file → calibrated devices.
 
-use super::file::{
-    ApertureFile, DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile, SceneFile,
+use super::context::{Context, HUGE};
+use crate::syntax::device::{
+    ApertureFile, DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile,
 };
-use crate::context::{Context, HUGE};
+use crate::syntax::scene::SceneFile;
 use base::locate::{InputError, Located};
 use glam::{DVec2, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
@@ -13,7 +14,7 @@ use transport::device::pinhole::{Lens, Pinhole};
 use transport::device::projector::Projector;
 
 /// Three finite numbers of sane size.
-pub(super) fn vector(
+pub(crate) fn vector(
     ctx: &Context,
     v: [f64; 3],
     span: Range<usize>,
@@ -29,7 +30,7 @@ pub(super) fn vector(
     ))
 }
 
-pub(super) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Result<Pinhole, InputError> {
+pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Result<Pinhole, InputError> {
     let [w, h] = *p.resolution;
     if !(1..=32768).contains(&w) || !(1..=32768).contains(&h) {
         return Err(ctx.error(
@@ -146,7 +147,7 @@ fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), Input
     }
 }
 
-pub(super) fn projector(
+pub(crate) fn projector(
     ctx: &Context,
     p: &ProjectorFile,
     span: Range<usize>,
@@ -205,7 +206,7 @@ pub(super) fn projector(
 
 type Emitters = (Vec<PointEmitter>, Option<Environment>);
 
-pub(super) fn emitters(ctx: &Context, file: &SceneFile) -> Result<Emitters, InputError> {
+pub(crate) fn emitters(ctx: &Context, file: &SceneFile) -> Result<Emitters, InputError> {
     let (mut points, mut environment) = (Vec::new(), None);
     for e in &file.emitters {
         let axis = |a: [f64; 3]| {

@@ -1,10 +1,9 @@
 //! Slices of a scene file → [`Slice`]s, checked against camera and projector.
 
-use super::file::{
-    CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SceneFile, SliceFile,
-};
-use super::values::TimeFile;
-use crate::context::Context;
+use super::context::Context;
+use crate::syntax::scene::SceneFile;
+use crate::syntax::slice::{CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SliceFile};
+use crate::syntax::values::TimeFile;
 use base::locate::{InputError, Located};
 use std::ops::Range;
 use tensor::axes::SliceLayout;
@@ -25,7 +24,7 @@ const MAX_CHUNK: u128 = 1 << 28;
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
 /// All slices of the file.
-pub(super) fn build(
+pub(crate) fn build(
     ctx: &mut Context,
     file: &SceneFile,
     camera: &Pinhole,

@@ -1,9 +1,10 @@
 //! From the syntax of a scene file to the flat tables of a [`Scene`], checking meaning on the way.
 
-use crate::context::{self, Context, parse};
-use crate::devices::{emitters, pinhole, projector};
-use crate::file::{ObjectFile, SceneFile};
-use crate::{materials, media, shapes, slices};
+use super::context::{self, Context, parse};
+use super::devices::{emitters, pinhole, projector};
+use super::{materials, media, shapes, slices};
+use crate::syntax::scene::SceneFile;
+use crate::syntax::shape::ObjectFile;
 use base::locate::InputError;
 use sha2::Digest;
 use std::collections::BTreeMap;
@@ -149,7 +150,7 @@ fn default_name(path: &Path) -> String {
     }
 }
 
-pub(super) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, InputError> {
+pub(crate) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, InputError> {
     let r = &file.render;
     Ok(Settings {
         spp: ctx.number(&r.spp, "spp", 1..=1 << 30)?,

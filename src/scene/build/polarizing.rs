@@ -1,10 +1,10 @@
 //! Polarizing materials of a file → their tables: coated mirrors, polarizer and retarder sheets, crystals.
 
-use super::material_file::{
+use super::materials::Builder;
+use crate::syntax::material::{
     CoatedConductorFile, CrystalFile, FilmFile, MaterialFile, PolarizerFile, RetarderFile, TiltFile,
 };
-use super::materials::Builder;
-use super::values::{IndexFile, SpectrumFile};
+use crate::syntax::values::{IndexFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use glam::{DVec3, Vec3A};
 use optics::polarization::thin_film::Film;
@@ -21,7 +21,7 @@ use transport::material::varies;
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
 
 impl Builder<'_, '_> {
-    pub(super) fn coated(
+    pub(crate) fn coated(
         &mut self,
         place: &Located<MaterialFile>,
         file: &CoatedConductorFile,
@@ -73,7 +73,7 @@ impl Builder<'_, '_> {
         })
     }
 
-    pub(super) fn polarizer(&mut self, file: &PolarizerFile) -> Result<Polarizer, InputError> {
+    pub(crate) fn polarizer(&mut self, file: &PolarizerFile) -> Result<Polarizer, InputError> {
         Ok(Polarizer {
             axis: self.sheet_axis(&file.angle_deg, &file.axis)?,
             transmittance: self
@@ -83,7 +83,7 @@ impl Builder<'_, '_> {
         })
     }
 
-    pub(super) fn retarder(
+    pub(crate) fn retarder(
         &mut self,
         place: &Located<MaterialFile>,
         file: &RetarderFile,
@@ -131,7 +131,7 @@ impl Builder<'_, '_> {
         })
     }
 
-    pub(super) fn crystal(
+    pub(crate) fn crystal(
         &mut self,
         place: &Located<MaterialFile>,
         file: &CrystalFile,

@@ -1,27 +1,30 @@
 //! The syntax of materials, in scene files and in files of their own.
 
-use super::file::{default_wavelengths, unit_spectrum};
+use super::defaults::{self, is_default};
 use super::values::{AlbedoFile, IndexFile, ScalarFile, SpectrumFile};
 use base::locate::Located;
 use optics::sampling::microfacet::{Distribution, Masking};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A file of materials alone: what `sunstone pbrdf eval` reads.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone materials")]
 pub struct MaterialSetFile {
     /// Vacuum wavelengths in nanometres, 1 to 4, rising.
-    #[serde(default = "default_wavelengths")]
+    #[serde(
+        default = "defaults::wavelengths",
+        skip_serializing_if = "defaults::is_wavelengths"
+    )]
     pub wavelengths_nm: Located<Vec<f64>>,
     /// Materials by name.
     pub materials: BTreeMap<String, Located<MaterialFile>>,
 }
 
 /// A material.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum MaterialFile {
     /// Depolarizing Lambert surface.
@@ -61,12 +64,12 @@ pub enum MaterialFile {
 }
 
 /// See [`MaterialFile::Null`].
-#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NullFile {}
 
 /// See [`MaterialFile::Diffuse`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiffuseFile {
     /// 0..1: a number, one per wavelength, or an image.
@@ -74,7 +77,7 @@ pub struct DiffuseFile {
 }
 
 /// See [`MaterialFile::Conductor`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConductorFile {
     /// Name of a metal in the optical constants, instead of n and k.
@@ -86,7 +89,7 @@ pub struct ConductorFile {
 }
 
 /// See [`MaterialFile::RoughConductor`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughConductorFile {
     /// Name of a metal in the optical constants, instead of n and k.
@@ -98,45 +101,51 @@ pub struct RoughConductorFile {
     /// Roughness, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
     /// Distribution of facet normals.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub distribution: Distribution,
     /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub masking: Masking,
 }
 
 /// See [`MaterialFile::Dielectric`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DielectricFile {
     /// Refractive index inside: a number, one per wavelength (then it disperses), or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside.
-    #[serde(default = "unit_index")]
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
     pub exterior_ior: Located<IndexFile>,
 }
 
 /// See [`MaterialFile::RoughDielectric`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughDielectricFile {
     /// Refractive index inside: a number, one per wavelength (then it disperses), or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside.
-    #[serde(default = "unit_index")]
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
     pub exterior_ior: Located<IndexFile>,
     /// Roughness, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
     /// Distribution of facet normals.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub distribution: Distribution,
     /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub masking: Masking,
 }
 
 /// See [`MaterialFile::Plastic`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlasticFile {
     /// Albedo of the base, 0..1: a number, one per wavelength, or an image.
@@ -144,29 +153,35 @@ pub struct PlasticFile {
     /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside.
-    #[serde(default = "unit_index")]
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
     pub exterior_ior: Located<IndexFile>,
     /// Factor of the surface reflection, 0..1: a number or one per wavelength.
-    #[serde(default = "unit_spectrum")]
+    #[serde(
+        default = "defaults::unit_spectrum",
+        skip_serializing_if = "defaults::is_unit_spectrum"
+    )]
     pub specular: Located<SpectrumFile>,
     /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022).
     pub single_scatter: Option<SingleScatterFile>,
     /// Light thrown back into the base from inside comes out later (as in Mitsuba's `plastic`) instead of being lost
     /// (as in Baek et al. 2018 and Mitsuba's `pplastic`).
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub interreflection: bool,
     /// Roughness, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
     /// Distribution of facet normals.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub distribution: Distribution,
     /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub masking: Masking,
 }
 
 /// See [`PlasticFile::single_scatter`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleScatterFile {
     /// Factor of the lobe, 0..1: a number, one per wavelength, or an image.
@@ -175,12 +190,8 @@ pub struct SingleScatterFile {
     pub alpha: Located<ScalarFile>,
 }
 
-pub(super) fn unit_index() -> Located<IndexFile> {
-    Located::nowhere(IndexFile::Values((*unit_spectrum()).clone()))
-}
-
 /// See [`MaterialFile::TwoSided`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoSidedFile {
     /// Name of the material on the side that the surface faces.
@@ -190,7 +201,7 @@ pub struct TwoSidedFile {
 }
 
 /// See [`MaterialFile::Blend`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlendFile {
     /// Name of the first material.
@@ -202,7 +213,7 @@ pub struct BlendFile {
 }
 
 /// See [`MaterialFile::NormalMap`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NormalMapFile {
     /// Name of the material.
@@ -210,16 +221,12 @@ pub struct NormalMapFile {
     /// PNG or JPEG file of unit vectors (x right, y up, z out of the surface), each coordinate stored as (c + 1)/2.
     pub image: Located<String>,
     /// Multiplies x and y.
-    #[serde(default = "unit")]
+    #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
     pub strength: Located<f64>,
 }
 
-fn unit() -> Located<f64> {
-    Located::nowhere(1.0)
-}
-
 /// See [`MaterialFile::PartialDepolarizer`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartialDepolarizerFile {
     /// Name of the material.
@@ -229,7 +236,7 @@ pub struct PartialDepolarizerFile {
 }
 
 /// See [`MaterialFile::CoatedConductor`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedConductorFile {
     /// Name of the substrate in the optical constants, instead of n and k.
@@ -243,7 +250,7 @@ pub struct CoatedConductorFile {
 }
 
 /// One film of a [`CoatedConductorFile`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilmFile {
     /// Refractive index: a number, one per wavelength, or a name of the optical constants.
@@ -255,7 +262,7 @@ pub struct FilmFile {
 }
 
 /// See [`MaterialFile::Polarizer`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolarizerFile {
     /// Transmitting axis: degrees from the surface's u direction, counter-clockwise seen from the side that the normal
@@ -264,23 +271,21 @@ pub struct PolarizerFile {
     /// Transmitting axis as a direction in the world, instead of angle_deg.
     pub axis: Option<Located<[f64; 3]>>,
     /// Share of the power along the transmitting axis that passes, 0..1.
-    #[serde(default = "unit_spectrum_here")]
+    #[serde(
+        default = "defaults::unit_spectrum",
+        skip_serializing_if = "defaults::is_unit_spectrum"
+    )]
     pub transmittance: Located<SpectrumFile>,
     /// Power that passes along the blocked axis, over that along the transmitting axis, 0..1.
-    #[serde(default = "zero_spectrum")]
+    #[serde(
+        default = "defaults::zero_spectrum",
+        skip_serializing_if = "defaults::is_zero_spectrum"
+    )]
     pub extinction: Located<SpectrumFile>,
 }
 
-fn unit_spectrum_here() -> Located<SpectrumFile> {
-    Located::nowhere(SpectrumFile::Scalar(1.0))
-}
-
-fn zero_spectrum() -> Located<SpectrumFile> {
-    Located::nowhere(SpectrumFile::Scalar(0.0))
-}
-
 /// See [`MaterialFile::Retarder`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetarderFile {
     /// Retardance at normal incidence in degrees: a number or one per wavelength.
@@ -293,17 +298,20 @@ pub struct RetarderFile {
     /// Fast axis as a direction in the world, instead of angle_deg.
     pub axis: Option<Located<[f64; 3]>>,
     /// Share of the power that passes, 0..1.
-    #[serde(default = "unit_spectrum_here")]
+    #[serde(
+        default = "defaults::unit_spectrum",
+        skip_serializing_if = "defaults::is_unit_spectrum"
+    )]
     pub transmittance: Located<SpectrumFile>,
     /// How the retardance depends on incidence.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub tilt: TiltFile,
     /// Mean refractive index of the plate, for tilt = "plate"; 1.55 if absent.
     pub ior: Option<Located<f64>>,
 }
 
 /// How a retarder's retardance depends on incidence.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TiltFile {
     /// As a zero-order plate of a positive uniaxial crystal.
@@ -316,7 +324,7 @@ pub enum TiltFile {
 }
 
 /// See [`MaterialFile::Crystal`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CrystalFile {
     /// `calcite`, `quartz` or `sapphire`, instead of n_o and n_e.
@@ -328,32 +336,27 @@ pub struct CrystalFile {
     /// Optic axis: a direction in the world.
     pub axis: Located<[f64; 3]>,
     /// Refractive index outside.
-    #[serde(default = "unit_index")]
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
     pub exterior_ior: Located<IndexFile>,
     /// Full width at half maximum of the light's spectral line in nanometres, which a thick crystal depolarizes.
-    #[serde(default = "zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub bandwidth_nm: Located<f64>,
     /// True: the ordinary and the extraordinary ray part ways, incoherently, and make double images. False: they stay
     /// together, and the crystal retards.
-    #[serde(default = "joined")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub split: Located<bool>,
 }
 
-fn joined() -> Located<bool> {
-    Located::nowhere(false)
-}
-
-fn zero() -> Located<f64> {
-    Located::nowhere(0.0)
-}
-
 /// See [`MaterialFile::Measured`].
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeasuredFile {
     /// `.pbsdf` file in the layout of the KAIST pBRDF set.
     pub file: Located<String>,
     /// Takes evenly spaced angles where the file's axes are empty, as in downsampled files.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub even_axes: bool,
 }

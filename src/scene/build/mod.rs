@@ -1,0 +1,10 @@
+//! From the syntax of a scene file to the flat tables of a [`transport::scene::Scene`], checking meaning on the way.
+
+pub(crate) mod assemble;
+pub(crate) mod context;
+pub(crate) mod devices;
+pub mod materials;
+pub mod media;
+mod polarizing;
+pub(crate) mod shapes;
+pub(crate) mod slices;

@@ -1,0 +1,200 @@
+//! The syntax of objects: shapes with their material and place.
+
+use super::defaults::{self, is_default};
+use super::values::SpectrumFile;
+use base::locate::Located;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A shape with its material and place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectFile {
+    /// For people and messages.
+    pub name: Option<String>,
+    /// The shape, in its own coordinates.
+    pub shape: Located<ShapeFile>,
+    /// Name of its material.
+    pub material: Located<String>,
+    /// Materials for single parts of a file, by the name that the file gives the part's material.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub part_materials: BTreeMap<String, Located<String>>,
+    /// Name of the medium that fills it: then it must be closed, with normals outward.
+    pub interior: Option<Located<String>>,
+    /// Where objects with an interior overlap, the one of highest priority fills the space, and light does not notice the
+    /// others' boundaries there.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub priority: i32,
+    /// Scale, then rotate, then translate.
+    pub transform: Option<Located<TransformFile>>,
+}
+
+/// A shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ShapeFile {
+    /// Wavefront OBJ file.
+    Obj(MeshFile),
+    /// glTF or GLB file, with its node transforms and instances.
+    Gltf(MeshFile),
+    /// Stanford PLY file.
+    Ply(MeshFile),
+    /// Exact sphere.
+    Sphere(SphereFile),
+    /// Parallelogram.
+    Rectangle(RectangleFile),
+    /// Flat disk.
+    Disk(DiskFile),
+    /// Box with axis-parallel faces.
+    Cube(CubeFile),
+    /// Round tube.
+    Cylinder(CylinderFile),
+}
+
+/// A mesh file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshFile {
+    /// Relative to the scene file.
+    pub file: Located<String>,
+    /// Ignore the file's vertex normals: flat faces.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flat: bool,
+}
+
+/// See [`ShapeFile::Sphere`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SphereFile {
+    /// Metres.
+    #[serde(skip_serializing_if = "is_default")]
+    pub center: [f64; 3],
+    /// Metres.
+    #[serde(skip_serializing_if = "defaults::is_one")]
+    pub radius: f64,
+}
+
+impl Default for SphereFile {
+    fn default() -> Self {
+        Self {
+            center: [0.0; 3],
+            radius: defaults::one(),
+        }
+    }
+}
+
+/// See [`ShapeFile::Rectangle`]: corner, corner + u, corner + u + v, corner + v; its front is where they run
+/// counter-clockwise. Default: [-1, 1]² in z = 0, facing +z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RectangleFile {
+    /// Metres.
+    #[serde(skip_serializing_if = "defaults::is_rectangle_corner")]
+    pub corner: [f64; 3],
+    /// One edge, metres.
+    #[serde(skip_serializing_if = "defaults::is_rectangle_u")]
+    pub u: [f64; 3],
+    /// The other edge, metres.
+    #[serde(skip_serializing_if = "defaults::is_rectangle_v")]
+    pub v: [f64; 3],
+}
+
+impl Default for RectangleFile {
+    fn default() -> Self {
+        Self {
+            corner: defaults::rectangle_corner(),
+            u: defaults::rectangle_u(),
+            v: defaults::rectangle_v(),
+        }
+    }
+}
+
+/// See [`ShapeFile::Disk`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DiskFile {
+    /// Metres.
+    #[serde(skip_serializing_if = "is_default")]
+    pub center: [f64; 3],
+    /// Direction in which its front faces.
+    #[serde(skip_serializing_if = "defaults::is_z_axis")]
+    pub normal: [f64; 3],
+    /// Metres.
+    #[serde(skip_serializing_if = "defaults::is_one")]
+    pub radius: f64,
+}
+
+impl Default for DiskFile {
+    fn default() -> Self {
+        Self {
+            center: [0.0; 3],
+            normal: defaults::z_axis(),
+            radius: defaults::one(),
+        }
+    }
+}
+
+/// See [`ShapeFile::Cube`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CubeFile {
+    /// Lowest corner, metres.
+    #[serde(skip_serializing_if = "defaults::is_cube_min")]
+    pub min: [f64; 3],
+    /// Highest corner, metres.
+    #[serde(skip_serializing_if = "defaults::is_cube_max")]
+    pub max: [f64; 3],
+}
+
+impl Default for CubeFile {
+    fn default() -> Self {
+        Self {
+            min: defaults::cube_min(),
+            max: defaults::cube_max(),
+        }
+    }
+}
+
+/// See [`ShapeFile::Cylinder`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CylinderFile {
+    /// One end of its axis, metres.
+    #[serde(skip_serializing_if = "is_default")]
+    pub p0: [f64; 3],
+    /// The other end, metres.
+    #[serde(skip_serializing_if = "defaults::is_z_axis")]
+    pub p1: [f64; 3],
+    /// Metres.
+    #[serde(skip_serializing_if = "defaults::is_one")]
+    pub radius: f64,
+    /// Close both ends with disks.
+    #[serde(skip_serializing_if = "is_default")]
+    pub caps: bool,
+}
+
+impl Default for CylinderFile {
+    fn default() -> Self {
+        Self {
+            p0: [0.0; 3],
+            p1: defaults::z_axis(),
+            radius: defaults::one(),
+            caps: false,
+        }
+    }
+}
+
+/// Scale, then rotate about x, y, z in that order, then translate; or a matrix.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TransformFile {
+    /// One factor, or one per axis.
+    pub scale: Option<Located<SpectrumFile>>,
+    /// Angles about x, y, z in degrees.
+    pub rotate_deg: Option<[f64; 3]>,
+    /// Metres.
+    pub translate: Option<[f64; 3]>,
+    /// Row-major 4×4 matrix instead of the others.
+    pub matrix: Option<[[f64; 4]; 4]>,
+}
