@@ -317,6 +317,41 @@ fn empty_axes_may_be_even() {
 }
 
 /// In a materials file: the place of `file`, the path, the fault, the mend; and the hash follows the data.
+/// A file that another program cuts short while it is open answers as before.
+#[test]
+fn a_small_table_survives_its_file() {
+    let folder = folder();
+    let (file, _) = container(&fields());
+    let path = saved(folder.path(), &file);
+    let table = Table::open(&path, &Options::default()).expect("a table");
+    let all = |t: &Table| -> Vec<Option<[f32; 16]>> {
+        let places = (0..4).flat_map(|p| (0..3).flat_map(move |d| (0..3).map(move |h| [p, d, h])));
+        places
+            .flat_map(|at| [0, 1].map(|band| t.entry(at, band)))
+            .collect()
+    };
+    let before = all(&table);
+    assert!(before.iter().all(Option::is_some));
+    std::fs::write(&path, b"").expect("an empty file");
+    assert_eq!(all(&table), before);
+    assert_eq!(table.file_len(), file.len());
+}
+
+/// A large file is mapped, not read: a table behind 65 MiB of nothing loads, and gives its entries.
+#[test]
+fn a_large_table_is_mapped() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, starts) = container(&fields());
+    let path = saved(folder.path(), &file);
+    let opened = std::fs::OpenOptions::new().write(true).open(&path).expect("a file");
+    opened.set_len(65 << 20).expect("space that is not filled");
+    let table = Table::open(&path, &Options::default()).expect("a table");
+    assert_eq!(table.file_len(), 65 << 20);
+    let first = table.entry([0, 0, 0], 0).expect("an entry");
+    let at = starts[4];
+    assert_eq!(bytes(&first), file[at..at + 64]);
+}
+
 #[test]
 fn scenes_name_the_place_of_the_file() {
     let folder = folder();

@@ -1,5 +1,7 @@
 //! Slices on disk, and what is done with them there: Zarr v3 stores, probing, merging, NumPy's and OpenEXR's files.
 
+#![warn(missing_docs)]
+
 pub mod exr;
 pub mod merge;
 pub mod numpy;

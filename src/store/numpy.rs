@@ -13,28 +13,54 @@ use zip::{CompressionMethod, ZipWriter};
 /// Values of an array, row-major (the last axis is fastest).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
+    /// Of 4 bytes.
     Single(Vec<f32>),
+    /// Of 8 bytes.
     Double(Vec<f64>),
 }
 
 /// An array with its shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NumpyArray {
+    /// Length of every axis.
     pub shape: Vec<usize>,
+    /// Its elements.
     pub values: Values,
 }
 
 /// Why an array could not be read.
 #[derive(Debug, Error)]
 pub enum NumpyError {
+    /// The file cannot be read, or is no array.
     #[error("{}: {cause}; give a .npy file as numpy.save writes it", path.display())]
-    Read { path: PathBuf, cause: io::Error },
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        cause: io::Error,
+    },
+    /// Its elements are no real numbers.
     #[error("{}: its elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
-    Elements { path: PathBuf, found: String },
+    Elements {
+        /// The file.
+        path: PathBuf,
+        /// What they are.
+        found: String,
+    },
+    /// Its elements are in column-major order.
     #[error("{}: its elements are in column-major order; save numpy.ascontiguousarray(array)", path.display())]
-    Order { path: PathBuf },
+    Order {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It is cut short.
     #[error("{}: it ends before the array of shape {shape:?} does; save it anew", path.display())]
-    Short { path: PathBuf, shape: Vec<usize> },
+    Short {
+        /// The file.
+        path: PathBuf,
+        /// The shape that its header claims.
+        shape: Vec<usize>,
+    },
 }
 
 /// An opened `.npy` file of real numbers, of which parts are read.
@@ -46,22 +72,22 @@ pub struct NumpyReader {
     file: File,
     /// Length of every axis; the last is fastest.
     pub shape: Vec<usize>,
-    kind: Kind,
+    element: Element,
     big_endian: bool,
     /// Where the numbers begin, bytes.
     start: u64,
 }
 
-/// Numbers that are read.
+/// Types of numbers that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum Element {
     Float4,
     Float8,
     Unsigned(usize),
     Signed(usize),
 }
 
-impl Kind {
+impl Element {
     fn size(self) -> usize {
         match self {
             Self::Float4 => 4,
@@ -101,17 +127,17 @@ impl NumpyReader {
                 path: path.to_owned(),
             });
         }
-        let kind = match (plain.type_char(), plain.size_field()) {
-            (TypeChar::Float, 4) => Kind::Float4,
-            (TypeChar::Float, 8) => Kind::Float8,
-            (TypeChar::Uint, n @ (1 | 2 | 4)) => Kind::Unsigned(n as usize),
-            (TypeChar::Int, n @ (1 | 2 | 4)) => Kind::Signed(n as usize),
+        let element = match (plain.type_char(), plain.size_field()) {
+            (TypeChar::Float, 4) => Element::Float4,
+            (TypeChar::Float, 8) => Element::Float8,
+            (TypeChar::Uint, n @ (1 | 2 | 4)) => Element::Unsigned(n as usize),
+            (TypeChar::Int, n @ (1 | 2 | 4)) => Element::Signed(n as usize),
             _ => return Err(elements(format!("of type '{plain}'"))),
         };
         // Before anything is allocated for a length that a damaged file claims.
         let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
         count
-            .and_then(|n| n.checked_mul(kind.size() as u64))
+            .and_then(|n| n.checked_mul(element.size() as u64))
             .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
             .ok_or_else(|| NumpyError::Short {
                 path: path.to_owned(),
@@ -121,7 +147,7 @@ impl NumpyReader {
             path: path.to_owned(),
             file,
             shape,
-            kind,
+            element,
             big_endian: plain.endianness() == Endianness::Big,
             start,
         })
@@ -142,7 +168,7 @@ impl NumpyReader {
     /// True if the numbers need `f64`.
     #[must_use]
     pub fn is_double(&self) -> bool {
-        matches!(self.kind, Kind::Float8 | Kind::Unsigned(4) | Kind::Signed(4))
+        matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
     }
 
     /// Reads numbers from element `first` on, as many as there is room for.
@@ -166,13 +192,13 @@ impl NumpyReader {
     }
 
     fn try_read<T: Number>(&mut self, first: usize, out: &mut [T]) -> io::Result<()> {
-        let size = self.kind.size();
+        let size = self.element.size();
         let at = self.start + first as u64 * size as u64;
         self.file.seek(SeekFrom::Start(at))?;
         let native = self.big_endian == cfg!(target_endian = "big");
-        let same = match self.kind {
-            Kind::Float4 => size_of::<T>() == 4,
-            Kind::Float8 => size_of::<T>() == 8,
+        let same = match self.element {
+            Element::Float4 => size_of::<T>() == 4,
+            Element::Float8 => size_of::<T>() == 8,
             _ => false,
         };
         if native && same {
@@ -190,13 +216,13 @@ impl NumpyReader {
                     word[..size].reverse();
                 }
                 let bits = u64::from_le_bytes(word);
-                *value = match self.kind {
-                    Kind::Float4 => T::new(f64::from(f32::from_bits(bits as u32))),
-                    Kind::Float8 => T::new(f64::from_bits(bits)),
-                    Kind::Unsigned(_) => T::new(bits as f64),
-                    Kind::Signed(1) => T::new(f64::from(bits as u8 as i8)),
-                    Kind::Signed(2) => T::new(f64::from(bits as u16 as i16)),
-                    Kind::Signed(_) => T::new(f64::from(bits as u32 as i32)),
+                *value = match self.element {
+                    Element::Float4 => T::new(f64::from(f32::from_bits(bits as u32))),
+                    Element::Float8 => T::new(f64::from_bits(bits)),
+                    Element::Unsigned(_) => T::new(bits as f64),
+                    Element::Signed(1) => T::new(f64::from(bits as u8 as i8)),
+                    Element::Signed(2) => T::new(f64::from(bits as u16 as i16)),
+                    Element::Signed(_) => T::new(f64::from(bits as u32 as i32)),
                 };
             }
         }

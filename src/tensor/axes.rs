@@ -107,6 +107,7 @@ impl AxisKind {
 /// One axis of a stored slice with its coordinate values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
+    /// What it resolves.
     pub kind: AxisKind,
     /// Pixel centres are index + 0.5 less one half, that is the index itself; bins of pixels and time give centres.
     pub coords: Vec<f64>,
@@ -126,6 +127,34 @@ impl Axis {
     pub fn is_empty(&self) -> bool {
         self.coords.is_empty()
     }
+
+    /// Index of the entry nearest to a coordinate (in the axis' unit), the first of equals; 0 for an axis without entries.
+    #[must_use]
+    pub fn nearest(&self, coordinate: f64) -> usize {
+        let distance = |i: usize| (self.coords[i] - coordinate).abs();
+        (0..self.coords.len())
+            .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or(0)
+    }
+}
+
+/// First and last pixel of the boxes that tile an axis from pixel 0, given their centres (as binned axes have them).
+///
+/// # Errors
+/// The first centre that is not that of such a box.
+pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
+    let mut first = 0.0;
+    let mut all = Vec::with_capacity(centres.len());
+    for &centre in centres {
+        let last = 2.0 * centre - first;
+        // Not true of what is no number.
+        if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
+            return Err(centre);
+        }
+        all.push((first as u32, last as u32));
+        first = last + 1.0;
+    }
+    Ok(all)
 }
 
 /// The sizes that turn a [`Slice`] into axes.
@@ -375,8 +404,22 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_entry_is_the_first_of_equals() {
+        let axis = Axis {
+            kind: AxisKind::Wavelength,
+            coords: vec![450.0, 550.0, 660.0],
+            chunk: 3,
+        };
+        assert_eq!([0.0, 500.0, 501.0, 1e9].map(|nm| axis.nearest(nm)), [0, 0, 1, 2]);
+    }
+
+    #[test]
     fn bins_keep_their_centres() {
         assert_eq!(binned(10, 4), [1.5, 5.5, 8.5]);
+        assert_eq!(boxes(&binned(10, 4)), Ok(vec![(0, 3), (4, 7), (8, 9)]));
+        for bad in [f64::NAN, -1.0, 0.3, 1e300, f64::INFINITY] {
+            assert!(boxes(&[1.5, bad]).is_err(), "{bad}");
+        }
         let mut s = slice();
         s.camera = CameraSelect::Binned { nx: 2, ny: 4 };
         s.projector = ProjectorSelect::Sum;

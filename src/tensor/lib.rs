@@ -2,6 +2,8 @@
 //!
 //! Knows nothing of scenes, rigs, files or plots.
 
+#![warn(missing_docs)]
+
 pub mod array;
 pub mod axes;
 pub mod field;

@@ -59,9 +59,9 @@ pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<
     (start, size)
 }
 
-/// A box of a row-major array: the array's data shape and where in it the box begins.
+/// Where in a row-major array a box begins.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<'a> {
+pub struct Window<'a> {
     /// Shape of the whole array.
     pub shape: &'a [u64],
     /// First index of the box.
@@ -72,7 +72,7 @@ pub struct Place<'a> {
 ///
 /// # Panics
 /// If a box does not lie inside its array, or an array is shorter than its shape.
-pub fn copy<T: Copy>(from: &[T], source: Place, into: &mut [T], target: Place, extent: &[u64]) {
+pub fn copy<T: Copy>(from: &[T], source: Window, into: &mut [T], target: Window, extent: &[u64]) {
     if extent.contains(&0) {
         return;
     }
@@ -85,11 +85,11 @@ pub fn copy<T: Copy>(from: &[T], source: Place, into: &mut [T], target: Place, e
         }
     }
     let run: usize = extent[split..].iter().product::<u64>() as usize;
-    let offset = |place: &Place, index: &[u64]| {
+    let offset = |window: &Window, index: &[u64]| {
         let mut o = 0;
-        for axis in 0..place.shape.len() {
+        for axis in 0..window.shape.len() {
             let inner = index.get(axis).copied().unwrap_or(0);
-            o = o * place.shape[axis] + place.at[axis] + inner;
+            o = o * window.shape[axis] + window.at[axis] + inner;
         }
         o as usize
     };
@@ -124,12 +124,12 @@ mod tests {
         let (source, target) = ([2, 3, 4], [2, 2, 5]);
         copy(
             &from,
-            Place {
+            Window {
                 shape: &source,
                 at: &[0, 1, 1],
             },
             &mut into,
-            Place {
+            Window {
                 shape: &target,
                 at: &[0, 0, 2],
             },
@@ -137,7 +137,7 @@ mod tests {
         );
         assert_eq!(&into[..10], [0, 0, 5, 6, 7, 0, 0, 9, 10, 11]);
         let mut whole = vec![0; 24];
-        let place = Place {
+        let place = Window {
             shape: &source,
             at: &[0, 0, 0],
         };

@@ -15,7 +15,12 @@ pub enum CameraSelect {
     /// A rectangle of pixels.
     Block(Block),
     /// Means over boxes of `nx` × `ny` pixels.
-    Binned { nx: u32, ny: u32 },
+    Binned {
+        /// Columns in a box.
+        nx: u32,
+        /// Rows in a box.
+        ny: u32,
+    },
 }
 
 /// Which projector pixels s' are kept (axes `v` row, `u` column where they are resolved).
@@ -32,13 +37,29 @@ pub enum ProjectorSelect {
     /// A rectangle of projector pixels.
     Block(Block),
     /// Sums over boxes of `nx` × `ny` projector pixels (the response to a box lit as a whole).
-    Binned { nx: u32, ny: u32 },
+    Binned {
+        /// Columns in a box.
+        nx: u32,
+        /// Rows in a box.
+        ny: u32,
+    },
     /// Σ over s' with a weight per projector pixel, row-major: a drive image in 0..1, or a coordinate. No axis.
-    Mask { name: String, weights: Vec<f32> },
+    Mask {
+        /// Name of the image or coordinate.
+        name: String,
+        /// One weight per projector pixel.
+        weights: Vec<f32>,
+    },
     /// Σ over the s' whose centre lies within the half width (projector pixels) of the epipolar line of s. No axis.
-    Epipolar { half_width_px: f32 },
+    Epipolar {
+        /// Half width of the strip about the line, projector pixels.
+        half_width_px: f32,
+    },
     /// Σ over all other s'. No axis.
-    NonEpipolar { half_width_px: f32 },
+    NonEpipolar {
+        /// Half width of the strip that is left out, projector pixels.
+        half_width_px: f32,
+    },
     /// Only s' = s (camera and projector have the same resolution). No axis.
     Coaxial,
 }
@@ -46,9 +67,13 @@ pub enum ProjectorSelect {
 /// A rectangle of pixels: `x`, `y` the first column and row, `w`, `h` the size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
+    /// First column.
     pub x: u32,
+    /// First row.
     pub y: u32,
+    /// Columns.
     pub w: u32,
+    /// Rows.
     pub h: u32,
 }
 
@@ -58,7 +83,14 @@ pub enum TimeSelect {
     /// Steady state: Σ over all t. No axis.
     Sum,
     /// `bins` bins of `bin_ps` picoseconds from `start_ps`; light outside goes into the overflow array.
-    Bins { start_ps: f64, bin_ps: f64, bins: u32 },
+    Bins {
+        /// First edge, picoseconds.
+        start_ps: f64,
+        /// Width of a bin, picoseconds.
+        bin_ps: f64,
+        /// Number of bins.
+        bins: u32,
+    },
 }
 
 /// What is kept of the Stokes dimensions p, p'.
@@ -75,9 +107,13 @@ pub enum Polarization {
 pub struct Slice {
     /// Name of the group in the store.
     pub name: String,
+    /// Camera pixels.
     pub camera: CameraSelect,
+    /// Projector pixels.
     pub projector: ProjectorSelect,
+    /// Travel time.
     pub time: TimeSelect,
+    /// Stokes dimensions.
     pub polarization: Polarization,
     /// Resolve the number of surface interactions (axis `bounces`, 0 = emitter seen directly).
     pub bounces: bool,

@@ -3,6 +3,8 @@
 //! One program, not one a file: each would link the library again and compile anew what it uses of it. Those that watch
 //! the memory of their process stay apart.
 
+mod arrays;
+mod bytes;
 mod capture;
 mod commands;
 mod decompose;

@@ -152,7 +152,7 @@ fn binned_elements_weigh_by_samples() {
     let centres = layout(CameraSelect::Binned { nx: 2, ny: 2 }).axes[1]
         .coords
         .clone();
-    assert_eq!(boxes(&centres), [(0, 1), (2, 3), (4, 4)]);
+    assert_eq!(axes::boxes(&centres), Ok(vec![(0, 1), (2, 3), (4, 4)]));
 }
 
 #[test]
@@ -171,5 +171,23 @@ fn strangers_and_twins_are_refused() {
         merge(&[at("a")], &at("out"), false),
         Err(MergeError::TooFew)
     ));
+    assert!(!at("out").exists());
+}
+
+/// A store whose rows were edited not to rise: refused when its slice is opened, by name.
+#[test]
+fn rows_that_do_not_rise_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    for (i, name) in ["a", "b"].into_iter().enumerate() {
+        part(&at(name), i as u64, 4 * i, 4, "a", true);
+        let rows: [f64; 3] = [2.0, 1.0, 0.0];
+        let bytes: Vec<u8> = rows.iter().flat_map(|c| c.to_le_bytes()).collect();
+        let mut frame = zstd::bulk::compress(&bytes, 1).unwrap();
+        frame.extend(crc32c::crc32c(&frame).to_le_bytes());
+        std::fs::write(at(name).join("s/y/c.0"), frame).unwrap();
+    }
+    let error = merge(&[at("a"), at("b")], &at("out"), false).unwrap_err().to_string();
+    assert!(error.contains("s/y") && error.contains("rise"), "{error}");
     assert!(!at("out").exists());
 }

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::ProbeError;
-use super::plan::{AxisPlan, Plan, Target};
+use super::error::ProbeError;
+use super::plan::{AxisPlan, Plan, Share};
 use crate::zarr::StoredSlice;
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
@@ -39,16 +39,20 @@ pub(super) fn run(
         .zip(&layout.axes)
         .map(|(p, a)| split(p, a.chunk as usize))
         .collect();
-    let blocks = product(&segments[..camera]);
-    let inner = product(&segments[camera..]);
+    let (blocks, inner) = segments.split_at(camera);
+    let mut blocks = boxes(blocks);
     let rest: usize = plan.axes[camera..].iter().map(|a| a.slots).product();
     let total: usize = plan.axes.iter().map(|a| a.slots).product();
     let mut sum = vec![0.0_f64; total];
     let mut variance = vec![0.0_f64; total];
-    for batch in blocks.chunks(rayon::current_num_threads().max(1)) {
+    loop {
+        let batch: Vec<Ranges> = blocks.by_ref().take(rayon::current_num_threads().max(1)).collect();
+        if batch.is_empty() {
+            break;
+        }
         let partials: Vec<Partial> = batch
             .par_iter()
-            .map(|block| gather(plan, slice, [mean, error], block, &inner, rest))
+            .map(|block| gather(plan, slice, [mean, error], block, inner, rest))
             .collect::<Result<_, ProbeError>>()?;
         for (block, partial) in batch.iter().zip(&partials) {
             let lo: Vec<u64> = block.iter().map(|r| r.0 as u64).collect();
@@ -82,11 +86,11 @@ fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     pieces
 }
 
-fn product(lists: &[Vec<(usize, usize)>]) -> Vec<Ranges> {
-    lists.iter().fold(vec![vec![]], |boxes, list| {
-        let extend = |b: Ranges| list.iter().map(move |r| [b.clone(), vec![*r]].concat());
-        boxes.into_iter().flat_map(extend).collect()
-    })
+/// All boxes of one piece an axis, the last axis fastest.
+fn boxes(segments: &[Vec<(usize, usize)>]) -> impl Iterator<Item = Ranges> + '_ {
+    let counts: Vec<u64> = segments.iter().map(|s| s.len() as u64).collect();
+    region::indices(&vec![0; counts.len()], &counts)
+        .map(move |index| index.iter().zip(segments).map(|(&i, s)| s[i as usize]).collect())
 }
 
 fn gather(
@@ -94,7 +98,7 @@ fn gather(
     slice: &StoredSlice,
     fields: [Field; 2],
     block: &Ranges,
-    inner: &[Ranges],
+    inner: &[Vec<(usize, usize)>],
     rest: usize,
 ) -> Result<Partial, ProbeError> {
     let pixels: usize = block.iter().map(|r| r.1 - r.0).product();
@@ -102,8 +106,8 @@ fn gather(
         mean: vec![0.0; pixels * rest],
         bound: vec![0.0; pixels * rest],
     };
-    for part in inner {
-        let ranges: Ranges = block.iter().chain(part).copied().collect();
+    for part in boxes(inner) {
+        let ranges: Ranges = block.iter().chain(&part).copied().collect();
         let start: Vec<u64> = ranges.iter().map(|r| r.0 as u64).collect();
         let shape: Vec<u64> = ranges.iter().map(|r| (r.1 - r.0) as u64).collect();
         let (tail, run) = tail(plan, block.len(), &ranges);
@@ -125,7 +129,7 @@ fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     let (mut tail, mut run) = (ranges.len(), 1);
     while tail > camera {
         let (axis, range) = (&plan.axes[tail - 1], ranges[tail - 1]);
-        let in_place = |(i, row): (usize, &Vec<Target>)| matches!(row[..], [(slot, 1.0)] if slot == i);
+        let in_place = |(i, row): (usize, &Vec<Share>)| matches!(row[..], [(slot, 1.0)] if slot == i);
         let whole = range == (axis.first, axis.end) && axis.slots == axis.targets.len();
         let joint = plan.joint.is_some() && matches!(axis.kind, AxisKind::V | AxisKind::U);
         if joint || !whole || !axis.targets.iter().enumerate().all(in_place) {
@@ -138,7 +142,7 @@ fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
 }
 
 /// For every axis and entry of a box, offsets into the partial sums and weights.
-fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec<Vec<Target>>> {
+fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec<Vec<Share>>> {
     let mut stride = 1;
     let mut all = Vec::with_capacity(ranges.len());
     for (i, (axis, range)) in plan.axes.iter().zip(ranges).enumerate().rev() {
@@ -151,7 +155,7 @@ fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec
             );
         } else {
             let rows = &axis.targets[range.0 - axis.first..range.1 - axis.first];
-            let scaled = |row: &Vec<Target>| row.iter().map(|&(slot, w)| (slot * stride, w)).collect();
+            let scaled = |row: &Vec<Share>| row.iter().map(|&(slot, w)| (slot * stride, w)).collect();
             all.push(rows.iter().map(scaled).collect());
             stride *= axis.slots;
         }
@@ -172,7 +176,7 @@ fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
 /// One box of values with where they go.
 struct Walk {
     /// Targets of all axes but the trailing ones that form a run.
-    targets: Vec<Vec<Vec<Target>>>,
+    targets: Vec<Vec<Vec<Share>>>,
     /// Values per run.
     run: usize,
     joint: Option<(usize, Vec<f64>)>,

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::{CoordRange, Pulse, Selection};
+use super::request::{CoordRange, Pulse, Selection};
 use tensor::axes::AxisKind;
 
 /// A word that cannot be understood.

@@ -1,5 +1,7 @@
 //! Drive images for the projector, and which projector pixels an entry of the axes v and u stands for.
 
+use tensor::axes::boxes;
+
 /// Drive of every projector pixel, 0..1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
@@ -60,28 +62,22 @@ pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec
         }
         None => false,
     };
-    let mut next = 0.0;
-    let mut all = Vec::with_capacity(coords.len());
-    for &centre in coords {
-        let (first, last) = if single {
-            (centre, centre)
-        } else {
-            (next, 2.0 * centre - next)
-        };
-        if !(first >= 0.0 && last >= first && last.fract() == 0.0) {
-            return Err(format!(
-                "projector coordinate {centre} is not the centre of whole pixels"
-            ));
+    let centre = |c: f64| format!("projector coordinate {c} is not the centre of whole pixels");
+    let all = if single {
+        if let Some(&bad) = coords.iter().find(|c| !(**c >= 0.0 && c.fract() == 0.0)) {
+            return Err(centre(bad));
         }
-        if last >= f64::from(total) {
-            return Err(format!(
-                "the slice reaches projector pixel {last}: use the projector's resolution"
-            ));
-        }
-        next = last + 1.0;
-        all.push((first as u32, last as u32));
+        coords.iter().map(|&c| (c as u32, c as u32)).collect()
+    } else {
+        boxes(coords).map_err(centre)?
+    };
+    if let Some((_, last)) = all.iter().find(|(_, last)| *last >= total) {
+        return Err(format!(
+            "the slice reaches projector pixel {last}: use the projector's resolution"
+        ));
     }
-    if !single && next < f64::from(total) {
+    let next = all.last().map_or(0, |(_, last)| last + 1);
+    if !single && next < total {
         return Err(format!(
             "the slice's bins end at projector pixel {next}: use the projector's resolution"
         ));

@@ -1,6 +1,8 @@
 //! Turns a probe and a slice into one weighted sum: for every entry of every axis, where it goes and how it counts.
 
-use super::{CoordRange, Probe, ProbeError, Pulse, Selection, pattern};
+use super::error::ProbeError;
+use super::pattern;
+use super::request::{CoordRange, Probe, Pulse, Selection};
 use crate::zarr::StoredSlice;
 use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -11,7 +13,7 @@ const MAX_ELEMENTS: u128 = 1 << 30;
 const MAX_KERNEL: f64 = 1e6;
 
 /// Where an entry goes along the axis of the result (slot), and with which weight.
-pub(super) type Target = (usize, f64);
+pub(super) type Share = (usize, f64);
 
 /// What happens to one axis.
 pub(super) struct AxisPlan {
@@ -21,7 +23,7 @@ pub(super) struct AxisPlan {
     /// One past the last entry read.
     pub(super) end: usize,
     /// Targets of the entries `first..end`.
-    pub(super) targets: Vec<Vec<Target>>,
+    pub(super) targets: Vec<Vec<Share>>,
     /// Slots along this axis in the result; 1 where the axis disappears. A convolved axis has one slot more, the
     /// last, for light that leaves the stored bins.
     pub(super) slots: usize,
@@ -126,7 +128,7 @@ impl Plan {
     }
 }
 
-fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Target>>) -> AxisPlan {
+fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Share>>) -> AxisPlan {
     AxisPlan {
         kind,
         first,
@@ -142,7 +144,7 @@ fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, 
     let slots = if keep { range.len() + 1 } else { 2 };
     let targets = (0..bins)
         .map(|i| {
-            let mut row: Vec<Target> = Vec::new();
+            let mut row: Vec<Share> = Vec::new();
             let mut add = |slot: usize, w: f64| match row.iter_mut().find(|(s, _)| *s == slot) {
                 Some((_, sum)) => *sum += w,
                 None => row.push((slot, w)),
@@ -259,14 +261,9 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
         });
     };
     let distance = |i: usize, value: f64| (axis.coords[i] - value).abs();
-    let nearest = |value: f64| {
-        (0..n)
-            .min_by(|&a, &b| distance(a, value).total_cmp(&distance(b, value)))
-            .unwrap_or(0)
-    };
     // Of two equally near entries a range begins with the later one, so that ranges may be given by bin edges.
     let nearest_from = |value: f64| {
-        let i = nearest(value);
+        let i = axis.nearest(value);
         if i + 1 < n && distance(i + 1, value) <= distance(i, value) {
             i + 1
         } else {
@@ -302,7 +299,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             if !(value >= low && value <= high) {
                 return Err(outside(value, value));
             }
-            let first = nearest(value);
+            let first = axis.nearest(value);
             Ok(Step::Range {
                 first,
                 end: first + 1,
@@ -318,7 +315,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             } else {
                 nearest_from(from)
             };
-            let last = if to == f64::INFINITY { n - 1 } else { nearest(to) };
+            let last = if to == f64::INFINITY { n - 1 } else { axis.nearest(to) };
             Ok(Step::Range {
                 first,
                 end: last.max(first) + 1,

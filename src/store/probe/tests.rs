@@ -1,6 +1,10 @@
 //! Tests of probing against brute-force loops.
 
 use super::*;
+use tensor::axes::AxisKind;
+use crate::zarr::StoredSlice;
+use tensor::array::Tensor;
+use tensor::field::Field;
 use crate::zarr::TensorStore;
 use nalgebra::{Matrix4, Vector4};
 use rand_core::{Rng, SeedableRng};

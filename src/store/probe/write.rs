@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use super::{ProbeError, ProbeResult};
+use super::error::ProbeError;
+use super::result::ProbeResult;
 use crate::numpy;
 use crate::zarr::TensorStore;
 use base::whole_file;
@@ -111,22 +112,19 @@ impl ProbeResult {
     ) -> Result<(), ProbeError> {
         let layout = self.layout();
         let shape = layout.shape();
-        let store = TensorStore::create(
-            path,
-            &[(layout, slice_attributes.clone())],
-            root_attributes,
-            None,
-            replace,
-        )?;
-        let slice = store.slice(&self.mean.name).map_err(|e| failed(path, e))?;
-        let start = vec![0; shape.len()];
-        slice.write(Field::Mean, &start, &shape, &self.mean.data)?;
-        slice.write(Field::StdError, &start, &shape, &self.std_error.data)?;
-        if let Some(overflow) = self.overflow.as_ref().filter(|_| slice.has(Field::Overflow)) {
-            let shape: Vec<u64> = overflow.shape().iter().map(|&n| n as u64).collect();
-            slice.write(Field::Overflow, &vec![0; shape.len()], &shape, &overflow.data)?;
-        }
-        store.finish().map_err(|e| failed(path, e))
+        let fill = |store: &TensorStore| {
+            let slice = store.slice(&self.mean.name).map_err(|e| failed(path, e))?;
+            let start = vec![0; shape.len()];
+            slice.write(Field::Mean, &start, &shape, &self.mean.data)?;
+            slice.write(Field::StdError, &start, &shape, &self.std_error.data)?;
+            if let Some(overflow) = self.overflow.as_ref().filter(|_| slice.has(Field::Overflow)) {
+                let shape: Vec<u64> = overflow.shape().iter().map(|&n| n as u64).collect();
+                slice.write(Field::Overflow, &vec![0; shape.len()], &shape, &overflow.data)?;
+            }
+            store.finish().map_err(|e| failed(path, e))
+        };
+        let slices = [(layout, slice_attributes.clone())];
+        TensorStore::create_filled(path, &slices, root_attributes, None, replace, fill).map(drop)
     }
 }
 

@@ -22,8 +22,8 @@ use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
 use super::sparse_frame::{self, Content};
-use tensor::region;
-use tensor::region::Place;
+use tensor::region::{self, Window};
+use tensor::sink::STRETCH;
 
 /// Zstandard level: noise of floating point numbers gets 8 % smaller at 1 and not at all at higher ones, only slower.
 const LEVEL: i32 = -2;
@@ -31,6 +31,8 @@ const LEVEL: i32 = -2;
 const STRIPES: usize = 64;
 /// A chunk may not hold more elements than this (a damaged description is refused before it allocates).
 const MAX_CHUNK: usize = 1 << 28;
+/// Reads of more bytes than this are tried for memory first.
+const LARGE: usize = 1 << 28;
 
 /// A number type that arrays are made of.
 pub(super) trait Number: ElementOwned + bytemuck::Pod + Default + PartialEq + Send + Sync {
@@ -113,7 +115,7 @@ impl<T: Number> ChunkedArray<T> {
             path: path.clone(),
             cause,
         };
-        let fill = zarrs::array::FillValue::new(vec![0; std::mem::size_of::<T>()]);
+        let fill = zarrs::array::FillValue::new(vec![0; size_of::<T>()]);
         let array = ArrayBuilder::new(description.shape, description.chunk.clone(), T::data_type(), fill)
             .array_to_bytes_codec(Arc::new(BytesCodec::little()))
             .bytes_to_bytes_codecs(vec![
@@ -152,6 +154,18 @@ impl<T: Number> ChunkedArray<T> {
                 T::NAME
             )));
         }
+        if array.fill_value().as_ne_bytes().iter().any(|b| *b != 0) {
+            return Err(damaged(format!(
+                "what it does not store is {}, not 0",
+                json["fill_value"]
+            )));
+        }
+        if region::volume(array.shape()).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
+            return Err(damaged(format!(
+                "its shape {:?} has more elements than can be counted",
+                array.shape()
+            )));
+        }
         // What takes no options may be named by its name alone.
         let codecs: Vec<&str> = json["codecs"].as_array().map_or(Vec::new(), |list| {
             list.iter()
@@ -174,14 +188,14 @@ impl<T: Number> ChunkedArray<T> {
         let chunk = match chunk {
             Some(chunk)
                 if chunk.len() == array.shape().len()
-                    && !chunk.contains(&0)
+                    && chunk.iter().zip(array.shape()).all(|(c, n)| (1..=*n).contains(c))
                     && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK) =>
             {
                 chunk
             }
             _ => {
                 return Err(damaged(
-                    "its chunk grid is not a regular one of sensible size".into(),
+                    "its chunk grid is not a regular one of chunks within its shape".into(),
                 ));
             }
         };
@@ -236,6 +250,19 @@ impl<T: Number> ChunkedArray<T> {
             })
     }
 
+    /// Room for values, all zero.
+    fn zeros(&self, elements: usize) -> Result<Vec<T>, AccessError> {
+        // A large claim is tried first: where it fails, zeros would end the process.
+        let large = elements.saturating_mul(size_of::<T>()) > LARGE;
+        if large && Vec::<T>::new().try_reserve_exact(elements).is_err() {
+            return Err(AccessError::Memory {
+                path: self.path.clone(),
+                elements,
+            });
+        }
+        Ok(vec![T::default(); elements])
+    }
+
     /// Calls `f(chunk index, overlap start, overlap shape, chunk start, chunk is wholly covered)` for every chunk
     /// that a region touches.
     fn for_chunks(
@@ -268,16 +295,16 @@ impl<T: Number> ChunkedArray<T> {
 
     /// The values of a region, row-major.
     pub(super) fn read(&self, start: &[u64], shape: &[u64]) -> Result<Vec<T>, AccessError> {
-        let mut values = vec![T::default(); self.check(start, shape)?];
+        let mut values = self.zeros(self.check(start, shape)?)?;
         self.for_chunks(start, shape, |index, from, size, origin, _| {
             if let Some(chunk) = self.read_chunk(index)? {
                 let inner = difference(from, origin);
                 let outer = difference(from, start);
-                let source = Place {
+                let source = Window {
                     shape: &self.chunk,
                     at: &inner,
                 };
-                region::copy(&chunk, source, &mut values, Place { shape, at: &outer }, size);
+                region::copy(&chunk, source, &mut values, Window { shape, at: &outer }, size);
             }
             Ok(())
         })?;
@@ -306,18 +333,19 @@ impl<T: Number> ChunkedArray<T> {
             let _guard = self.lock(index);
             if shape == self.chunk {
                 // The region is this chunk and nothing else: no copy.
-                return self.store(index, values, touched);
+                let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
+                return self.store(index, values, touched.filter(enough));
             }
             let old = if whole { None } else { self.read_chunk(index)? };
             let elements = self.chunk.iter().product::<u64>() as usize;
             let mut chunk = old.unwrap_or_else(|| vec![zero; elements]);
             let inner = difference(from, origin);
             let outer = difference(from, start);
-            let target = Place {
+            let target = Window {
                 shape: &self.chunk,
                 at: &inner,
             };
-            region::copy(values, Place { shape, at: &outer }, &mut chunk, target, size);
+            region::copy(values, Window { shape, at: &outer }, &mut chunk, target, size);
             self.store(index, &chunk, None)
         })
     }
@@ -369,7 +397,7 @@ impl<T: Number> ChunkedArray<T> {
             return Ok(None);
         };
         let elements = self.chunk.iter().product::<u64>() as usize;
-        let expected = (elements * std::mem::size_of::<T>()) as u64;
+        let expected = (elements * size_of::<T>()) as u64;
         let declared = match self.coding {
             Coding::Plain => Some(bytes.len() as u64),
             Coding::Frame => frame_content(&bytes),

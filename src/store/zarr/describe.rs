@@ -11,6 +11,7 @@ use std::sync::Arc;
 use serde_json::{Map, Value, json};
 
 use super::atomic::AtomicDirectory;
+use super::check;
 use super::chunked::{ChunkedArray, Description};
 use super::error::{CreateError, OpenError};
 use base::whole_file;
@@ -67,9 +68,12 @@ pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
     })
 }
 
-/// The attributes of a group description.
-pub(super) fn attributes_of(json: &Value) -> Map<String, Value> {
-    json["attributes"].as_object().cloned().unwrap_or_default()
+/// The attributes of a group description, `None` where they are no table.
+pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
+    match json.get("attributes") {
+        None => Some(Map::new()),
+        Some(value) => value.as_object().cloned(),
+    }
 }
 
 /// Names of the slices of a root description, `None` if it is not one of ours.
@@ -119,9 +123,10 @@ pub(super) fn create_slice(
             shape: layout.shape(),
             chunk: layout.chunk_shape(),
             names: layout.axes.iter().map(|a| a.kind.name()).collect(),
-            attributes: attributes_of(
-                &json!({"attributes": {"units": VALUE_UNITS, "long_name": field.long_name()}}),
-            ),
+            attributes: Map::from_iter([
+                ("units".to_owned(), json!(VALUE_UNITS)),
+                ("long_name".to_owned(), json!(field.long_name())),
+            ]),
         };
         ChunkedArray::<f32>::create(storage, &format!("/{name}/{}", field.name()), description)?;
     }
@@ -174,30 +179,38 @@ fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) 
     }
 }
 
-fn read_coordinates(
+/// Reads the coordinates of an axis of `expected` entries, and checks them.
+fn read_axis(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
     kind: AxisKind,
-) -> Result<Vec<f64>, OpenError> {
+    [expected, chunk]: [u64; 2],
+) -> Result<Axis, OpenError> {
     let node = format!("/{slice}/{}", kind.name());
-    let path = storage.root().join(slice).join(kind.name());
     let damaged = |reason: String| OpenError::Damaged {
-        path: path.clone(),
+        path: storage.root().join(slice).join(kind.name()),
         reason,
     };
     let length = |shape: &[u64]| match shape {
-        [n] if (1..=MAX_AXIS).contains(n) => Ok(*n),
-        _ => Err(format!("shape {shape:?} is not that of an axis")),
+        [n] if *n == expected && (1..=MAX_AXIS).contains(n) => Ok(*n),
+        _ => Err(damaged(format!(
+            "it is of shape {shape:?}, the axis has {expected} entries"
+        ))),
     };
-    if is_index(kind) {
+    let coords: Vec<f64> = if is_index(kind) {
         let array = ChunkedArray::<i64>::open(storage, &node)?;
-        let n = length(array.shape()).map_err(&damaged)?;
+        let n = length(array.shape())?;
         let values = array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?;
-        Ok(values.into_iter().map(|v| v as f64).collect())
+        values.into_iter().map(|v| v as f64).collect()
     } else {
         let array = ChunkedArray::<f64>::open(storage, &node)?;
-        let n = length(array.shape()).map_err(&damaged)?;
-        array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))
+        let n = length(array.shape())?;
+        array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?
+    };
+    let axis = Axis { kind, coords, chunk };
+    match check::coordinates_fault(&axis) {
+        Some(reason) => Err(damaged(reason)),
+        None => Ok(axis),
     }
 }
 
@@ -230,32 +243,30 @@ pub(super) fn read_layout(
                 "dimensions {names:?} are not in the order of storage"
             )));
         }
-        let coords = read_coordinates(storage, slice, kind)?;
-        if coords.len() as u64 != mean.shape()[i] {
-            let reason = format!(
-                "axis `{name}` has {} coordinates for {}",
-                coords.len(),
-                mean.shape()[i]
-            );
-            return Err(damaged(reason));
-        }
-        axes.push(Axis {
+        axes.push(read_axis(
+            storage,
+            slice,
             kind,
-            coords,
-            chunk: mean.chunk()[i],
-        });
+            [mean.shape()[i], mean.chunk()[i]],
+        )?);
     }
-    let number = |key: &str| attributes.get(key).and_then(Value::as_f64);
-    let time = number("time_start_ps").zip(number("time_bin_ps"));
-    if time.is_some() != axes.iter().any(|a| a.kind == AxisKind::T) {
-        let reason = "attributes `time_start_ps`, `time_bin_ps` and the axis `t` do not agree";
-        return Err(damaged(reason.into()));
-    }
-    Ok(SliceLayout {
+    let number = |key: &str| match attributes.get(key) {
+        None => Ok(None),
+        Some(value) => value
+            .as_f64()
+            .map(Some)
+            .ok_or_else(|| damaged(format!("attribute `{key}` of its slice is {value}, not a number"))),
+    };
+    let (start, bin) = (number("time_start_ps")?, number("time_bin_ps")?);
+    let layout = SliceLayout {
         name: slice.to_owned(),
         axes,
-        time,
-    })
+        time: start.zip(bin),
+    };
+    match check::time_fault(&layout) {
+        Some(reason) => Err(damaged(reason)),
+        None => Ok(layout),
+    }
 }
 
 /// Replaces the attributes of the root group, keeping the list of slices and the consolidated metadata.

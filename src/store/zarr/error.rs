@@ -111,6 +111,14 @@ pub enum AccessError {
         /// Shape of the array.
         array: Vec<u64>,
     },
+    /// The region does not fit into memory.
+    #[error("{elements} values of {path} do not fit into memory: read a part of it")]
+    Memory {
+        /// The array.
+        path: PathBuf,
+        /// Elements of the region.
+        elements: usize,
+    },
     /// The number of values does not match the region.
     #[error("{found} values for a region of {expected} in {path}: pass one value per element, row-major")]
     Length {

@@ -5,6 +5,7 @@
 //! chunk depend on its values alone, so a store is identical for any number and order of writing threads.
 
 mod atomic;
+mod check;
 mod chunked;
 mod describe;
 mod error;
@@ -59,7 +60,7 @@ impl TensorStore {
     /// existing *store* at `path` is deleted first; anything else is left alone.
     ///
     /// # Errors
-    /// If `path` exists and may not be replaced, a name or axis is unusable, or the file system refuses.
+    /// If `path` exists and may not be replaced, a name, axis or attribute is unusable, or the file system refuses.
     pub fn create(
         path: &Path,
         slices: &[(SliceLayout, Map<String, Value>)],
@@ -67,41 +68,57 @@ impl TensorStore {
         samples: Option<SampleGrid>,
         replace: bool,
     ) -> Result<Self, CreateError> {
+        Self::create_filled(path, slices, attributes, samples, replace, |_| Ok(()))
+    }
+
+    /// As [`Self::create`], with values: `fill` writes them, finishing included, before the store gets its name, so that
+    /// it exists with them or not at all (where it fails, an old store stays).
+    ///
+    /// # Errors
+    /// As [`Self::create`], and those of `fill`.
+    pub fn create_filled<E: From<CreateError>>(
+        path: &Path,
+        slices: &[(SliceLayout, Map<String, Value>)],
+        attributes: &Map<String, Value>,
+        samples: Option<SampleGrid>,
+        replace: bool,
+        fill: impl FnOnce(&Self) -> Result<(), E>,
+    ) -> Result<Self, E> {
         let path = path.to_owned();
         let exists = std::fs::symlink_metadata(&path).is_ok();
         if exists && !replace {
-            return Err(CreateError::Exists { path });
+            return Err(CreateError::Exists { path }.into());
         }
         if exists && !is_store(&path) {
-            return Err(CreateError::NotAStore { path });
+            return Err(CreateError::NotAStore { path }.into());
         }
         check_slices(slices)?;
-        let failed = |cause: std::io::Error| CreateError::Write {
+        let failed = |cause: String| CreateError::Write {
             path: path.clone(),
-            cause: cause.to_string(),
+            cause,
         };
+        let io = |e: std::io::Error| failed(e.to_string());
         if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(failed)?;
+            std::fs::create_dir_all(parent).map_err(io)?;
         }
         let temporary = whole_file::temporary_beside(&path);
         let old = whole_file::temporary_beside(&path);
-        let built = build(&temporary, slices, attributes, samples).and_then(|()| {
+        let make = || -> Result<(), E> {
+            build(&temporary, slices, attributes, samples)?;
+            fill(&Self::open(&temporary).map_err(|e| failed(e.to_string()))?)?;
             if exists {
-                std::fs::rename(&path, &old).map_err(failed)?;
+                std::fs::rename(&path, &old).map_err(io)?;
             }
-            std::fs::rename(&temporary, &path).map_err(failed)
-        });
-        if let Err(e) = built {
+            Ok(std::fs::rename(&temporary, &path).map_err(io)?)
+        };
+        if let Err(e) = make() {
             let _ = std::fs::remove_dir_all(&temporary);
             return Err(e);
         }
         if exists {
-            std::fs::remove_dir_all(&old).map_err(failed)?;
+            std::fs::remove_dir_all(&old).map_err(io)?;
         }
-        Self::open(&path).map_err(|e| CreateError::Write {
-            path: path.clone(),
-            cause: e.to_string(),
-        })
+        Ok(Self::open(&path).map_err(|e| failed(e.to_string()))?)
     }
 
     /// Opens a store to read it (writing works too, but see [`TensorStore::open_for_write`]).
@@ -125,12 +142,17 @@ impl TensorStore {
         let names = describe::slice_names_of(&json)
             .ok_or_else(|| not_a_store("its zarr.json has no list of slices"))?;
         let storage = Arc::new(AtomicDirectory::new(path));
-        let mut attributes = describe::attributes_of(&json);
+        let mut attributes = describe::attributes_of(&json).unwrap_or_default();
         attributes.remove("slices");
+        if let Some(reason) = check::root_fault(&attributes) {
+            return Err(OpenError::Damaged {
+                path: path.join("zarr.json"),
+                reason,
+            });
+        }
         let samples = if path.join("samples").is_dir() {
             let array = ChunkedArray::<u32>::open(&storage, "/samples")?;
-            if array.shape().len() != 2 {
-                let reason = format!("shape {:?} is not (y, x)", array.shape());
+            if let Some(reason) = check::samples_fault(array.shape(), array.chunk()) {
                 return Err(OpenError::Damaged {
                     path: array.path().to_owned(),
                     reason,
@@ -190,7 +212,8 @@ impl TensorStore {
         if let Some(slice) = slices.get(name) {
             return Ok(slice.clone());
         }
-        let slice = StoredSlice::open(&self.storage, name)?;
+        let samples = self.samples_shape().map(|(shape, _)| shape);
+        let slice = StoredSlice::open(&self.storage, name, samples)?;
         slices.insert(name.to_owned(), slice.clone());
         Ok(slice)
     }
@@ -265,7 +288,7 @@ fn is_store(path: &Path) -> bool {
 }
 
 fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
-    for (i, (layout, _)) in slices.iter().enumerate() {
+    for (i, (layout, attributes)) in slices.iter().enumerate() {
         let fault = |reason: &str| CreateError::Slice {
             name: layout.name.clone(),
             reason: reason.into(),
@@ -278,6 +301,14 @@ fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), Crea
         }
         if layout.axes.iter().any(|a| a.is_empty() || a.chunk == 0) {
             return Err(fault("an axis has no entries: keep at least one"));
+        }
+        for axis in &layout.axes {
+            if let Some(reason) = check::coordinates_fault(axis) {
+                return Err(fault(&format!("axis `{}`: {reason}", axis.kind.name())));
+            }
+        }
+        if let Some(reason) = check::time_fault(layout).or_else(|| check::slice_fault(attributes)) {
+            return Err(fault(&reason));
         }
     }
     Ok(())

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde_json::{Map, Value};
 
 use super::atomic::AtomicDirectory;
+use super::check;
 use super::chunked::ChunkedArray;
 use super::describe;
 use super::error::{AccessError, OpenError};
@@ -34,11 +35,27 @@ impl std::fmt::Debug for StoredSlice {
 }
 
 impl StoredSlice {
-    pub(super) fn open(storage: &Arc<AtomicDirectory>, name: &str) -> Result<Self, OpenError> {
+    /// Opens a slice of a store whose sample counts are of shape `samples` (rows, columns), and checks all of it.
+    pub(super) fn open(
+        storage: &Arc<AtomicDirectory>,
+        name: &str,
+        samples: Option<[u64; 2]>,
+    ) -> Result<Self, OpenError> {
         let path = storage.root().join(name);
-        let attributes = describe::attributes_of(&describe::read_json(&path.join("zarr.json"))?);
+        let group = path.join("zarr.json");
+        let damaged = |reason: String| OpenError::Damaged {
+            path: group.clone(),
+            reason,
+        };
+        let attributes = describe::attributes_of(&describe::read_json(&group)?)
+            .ok_or_else(|| damaged("its attributes are no table".into()))?;
         let mean = ChunkedArray::<f32>::open(storage, &format!("/{name}/mean"))?;
         let layout = describe::read_layout(storage, name, &mean, &attributes)?;
+        let fault = check::slice_fault(&attributes)
+            .or_else(|| samples.and_then(|samples| check::camera_fault(&layout, samples)));
+        if let Some(reason) = fault {
+            return Err(damaged(reason));
+        }
         let mut fields = [const { None }; 4];
         for field in Field::ALL {
             let Some(expected) = field.layout_in(&layout) else {

@@ -1,4 +1,8 @@
-//! A table of Mueller matrices in a mapped file: checked when opened, interpolated in place.
+//! A table of Mueller matrices in a file: checked when opened, interpolated in place.
+//!
+//! A file of up to 64 MiB is read whole, so that nothing that happens to it later matters. A larger one is mapped
+//! copy-on-write and read as light asks for it; of what other programs do to it meanwhile, one harm remains: pages that are
+//! cut off it end the process (SIGBUS on Unix). Replace such a file by renaming a new one over it, never in place.
 //!
 //! Multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d goes round; the other angles and the wavelength keep to the
 //! nearest entry beyond their ends. Entries are BRDF values (no cosine) between the s frames of [`super::rusinkiewicz`].
@@ -14,10 +18,11 @@ use super::error::PbsdfError;
 use super::importance::{Importance, Mean};
 use super::rusinkiewicz::Coordinates;
 use super::tensor_file::{Dtype, Field, TensorFile};
-use memmap2::Mmap;
+use memmap2::{Mmap, MmapOptions};
 use optics::polarization::mueller::Mueller;
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths};
 use std::fs::File;
+use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -34,6 +39,9 @@ pub struct Options {
 /// Elements at or beyond this magnitude are no reflectance; like NaN they mark a hole.
 const LIMIT: f32 = 1e9;
 
+/// Files of up to this many bytes are read whole.
+const READ_WHOLE: u64 = 64 << 20;
+
 /// Bytes of one matrix.
 const CELL: usize = 64;
 
@@ -46,9 +54,10 @@ struct Band {
     weight: f32,
 }
 
-/// A measured table. Clones share the mapped file.
+/// A measured table. Clones share its bytes.
 #[derive(Clone, Debug)]
 pub struct Table {
+    /// The file: its bytes in memory that is no file's, or mapped.
     map: Arc<Mmap>,
     /// First byte of M.
     start: usize,
@@ -109,20 +118,15 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
 }
 
 impl Table {
-    /// Maps a `.pbsdf` file and checks its structure, axes and that it holds anything at all. Reads little of a large
-    /// file: the data stay on disk until light asks for them.
+    /// Opens a `.pbsdf` file and checks its structure, axes and that it holds anything at all. Reads little of a large
+    /// file: the data stay on disk until light asks for them (see the module for what that risks).
     ///
     /// Wavelengths outside the table take its nearest band; that is said once, as a warning.
     ///
     /// # Errors
     /// [`PbsdfError`] naming the fault and the mend, not the path.
     pub fn open(path: &Path, options: &Options) -> Result<Self, PbsdfError> {
-        let file = File::open(path).map_err(PbsdfError::Read)?;
-        // SAFETY: a map is unsound if others change the file while it lives, as is any that shares a file with other
-        // programs. It is private and read-only, no reference into it is given out as anything but plain bytes, which
-        // have no invalid values, and all bounds come from the length of the map. The remaining harm is that a file
-        // cut short during a render ends the process.
-        let map = unsafe { Mmap::map(&file) }.map_err(PbsdfError::Read)?;
+        let map = bytes_of(path).map_err(PbsdfError::Read)?;
         Self::of(Arc::new(map), options, path)
     }
 
@@ -339,6 +343,25 @@ impl Table {
     pub fn file_len(&self) -> usize {
         self.map.len()
     }
+}
+
+/// The bytes of a file: small ones in memory of their own, large ones mapped.
+fn bytes_of(path: &Path) -> io::Result<Mmap> {
+    let mut file = File::open(path)?;
+    let size = file.metadata()?.len();
+    if size <= READ_WHOLE {
+        let mut memory = MmapOptions::new().len(size as usize).map_anon()?;
+        file.read_exact(&mut memory)?;
+        return memory.make_read_only();
+    }
+    // SAFETY: a map is unsound if its file changes while it lives. This one is private (copy-on-write) and read-only, no
+    // reference into it is given out as anything but plain bytes, which have no invalid values, and all bounds come from
+    // the length of the map. What remains is that a file cut short during a render ends the process.
+    let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
+    if file.metadata()?.len() != map.len() as u64 {
+        return Err(io::Error::other("it changed while it was opened"));
+    }
+    Ok(map)
 }
 
 /// The bands of every lane; warns of wavelengths that the table lacks.

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::zarr::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
-use tensor::axes::{AxisKind, SliceLayout};
+use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
@@ -44,6 +44,19 @@ pub enum MergeError {
         first: PathBuf,
         /// The store that disagrees with it.
         second: PathBuf,
+    },
+    /// A camera axis of a slice does not say which pixels its elements are.
+    #[error(
+        "{path}: coordinate {coordinate} of axis `{axis}` is not that of whole pixels, so its samples cannot be told: \
+         render it again, or restore it from a copy"
+    )]
+    Pixels {
+        /// The slice.
+        path: PathBuf,
+        /// Name of the axis.
+        axis: &'static str,
+        /// The coordinate.
+        coordinate: f64,
     },
     /// A seed occurs twice.
     #[error(
@@ -83,6 +96,22 @@ struct Input {
     samples_per_pixel: Option<f64>,
 }
 
+/// One slice of one store to merge.
+struct Part<'a> {
+    slice: StoredSlice,
+    input: &'a Input,
+    /// First and last row and column of the pixels of every entry of the axes y and x, where sample counts per pixel
+    /// tell how many samples an element has.
+    pixels: Option<[Vec<(u32, u32)>; 2]>,
+}
+
+/// One slice of all stores.
+struct Parts<'a> {
+    parts: Vec<Part<'a>>,
+    /// Whether elements are of one camera pixel each.
+    alike: bool,
+}
+
 /// Joins the stores `inputs` into a new store `out` (an existing one is overwritten only with `replace`).
 ///
 /// Numbers of samples come from the array `samples` where a store has it, else from the root attribute
@@ -94,25 +123,15 @@ struct Input {
 /// anything cannot be read or written.
 pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeError> {
     let inputs = open_inputs(inputs)?;
-    let first = &inputs[0];
-    let mut slices = Vec::new();
-    for name in first.store.slice_names() {
-        let slice = first.store.slice(name)?;
-        for other in &inputs[1..] {
-            let fault = || MergeError::Layout {
-                first: first.store.path().to_owned(),
-                second: other.store.path().to_owned(),
-                slice: name.clone(),
-            };
-            if other.store.slice_names() != first.store.slice_names() {
-                return Err(fault());
-            }
-            if !same_axes(other.store.slice(name)?.layout(), slice.layout()) {
-                return Err(fault());
-            }
-        }
-        slices.push((slice.layout().clone(), slice.attributes().clone()));
-    }
+    let names = inputs[0].store.slice_names();
+    let slices: Vec<Parts> = names
+        .iter()
+        .map(|name| parts(&inputs, name))
+        .collect::<Result<_, _>>()?;
+    let layouts: Vec<_> = slices
+        .iter()
+        .map(|s| (s.parts[0].slice.layout().clone(), s.parts[0].slice.attributes().clone()))
+        .collect();
     let shapes: Vec<_> = inputs.iter().map(|i| i.store.samples_shape()).collect();
     let grid = match shapes[0] {
         Some((shape, chunk)) if shapes.iter().all(|s| s.is_some_and(|s| s.0 == shape)) => Some(SampleGrid {
@@ -121,24 +140,112 @@ pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeE
         }),
         _ => None,
     };
-    let merged = TensorStore::create(out, &slices, &merged_attributes(&inputs), grid, replace)?;
-    for name in first.store.slice_names() {
-        merge_slice(&inputs, &merged.slice(name)?)?;
-    }
-    if let Some((shape, chunk)) = merged.samples_shape() {
-        for (start, size) in region::chunks(&shape, &chunk) {
-            let (start, size) = ([start[0], start[1]], [size[0], size[1]]);
-            let mut sum = inputs[0].store.read_samples(start, size)?;
-            for input in &inputs[1..] {
-                let counts = input.store.read_samples(start, size)?;
-                sum.iter_mut()
-                    .zip(counts)
-                    .for_each(|(s, c)| *s = s.saturating_add(c));
-            }
-            merged.write_samples(start, size, &sum)?;
+    let attributes = merged_attributes(&inputs);
+    let fill = |merged: &TensorStore| {
+        for parts in &slices {
+            merge_slice(parts, &merged.slice(parts.parts[0].slice.name())?)?;
         }
+        merge_samples(&inputs, merged)?;
+        Ok(merged.finish()?)
+    };
+    TensorStore::create_filled(out, &layouts, &attributes, grid, replace, fill).map(drop)
+}
+
+/// Adds up sample counts per pixel, where the merged store keeps them.
+fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), MergeError> {
+    let Some((shape, chunk)) = merged.samples_shape() else {
+        return Ok(());
+    };
+    for (start, size) in region::chunks(&shape, &chunk) {
+        let (start, size) = ([start[0], start[1]], [size[0], size[1]]);
+        let mut sum = inputs[0].store.read_samples(start, size)?;
+        for input in &inputs[1..] {
+            let counts = input.store.read_samples(start, size)?;
+            sum.iter_mut()
+                .zip(counts)
+                .for_each(|(s, c)| *s = s.saturating_add(c));
+        }
+        merged.write_samples(start, size, &sum)?;
     }
-    Ok(merged.finish()?)
+    Ok(())
+}
+
+/// Opens a slice in all stores, and checks that its parts belong together.
+fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
+    let first = inputs[0].store.slice(name)?;
+    let size = pixels_per_element(&first)?;
+    let alike = size == 1;
+    let mut parts = Vec::with_capacity(inputs.len());
+    for input in inputs {
+        let fault = || MergeError::Layout {
+            first: inputs[0].store.path().to_owned(),
+            second: input.store.path().to_owned(),
+            slice: name.to_owned(),
+        };
+        if input.store.slice_names() != inputs[0].store.slice_names() {
+            return Err(fault());
+        }
+        let slice = input.store.slice(name)?;
+        if !same_axes(slice.layout(), first.layout()) || pixels_per_element(&slice)? != size {
+            return Err(fault());
+        }
+        let pixels = pixels(input, &slice, alike)?;
+        parts.push(Part {
+            slice,
+            input,
+            pixels,
+        });
+    }
+    Ok(Parts { parts, alike })
+}
+
+fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
+    let attribute = slice.attributes().get("pixels_per_element");
+    attribute.and_then(Value::as_u64).ok_or_else(|| MergeError::Attribute {
+        path: slice.path().to_owned(),
+        key: "pixels_per_element",
+    })
+}
+
+/// See [`Part::pixels`].
+fn pixels(
+    input: &Input,
+    slice: &StoredSlice,
+    alike: bool,
+) -> Result<Option<[Vec<(u32, u32)>; 2]>, MergeError> {
+    let layout = slice.layout();
+    let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
+    let (Some((shape, _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {
+        return match input.samples_per_pixel {
+            Some(_) => Ok(None),
+            None => Err(MergeError::Attribute {
+                path: input.store.path().to_owned(),
+                key: "samples_per_pixel",
+            }),
+        };
+    };
+    let along = |axis: usize| {
+        let coords = &layout.axes[axis].coords;
+        let fault = |coordinate| MergeError::Pixels {
+            path: slice.path().to_owned(),
+            axis: layout.axes[axis].kind.name(),
+            coordinate,
+        };
+        let all = if alike {
+            match coords.iter().find(|c| c.fract() != 0.0) {
+                Some(bad) => return Err(fault(*bad)),
+                None => coords.iter().map(|&c| (c as u32, c as u32)).collect(),
+            }
+        } else {
+            axes::boxes(coords).map_err(fault)?
+        };
+        // Boxes rise, so the last one tells of all.
+        match all.last() {
+            Some((_, last)) if u64::from(*last) >= shape[axis] => Err(fault(coords[coords.len() - 1])),
+            _ => Ok(all),
+        }
+    };
+    Ok(Some([along(0)?, along(1)?]))
 }
 
 fn same_axes(a: &SliceLayout, b: &SliceLayout) -> bool {
@@ -217,7 +324,8 @@ fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
         if values.is_empty() {
             continue;
         }
-        let whole: Option<u64> = values.iter().map(|v| v.as_u64()).sum();
+        let mut whole = values.iter().map(|v| v.as_u64());
+        let whole = whole.try_fold(0_u64, |sum, n| sum.checked_add(n?));
         let sum = whole.map_or_else(
             || json!(values.iter().filter_map(|v| v.as_f64()).sum::<f64>()),
             |n| json!(n),
@@ -232,21 +340,8 @@ fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
     attributes
 }
 
-fn merge_slice(inputs: &[Input], merged: &StoredSlice) -> Result<(), MergeError> {
-    let sources: Vec<StoredSlice> = inputs
-        .iter()
-        .map(|i| i.store.slice(merged.name()))
-        .collect::<Result<_, _>>()?;
-    let pixels = merged
-        .attributes()
-        .get("pixels_per_element")
-        .and_then(Value::as_f64)
-        .filter(|n| *n >= 1.0)
-        .ok_or_else(|| MergeError::Attribute {
-            path: merged.path().to_owned(),
-            key: "pixels_per_element",
-        })?;
-    let alike = pixels == 1.0;
+fn merge_slice(parts: &Parts, merged: &StoredSlice) -> Result<(), MergeError> {
+    let alike = parts.alike;
     for (mean, error) in [
         (Field::Mean, Field::StdError),
         (Field::Overflow, Field::OverflowStdError),
@@ -254,17 +349,16 @@ fn merge_slice(inputs: &[Input], merged: &StoredSlice) -> Result<(), MergeError>
         if !merged.has(mean) {
             continue;
         }
-        let layout = merged.field_layout(mean)?;
         let chunks: Vec<_> = merged.chunks(mean)?.collect();
         chunks
             .par_iter()
             .try_for_each(|(start, shape)| -> Result<(), MergeError> {
                 let n = region::volume(shape).unwrap_or(0);
                 let mut pools = vec![Pool::default(); n];
-                for (input, source) in inputs.iter().zip(&sources) {
-                    let m = source.read(mean, start, shape)?;
-                    let e = source.read(error, start, shape)?;
-                    let counts = element_counts(input, layout, alike, start, shape)?;
+                for part in &parts.parts {
+                    let m = part.slice.read(mean, start, shape)?;
+                    let e = part.slice.read(error, start, shape)?;
+                    let counts = element_counts(part, start, shape)?;
                     let inner = n / counts.len().max(1);
                     for (i, pool) in pools.iter_mut().enumerate() {
                         pool.add(counts[i / inner], f64::from(m[i]), f64::from(e[i]), alike);
@@ -320,38 +414,18 @@ impl Pool {
 
 /// Number of samples of every camera element (y, x) of a region, row-major; one number if the slice has no camera
 /// axes or the counts are the same everywhere.
-fn element_counts(
-    input: &Input,
-    layout: &SliceLayout,
-    alike: bool,
-    start: &[u64],
-    shape: &[u64],
-) -> Result<Vec<f64>, MergeError> {
-    let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
-    let (Some(([rows, columns], _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {
-        let missing = MergeError::Attribute {
-            path: input.store.path().to_owned(),
-            key: "samples_per_pixel",
-        };
-        return Ok(vec![input.samples_per_pixel.ok_or(missing)?]);
+fn element_counts(part: &Part, start: &[u64], shape: &[u64]) -> Result<Vec<f64>, MergeError> {
+    let Some([rows, columns]) = &part.pixels else {
+        return Ok(vec![part.input.samples_per_pixel.unwrap_or(0.0)]);
     };
-    let boxes = |axis: usize, limit: u64| -> Vec<(u64, u64)> {
-        let coords = &layout.axes[axis].coords;
-        let all = if alike {
-            coords.iter().map(|&c| (c as u64, c as u64)).collect()
-        } else {
-            boxes(coords)
-        };
-        let (a, n) = (start[axis] as usize, shape[axis] as usize);
-        all[a..a + n]
-            .iter()
-            .map(|&(first, last)| (first.min(limit - 1), last.min(limit - 1)))
-            .collect()
+    let own = |all: &[(u32, u32)], axis: usize| -> Vec<(u64, u64)> {
+        let own = &all[start[axis] as usize..(start[axis] + shape[axis]) as usize];
+        own.iter().map(|&(a, b)| (a.into(), b.into())).collect()
     };
-    let (ys, xs) = (boxes(0, rows), boxes(1, columns));
+    let (ys, xs) = (own(rows, 0), own(columns, 1));
     let span = |b: &[(u64, u64)]| (b[0].0, b[b.len() - 1].1 - b[0].0 + 1);
     let ((y0, h), (x0, w)) = (span(&ys), span(&xs));
-    let samples = input.store.read_samples([y0, x0], [h, w])?;
+    let samples = part.input.store.read_samples([y0, x0], [h, w])?;
     let mut counts = Vec::with_capacity(ys.len() * xs.len());
     for &(top, bottom) in &ys {
         for &(left, right) in &xs {
@@ -363,18 +437,6 @@ fn element_counts(
         }
     }
     Ok(counts)
-}
-
-/// First and last pixel of boxes that tile an axis from pixel 0, given their centres.
-fn boxes(centres: &[f64]) -> Vec<(u64, u64)> {
-    let mut first = 0;
-    let of = |&centre: &f64| {
-        let last = ((2.0 * centre).round() as u64).saturating_sub(first).max(first);
-        let own = (first, last);
-        first = last + 1;
-        own
-    };
-    centres.iter().map(of).collect()
 }
 
 #[cfg(test)]

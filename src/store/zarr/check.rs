@@ -1,0 +1,163 @@
+//! What is checked of a store before anything relies on it: coordinates and attributes, each once, when it is opened or made.
+//!
+//! Files may have been edited, or cut short. What passes here needs no doubt afterwards: coordinates are finite and rise, and
+//! attributes that programs read are of their type. Attributes that nobody reads may be anything.
+
+use serde_json::{Map, Value};
+use tensor::axes::{Axis, AxisKind, SliceLayout};
+
+/// Cameras have no more rows or columns.
+const MAX_CAMERA: u64 = 1 << 15;
+/// Sample counts are not kept in more chunks: single pixels of a camera of 4096 by 4096.
+const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
+
+/// Says what is wrong with the coordinates of an axis, if anything.
+pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
+    let coords = &axis.coords;
+    if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
+        return Some(format!("its coordinate {bad} is no number"));
+    }
+    if let Some(w) = coords.windows(2).find(|w| w[0] >= w[1]) {
+        return Some(format!("its coordinates do not rise: {} follows {}", w[1], w[0]));
+    }
+    let (least, most) = match axis.kind {
+        AxisKind::Y | AxisKind::X | AxisKind::V | AxisKind::U | AxisKind::Bounces => {
+            (0.0, f64::from(u32::MAX - 1))
+        }
+        AxisKind::T => (f64::MIN, f64::MAX),
+        AxisKind::Component => (0.0, 1.0),
+        AxisKind::StokesOut | AxisKind::StokesIn => (0.0, 3.0),
+        AxisKind::Wavelength => (f64::MIN_POSITIVE, f64::MAX),
+    };
+    // They rise, so the ends tell of all.
+    let ends = [coords.first(), coords.last()].into_iter().flatten();
+    let mut outside = ends.filter(|c| !(least..=most).contains(*c));
+    outside
+        .next()
+        .map(|bad| format!("its coordinate {bad} lies outside {least} to {most}"))
+}
+
+/// Says what is wrong with the time bins of a layout, if anything: width, and centres of the axis t.
+pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
+    let axis = layout.find(AxisKind::T).map(|i| &layout.axes[i]);
+    let (axis, (start, bin)) = match (axis, layout.time) {
+        (None, None) => return None,
+        (Some(axis), Some(time)) => (axis, time),
+        _ => return Some("attributes `time_start_ps`, `time_bin_ps` and the axis `t` do not agree".into()),
+    };
+    if !(start.is_finite() && bin.is_finite() && bin > 0.0) {
+        return Some(format!(
+            "its time bins of {bin} ps from {start} ps are no bins: `time_bin_ps` must be positive"
+        ));
+    }
+    // Bins of a part of a slice begin at a sum, which rounds.
+    let off = |(i, c): (usize, &f64)| (start + (i as f64 + 0.5) * bin - c).abs() > 1e-6 * (bin + c.abs());
+    axis.coords.iter().enumerate().any(|at| off(at)).then(|| {
+        format!("the coordinates of axis `t` are not the centres of bins of {bin} ps from {start} ps")
+    })
+}
+
+/// Says what is wrong with the shape and chunk of the array of sample counts, if anything.
+pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
+    let [rows, columns] = shape else {
+        return Some(format!("shape {shape:?} is not (y, x)"));
+    };
+    let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
+    if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {
+        return Some(format!("shape {shape:?} in chunks of {chunk:?} is not that of a camera"));
+    }
+    None
+}
+
+/// Says what is wrong with the camera axes of a slice beside sample counts of (rows, columns), if anything.
+pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<String> {
+    let beyond = |kind, limit: u64| {
+        let axis = &layout.axes[layout.find(kind)?];
+        let last = axis.coords.last().filter(|c| **c > limit as f64 - 1.0)?;
+        let name = kind.name();
+        Some(format!("its axis `{name}` reaches pixel {last}, the sample counts have {limit}"))
+    };
+    beyond(AxisKind::Y, samples[0]).or_else(|| beyond(AxisKind::X, samples[1]))
+}
+
+/// What an attribute must be.
+#[derive(Clone, Copy)]
+enum Form {
+    Text,
+    /// A whole number, not negative.
+    Count,
+    /// A whole number above zero.
+    Positive,
+    /// A finite number, not negative.
+    Duration,
+    /// A list of whole numbers.
+    Seeds,
+    /// Two whole numbers above zero.
+    Pair,
+}
+
+impl Form {
+    fn holds(self, value: &Value) -> bool {
+        let positive = |v: &Value| v.as_u64().is_some_and(|n| (1..=u64::from(u32::MAX)).contains(&n));
+        let list = |f: &dyn Fn(&Value) -> bool| value.as_array().is_some_and(|l| l.iter().all(f));
+        match self {
+            Self::Text => value.is_string(),
+            Self::Count => value.is_u64(),
+            Self::Positive => positive(value),
+            Self::Duration => value.as_f64().is_some_and(|s| s.is_finite() && s >= 0.0),
+            Self::Seeds => list(&|v| v.is_u64() || v.is_i64()),
+            Self::Pair => list(&positive) && value.as_array().is_some_and(|l| l.len() == 2),
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Text => "a text",
+            Self::Count => "a whole number",
+            Self::Positive => "a whole number above 0",
+            Self::Duration => "a number of seconds",
+            Self::Seeds => "a list of whole numbers",
+            Self::Pair => "two whole numbers above 0",
+        }
+    }
+}
+
+const OF_ROOT: [(&str, Form); 9] = [
+    ("scene_sha256", Form::Text),
+    ("status", Form::Text),
+    ("seeds", Form::Seeds),
+    ("samples_per_pixel", Form::Count),
+    ("discarded_samples", Form::Count),
+    ("rays", Form::Count),
+    ("tile", Form::Positive),
+    ("max_depth", Form::Positive),
+    ("wall_time_s", Form::Duration),
+];
+
+const OF_SLICES: [(&str, Form); 4] = [
+    ("projector_selection", Form::Text),
+    ("projector_size", Form::Pair),
+    ("projector_bin", Form::Pair),
+    ("pixels_per_element", Form::Positive),
+];
+
+/// Says what is wrong with the attributes of the root group, if anything.
+pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
+    attributes_fault(attributes, &OF_ROOT)
+}
+
+/// Says what is wrong with the attributes of the group of a slice, if anything.
+pub(super) fn slice_fault(attributes: &Map<String, Value>) -> Option<String> {
+    attributes_fault(attributes, &OF_SLICES)
+}
+
+fn attributes_fault(attributes: &Map<String, Value>, forms: &[(&str, Form)]) -> Option<String> {
+    forms.iter().find_map(|(key, form)| {
+        let value = attributes.get(*key).filter(|v| !form.holds(v))?;
+        let mut shown = value.to_string();
+        if shown.chars().count() > 60 {
+            shown = shown.chars().take(60).chain(['…']).collect();
+        }
+        Some(format!("its attribute `{key}` is {shown}, not {}", form.words()))
+    })
+}

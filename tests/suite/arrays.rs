@@ -1,0 +1,57 @@
+//! Renders into memory hold the numbers that renders into stores do.
+
+use crate::harness::{mirror_room, rendered, scene};
+use sunstone::render::Unwatched;
+use sunstone::tensor::field::Field;
+use sunstone::tensor::memory::Arrays;
+use sunstone::transport::render::schedule;
+
+/// Tiles that do not divide the image, binned cameras with a smaller last box, light outside the time bins, matrices, listed rows.
+const SLICES: &str = r#"
+[[slices]]
+name = "mueller"
+polarization = "mueller"
+bounces = true
+[[slices]]
+name = "flight"
+time = { start_ps = 12000, bin_ps = 500, bins = 6 }
+split_first_bounce = true
+[[slices]]
+name = "coarse"
+camera = { binned = 4 }
+projector = { binned = [4, 8] }
+time = { start_ps = 14000, bin_ps = 2000, bins = 2 }
+[[slices]]
+name = "rows"
+camera = { rows = [3, 11] }
+projector = { columns = [1, 5] }
+"#;
+
+#[test]
+fn arrays_and_stores_agree_in_every_field() {
+    let scene = scene(&mirror_room(18, 16, 3, 8, SLICES));
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = rendered(&scene, folder.path().join("out.zarr"));
+    let mut arrays = Arrays::default();
+    let summary = schedule::render(&scene, &[], &mut arrays, &Unwatched).expect("memory takes all");
+    assert!(summary.complete);
+    assert_eq!(arrays.names(), store.slice_names());
+    assert_eq!(
+        arrays.samples(),
+        store.read_samples([0, 0], [18, 18]).expect("samples")
+    );
+    let mut fields = 0;
+    for name in store.slice_names() {
+        let slice = store.slice(name).expect("a slice");
+        for field in Field::ALL {
+            let array = arrays.get(name, field);
+            assert_eq!(array.is_some(), slice.has(field), "{name} {field:?}");
+            let Some(array) = array else { continue };
+            let stored = slice.read_all(field).expect("values");
+            assert!(stored.data.iter().any(|v| *v != 0.0), "{name} {field:?} is empty");
+            assert_eq!(array, stored, "{name} {field:?}");
+            fields += 1;
+        }
+    }
+    assert_eq!(fields, 4 * 2 + 2 * 2);
+}
