@@ -8,6 +8,7 @@ pub mod coaxial;
 pub mod design_matrix;
 pub mod detector;
 pub mod element;
+pub mod mueller_image;
 pub mod scheme;
 pub mod scheme_file;
 pub mod simulate;

@@ -9,9 +9,10 @@
 
 use super::design_matrix::{DesignMatrix, ELEMENTS};
 use super::detector::cmos::{Cmos, Exposed};
+use super::detector::error::{DetectorError, count, demand};
 use super::detector::polarizer_array::{Method, demosaic, demosaic_variance, mosaic};
+use super::detector::random::stream;
 use super::detector::spad::Spad;
-use super::detector::{DetectorError, count, demand, stream};
 use super::element::Ray;
 use super::scheme::Scheme;
 use rand_distr::{Distribution, StandardNormal};
@@ -73,6 +74,24 @@ pub struct Captured {
     pub saturated: usize,
     /// Places of what was read: half as high and wide with binning or superpixels.
     pub layout: Layout,
+}
+
+impl Captured {
+    /// Root mean square of the noise's standard deviation, in the unit of the matrices; `None` where it is not known, as of a
+    /// diode.
+    #[must_use]
+    pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
+        match (noise, &self.variances) {
+            (Noise::None, _) => Some(0.0),
+            (Noise::Gaussian { sigma }, _) => Some(*sigma),
+            (_, Some(variances)) => {
+                let known = variances.iter().copied().map(f64::from).filter(|v| v.is_finite());
+                let (n, sum) = known.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));
+                (n > 0.0).then(|| f64::sqrt(sum / n))
+            }
+            _ => None,
+        }
+    }
 }
 
 /// Simulates all captures of a scheme.

@@ -5,7 +5,7 @@
 //! second moment E[t tᵀ] = S with T00 = 1 and brightness s, under noise σ: W = P Aᵀs²/σ²,
 //! P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006, eq. 2.8, with mean zero).
 
-use super::loss::{Moment, root};
+use super::second_moment::{Moment, root};
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use nalgebra::{Cholesky, DMatrix};
 

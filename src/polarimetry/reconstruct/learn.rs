@@ -5,8 +5,9 @@
 //! single descent misses. Everything follows from the seed, whatever the number of threads.
 
 use super::estimator::LinearEstimate;
-use super::loss::{Estimator, Moment, Objective, expected_error};
+use super::loss::{Estimator, Objective, expected_error};
 use super::optimize::{Minimum, Smooth, adam, quasi_newton};
+use super::second_moment::Moment;
 use crate::capture::design_matrix::DesignMatrix;
 use crate::capture::element::Quantity;
 use crate::capture::scheme::Scheme;
@@ -193,6 +194,7 @@ mod tests {
     use super::*;
     use crate::capture::design_matrix::bound;
     use crate::capture::element::Ray;
+    use crate::reconstruct::second_moment::SecondMoment;
 
     fn objective(estimator: Estimator, angle_error: f64) -> Objective {
         // A second moment of full rank with unequal directions.
@@ -202,7 +204,7 @@ mod tests {
         Objective {
             sigma: 5e-4,
             angle_error,
-            second_moment: s,
+            second_moment: SecondMoment::new(s),
             estimator,
             rays: vec![Ray::axial(450.0), Ray::axial(550.0)],
         }
@@ -275,11 +277,11 @@ mod tests {
             let design = DesignMatrix::new(&scheme, &ray);
             let w = match estimator {
                 Estimator::Prior => {
-                    LinearEstimate::prior(&design, &objective.second_moment, objective.sigma).w
+                    LinearEstimate::prior(&design, objective.second_moment.matrix(), objective.sigma).w
                 }
                 Estimator::LeastSquares => design.minimum_norm(),
             };
-            let root = super::super::loss::root(&objective.second_moment);
+            let root = *objective.second_moment.root();
             let at = scheme.parameters();
             let (mut sum, mut squares) = (0.0, 0.0);
             for sample in 0..n {

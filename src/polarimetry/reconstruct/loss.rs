@@ -14,15 +14,15 @@
 //! Stages that miss their angles by independent errors of variance σ_θ² add noise in proportion to the light: for capture
 //! k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are normalized, T00 = 1.
 
+use super::second_moment::{Moment, SecondMoment};
 use crate::capture::design_matrix::minimum_norm;
-use crate::capture::element::{Ray, rotator};
+use crate::capture::element::Ray;
 use crate::capture::scheme::Scheme;
 use crate::capture::states::{StateJet, analyzed, generated};
-use nalgebra::{Cholesky, DMatrix, SMatrix, SVector};
+use nalgebra::{Cholesky, DMatrix, SVector};
 
-/// A 16 × 16 matrix over the elements of Mueller matrices, row-major vectors.
-pub type Moment = SMatrix<f64, 16, 16>;
-type Row = SVector<f64, 16>;
+/// A row of A: the weights of the 16 elements of a Mueller matrix, row-major.
+type Elements = SVector<f64, 16>;
 
 /// How Mueller matrices are estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,8 +40,8 @@ pub struct Objective {
     pub sigma: f64,
     /// Standard deviation of a stage's angle (or of a retardance), radians.
     pub angle_error: f64,
-    /// Second moment of the data, E[t tᵀ].
-    pub second_moment: Moment,
+    /// Second moment of the data, E[t tᵀ], with its root, which every evaluation with a prior takes.
+    pub second_moment: SecondMoment,
     /// How matrices are estimated.
     pub estimator: Estimator,
     /// Wavelengths (and directions) whose errors are averaged.
@@ -54,19 +54,19 @@ struct Capture {
     analyzed: Vec<StateJet>,
 }
 
-fn product(a: &nalgebra::Vector4<f64>, g: &nalgebra::Vector4<f64>) -> Row {
-    Row::from_fn(|e, _| a[e / 4] * g[e % 4])
+fn product(a: &nalgebra::Vector4<f64>, g: &nalgebra::Vector4<f64>) -> Elements {
+    Elements::from_fn(|e, _| a[e / 4] * g[e % 4])
 }
 
 impl Capture {
-    fn rows(&self) -> impl Iterator<Item = Row> {
+    fn rows(&self) -> impl Iterator<Item = Elements> {
         self.analyzed
             .iter()
             .map(|a| product(&a.value, &self.generated.value))
     }
 
     /// Motors, each with the derivatives of all rows for it.
-    fn derivatives(&self) -> Vec<(usize, Vec<Row>)> {
+    fn derivatives(&self) -> Vec<(usize, Vec<Elements>)> {
         let g = &self.generated;
         let by_generator = g.first.iter().map(|(m, dg)| {
             let rows = self.analyzed.iter().map(|a| product(&a.value, dg));
@@ -81,7 +81,7 @@ impl Capture {
     }
 
     /// Pairs of motors, each with the second derivatives of all rows.
-    fn second_derivatives(&self) -> Vec<(usize, usize, Vec<Row>)> {
+    fn second_derivatives(&self) -> Vec<(usize, usize, Vec<Elements>)> {
         let g = &self.generated;
         let mut out = vec![];
         for (m, n, d) in &g.second {
@@ -151,7 +151,7 @@ impl Objective {
                     analyzed: analyzed(scheme, k, ray, orders, true),
                 })
                 .collect();
-            let rows: Vec<Row> = all.iter().flat_map(Capture::rows).collect();
+            let rows: Vec<Elements> = all.iter().flat_map(Capture::rows).collect();
             let a = DMatrix::from_fn(rows.len(), 16, |r, e| rows[r][e]);
             // Settings that are no numbers would keep a singular value decomposition busy for ever.
             let finite = a.iter().all(|e| e.is_finite());
@@ -176,7 +176,7 @@ impl Objective {
                 let mut noise = DMatrix::identity(n, n) * self.sigma.powi(2);
                 if self.angle_error > 0.0 {
                     for (_, rows) in capture.derivatives() {
-                        let seen: Vec<Row> = rows.iter().map(|r| self.second_moment * r).collect();
+                        let seen: Vec<Elements> = rows.iter().map(|r| self.second_moment.matrix() * r).collect();
                         for (i, row) in rows.iter().enumerate() {
                             for (j, s) in seen.iter().enumerate() {
                                 noise[(i, j)] += self.angle_error.powi(2) * row.dot(s);
@@ -199,7 +199,7 @@ impl Objective {
     fn prior(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
         let inverses: Option<Vec<DMatrix<f64>>> = noise.iter().map(|n| n.clone().try_inverse()).collect();
         let weighted = blocks(&inverses?, a);
-        let root = root(&self.second_moment);
+        let root = *self.second_moment.root();
         let normal = fixed(&(a.transpose() * &weighted));
         let inner = Moment::identity() + root.transpose() * normal * root;
         let p = root * Cholesky::new(inner)?.inverse() * root.transpose();
@@ -216,7 +216,7 @@ impl Objective {
     /// dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
     fn least_norm(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Parts {
         let w = minimum_norm(a);
-        let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment[(i, j)]);
+        let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment.matrix()[(i, j)]);
         let unseen = DMatrix::identity(16, 16) - &w * a;
         let left = DMatrix::identity(a.nrows(), a.nrows()) - a * &w;
         let noisy = blocks(noise, &w.transpose());
@@ -256,20 +256,20 @@ impl Objective {
     /// tr V dΣ with Σ = σ_θ² Σ_m D_m S D_mᵀ is 2 σ_θ² <V D_m S, dD_m>.
     fn chain_noise(&self, capture: &Capture, v: &DMatrix<f64>, mut add: impl FnMut(usize, f64)) {
         let firsts = capture.derivatives();
-        let pulled: Vec<(usize, Vec<Row>)> = firsts
+        let pulled: Vec<(usize, Vec<Elements>)> = firsts
             .iter()
             .map(|(motor, rows)| {
-                let seen: Vec<Row> = rows.iter().map(|r| self.second_moment * r).collect();
+                let seen: Vec<Elements> = rows.iter().map(|r| self.second_moment.matrix() * r).collect();
                 let mixed = (0..rows.len()).map(|c| {
                     let terms = seen.iter().enumerate().map(|(d, s)| s * v[(c, d)]);
-                    terms.sum::<Row>() * (2.0 * self.angle_error.powi(2))
+                    terms.sum::<Elements>() * (2.0 * self.angle_error.powi(2))
                 });
                 (*motor, mixed.collect())
             })
             .collect();
         let of = |motor: usize| pulled.iter().find(|(m, _)| *m == motor).map(|(_, rows)| rows);
         for (m, n, rows) in capture.second_derivatives() {
-            let dot = |pulled: Option<&Vec<Row>>| -> f64 {
+            let dot = |pulled: Option<&Vec<Elements>>| -> f64 {
                 pulled.map_or(0.0, |p| p.iter().zip(&rows).map(|(p, r)| p.dot(r)).sum())
             };
             // dD_m for motor n, and dD_n for motor m.
@@ -306,13 +306,17 @@ fn full_rank(a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
     })
 }
 
-/// A block-diagonal matrix times a matrix.
+/// A block-diagonal matrix times a matrix. Blocks have one row a channel, one or four: too small for products of matrices.
 fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(m.nrows(), m.ncols());
     let mut first = 0;
     for block in diagonal {
         let n = block.nrows();
-        out.rows_mut(first, n).copy_from(&(block * m.rows(first, n)));
+        for column in 0..m.ncols() {
+            for i in 0..n {
+                out[(first + i, column)] = (0..n).map(|j| block[(i, j)] * m[(first + j, column)]).sum();
+            }
+        }
         first += n;
     }
     out
@@ -326,7 +330,11 @@ fn outer_blocks(w: &DMatrix<f64>, like: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
             let n = block.nrows();
             let columns = w.columns(first, n);
             first += n;
-            columns.transpose() * columns
+            let dot = |i: usize, j: usize| {
+                let pairs = columns.column(i).into_iter().zip(columns.column(j));
+                pairs.map(|(a, b)| a * b).sum()
+            };
+            DMatrix::from_fn(n, n, dot)
         })
         .collect()
 }
@@ -335,76 +343,10 @@ fn fixed(m: &DMatrix<f64>) -> Moment {
     Moment::from_fn(|i, j| m[(i, j)])
 }
 
-/// L with L Lᵀ = S, also where S is singular.
-#[must_use]
-pub fn root(s: &Moment) -> Moment {
-    let eigen = s.symmetric_eigen();
-    let mut l = eigen.eigenvectors;
-    for (i, value) in eigen.eigenvalues.iter().enumerate() {
-        l.column_mut(i).scale_mut(value.max(0.0).sqrt());
-    }
-    l
-}
-
 /// Expected sum of squared errors of a linear estimate W (16 × measurements) of data of any second moment: what an estimate
 /// that was made for some materials does to others. Noise is independent, of standard deviation `sigma`.
 #[must_use]
 pub fn expected_error(w: &DMatrix<f64>, a: &DMatrix<f64>, second_moment: &Moment, sigma: f64) -> f64 {
     let unseen = Moment::identity() - fixed(&(w * a));
     (unseen * second_moment * unseen.transpose()).trace() + sigma.powi(2) * w.norm_squared()
-}
-
-/// The second moment of the same matrices between frames that are turned by any angles, independently on both sides:
-/// E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
-///
-/// Tables of materials hold matrices between frames of the plane of scattering; in an image, those of camera and projector
-/// cut that plane at any angle.
-#[must_use]
-pub fn in_any_frames(second_moment: &Moment) -> Moment {
-    // The turned moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β: eight angles each average it
-    // exactly.
-    const ANGLES: usize = 8;
-    let turns: Vec<_> = (0..ANGLES)
-        .map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64))
-        .collect();
-    let mut sum = Moment::zeros();
-    for a in &turns {
-        for b in &turns {
-            let both = a.kronecker(b);
-            sum += both * second_moment * both.transpose();
-        }
-    }
-    sum / (ANGLES * ANGLES) as f64
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use optics::sampling::stream::Stream;
-
-    /// Turned moments are those of turned matrices, 20 000 of them, to 5 sigma of their scatter; turning again does nothing.
-    #[test]
-    fn moments_are_turned_with_their_matrices() {
-        let t = Row::from_fn(|e, _| (e as f64 * 1.3).cos());
-        let turned = in_any_frames(&(t * t.transpose()));
-        assert!((in_any_frames(&turned) - turned).amax() < 1e-12);
-        assert!((turned.trace() - t.norm_squared()).abs() < 1e-12);
-        let n = 20_000;
-        let (mut sum, mut squares) = (Moment::zeros(), Moment::zeros());
-        let m = nalgebra::Matrix4::from_fn(|i, j| t[4 * i + j]);
-        let mut stream = Stream::new(2, 0, 0);
-        for _ in 0..n {
-            let [a, b] = stream.uniform2().map(|u| std::f64::consts::PI * f64::from(u));
-            let seen = rotator(a) * m * rotator(b).transpose();
-            let v = Row::from_fn(|e, _| seen[(e / 4, e % 4)]);
-            let product = v * v.transpose();
-            sum += product;
-            squares += product.component_mul(&product);
-        }
-        let n = f64::from(n);
-        for (mean, (square, want)) in sum.iter().zip(squares.iter().zip(turned.iter())) {
-            let deviation = ((square / n - (mean / n).powi(2)).max(0.0) / n).sqrt();
-            assert!((mean / n - want).abs() <= 5.0 * deviation + 1e-9);
-        }
-    }
 }

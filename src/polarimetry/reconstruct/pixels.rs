@@ -6,8 +6,8 @@
 //! pixel by pixel is f64.
 
 use super::estimator::LinearEstimate;
-use super::loss::{Moment, root};
 use super::product::Weights;
+use super::second_moment::{Moment, root};
 use super::weighted::{Estimated, estimate};
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use crate::capture::element::Ray;

@@ -1,24 +1,92 @@
-//! Second moments of Mueller matrices as files: what a prior knows of a class of materials.
+//! Second moments of Mueller matrices, and files of them: what a prior knows of a class of materials.
 //!
 //! E[t tᵀ] of matrices with T00 = 1, vectors row-major. Made from pBRDFs (`sunstone pbrdf pca --prior`, see [`super::pca`]);
 //! TOML, so that others can make them too.
 
-use super::loss::Moment;
+use crate::capture::element::rotator;
 use base::locate::{InputError, Located};
 use base::{document, whole_file};
+use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
 
+/// A 16 × 16 matrix over the elements of Mueller matrices, vectors row-major (Stokes out first).
+pub type Moment = SMatrix<f64, 16, 16>;
+
+/// A second moment E[t tᵀ] with its root, which is taken once: it costs more than an evaluation of a prior's loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SecondMoment {
+    matrix: Moment,
+    root: Moment,
+}
+
+impl SecondMoment {
+    /// Of a symmetric matrix without negative eigenvalues (what rounding makes negative counts as 0).
+    #[must_use]
+    pub fn new(matrix: Moment) -> Self {
+        Self {
+            root: root(&matrix),
+            matrix,
+        }
+    }
+
+    /// E[t tᵀ].
+    #[must_use]
+    pub fn matrix(&self) -> &Moment {
+        &self.matrix
+    }
+
+    /// L with L Lᵀ = E[t tᵀ]; see [`root`].
+    #[must_use]
+    pub fn root(&self) -> &Moment {
+        &self.root
+    }
+}
+
+/// L with L Lᵀ = S, also where S is singular.
+#[must_use]
+pub fn root(s: &Moment) -> Moment {
+    let eigen = s.symmetric_eigen();
+    let mut l = eigen.eigenvectors;
+    for (i, value) in eigen.eigenvalues.iter().enumerate() {
+        l.column_mut(i).scale_mut(value.max(0.0).sqrt());
+    }
+    l
+}
+
+/// The second moment of the same matrices between frames that are turned by any angles, independently on both sides:
+/// E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
+///
+/// Tables of materials hold matrices between frames of the plane of scattering; in an image, those of camera and projector
+/// cut that plane at any angle.
+#[must_use]
+pub fn in_any_frames(second_moment: &Moment) -> Moment {
+    // The turned moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β: eight angles each average it
+    // exactly.
+    const ANGLES: usize = 8;
+    let turns: Vec<_> = (0..ANGLES)
+        .map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64))
+        .collect();
+    let mut sum = Moment::zeros();
+    for a in &turns {
+        for b in &turns {
+            let both = a.kronecker(b);
+            sum += both * second_moment * both.transpose();
+        }
+    }
+    sum / (ANGLES * ANGLES) as f64
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct SecondMomentFile {
     name: Option<String>,
     second_moment: Located<Vec<Vec<f64>>>,
 }
 
 #[derive(Serialize)]
-struct Out<'a> {
+struct SecondMomentOut<'a> {
     name: &'a str,
     second_moment: Vec<Vec<f64>>,
 }
@@ -39,7 +107,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
         message,
         help: Some(MEND.to_owned()),
     };
-    let file: File = document::parse(path, &text, |_| MEND.to_owned())?;
+    let file: SecondMomentFile = document::parse(path, &text, |_| MEND.to_owned())?;
     // Its name is for people.
     let _ = file.name;
     let rows = &file.second_moment;
@@ -67,7 +135,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
 /// If the file system refuses.
 pub fn save(path: &Path, name: &str, s: &Moment) -> std::io::Result<()> {
     let rows = (0..16).map(|i| (0..16).map(|j| s[(i, j)]).collect());
-    let out = Out {
+    let out = SecondMomentOut {
         name,
         second_moment: rows.collect(),
     };
@@ -78,6 +146,7 @@ pub fn save(path: &Path, name: &str, s: &Moment) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use optics::sampling::stream::Stream;
 
     #[test]
     fn what_is_written_is_read_and_faults_are_named() {
@@ -106,5 +175,31 @@ mod tests {
                 .to_string()
                 .contains("cannot read")
         );
+    }
+
+    /// Turned moments are those of turned matrices, 20 000 of them, to 5 sigma of their scatter; turning again does nothing.
+    #[test]
+    fn moments_are_turned_with_their_matrices() {
+        let t = nalgebra::SVector::<f64, 16>::from_fn(|e, _| (e as f64 * 1.3).cos());
+        let turned = in_any_frames(&(t * t.transpose()));
+        assert!((in_any_frames(&turned) - turned).amax() < 1e-12);
+        assert!((turned.trace() - t.norm_squared()).abs() < 1e-12);
+        let n = 20_000;
+        let (mut sum, mut squares) = (Moment::zeros(), Moment::zeros());
+        let m = nalgebra::Matrix4::from_fn(|i, j| t[4 * i + j]);
+        let mut stream = Stream::new(2, 0, 0);
+        for _ in 0..n {
+            let [a, b] = stream.uniform2().map(|u| std::f64::consts::PI * f64::from(u));
+            let seen = rotator(a) * m * rotator(b).transpose();
+            let v = nalgebra::SVector::<f64, 16>::from_fn(|e, _| seen[(e / 4, e % 4)]);
+            let product = v * v.transpose();
+            sum += product;
+            squares += product.component_mul(&product);
+        }
+        let n = f64::from(n);
+        for (mean, (square, want)) in sum.iter().zip(squares.iter().zip(turned.iter())) {
+            let deviation = ((square / n - (mean / n).powi(2)).max(0.0) / n).sqrt();
+            assert!((mean / n - want).abs() <= 5.0 * deviation + 1e-9);
+        }
     }
 }

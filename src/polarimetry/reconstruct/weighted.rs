@@ -3,7 +3,7 @@
 //! Weighted least squares with weights 1/σ_m² (Aitken 1936) over the measurements that can be used, and with a prior the
 //! estimate of least expected error: N = Σ a aᵀ/σ_m², t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance is the inverse.
 
-use super::loss::Moment;
+use super::second_moment::Moment;
 use nalgebra::{Cholesky, DMatrix, SVector};
 
 /// A Mueller matrix with the standard errors of its elements; both row-major.

@@ -12,9 +12,9 @@
 //! left out: calibration removes them.
 
 use super::super::spectral_value::SpectralValue;
-use super::{
-    DetectorError, Estimate, area, demand, efficiency, finite, non_negative, normal, poisson, positive,
-};
+use super::error::{DetectorError, area, count, demand, efficiency, finite, non_negative, positive};
+use super::estimate::Estimate;
+use super::random::{normal, poisson, stream};
 use optics::sampling::stream::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -295,7 +295,7 @@ impl Cmos {
     ) -> Result<Exposed, DetectorError> {
         self.check()?;
         area("an image", width, height, image.len())?;
-        super::count(
+        count(
             "the pixels of one capture",
             image.len().min(u32::MAX as usize),
             image.len(),
@@ -313,7 +313,7 @@ impl Cmos {
             for x in 0..out.width {
                 let block = (0..side * side).map(|k| (y * side + k / side) * width + x * side + k % side);
                 let mut pixels: Vec<_> = block
-                    .map(|i| (image[i], super::stream(seed, i as u32, key)))
+                    .map(|i| (image[i], stream(seed, i as u32, key)))
                     .collect();
                 let exposures = self.bracket.iter().map(|factor| {
                     let one = |(radiance, stream): &mut (f64, Stream)| {

@@ -8,9 +8,9 @@
 //! ```
 
 use super::cmos::Cmos;
+use super::error::{DetectorError, demand, positive};
 use super::polarizer_array::Method;
 use super::spad::Spad;
-use super::{DetectorError, demand, positive};
 use base::document;
 use base::locate::{InputError, Located};
 use serde::Deserialize;

@@ -118,8 +118,9 @@ fn difference_below(s: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::random::stream;
+    use super::super::tcspc;
     use super::super::testing::Moments;
-    use super::super::{stream, tcspc};
     use super::*;
     use proptest::prelude::*;
 

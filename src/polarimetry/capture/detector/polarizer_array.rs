@@ -15,7 +15,7 @@
 //! here avoids that (for those that trade it for other errors, see Zhang, Luo, Liu & Cui 2016, "Image interpolation for
 //! division of focal plane polarimeters with intensity correlation").
 
-use super::{DetectorError, area};
+use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
 
 /// Index in `ARRAY_DEG` of the polarizer in `[y % 2][x % 2]`.

@@ -13,9 +13,11 @@
 //! dead time.
 
 use super::super::spectral_value::SpectralValue;
+use super::error::{DetectorError, count, demand, efficiency, finite, non_negative, positive, share};
+use super::estimate::Estimate;
+use super::pile_up;
 use super::response::{FWHM_PER_SIGMA, Response};
 use super::tcspc::{self, Recovery};
-use super::{DetectorError, Estimate, demand, efficiency, finite, non_negative, pile_up, positive, share};
 use optics::sampling::stream::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -25,8 +27,9 @@ const MAX_BINS: f64 = 1_048_576.0;
 /// Most pulses of a capture; a day at 10 MHz.
 const MAX_PULSES: u64 = 1_000_000_000_000;
 
-/// Most detections of a free-running diode in one capture: they are followed one by one, some 10⁷ a second.
-const MAX_DETECTIONS: f64 = 1e9;
+/// Most detections that a free-running diode may be expected to have in one capture: they are followed one by one, some 10⁷ a
+/// second. As many are seen in five seconds by a diode that is dead for 50 ns and always sees light.
+const MAX_DETECTIONS: f64 = 1e8;
 
 /// When the diode is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -240,17 +243,18 @@ impl Spad {
     ///
     /// # Errors
     /// Those of [`Self::check`]; [`DetectorError::Count`] if there is not a rate for each bin of the period,
-    /// [`DetectorError::Detections`] if a free-running diode would have more than 10⁹ of them.
+    /// [`DetectorError::Detections`] if a free-running diode could be expected to have more than 10⁸ of them.
     pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
         self.check()?;
-        super::count("the rates of a period", self.period_bins(), rates.len())?;
+        count("the rates of a period", self.period_bins(), rates.len())?;
         if self.mode == Mode::Synchronous {
             return Ok(tcspc::synchronous(rates, self.pulses, stream));
         }
         let recovery = self.recovery();
-        let most = tcspc::most_detections(rates, &recovery, self.pulses);
-        if most > MAX_DETECTIONS {
-            return Err(DetectorError::Detections(most));
+        let expected = tcspc::most_detections(rates, &recovery, self.pulses);
+        if expected > MAX_DETECTIONS {
+            let most = MAX_DETECTIONS;
+            return Err(DetectorError::Detections { expected, most });
         }
         Ok(tcspc::free_running(rates, &recovery, self.pulses, stream))
     }
@@ -264,7 +268,7 @@ impl Spad {
     /// Those of [`Self::check`]; [`DetectorError::Count`] if there is not a count for each bin of the period.
     pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
         self.check()?;
-        super::count("the counts of a period", self.period_bins(), counts.len())?;
+        count("the counts of a period", self.period_bins(), counts.len())?;
         let rates = match self.mode {
             Mode::Synchronous => pile_up::coates(counts, self.pulses),
             Mode::FreeRunning => pile_up::live_time(counts, self.pulses, self.recovery().dead),

@@ -12,7 +12,7 @@
 //! followed one by one. The next one comes where the integral of the rate since the diode was armed reaches an
 //! exponential number of mean 1, so empty periods cost nothing.
 
-use super::poisson;
+use super::random::poisson;
 use optics::sampling::stream::Stream;
 use rand_distr::{Binomial, Distribution, Exp1};
 
@@ -170,7 +170,7 @@ impl<'a> Clock<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::stream;
+    use super::super::random::stream;
     use super::super::testing::{Moments, poisson_moments};
     use super::*;
 

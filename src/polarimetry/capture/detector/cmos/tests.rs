@@ -1,6 +1,6 @@
 //! Tests of the detector against closed forms.
 
-use super::super::stream;
+use super::super::random::stream;
 use super::super::testing::Moments;
 use super::*;
 use proptest::prelude::*;

@@ -1,0 +1,129 @@
+//! Why detectors refuse settings and data, and the checks that find it.
+
+use crate::capture::spectral_value::SpectralValue;
+
+/// Why a detector refused its settings or its data.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DetectorError {
+    /// A field has a value that no instrument has.
+    #[error("`{field}` is {value}; give {need}")]
+    Field {
+        /// Name of the field in the configuration.
+        field: &'static str,
+        /// What it holds.
+        value: f64,
+        /// What it should hold.
+        need: &'static str,
+    },
+    /// A list of numbers has the wrong length.
+    #[error("{found} values were given for {what}; give {expected}")]
+    Count {
+        /// What the list holds.
+        what: &'static str,
+        /// Length that is asked for.
+        expected: usize,
+        /// Length of the list.
+        found: usize,
+    },
+    /// A value of the scene is not finite.
+    #[error("radiance {index} is {value}; radiance must be finite")]
+    Radiance {
+        /// Place in the list, from 0.
+        index: usize,
+        /// What stands there.
+        value: f64,
+    },
+    /// A simulation would follow more detections than anyone waits for.
+    #[error(
+        "some {expected:.0e} detections would be simulated one by one, at most {most:.0e} are; give fewer `pulses`, less \
+         `photons_per_unit` or `dark_counts_per_s`, or a longer `dead_time_ps`"
+    )]
+    Detections {
+        /// How many are to be expected at most.
+        expected: f64,
+        /// How many are simulated.
+        most: f64,
+    },
+}
+
+/// Checks an efficiency, the value of configuration field `field`.
+pub(super) fn efficiency(field: &'static str, value: &SpectralValue) -> Result<(), DetectorError> {
+    let need = "0 to 1: a number, or rows [nm, value] in rising order of nm";
+    demand(field, value.at(550.0), value.check(0.0, 1.0).is_ok(), need)
+}
+
+/// Checks a value of configuration field `field`.
+pub(in crate::capture) fn demand(
+    field: &'static str,
+    value: f64,
+    holds: bool,
+    need: &'static str,
+) -> Result<(), DetectorError> {
+    if holds {
+        return Ok(());
+    }
+    Err(DetectorError::Field { field, value, need })
+}
+
+pub(super) fn positive(value: f64) -> bool {
+    value > 0.0 && value.is_finite()
+}
+
+pub(super) fn non_negative(value: f64) -> bool {
+    value >= 0.0 && value.is_finite()
+}
+
+pub(super) fn share(value: f64) -> bool {
+    (0.0..=1.0).contains(&value)
+}
+
+/// Checks the length of a list.
+pub(in crate::capture) fn count(what: &'static str, expected: usize, found: usize) -> Result<(), DetectorError> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(DetectorError::Count {
+        what,
+        expected,
+        found,
+    })
+}
+
+/// Checks the length of an image; no list is as long as one whose size overflows.
+pub(super) fn area(what: &'static str, width: usize, height: usize, found: usize) -> Result<(), DetectorError> {
+    count(what, width.saturating_mul(height), found)
+}
+
+/// Checks that all values of radiance are finite.
+pub(super) fn finite(radiance: &[f64]) -> Result<(), DetectorError> {
+    match radiance.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(DetectorError::Radiance {
+            index,
+            value: radiance[index],
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_efficiency_is_refused_by_name() {
+        assert_eq!(
+            efficiency("quantum_efficiency", &SpectralValue::Same(0.5)),
+            Ok(())
+        );
+        let bad = [
+            SpectralValue::Same(1.1),
+            SpectralValue::Same(f64::NAN),
+            SpectralValue::Table(vec![]),
+            SpectralValue::Table(vec![[450.0, 0.5], [650.0, -0.1]]),
+        ];
+        for value in bad {
+            let error = efficiency("quantum_efficiency", &value).expect_err("is bad");
+            assert!(error.to_string().starts_with("`quantum_efficiency`"), "{error}");
+        }
+    }
+}

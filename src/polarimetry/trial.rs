@@ -1,0 +1,375 @@
+//! Trials of capture schemes: known Mueller matrices are captured, reconstructed, and compared with what they were.
+//!
+//! Reconstruction is by least squares where a scheme has rank 16; below that by the prior if there is one, and else by the
+//! matrix of least norm among those that explain the captures. All errors are over the mean T00 of the truth.
+
+use crate::capture::design_matrix::{DesignMatrix, RankError};
+use crate::capture::detector::error::DetectorError;
+use crate::capture::mueller_image::MuellerImage;
+use crate::capture::scheme::Scheme;
+use crate::capture::simulate::{Captured, Layout, Noise, averaged};
+use crate::reconstruct::pixels::{Options, Reconstruction};
+use crate::reconstruct::second_moment::Moment;
+use nalgebra::DMatrix;
+
+/// Pixels count as bright above this share of the mean T00: errors of normalized elements are those of bright pixels.
+const BRIGHT: f64 = 0.1;
+
+/// Why there is no trial.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// No error is relative to nothing.
+    #[error("the mean T00 of the matrices is not positive, so no error is relative to it")]
+    Dark,
+    /// A prior weighs what it expects against a noise that is not known.
+    #[error(
+        "a prior weighs what is expected against the noise, which a [spad] does not state; give a standard deviation or a [cmos]"
+    )]
+    NoiseUnknown,
+    /// `repeat` is 0.
+    #[error("nothing was tried")]
+    NoTries,
+    /// The simulation was refused.
+    #[error(transparent)]
+    Detector(#[from] DetectorError),
+    /// The captures do not determine a matrix.
+    #[error(transparent)]
+    Rank(#[from] RankError),
+}
+
+/// What schemes are tried on.
+#[derive(Clone, Copy, Debug)]
+pub struct Trial<'a> {
+    /// The truth.
+    pub image: &'a MuellerImage,
+    /// What comes between light and numbers.
+    pub noise: &'a Noise,
+    /// Second moment of matrices with T00 = 1, for schemes below rank 16.
+    pub prior: Option<&'a Moment>,
+    /// How often every scheme is tried, with seeds that follow one another.
+    pub repeat: u32,
+    /// Seed of the first try.
+    pub seed: u64,
+}
+
+/// How matrices were estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EstimateKind {
+    /// Least squares, of rank 16.
+    LeastSquares,
+    /// With the second moment of what is expected.
+    Prior,
+    /// The matrix of least norm that explains the captures.
+    MinimumNorm,
+}
+
+impl EstimateKind {
+    /// For tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LeastSquares => "least squares",
+            Self::Prior => "prior",
+            Self::MinimumNorm => "minimum norm",
+        }
+    }
+}
+
+/// How a scheme did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SchemeResult {
+    /// Name of the scheme.
+    pub name: String,
+    /// Its captures.
+    pub captures: usize,
+    /// Rank of the design matrix, the least of all wavelengths.
+    pub rank: usize,
+    /// Its condition number, the largest of all wavelengths; infinite below rank 16.
+    pub condition: f64,
+    /// How matrices were estimated.
+    pub estimate: EstimateKind,
+    /// RMSE over mean T00 by the closed form σ √(tr (AᵀA)⁻¹ / 16), of normal noise and rank 16.
+    pub predicted: Option<f64>,
+    /// Root mean square error of all elements over the mean T00, mean of all tries.
+    pub rmse: f64,
+    /// Standard error of `rmse`; NaN from one try.
+    pub rmse_error: f64,
+    /// Mean absolute error of the 15 elements over T00, of bright pixels.
+    pub normalized: f64,
+    /// Share of pixels that are not determined.
+    pub lost: f64,
+    /// Errors of the first try, pixel by pixel.
+    pub errors: ErrorImage,
+}
+
+/// √(Σ ΔTij²) over the mean T00 at every place, root mean square over wavelengths and what else there is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ErrorImage {
+    /// Columns.
+    pub width: usize,
+    /// Rows from the top, `width` columns each; NaN where a matrix is lost.
+    pub values: Vec<f32>,
+}
+
+/// Errors of found matrices against the truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Errors {
+    /// Mean T00 of the truth where it is known.
+    pub mean: f64,
+    /// Root mean square error of all 16 elements over `mean`, of matrices that were found.
+    pub rmse: f64,
+    /// Mean absolute error of the 15 elements over T00, of pixels brighter than a tenth of `mean`.
+    pub normalized: f64,
+    /// Share of known pixels that were not found (not finite).
+    pub lost: f64,
+}
+
+/// The brightness that errors are over: the mean T00 of an image.
+///
+/// # Errors
+/// [`TrialError::Dark`] if it is not positive.
+pub fn brightness(image: &MuellerImage) -> Result<f64, TrialError> {
+    let mean = image.mean();
+    match mean > 0.0 && mean.is_finite() {
+        true => Ok(mean),
+        false => Err(TrialError::Dark),
+    }
+}
+
+impl Trial<'_> {
+    /// Tries a scheme.
+    ///
+    /// # Errors
+    /// [`TrialError`].
+    pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
+        brightness(self.image)?;
+        let image = self.image;
+        let designs: Vec<DesignMatrix> = image
+            .rays
+            .iter()
+            .map(|ray| DesignMatrix::new(scheme, ray))
+            .collect();
+        let rank = designs.iter().map(DesignMatrix::rank).min().unwrap_or(0);
+        let estimate = match (rank, self.prior) {
+            (16, _) => EstimateKind::LeastSquares,
+            (_, Some(_)) => EstimateKind::Prior,
+            _ => EstimateKind::MinimumNorm,
+        };
+        let mut seen: Vec<Errors> = vec![];
+        let mut first = None;
+        for i in 0..self.repeat {
+            let seed = self.seed.wrapping_add(u64::from(i));
+            let captured = image.capture(scheme, self.noise, seed)?;
+            let truth = averaged(&image.matrices, image.layout, captured.layout);
+            let found = match estimate {
+                EstimateKind::LeastSquares => self.estimated(scheme, &captured, None)?,
+                EstimateKind::Prior => self.estimated(scheme, &captured, self.prior)?,
+                EstimateKind::MinimumNorm => least_norm(&designs, &captured),
+            };
+            let errors = compare(&truth, &found);
+            first.get_or_insert_with(|| error_image(&truth, &found, captured.layout, errors.mean));
+            seen.push(errors);
+        }
+        let n = seen.len() as f64;
+        let mean = |of: fn(&Errors) -> f64| seen.iter().map(of).sum::<f64>() / n;
+        let rmse = mean(|e| e.rmse);
+        let scatter = seen.iter().map(|e| (e.rmse - rmse).powi(2)).sum::<f64>();
+        Ok(SchemeResult {
+            name: scheme.name.clone(),
+            captures: scheme.captures(),
+            rank,
+            condition: designs.iter().map(DesignMatrix::condition).fold(0.0, f64::max),
+            estimate,
+            predicted: seen
+                .first()
+                .and_then(|errors| predicted(&designs, self.noise, errors.mean)),
+            rmse,
+            rmse_error: (scatter / (n - 1.0) / n).sqrt(),
+            normalized: mean(|e| e.normalized),
+            lost: mean(|e| e.lost),
+            errors: first.ok_or(TrialError::NoTries)?,
+        })
+    }
+
+    /// What a reconstruction makes of captures, 16 elements a pixel.
+    fn estimated(
+        &self,
+        scheme: &Scheme,
+        captured: &Captured,
+        prior: Option<&Moment>,
+    ) -> Result<Vec<f32>, TrialError> {
+        let typical = captured.typical_noise(self.noise).filter(|s| *s > 0.0);
+        if prior.is_some() && typical.is_none() && !matches!(self.noise, Noise::None) {
+            return Err(TrialError::NoiseUnknown);
+        }
+        let options = Options {
+            noise: typical,
+            prior: prior.copied(),
+            ..Options::default()
+        };
+        let reconstruction = Reconstruction::<f32>::new(scheme, &self.image.rays, options)?;
+        let mut out = vec![0.0; captured.layout.pixels() * 16];
+        reconstruction.apply(
+            &captured.intensities,
+            captured.variances.as_deref(),
+            &mut out,
+            None,
+        );
+        Ok(out)
+    }
+}
+
+/// σ √(tr (AᵀA)⁻¹ / 16) over the mean T00, root mean square over the wavelengths.
+fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> {
+    let Noise::Gaussian { sigma } = noise else {
+        return None;
+    };
+    let variance = designs
+        .iter()
+        .map(|d| d.error_variance().ok())
+        .sum::<Option<f64>>()?;
+    Some(sigma * (variance / designs.len() as f64 / 16.0).sqrt() / mean)
+}
+
+/// The matrices of least norm that explain the captures, 16 elements a pixel; `designs` are those of the wavelengths, which
+/// pixels go round.
+fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f32> {
+    let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
+    let pixels = captured.layout.pixels();
+    let one = |p: usize| -> [f32; 16] {
+        let w = &weights[p % weights.len()];
+        let at = |m: usize| f64::from(captured.intensities[m * pixels + p]);
+        std::array::from_fn(|e| (0..w.ncols()).map(|m| w[(e, m)] * at(m)).sum::<f64>() as f32)
+    };
+    (0..pixels).flat_map(one).collect()
+}
+
+/// Pairs of true and found matrices, of pixels whose truth is known.
+fn pairs<'a>(truth: &'a [f64], found: &'a [f32]) -> impl Iterator<Item = (&'a [f64], &'a [f32])> {
+    let all = truth.chunks_exact(16).zip(found.chunks_exact(16));
+    all.filter(|(t, _)| t.iter().all(|v| v.is_finite()))
+}
+
+fn is_found(m: &[f32]) -> bool {
+    m.iter().all(|v| v.is_finite())
+}
+
+fn squared(t: &[f64], m: &[f32]) -> f64 {
+    t.iter().zip(m).map(|(t, m)| (f64::from(*m) - t).powi(2)).sum()
+}
+
+/// Compares matrices, 16 elements a pixel each, row-major. Pixels whose truth is not finite do not count.
+#[must_use]
+pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
+    let (n, sum) = pairs(truth, found).fold((0.0, 0.0), |(n, sum), (t, _)| (n + 1.0, sum + t[0]));
+    let mean = sum / n;
+    let (mut known, mut squares) = (0.0, 0.0);
+    let (mut lit, mut off) = (0.0, 0.0);
+    for (t, m) in pairs(truth, found).filter(|(_, m)| is_found(m)) {
+        known += 1.0;
+        squares += squared(t, m);
+        if t[0] > BRIGHT * mean && m[0] > 0.0 {
+            lit += 1.0;
+            let of = |e: usize| (f64::from(m[e]) / f64::from(m[0]) - t[e] / t[0]).abs();
+            off += (1..16).map(of).sum::<f64>() / 15.0;
+        }
+    }
+    Errors {
+        mean,
+        rmse: (squares / known / 16.0).sqrt() / mean,
+        normalized: off / lit,
+        lost: 1.0 - known / n,
+    }
+}
+
+/// Errors of found matrices place by place, over a brightness `mean`; pixels in the order of `layout`.
+#[must_use]
+pub fn error_image(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> ErrorImage {
+    let inner = layout.times * layout.lanes;
+    let places = truth
+        .chunks_exact((16 * inner).max(1))
+        .zip(found.chunks_exact((16 * inner).max(1)));
+    let values = places.map(|(t, m)| ((squared(t, m) / inner as f64).sqrt() / mean) as f32);
+    ErrorImage {
+        width: layout.width,
+        values: values.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(pixels: usize) -> MuellerImage {
+        let of = |i: usize| {
+            let e = i % 16;
+            if e == 0 { 2.0 } else { 0.3 * (i as f64).sin() }
+        };
+        MuellerImage::of_array((0..16 * pixels).map(of).collect(), vec![1, pixels], &[]).expect("an image")
+    }
+
+    /// Without noise a scheme of rank 16 gives back the truth; with it, the error that the closed form predicts, within 5
+    /// standard errors: of 400 pixels with 16 errors that are correlated, a relative spread of 1/√400 at most.
+    #[test]
+    fn errors_are_as_predicted() {
+        let image = image(400);
+        let scheme = Scheme::drr(36, false).expect("a scheme");
+        let mut trial = Trial {
+            image: &image,
+            noise: &Noise::None,
+            prior: None,
+            repeat: 2,
+            seed: 1,
+        };
+        let clean = trial.run(&scheme).expect("a trial");
+        assert!(clean.rmse < 1e-5 && clean.lost == 0.0 && clean.predicted.is_none());
+        trial.noise = &Noise::Gaussian { sigma: 0.01 };
+        let noisy = trial.run(&scheme).expect("a trial");
+        let predicted = noisy.predicted.expect("is in closed form");
+        assert!((noisy.rmse / predicted - 1.0).abs() < 5.0 / 20.0, "{noisy:?}");
+        assert_eq!((noisy.rank, noisy.estimate), (16, EstimateKind::LeastSquares));
+        assert_eq!((noisy.errors.width, noisy.errors.values.len()), (400, 400));
+        let few = Scheme::drr(6, false).expect("a scheme");
+        let few = trial.run(&few).expect("a trial");
+        assert_eq!(few.estimate, EstimateKind::MinimumNorm);
+        assert!(few.rmse > noisy.rmse && few.predicted.is_none());
+    }
+
+    /// Two pixels by hand: one off by 0.1 in one element of 16, one lost; a third whose truth is not known.
+    #[test]
+    fn errors_are_those_of_what_was_found() {
+        let mut truth = vec![0.0; 48];
+        (truth[0], truth[16], truth[32]) = (2.0, 2.0, f64::NAN);
+        let mut found: Vec<f32> = truth.iter().map(|v| *v as f32).collect();
+        found[5] = 0.1;
+        found[20] = f32::NAN;
+        let errors = compare(&truth, &found);
+        assert_eq!((errors.mean, errors.lost), (2.0, 0.5));
+        assert!((errors.rmse - 0.1 / 4.0 / 2.0).abs() < 1e-8);
+        assert!((errors.normalized - 0.1 / 2.0 / 15.0).abs() < 1e-8);
+        let layout = Layout {
+            height: 1,
+            width: 3,
+            times: 1,
+            lanes: 1,
+        };
+        let map = error_image(&truth, &found, layout, errors.mean);
+        assert!((map.values[0] - 0.05).abs() < 1e-7 && map.values[1].is_nan());
+    }
+
+    #[test]
+    fn what_cannot_be_tried_is_refused() {
+        let scheme = Scheme::drr(36, false).expect("a scheme");
+        let dark = MuellerImage::of_array(vec![0.0; 16], vec![], &[]).expect("an image");
+        let lit = image(1);
+        let of = |image, repeat| Trial {
+            image,
+            noise: &Noise::None,
+            prior: None,
+            repeat,
+            seed: 0,
+        };
+        assert!(matches!(of(&dark, 1).run(&scheme), Err(TrialError::Dark)));
+        assert!(matches!(of(&lit, 0).run(&scheme), Err(TrialError::NoTries)));
+    }
+}
