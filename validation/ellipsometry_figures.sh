@@ -49,3 +49,4 @@ for scene in gold_mirror mirror_room; do
         --scheme "$work/drr_25.toml" --scheme "$work/drr_36.toml" --scheme "$work/learned/l-qrpr_16.toml" \
         --scheme "$work/learned/l-qrpr_36.toml" --scheme "$work/drr_p_16.toml" --scheme "$work/learned/l-qrpr-p_8.toml"
 done
+python3 validation/ellipsometry_figures.py
