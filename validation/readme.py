@@ -48,19 +48,20 @@ CLAIM = re.compile(
 GIVEN = re.compile(rf"<!--\s*given\s*-->{NUMBER}")
 # What looks like a claim and is none.
 BROKEN = re.compile(r"<!--\s*(?:\w+:\w+\.|given)[^>]*-->")
-WORD = r"(?:two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|hundred|\d[\d.,]*)"
+WORD = r"(?:two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|a hundred) "
 # Numbers in README's prose that nobody measures.
 ALLOWED = [
     r"\b(?:19|20)\d\d\b",  # years
     r"\d+ ?[×x] ?\d+",  # sizes
     r"\d+(?:\.\d+)* nm\b",  # wavelengths
-    r"\b(?:Mitsuba|mitransient|Rust|Zarr|Python|AVX|version|sec\.|depth|Figure) ?v?\d+(?:\.\d+)*",
-    r"\b\d+ (?:elements|wavelengths|materials|states|captures|time bins|samples|cores?|threads?|slices|scenes|pixels)\b",
+    r"\b(?:Mitsuba|mitransient|Rust|Zarr|Python|AVX|Apache|version|sec\.|depth|Figure)[ (v-]*\d+(?:\.\d+)*",
+    r"\b\d+ (?:elements|wavelengths?|materials|states|captures|time bins|samples|cores?|threads?|slices|scenes|pixels)\b",
     r"#\d+",  # issues
     r"\b\d+D\b",
 ]
 # Units of what is measured, in docs/.
-MEASURED = rf"\b{WORD}(?:\.\d+)?(?:·10[⁻⁰-⁹¹²³]+)? ?(?:million|thousand|times as|min\b|minutes|s\b|ms\b|seconds|M/s|M[iB]B?\b|GB\b|% of)"
+UNITS = r"(?:million|thousand|times as|min\b|minutes|hours|s\b|ms\b|seconds|M/s|M[iB]B?\b|GB\b|% of)"
+MEASURED = rf"\b(?:{WORD}|\d[\d.,]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?){UNITS}"
 PAGES = ["README.md", "CHANGELOG.md", "CONVENTIONS.md", "scenes/README.md", "pbrdf/README.md"]
 CLAIMING = ["README.md", "scenes/README.md"]
 
@@ -132,7 +133,9 @@ def claimed(project, claim, place):
 def check_claims(project, page):
     """Numbers are those of the results, whose scripts the page names."""
     text = page.read_text()
-    for number, line in enumerate(text.split("\n"), 1):
+    # A claim in code is an example.
+    bare = re.sub(r"`[^`\n]*`", "", re.sub(r"(?ms)^ *```.*?^ *```$", lambda block: "\n" * block[0].count("\n"), text))
+    for number, line in enumerate(bare.split("\n"), 1):
         place = f"{project.name(page)}:{number}"
         if re.match(r" {0,3}<!--", line) and BROKEN.search(line):
             project.say(place, "a claim begins the line, which makes HTML of it")
@@ -182,7 +185,7 @@ def check_prose(project, page):
     for number, line in enumerate(prose(page.read_text()), 1):
         for allowed in ALLOWED:
             line = re.sub(allowed, "", line)
-        pattern = rf"(?<![\w.])\d[\d.,]*|\b{WORD} million\b" if strict else MEASURED
+        pattern = rf"(?<![\w.])\d[\d.,]*|\b{WORD}(?:million|thousand|times)\b" if strict else MEASURED
         for found in re.finditer(pattern, line):
             project.say(f"{project.name(page)}:{number}", f"{found[0].strip('.,')!r} has no claim (… {line.strip()[:60]} …)")
 
