@@ -57,13 +57,15 @@ def run(folder, *options):
 def speed(m, count, folder, record):
     """Times ours on `count` matrices and muellerkit on `m`, in interleaved rounds."""
     np.save(folder / "m.npy", np.tile(m, (-(-count // len(m)), 1, 1))[:count])
-    rates = {"all_arrays": [], "scalars": [], "muellerkit": []}
+    # Seconds that a million matrices take.
+    seconds = {"all_arrays": [], "scalars": [], "muellerkit": []}
     for _ in range(ROUNDS):
-        rates["all_arrays"].append(count / run(folder) / 1e6)
-        rates["scalars"].append(count / run(folder, "--only", SCALARS) / 1e6)
-        rates["muellerkit"].append(len(m) / theirs(m)[1] / 1e6)
-    out = {key: result_file.rounds(values, "million matrices/s", "higher") for key, values in rates.items()}
-    out["ratio"] = result_file.ratio(rates["all_arrays"], rates["muellerkit"])
+        seconds["all_arrays"].append(run(folder) / count * 1e6)
+        seconds["scalars"].append(run(folder, "--only", SCALARS) / count * 1e6)
+        seconds["muellerkit"].append(theirs(m)[1] / len(m) * 1e6)
+    rate = lambda values: result_file.rounds([1 / s for s in values], "million matrices/s", "higher")
+    out = {key: rate(values) for key, values in seconds.items()}
+    out["ratio"] = result_file.ratio(seconds["muellerkit"], seconds["all_arrays"])
     for key, number in out.items():
         print(f"{key:12} {number['median']:8.3g} (best {number['best']:.3g}) {number['unit']}")
     if record:

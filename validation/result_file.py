@@ -58,8 +58,8 @@ def rounds(values, unit, better="lower", spread=None):
 
 
 def ratio(over, under, better="higher"):
-    """The ratio of two lists of rounds, round by round, since rounds of one number share what the machine did meanwhile;
-    `best` is that of the least of both.
+    """The ratio of two lists of rounds in seconds, round by round, since rounds of one number share what the machine did
+    meanwhile; `best` is that of the least of both.
     """
     number = rounds([a / b for a, b in zip(over, under, strict=True)], "", better, f"{len(over)} ratios of paired rounds")
     return number | {"best": significant(min(over) / min(under))}
