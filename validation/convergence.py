@@ -7,11 +7,12 @@ takes. A pixel is lit if the bidirectional render finds at least 1 % of the imag
 An integrator that does not find all light never gets there, however small its errors: the lit pixels' light together must
 be the bidirectional image's within 2 % (and five standard errors), and the median pixel's within 10 %, or "never" is said.
 
-    python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60]
+    python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60] [--record]
+
+With --record, which wants all scenes, the numbers go to results/convergence.json (result_file.py).
 """
 
 import argparse
-import json
 import re
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import tempfile
 from pathlib import Path
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
@@ -68,8 +70,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scenes", nargs="+", default=SCENES)
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--output", type=Path, default=ROOT / "validation/results/convergence.json")
+    parser.add_argument("--record", action="store_true", help="write results/convergence.json")
     options = parser.parse_args()
+    if options.record and set(options.scenes) != set(SCENES):
+        sys.exit("--record wants all scenes")
     rows = []
     print(f"time until the median lit pixel is known to {GOAL:.0%} (128 x 128 pixels, all cores)")
     print(f"{'scene':14} {'integrator':14} {'spp':>6} {'took s':>8} {'error':>8} {'to goal s':>10} {'light found':>12}")
@@ -94,13 +98,31 @@ def main():
                 seconds = took * (relative / GOAL) ** 2 if complete else None
                 row = dict(scene=name, integrator=integrator, spp=spp, took_s=took, median_relative_error=float(relative))
                 row.update(seconds_to_goal=seconds, median_share_of_light=share, share_of_all_light=whole)
-                rows.append({key: value.item() if hasattr(value, "item") else value for key, value in row.items()})
+                rows.append({key: plain(value) for key, value in row.items()})
                 found[integrator] = seconds
                 goal = f"{seconds:10.1f}" if seconds is not None else f"{'never':>10}"
                 print(f"{name:14} {integrator:14} {spp:6} {took:8.1f} {relative:8.4f} {goal} {whole:12.4f}", flush=True)
             if found["path"] is not None:
                 print(f"{'':14} bidirectional takes {found['bidirectional'] / found['path']:.2f} of path's time")
-    options.output.write_text(json.dumps(rows, indent=1) + "\n")
+    if options.record:
+        measures = [*result_file.TRACER, "validation/convergence.py", *(f"scenes/{name}" for name in SCENES)]
+        result_file.write("convergence", __file__, measures, numbers(rows), rows=rows)
+
+
+def plain(value):
+    """A number as JSON knows it; null for none."""
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def numbers(rows):
+    """What goes to the result file."""
+    out = {"goal": result_file.once(GOAL, "", "a setting")}
+    for row in rows:
+        key = f"{row['scene']}_{row['integrator']}"
+        out[key] = result_file.once(row["seconds_to_goal"], "s", f"from one run of {row['took_s']:.0f} s; null: never")
+        out[f"{key}_light"] = result_file.once(row["share_of_all_light"], "of the light that is found", "one run")
+    return out
 
 
 if __name__ == "__main__":

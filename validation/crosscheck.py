@@ -17,7 +17,6 @@ Significance, and what the columns mean: see comparison.py. Pictures go to targe
 
 import argparse
 import itertools
-import json
 import os
 import platform
 import sys
@@ -25,6 +24,7 @@ import time
 from importlib import metadata
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
@@ -37,7 +37,6 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import programs
 
 CACHE = environment.ROOT / "target/crosscheck"
-RESULTS = environment.HERE / "results"
 # Pictures kept by --record.
 KEPT = ["mirror_room_550_nm", "Cornell_box_over_time", "polarized_lamp_right_circular"]
 
@@ -95,30 +94,58 @@ def check_pins():
     return good
 
 
+# Rows of the table in docs/validation.md: scenes whose name begins so.
+GROUPS = {
+    "handwritten": ("gold, ", "mirror and glass"),
+    "gold_corner": ("gold corner",),
+    "mirror_room": ("mirror room",),
+    "cornell_box": ("Cornell box",),
+    "glass_ball": ("glass ball",),
+    "measured_balls": ("measured balls",),
+    "gltf_knot": ("glTF knot",),
+    "polarized_lamp": ("polarized lamp",),
+}
+
+
+def numbers(table, seconds):
+    """What goes to the result file: of every group how many comparisons, the largest |z|, the smallest p, and of its
+    intensities the gain that is the most of its own standard errors off.
+    """
+    out = {
+        "comparisons": result_file.once(len(table), "", "a count"),
+        "differ": result_file.once(sum(row["verdict"] != "agree" for row in table), "", "a count"),
+        "threshold": result_file.once(comparison.SIGNIFICANCE / len(table), "p", "a setting over the comparisons"),
+        "seconds": result_file.once(round(seconds), "s"),
+    }
+    for key, names in GROUPS.items():
+        rows = [row for row in table if row["scene"].startswith(names)]
+        assert rows, f"no scene of {key}"
+        out[f"{key}_comparisons"] = result_file.once(len(rows), "", "a count")
+        out[f"{key}_z"] = result_file.once(max(row["max_z"] for row in rows), "standard errors", "greatest of all pixels")
+        out[f"{key}_p"] = result_file.once(min(row["p"] for row in rows), "", "least of the comparisons")
+        known = [row for row in rows if row["gain_error"] and row["quantity"].startswith(("s0", "T00"))]
+        worst = max(known, key=lambda row: abs(row["gain"]) / row["gain_error"])
+        out[f"{key}_gain"] = result_file.estimate(worst["gain"], worst["gain_error"], "Sunstone / other - 1")
+    return out
+
+
 def record(rows, seconds):
-    """Raw numbers with what they were made by, and a few of the pictures, for the repository."""
+    """Numbers with what they were made by, and a few of the pictures, for the repository."""
     import shutil
 
-    from speed import machine
-
     packages = ["mitsuba", "mitransient", "drjit", "numpy"]
-    finite = lambda x: x if abs(x) < 1e9 else None
+    finite = lambda x: result_file.significant(x) if abs(x) < 1e9 else None
     table = [
-        {"scene": scene, "quantity": quantity, "pixels": c.pixels, "max_z": c.max_z, "chi2_per_dof": c.chi2_per_dof,
-         "gain": c.gain, "gain_error": finite(c.gain_error), "p": c.p, "verdict": "agree" if passed else "differ"}
+        {"scene": scene, "quantity": quantity, "pixels": c.pixels, "max_z": finite(c.max_z),
+         "chi2_per_dof": finite(c.chi2_per_dof), "gain": finite(c.gain), "gain_error": finite(c.gain_error),
+         "p": finite(c.p), "verdict": "agree" if passed else "differ"}
         for (scene, quantity, c), passed in zip(rows, pairs.verdicts(rows), strict=True)
     ]
-    versions = {name: metadata.version(name) for name in packages}
-    versions["sunstone"] = programs.sunstone("--version").stdout.split()[-1]
-    head = {"machine": machine(), "python": platform.python_version(), "versions": versions, "variant": mi.variant(),
-            "significance": comparison.SIGNIFICANCE, "seconds": round(seconds)}
-    rounded = json.loads(json.dumps(table), parse_float=lambda number: float(f"{float(number):.5g}"))
-    lines = ",\n  ".join(json.dumps(row) for row in rounded)
-    text = json.dumps(head, indent=1)[:-2] + f',\n "rows": [\n  {lines}\n ]\n}}\n'
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "crosscheck.json").write_text(text)
+    versions = {name: metadata.version(name) for name in packages} | {"python": platform.python_version(), "variant": mi.variant()}
+    measures = [*result_file.TRACER, "scenes/mirror_room", "validation/scenes_crosscheck", "validation/crosscheck.py"]
+    result_file.write("crosscheck", __file__, measures, numbers(table, seconds), versions, table)
     for name in KEPT:
-        shutil.copy(CACHE / f"{name}.png", RESULTS)
+        shutil.copy(CACHE / f"{name}.png", result_file.RESULTS)
 
 
 def main():
@@ -127,7 +154,7 @@ def main():
     parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant even if there is LLVM")
     parser.add_argument("--full", action="store_true", help="four times the samples in the exported scenes")
     parser.add_argument("--seed", type=int, default=1, help="other random numbers in both programs")
-    parser.add_argument("--record", action="store_true", help="write results/crosscheck.json, and a few pictures there")
+    parser.add_argument("--record", action="store_true", help="write results/crosscheck.json, and a few pictures beside it")
     parser.add_argument("--power", action="store_true", help="with the last run's results: every mistake must be found")
     options = parser.parse_args()
     begun = time.monotonic()

@@ -4,6 +4,8 @@
 Matrices are random mixtures of three Jones matrices, which exist by construction; a share has a depolarizer of negative
 determinant put in front. All three factors, diattenuation, retardance and depolarization are compared; prints a table and exits
 with 1 if a row is above its bound of 1e-8. `--power` plants an error in each of our arrays and checks that its row notices.
+Times are those of all arrays and of the four scalars alone, in interleaved rounds; with --record they go to
+results/decompose.json (result_file.py).
 """
 
 import argparse
@@ -12,9 +14,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib import metadata
 from pathlib import Path
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
@@ -22,6 +26,8 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import numpy as np
 
 BOUND = 1e-8
+ROUNDS = 5
+SCALARS = "polarizance,diattenuation,retardance,depolarization"
 
 
 def mixtures(count, rng):
@@ -37,10 +43,34 @@ def mixtures(count, rng):
 def ours(m, folder):
     """Our arrays, and the seconds that the decomposition alone took."""
     np.save(folder / "m.npy", m)
-    command = [environment.sunstone(), "-v", "decompose", folder / "m.npy", "-o", folder / "p.npz"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    seconds = float(re.search(r"matrices in ([0-9.]+) s", done.stderr + done.stdout).group(1))
+    seconds = run(folder)
     return dict(np.load(folder / "p.npz")), seconds
+
+
+def run(folder, *options):
+    """Decomposes m.npy; the seconds that the decomposition alone took."""
+    command = [environment.sunstone(), "-v", "decompose", folder / "m.npy", "-o", folder / "p.npz", *options]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return float(re.search(r"matrices in ([0-9.]+) s", done.stderr + done.stdout).group(1))
+
+
+def speed(m, count, folder, record):
+    """Times ours on `count` matrices and muellerkit on `m`, in interleaved rounds."""
+    np.save(folder / "m.npy", np.tile(m, (-(-count // len(m)), 1, 1))[:count])
+    # Seconds that a million matrices take.
+    seconds = {"all_arrays": [], "scalars": [], "muellerkit": []}
+    for _ in range(ROUNDS):
+        seconds["all_arrays"].append(run(folder) / count * 1e6)
+        seconds["scalars"].append(run(folder, "--only", SCALARS) / count * 1e6)
+        seconds["muellerkit"].append(theirs(m)[1] / len(m) * 1e6)
+    rate = lambda values: result_file.rounds([1 / s for s in values], "million matrices/s", "higher")
+    out = {key: rate(values) for key, values in seconds.items()}
+    out["ratio"] = result_file.ratio(seconds["muellerkit"], seconds["all_arrays"])
+    for key, number in out.items():
+        print(f"{key:12} {number['median']:8.3g} (best {number['best']:.3g}) {number['unit']}")
+    if record:
+        measures = [*result_file.POLARIMETRY, "src/cli/decompose.rs", "validation/decompose.py"]
+        result_file.write("decompose", __file__, measures, out, {"muellerkit": metadata.version("muellerkit")})
 
 
 def theirs(m):
@@ -64,13 +94,14 @@ def main():
     parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
     parser.add_argument("--count", type=int, default=100_000, help="matrices to compare")
     parser.add_argument("--speed", type=int, default=2_000_000, help="matrices to time ours with")
+    parser.add_argument("--record", action="store_true", help="write results/decompose.json")
     a = parser.parse_args()
     rng = np.random.default_rng(1)
     m = mixtures(a.count, rng)
     failed = False
     with tempfile.TemporaryDirectory() as folder:
         got, _ = ours(m, Path(folder))
-        want, slow = theirs(m)
+        want, _ = theirs(m)
         print(f"{'array':16} {'largest difference':>20}")
         for name, value in want.items():
             if a.power:
@@ -85,10 +116,7 @@ def main():
         print(f"{'product':16} {off:20.3e}")
         failed |= not a.power and not off < 1e-10
         if not a.power:
-            many = np.tile(m, (-(-a.speed // a.count), 1, 1))[: a.speed]
-            _, fast = ours(many, Path(folder))
-            rate, other = a.speed / fast, a.count / slow
-            print(f"matrices a second: ours {rate:.3g} (all cores, all arrays, f64), muellerkit {other:.3g}; ratio {rate / other:.0f}")
+            speed(m, a.speed, Path(folder), a.record)
     sys.exit(1 if failed else 0)
 
 

@@ -11,6 +11,8 @@ Then 36 float32 images are timed: the whole command, its files in memory where t
 reports; against them `polanalyser.calcMueller` on the array in memory, by which the computation is judged, and from file to
 file; and passes of NumPy over the array and the files. The command's memory is held to 200 MB, also for images four times as large.
 
+With --record the times and the memory go to results/ellipsometry.json (result_file.py).
+
 Exits with 1 if something is above its bound. `--power` plants errors in what Sunstone is given or gives and checks that all
 rows notice all of them.
 """
@@ -25,9 +27,11 @@ import sys
 import tempfile
 import time
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
@@ -243,8 +247,8 @@ def peak(command):
     return most * 1.048576
 
 
-def speed(folder, pixels):
-    """Prints times and memory; true if they are above their bounds."""
+def speed(folder, pixels, record):
+    """Prints times and memory; true if they are above their bounds. Records them if asked to."""
     height = max(1, pixels // COLUMNS)
     rng = np.random.default_rng(2)
     image = rng.random((CAPTURES, height, COLUMNS), dtype=np.float32)
@@ -311,7 +315,32 @@ def speed(folder, pixels):
     for times, megabytes in used.items():
         failed |= not megabytes < MEMORY
         print(f"memory at {times} x the pixels: {megabytes:.0f} MB; bound {MEMORY} MB")
+    if record:
+        seconds = {name: [r[name] for r in rounds] for name in actions} | {"sunstone, computation": reported}
+        measures = [*result_file.POLARIMETRY, "src/cli/reconstruct.rs", "validation/ellipsometry.py"]
+        versions = {"polanalyser": metadata.version("polanalyser"), "numpy": np.__version__}
+        result_file.write("ellipsometry", __file__, measures, numbers(seconds, used), versions)
     return failed
+
+
+def numbers(seconds, used):
+    """What goes to the result file: seconds and ratios of paired rounds, megabytes."""
+    out = {
+        key: result_file.rounds(seconds[name], "s")
+        for key, name in (
+            ("computing", "sunstone, computation"),
+            ("whole", "sunstone, whole command"),
+            ("polanalyser_computing", "polanalyser, in memory"),
+            ("polanalyser_whole", "polanalyser, whole"),
+            ("sum_of_input", "numpy, sum of the input"),
+        )
+    }
+    out["computing_ratio"] = result_file.ratio(seconds["polanalyser, in memory"], seconds["sunstone, computation"])
+    out["whole_ratio"] = result_file.ratio(seconds["polanalyser, whole"], seconds["sunstone, whole command"])
+    out["passes"] = result_file.ratio(seconds["sunstone, computation"], seconds["numpy, sum of the input"], "lower")
+    out["memory"] = result_file.once(used[1], "MB", "one run, its greatest resident memory")
+    out["memory_4"] = result_file.once(used[4], "MB", "one run, its greatest resident memory")
+    return out
 
 
 def store(pixels):
@@ -327,11 +356,14 @@ def main():
     full = ROWS * COLUMNS
     text = f"pixels to time both with, 0 for none (default {full}; with fewer the ratio of times is printed but not judged)"
     parser.add_argument("--speed", type=int, nargs="?", const=full, default=full, metavar="PIXELS", help=text)
+    parser.add_argument("--record", action="store_true", help="write results/ellipsometry.json (at the full number of pixels)")
     a = parser.parse_args()
+    if a.record and (a.power or a.speed != full):
+        sys.exit("--record wants the full number of pixels")
     with tempfile.TemporaryDirectory(dir=store(a.speed)) as folder:
         failed = compare(Path(folder), a.power)
         if a.speed and not a.power:
-            failed |= speed(Path(folder), a.speed)
+            failed |= speed(Path(folder), a.speed, a.record)
     sys.exit(1 if failed else 0)
 
 

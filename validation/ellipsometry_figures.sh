@@ -39,13 +39,14 @@ few=()
 for k in 4 6 8 10 12 14; do few+=(--scheme "$work/learned/l-qrpr_${k}_prior.toml"); done
 for k in 2 3 4 5 6 7; do few+=(--scheme "$work/learned/l-qrpr-p_${k}_prior.toml"); done
 for scene in gold_mirror mirror_room; do
-    [ -d "out/$scene.zarr" ] || "$sunstone" render "scenes/$scene/scene.toml" -o "out/$scene.zarr"
-    "$sunstone" trial "out/$scene.zarr" polarimetric "${schemes[@]}" --relative-noise 5e-4 --repeat 4 \
+    "$sunstone" render "scenes/$scene/scene.toml" --no-figures --force -o "$work/$scene.zarr"
+    "$sunstone" trial "$work/$scene.zarr" polarimetric "${schemes[@]}" --relative-noise 5e-4 --repeat 4 \
         -o "$results/$scene.csv" --curve "$results/$scene.png"
-    "$sunstone" trial "out/$scene.zarr" polarimetric "${few[@]}" --prior "$work/prior.toml" --relative-noise 5e-4 --repeat 4 \
+    "$sunstone" trial "$work/$scene.zarr" polarimetric "${few[@]}" --prior "$work/prior.toml" --relative-noise 5e-4 --repeat 4 \
         -o "$results/${scene}_prior.csv" --curve "$results/${scene}_prior.png"
     # Maps of errors with a camera's noise, which follows the light.
-    "$sunstone" trial "out/$scene.zarr" polarimetric --detector validation/camera.toml --figure "$results/${scene}_maps.png" \
+    "$sunstone" trial "$work/$scene.zarr" polarimetric --detector validation/camera.toml --figure "$results/${scene}_maps.png" \
         --scheme "$work/drr_25.toml" --scheme "$work/drr_36.toml" --scheme "$work/learned/l-qrpr_16.toml" \
         --scheme "$work/learned/l-qrpr_36.toml" --scheme "$work/drr_p_16.toml" --scheme "$work/learned/l-qrpr-p_8.toml"
 done
+python3 validation/ellipsometry_figures.py

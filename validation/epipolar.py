@@ -25,13 +25,13 @@ alone (a film cropped to 256 x 1) saves most of the samples: that is measured an
 """
 
 import argparse
-import json
 import os
 import subprocess
 import sys
 import time
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
@@ -45,7 +45,6 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 SCENE = environment.HERE / "speed/epipolar.toml"
 OUT = environment.ROOT / "target/epipolar"
-RESULTS = environment.HERE / "results/epipolar.json"
 ROWS, DEPTH, IRRADIANCE, BAR = 256, 6, 20.0, 1000
 
 
@@ -141,6 +140,7 @@ def measure(program, rows, spp):
             into.append(image)
     return {
         "seconds": float(np.median(seconds)),
+        "all_seconds": seconds,
         "rmse": rmse(np.array(first), np.array(second)),
         "mean": float(np.mean([first, second])),
         "spp": spp,
@@ -156,7 +156,6 @@ def main():
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--record", action="store_true", help="write results/epipolar.json")
     options = parser.parse_args()
-    from speed import machine
 
     (OUT / "mono").mkdir(parents=True, exist_ok=True)
     step = ROWS // options.patterns
@@ -165,6 +164,7 @@ def main():
     images = [image[rows] for _, image in runs]
     ours = {
         "seconds": float(np.median([seconds for seconds, _ in runs])),
+        "all_seconds": [seconds for seconds, _ in runs],
         "rmse": float(np.sqrt(np.mean([rmse(images[a], images[b]) ** 2 for a, b in ((0, 1), (0, 2), (1, 2))]))),
         "mean": float(np.mean(images)),
         "spp": options.spp,
@@ -172,17 +172,7 @@ def main():
     whole = measure(Mitransient(options.threads, crop=False), rows, options.spp)
     cropped = measure(Mitransient(options.threads, crop=True), rows, options.spp)
     renders = ROWS * options.states * options.wavelengths
-    report = {
-        "machine": machine(),
-        "mitransient": mitr.__version__,
-        "threads": options.threads,
-        "patterns_measured": options.patterns,
-        "renders": {"patterns": ROWS, "states": options.states, "wavelengths": options.wavelengths},
-        "sunstone": ours,
-        "mitransient, whole images": whole,
-        "mitransient, cropped to the lit row": cropped,
-    }
-    print(f"{report['machine']['cpu']}, {options.threads} threads; {ROWS}x{ROWS}; mean and RMSE of M00 at 550 nm")
+    print(f"{result_file.machine()['processor']}, {options.threads} threads; {ROWS}x{ROWS}; mean and RMSE of M00 at 550 nm")
     print(f"{'program':36} | {'spp':>4} | s a render | renders | {'mean':>8} | {'RMSE':>8} | s to Sunstone's RMSE |  ratio")
     for name, side, count in (
         ("Sunstone, one render", ours, 1),
@@ -202,8 +192,28 @@ def main():
         if abs(side["mean"] / ours["mean"] - 1) > 0.05:
             sys.exit(f"the means differ ({name}: {side['mean']}, ours {ours['mean']}); the programs do not render the same")
     if options.record:
-        RESULTS.parent.mkdir(exist_ok=True)
-        RESULTS.write_text(json.dumps(report, indent=1) + "\n")
+        measured = numbers(ours, whole, cropped, renders, options)
+        measures = [*result_file.TRACER, "validation/epipolar.py", "validation/speed/epipolar.toml"]
+        result_file.write("epipolar", __file__, measures, measured, {"mitransient": mitr.__version__})
+
+
+def numbers(ours, whole, cropped, renders, options):
+    """What goes to the result file: seconds to Sunstone's error and their ratios; the spread is that of single renders."""
+    one = ours["seconds"]
+    out = {
+        "patterns": result_file.once(options.patterns, "", "a setting"),
+        "renders": result_file.once(renders, "", "a setting"),
+        "rmse": result_file.once(ours["rmse"], "of M00", "three seeds"),
+        "sunstone": result_file.rounds(ours["all_seconds"], "s", spread="renders of three seeds"),
+    }
+    for key, side in (("whole", whole), ("cropped", cropped)):
+        factor = (side["rmse"] / ours["rmse"]) ** 2
+        spread = f"{len(side['all_seconds'])} renders, each taken for all {renders}"
+        out[f"{key}_one"] = result_file.rounds(side["all_seconds"], "s", spread=spread)
+        out[key] = result_file.rounds([s * renders * factor for s in side["all_seconds"]], "s", spread=spread)
+        ratios = [s * renders * factor / one for s in side["all_seconds"]]
+        out[f"{key}_ratio"] = result_file.rounds(ratios, "", "higher", spread=spread + ", over Sunstone's median")
+    return out
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ the order of the hits. Every program answers distance, primitive and barycentric
 - Embree: `rtcIntersect1` by way of embreex, one ray at a time, one thread;
 - Mitsuba (llvm): `ray_intersect_preliminary`, which calls Embree on packets of rays.
 
-Rounds are interleaved, because machines drift; the best of each counts. Distances must agree with Embree's. With --record
-the raw numbers go to results/rays.json.
+Rounds are interleaved, because machines drift; the first warms up. Distances must agree with Embree's. With --record the
+numbers go to results/rays.json (result_file.py).
 """
 
 import argparse
@@ -19,15 +19,16 @@ import os
 import subprocess
 import sys
 import time
+from importlib import metadata
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
     import numpy as np
 
 OUT = environment.ROOT / "target/rays"
-RESULTS = environment.HERE / "results/rays.json"
 RESOLUTION, BAR = 1024, 0.7
 EYE = (0.4, -3.4, 2.2)
 
@@ -208,7 +209,6 @@ def main():
     parser.add_argument("--record", action="store_true", help="write results/rays.json")
     parser.add_argument("--no-mitsuba", action="store_true")
     options = parser.parse_args()
-    from speed import machine
 
     OUT.mkdir(parents=True, exist_ok=True)
     ply = OUT / "mesh.ply"
@@ -217,8 +217,9 @@ def main():
     program = bench_program()
     embree = Embree(vertices, triangles)
     mitsuba = None if options.no_mitsuba else Mitsuba(ply)
-    report = {"machine": machine(), "triangles": len(triangles), "rounds": options.rounds, "rays": {}}
-    print(f"{report['machine']['cpu']}, {report['machine']['cores']} cores; {len(triangles)} triangles")
+    host = result_file.machine()
+    numbers = {"triangles": result_file.once(len(triangles), "", "a count")}
+    print(f"{host['processor']}, {host['cores']} cores; {len(triangles)} triangles")
     print(f"{'rays':8} | {'program':9} | threads | Mrays/s (best) | to Embree")
     rays, worst = primary(), np.inf
     for name in ("primary", "bounce"):
@@ -239,19 +240,24 @@ def main():
             print(f"{name:8} | {label:9} | {threads:7} | {s:14.2f} | {s / speed['Embree', 1]:.2f}")
         print(f"{name:8} | {count} rays, {np.isfinite(embree.hits['t']).mean():.3f} hit; {agree:.6f} agree with Embree")
         worst = min(worst, speed["Sunstone", 1] / speed["Embree", 1])
-        report["rays"][name] = {
-            "count": count,
-            "agree": agree,
-            "seconds": {f"{label}, {threads}": s for (label, threads), s in seconds.items()},
-        }
+        for (label, threads), s in seconds.items():
+            rate = result_file.rounds([count / x / 1e6 for x in s[1:]], "million rays/s", "higher")
+            numbers[f"{name}_{label.lower()}_{threads}"] = rate
+        for label in ("Embree", "Mitsuba"):
+            if (label, 1) in seconds:
+                paired = result_file.ratio(seconds[label, 1][1:], seconds["Sunstone", 1][1:])
+                numbers[f"{name}_over_{label.lower()}"] = paired
+        numbers[f"{name}_agree"] = result_file.once(agree, "share of rays", "a count")
         if agree < 0.9999:
             sys.exit("the programs disagree")
         if name == "primary":
             rays = bounce(*rays, embree.hits)
     print(f"one thread, worse of both kinds: {worst:.2f} of Embree's; bar {BAR}: {'met' if worst >= BAR else 'MISSED'}")
     if options.record:
-        RESULTS.parent.mkdir(exist_ok=True)
-        RESULTS.write_text(json.dumps(report, indent=1) + "\n")
+        measures = ["src/transport/geometry", "benches/rays.rs", "validation/rays.py"]
+        names = {"Embree": "embreex"} | ({"Mitsuba": "mitsuba"} if mitsuba else {})
+        versions = {name: metadata.version(name) for name in names.values()}
+        result_file.write("rays", __file__, measures, numbers, versions)
 
 
 if __name__ == "__main__":

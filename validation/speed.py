@@ -16,13 +16,10 @@ complete tensor of few samples costs more a sample.
 Then the mirror room: all its slices against its conventional image alone, and two threads against one; beside it what two
 programs at once achieve, since the second core of a shared machine is not always a whole one.
 
-Raw numbers go to results/speed.json. Needs LLVM.
+With --record the numbers go to results/speed.json (result_file.py). Needs LLVM.
 """
 
 import argparse
-import json
-import os
-import platform
 import re
 import resource
 import statistics
@@ -33,6 +30,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import environment
+import result_file
 
 if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     environment.enter()
@@ -42,7 +40,6 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 SCENE = environment.HERE / "speed/cornell.toml"
 OUT = environment.ROOT / "target/speed"
-RESULTS = environment.HERE / "results/speed.json"
 RESOLUTION, DEPTH, BINS = 256, 6, 256
 MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 
@@ -111,12 +108,6 @@ def timed(f):
     begun = time.perf_counter()
     f()
     return time.perf_counter() - begun
-
-
-def machine():
-    """What this ran on."""
-    model = [line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")]
-    return {"cpu": model[0] if model else platform.processor(), "cores": os.cpu_count(), "system": platform.system()}
 
 
 def slices_alone(scene, names):
@@ -203,39 +194,73 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--spp", type=int, nargs="*", default=[64, 256])
+    parser.add_argument("--record", action="store_true", help="write results/speed.json")
     options = parser.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=OUT) as stores:
         room = mirror_room(stores, options.rounds)
         seconds, memory = cornell(stores, options.spp, options.rounds)
-    report = {"machine": machine(), "mitsuba": mi.__version__, "cornell_s": seconds, "peak_rss_mb": memory, "mirror_room_s": room}
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(report, indent=1) + "\n")
-    show(report)
+    measured = numbers(seconds, memory, room)
+    show(measured, options.spp)
+    if options.record:
+        measures = [*result_file.TRACER, "scenes/mirror_room", "validation/speed.py", "validation/mueller_integrator.py"]
+        result_file.write("speed", __file__, measures, measured, {"mitsuba": mi.__version__})
 
 
-def show(report):
+# Rows of the Cornell box: name in the result file, in this script.
+PROGRAMS = {
+    "complete": "Sunstone, complete",
+    "plain": "Sunstone, plain",
+    "full_mueller": "Mitsuba, full-Mueller integrator",
+    "stokes": "Mitsuba, stokes",
+}
+
+
+def numbers(cornell_s, megabytes, room):
+    """What goes to the result file: samples a second, ratios of paired rounds, memory."""
+    out = {}
+    for spp, seconds in cornell_s.items():
+        samples = RESOLUTION**2 * int(spp) / 1e6
+        for key, name in PROGRAMS.items():
+            out[f"{key}_{spp}"] = result_file.rounds([samples / s for s in seconds[name]], "million samples/s", "higher")
+        for key in ("full_mueller", "stokes"):
+            ratio = result_file.ratio(seconds[PROGRAMS[key]], seconds[PROGRAMS["complete"]])
+            out[f"complete_over_{key}_{spp}"] = ratio
+        out[f"cost_of_complete_{spp}"] = result_file.ratio(seconds[PROGRAMS["complete"]], seconds[PROGRAMS["plain"]], "lower")
+    for key, name in (("memory", "Sunstone, complete"), ("memory_mitsuba", "both Mitsubas")):
+        out[key] = result_file.once(megabytes[name], "MiB", "one run, its greatest resident memory")
+    every, one = ({t: room[f"{what}, {t} thread{'s' * (t > 1)}"] for t in (1, 2)} for what in ROOM)
+    for threads in (1, 2):
+        out[f"mirror_room_{threads}"] = result_file.rounds(every[threads], "s")
+        out[f"cost_of_slices_{threads}"] = result_file.ratio(every[threads], one[threads], "lower")
+    out["two_threads"] = result_file.ratio(every[1], every[2])
+    twice = [s / 2 for s in room["all nine slices, twice at once, 1 thread each"]]
+    out["two_programs"] = result_file.ratio(every[1], twice)
+    return out
+
+
+ROOM = ("all nine slices", "conventional alone")
+
+
+def show(numbers, counts):
     """The tables."""
-    print(f"{report['machine']['cpu']}, {report['machine']['cores']} cores")
-    for spp, rows in report["cornell_s"].items():
-        print(f"\n{f'Cornell box, {RESOLUTION}x{RESOLUTION}, {spp} spp':34} | {'best':>6} s | {'median':>6} s | Msamples/s (best)")
-        best = {}
-        for name, seconds in rows.items():
-            best[name] = RESOLUTION**2 * int(spp) / min(seconds) / 1e6
-            print(f"{name:34} | {min(seconds):8.2f} | {statistics.median(seconds):8.2f} | {best[name]:6.2f}")
-        ours, integrator = best["Sunstone, complete"], best["Mitsuba, full-Mueller integrator"]
-        print(f"complete against the full-Mueller integrator: {ours / integrator:.2f} (3 wavelengths against 1)")
-        print(f"complete against stokes: {ours / best['Mitsuba, stokes']:.2f}")
-        print(f"cost of the complete tensor: {best['Sunstone, plain'] / ours:.2f} times the plain image")
-    for name, megabytes in report["peak_rss_mb"].items():
-        print(f"peak memory of {name}: {megabytes:.0f} MB")
-    room = {name: min(seconds) for name, seconds in report["mirror_room_s"].items()}
-    print("\nmirror room, 64 spp: " + "; ".join(f"{name} {seconds:.2f} s" for name, seconds in room.items()))
-    every, one = room["all nine slices, 2 threads"], room["conventional alone, 2 threads"]
-    print(f"all slices cost {every / one:.2f} times the conventional image; two threads are "
-          f"{room['all nine slices, 1 thread'] / every:.2f} times as fast as one")
-    own = 2 * room["all nine slices, 1 thread"] / room["all nine slices, twice at once, 1 thread each"]
-    print(f"two programs that share nothing do {own:.2f} times the work of one: what the machine's second core is worth")
+    host = result_file.machine()
+    print(f"{host['processor']}, {host['cores']} cores, {host['memory_gb']} GB")
+    line = lambda what, n: f"{what:56} | {n['median']:7.3f} | {n['best']:7.3f} | {n['least']:.3f} to {n['greatest']:.3f}"
+    for spp in counts:
+        print(f"\n{f'Cornell box, {RESOLUTION}x{RESOLUTION}, {spp} spp, million samples/s':56} | median  | best    | rounds")
+        for key, name in PROGRAMS.items():
+            print(line(name, numbers[f"{key}_{spp}"]))
+        print(line("complete over the full-Mueller integrator", numbers[f"complete_over_full_mueller_{spp}"]))
+        print(line("complete over stokes", numbers[f"complete_over_stokes_{spp}"]))
+        print(line("seconds of the complete tensor over the plain image's", numbers[f"cost_of_complete_{spp}"]))
+    print(f"\nmemory: {numbers['memory']['median']:.0f} MiB, both Mitsubas {numbers['memory_mitsuba']['median']:.0f} MiB")
+    print(f"\n{'mirror room, 64 spp':56} | median  | best    | rounds")
+    for threads in (1, 2):
+        print(line(f"seconds of all nine slices, threads: {threads}", numbers[f"mirror_room_{threads}"]))
+        print(line(f"  over those of the conventional image, threads: {threads}", numbers[f"cost_of_slices_{threads}"]))
+    print(line("two threads over one", numbers["two_threads"]))
+    print(line("work of two programs at once over one's", numbers["two_programs"]))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,429 @@
+#!/usr/bin/env python3
+"""Holds README.md and docs/ to validation/results: every number there is one that a script measured, or is said to be none.
+
+    python3 validation/readme.py --check       fails where pages and results differ (CI)
+    python3 validation/readme.py --write       writes the numbers of the results into the pages
+    python3 validation/readme.py --self-test   plants mistakes in a small project of its own, each of which must be found (CI)
+
+A claim is a comment right before its number, which no reader sees:
+
+    traces <!-- speed:complete_64.median .2f -->1.44 million samples a second
+
+with the result file (results/speed.json), the number in it, median | best | least | greatest | error, Python's format, and if need
+be a factor (`*100`, `/60`). `,` parts thousands, `e` prints 5.7·10⁻³. result_file.py says what files hold. `<!-- given -->1024`
+says that a number is a setting or a definition. --check fails if
+
+- a printed number is not the result's, rounded as printed; a result, or a number in it, is missing, or has no value;
+- README's prose has a number that is neither claimed, given, nor of a kind in ALLOWED; or docs/ one with a unit in MEASURED;
+- the page does not name the script that wrote the result;
+- a result was measured on a changed tree, or more than AGE commits ago, counting commits that touch what it measures;
+- a claim begins a line, from where on Markdown would read HTML;
+- a relative link leads nowhere; README does not open with the two commands, or takes longer to read than MINUTES.
+
+Standard library only.
+"""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import result_file
+
+# Commits that may touch what a result measures before it must be measured anew.
+AGE = 40
+# Time to read README in, at so many words a minute.
+MINUTES, WORDS_A_MINUTE = 3, 250
+COMMANDS = ["cargo run --release -- render scenes/mirror_room/scene.toml", "cargo test --release"]
+
+NUMBER = r"[+−-]?(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?(?:·10[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)?"
+CLAIM = re.compile(
+    r"<!--\s*(?P<file>\w+):(?P<name>\w+)\.(?P<statistic>median|best|least|greatest|error)\s+(?P<format>[+,]*\.?\d*[defg])"
+    rf"(?:\s+(?P<factor>[*/][\d.]+))?\s*-->(?P<number>{NUMBER}|\?)"
+)
+GIVEN = re.compile(rf"<!--\s*given\s*-->{NUMBER}")
+# What looks like a claim and is none.
+BROKEN = re.compile(r"<!--\s*(?:\w+:\w+\.|given)[^>]*-->")
+WORD = r"(?:two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|a hundred) "
+# Numbers in README's prose that nobody measures.
+ALLOWED = [
+    r"\b(?:19|20)\d\d\b",  # years
+    r"\d+ ?[×x] ?\d+",  # sizes
+    r"\d+(?:\.\d+)* nm\b",  # wavelengths
+    r"\b(?:Mitsuba|mitransient|Rust|Zarr|Python|AVX|Apache|version|sec\.|depth|Figure)[ (v-]*\d+(?:\.\d+)*",
+    r"\b\d+ (?:elements|wavelengths?|materials|states|captures|time bins|samples|cores?|threads?|slices|scenes|pixels)\b",
+    r"#\d+",  # issues
+    r"\b\d+D\b",
+]
+# Units of what is measured, in docs/.
+UNITS = r"(?:million|thousand|times as|min\b|minutes|hours|s\b|ms\b|seconds|M/s|M[iB]B?\b|GB\b|% of)"
+MEASURED = rf"\b(?:{WORD}|\d[\d.,]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?){UNITS}"
+PAGES = ["README.md", "CHANGELOG.md", "CONVENTIONS.md", "scenes/README.md", "pbrdf/README.md"]
+CLAIMING = ["README.md", "scenes/README.md"]
+
+
+@dataclass
+class Project:
+    """A project at a folder, and what is wrong with it."""
+
+    root: Path
+    wrong: list = field(default_factory=list)
+    loaded: dict = field(default_factory=dict)
+
+    def say(self, place, text):
+        self.wrong.append(f"{place}: {text}")
+
+    def claiming(self):
+        """Pages whose numbers are claims."""
+        named = [self.root / name for name in CLAIMING]
+        return [page for page in named + sorted((self.root / "docs").glob("**/*.md")) if page.exists()]
+
+    def name(self, page):
+        return page.relative_to(self.root).as_posix()
+
+    def result(self, name):
+        """A result file, or None."""
+        if name not in self.loaded:
+            path = self.root / f"validation/results/{name}.json"
+            try:
+                self.loaded[name] = json.loads(path.read_text())
+            except FileNotFoundError:
+                self.loaded[name] = None
+            except ValueError as e:
+                self.say(self.name(path), f"is no JSON: {e}")
+                self.loaded[name] = None
+        return self.loaded[name]
+
+
+# Claims ---------------------------------------------------------------------------------------------------------------
+
+
+def printed(value, style, factor):
+    """A number as a page shows it."""
+    if factor:
+        value = value * float(factor[1:]) if factor[0] == "*" else value / float(factor[1:])
+    text = format(round(value) if style.endswith("d") else value, style)
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}·10" + str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return text.replace("-", "−")
+
+
+def claimed(project, claim, place):
+    """What a claim must print, or None if that is not known, which is said."""
+    result = project.result(claim["file"])
+    if result is None:
+        return project.say(place, f"there is no result validation/results/{claim['file']}.json")
+    number = result.get("numbers", {}).get(claim["name"])
+    if number is None:
+        return project.say(place, f"{claim['file']}.json has no number {claim['name']}")
+    value = number.get(claim["statistic"])
+    if value is None:
+        return project.say(place, f"{claim['file']}.json has no {claim['statistic']} of {claim['name']}")
+    try:
+        return printed(value, claim["format"], claim["factor"])
+    except ValueError as e:
+        return project.say(place, f"{claim['format']}: {e}")
+
+
+def check_claims(project, page):
+    """Numbers are those of the results, whose scripts the page names."""
+    text = page.read_text()
+    # A claim in code is an example.
+    bare = re.sub(r"`[^`\n]*`", "", re.sub(r"(?ms)^ *```.*?^ *```$", lambda block: "\n" * block[0].count("\n"), text))
+    for number, line in enumerate(bare.split("\n"), 1):
+        place = f"{project.name(page)}:{number}"
+        if re.match(r" {0,3}<!--", line) and BROKEN.search(line):
+            project.say(place, "a claim begins the line, which makes HTML of it")
+        for claim in CLAIM.finditer(line):
+            want = claimed(project, claim, place)
+            if want is not None and want != claim["number"].replace("-", "−"):
+                project.say(place, f"says {claim['number']}, {claim['file']}.json's {claim['name']} is {want}")
+        if left := BROKEN.search(GIVEN.sub("", CLAIM.sub("", line))):
+            project.say(place, f"no claim that can be read: {left[0]}")
+    for name in sorted({claim["file"] for claim in CLAIM.finditer(text)}):
+        if (result := project.result(name)) and result.get("script", "?") not in text:
+            project.say(project.name(page), f"does not name {result.get('script')}, which wrote {name}.json")
+
+
+def write_claims(project, page):
+    """Puts the results' numbers in; true if the page changed."""
+    text = page.read_text()
+
+    def put(claim):
+        want = claimed(project, claim, project.name(page))
+        at = claim.start("number") - claim.start()
+        return claim[0] if want is None else claim[0][:at] + want
+
+    if (new := CLAIM.sub(put, text)) != text:
+        page.write_text(new)
+    return new != text
+
+
+# Prose ----------------------------------------------------------------------------------------------------------------
+
+
+def prose(text):
+    """The lines of a page without code, links' targets, and numbers that are accounted for; as many as the page has."""
+    blank = lambda match: "\n" * match[0].count("\n")
+    text = re.sub(r"(?ms)^ *```.*?^ *```$", blank, text)
+    text = GIVEN.sub("", CLAIM.sub("", text))
+    text = re.sub(r"(?s)<!--.*?-->", blank, text)
+    text = re.sub(r"(?m)^(?: {4}|\t).*$", "", text)
+    text = re.sub(r"!\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    return re.sub(r"`[^`]*`", "", text).split("\n")
+
+
+def check_prose(project, page):
+    """Numbers that nothing accounts for."""
+    strict = page.name == "README.md" and page.parent == project.root
+    for number, line in enumerate(prose(page.read_text()), 1):
+        for allowed in ALLOWED:
+            line = re.sub(allowed, "", line)
+        pattern = rf"(?<![\w.])\d[\d.,]*|\b{WORD}(?:million|thousand|times)\b" if strict else MEASURED
+        for found in re.finditer(pattern, line):
+            project.say(f"{project.name(page)}:{number}", f"{found[0].strip('.,')!r} has no claim (… {line.strip()[:60]} …)")
+
+
+def check_front(project):
+    """README opens with the two commands and is short."""
+    text = (project.root / "README.md").read_text()
+    block = re.search(r"(?ms)^```\w*\n(.*?)^```$", text)
+    first = [line.split("#")[0].strip() for line in block[1].splitlines()] if block else []
+    if first[: len(COMMANDS)] != COMMANDS:
+        project.say("README.md", f"does not open with the commands {COMMANDS}")
+    words = sum(len(re.findall(r"\w[\w'’.-]*", line)) for line in prose(text))
+    if words > MINUTES * WORDS_A_MINUTE:
+        project.say("README.md", f"has {words} words, more than are read in {MINUTES} minutes ({MINUTES * WORDS_A_MINUTE})")
+
+
+# Links ----------------------------------------------------------------------------------------------------------------
+
+
+def anchors(page):
+    """Where a page's headings can be linked to."""
+    text = re.sub(r"(?ms)^```.*?^```$", "", page.read_text())
+    plain = (re.sub(r"[^\w\- ]", "", title.lower()) for title in re.findall(r"(?m)^#+ +(.*?) *$", text))
+    return {title.strip().replace(" ", "-") for title in plain}
+
+
+def check_links(project):
+    """Relative links lead to files, and to headings in them."""
+    pages = [project.root / name for name in PAGES] + sorted((project.root / "docs").glob("**/*.md"))
+    for page in filter(Path.exists, pages):
+        text = re.sub(r"(?ms)^ *```.*?^ *```$", "", page.read_text())
+        for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`]*`", "", text)):
+            if re.match(r"\w+:", target):
+                continue
+            path, _, anchor = target.partition("#")
+            to = (page.parent / path).resolve() if path else page
+            if not to.exists():
+                project.say(project.name(page), f"links to {target}, which is not there")
+            elif anchor and to.suffix == ".md" and anchor not in anchors(to):
+                project.say(project.name(page), f"links to {target}, a heading that is not there")
+
+
+# Age ------------------------------------------------------------------------------------------------------------------
+
+
+def check_age(project):
+    """Results are of commits that are known and near."""
+    git = lambda *arguments: result_file.git(*arguments, root=project.root)
+    if git("rev-parse", "HEAD") is None:
+        return project.say("validation/results", "how old they are is not known: this is no git repository")
+    shallow = git("rev-parse", "--is-shallow-repository") == "true"
+    for path in sorted((project.root / "validation/results").glob("*.json")):
+        place, result = project.name(path), project.result(path.stem)
+        if result is None:
+            continue
+        missing = {"format", "script", "measures", "commit", "dirty", "date", "machine", "numbers"} - result.keys()
+        if missing or result["format"] != result_file.FORMAT:
+            project.say(place, f"is not of format {result_file.FORMAT}; without {sorted(missing)}")
+            continue
+        script, commit, measures = result["script"], result["commit"], result["measures"]
+        if not (project.root / script).exists():
+            project.say(place, f"was written by {script}, which is not there")
+        if result["dirty"]:
+            project.say(place, f"was measured on a changed tree: commit, then run {script} --record")
+        known = commit and git("cat-file", "-e", f"{commit}^{{commit}}") is not None
+        if not known and shallow:
+            project.say(place, f"how old it is is not known: this clone is shallow and lacks {commit}; fetch the whole history")
+        elif not known:
+            project.say(place, f"was measured at {commit}, which this repository does not know: run {script} --record")
+        elif git("merge-base", "--is-ancestor", commit, "HEAD") is None:
+            project.say(place, f"was measured at {commit[:10]}, which is not in the history of HEAD: run {script} --record")
+        elif not any((project.root / m).exists() for m in measures):
+            project.say(place, f"measures {measures}, none of which is there")
+        else:
+            count = int(git("rev-list", "--count", f"{commit}..HEAD", "--", *measures))
+            if count > AGE:
+                since = f"{count} commits have since touched what it measures, {AGE} may: run {script} --record"
+                project.say(place, f"was measured at {commit[:10]}; {since}")
+
+
+def check(root):
+    """What is wrong."""
+    project = Project(root)
+    for page in project.claiming():
+        check_claims(project, page)
+        check_prose(project, page)
+    check_front(project)
+    check_links(project)
+    check_age(project)
+    return project.wrong
+
+
+# Self-test ------------------------------------------------------------------------------------------------------------
+
+
+class Sample:
+    """A small project in a folder, right in all points until something is planted."""
+
+    def __init__(self, root):
+        self.root = root
+        (root / "validation/results").mkdir(parents=True)
+        (root / "docs").mkdir()
+        (root / "src").mkdir()
+        (root / "src/a.rs").write_text("// 0\n")
+        (root / "validation/speed.py").write_text("")
+        self.git("init", "-q", "-b", "main")
+        self.commit("first")
+        self.result()
+        commands = "\n".join(COMMANDS)
+        front = f"# P\n\n```sh\n{commands}\n```\n\nBy `validation/speed.py`: "
+        self.page(
+            front + "it takes <!-- speed:t.median .2f -->1.23 s, at most <!-- speed:t.greatest ,.0f *1000 -->2,500 ms, error "
+            "<!-- speed:t.error .1e -->5.7·10⁻³, shift <!-- speed:shift.median +.1f -->−0.3, of <!-- given -->77 rooms "
+            "in 2021, `12 in code`. See [more](docs/a.md#one-more-page).\n"
+        )
+        (root / "docs/a.md").write_text("# One more page\n\nBack to [the front](../README.md).\n")
+
+    def git(self, *arguments):
+        identity = ["-c", "user.name=self-test", "-c", "user.email=self-test@localhost", "-c", "commit.gpgsign=false"]
+        done = subprocess.run(["git", *identity, *arguments], cwd=self.root, capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    def commit(self, text):
+        self.git("add", "-A")
+        self.git("commit", "-q", "--allow-empty", "-m", text)
+
+    def page(self, text=None, old=None, new=None):
+        path = self.root / "README.md"
+        if old is not None:
+            text = path.read_text()
+            assert old in text, old
+            text = text.replace(old, new)
+        path.write_text(text)
+
+    def result(self, **changes):
+        number = {"unit": "s", "spread": "5 rounds", "median": 1.2345, "best": 1.0, "least": 1.0, "greatest": 2.5, "error": 0.00571}
+        head = {
+            "format": result_file.FORMAT, "script": "validation/speed.py", "measures": ["src"], "commit": self.git("rev-parse", "HEAD"),
+            "dirty": False, "date": "2026-01-01T00:00:00Z", "machine": {}, "numbers": {"t": number, "shift": {"median": -0.31}},
+        }
+        (self.root / "validation/results/speed.json").write_text(json.dumps(head | changes))
+
+    def touch(self, count, file="src/a.rs"):
+        for k in range(count):
+            (self.root / file).write_text(f"// {k + 1}\n")
+            self.commit(f"change {k}")
+
+
+PLANTED = {
+    "a wrong number": (lambda p: p.page(old="1.23 s", new="1.24 s"), "says 1.24"),
+    "a wrong last digit of thousands": (lambda p: p.page(old="2,500", new="2,501"), "says 2,501"),
+    "a wrong sign": (lambda p: p.page(old="−0.3", new="+0.3"), "says +0.3"),
+    "a wrong exponent": (lambda p: p.page(old="10⁻³", new="10⁻⁴"), "says 5.7·10⁻⁴"),
+    "a missing result": (lambda p: (p.root / "validation/results/speed.json").unlink(), "there is no result"),
+    "a missing number": (lambda p: p.page(old="speed:t.median", new="speed:u.median"), "has no number u"),
+    "a number without a value": (lambda p: p.page(old="shift.median", new="shift.best"), "has no best"),
+    "a claim that cannot be read": (lambda p: p.page(old="t.median .2f", new="t.middle .2f"), "no claim that can be read"),
+    "a number without a claim": (lambda p: p.page(old="<!-- speed:t.median .2f -->1.23", new="1.23"), "'1.23' has no claim"),
+    "a number in words": (lambda p: p.page(old="77 rooms", new="77 rooms and two million pixels"), "'two million' has no claim"),
+    "a time in docs": (lambda p: (p.root / "docs/a.md").write_text("# One more page\n\nIt takes 46 minutes.\n"), "'46 minutes'"),
+    "a script that is not named": (lambda p: p.page(old="`validation/speed.py`", new="a script"), "does not name"),
+    "an old commit": (lambda p: p.touch(AGE + 1), f"{AGE + 1} commits have since touched"),
+    "an unknown commit": (lambda p: p.result(commit="0123456789" * 4), "does not know"),
+    "a commit of no history": (lambda p: p.result(commit=None), "does not know"),
+    "a changed tree": (lambda p: p.result(dirty=True), "measured on a changed tree"),
+    "a script that is gone": (lambda p: (p.root / "validation/speed.py").unlink(), "which is not there"),
+    "an old format": (lambda p: p.result(format=0), "is not of format"),
+    "rooms that are gone": (lambda p: p.result(measures=["source"]), "none of which is there"),
+    "a broken link": (lambda p: p.page(old="docs/a.md#", new="docs/b.md#"), "links to docs/b.md"),
+    "a broken anchor": (lambda p: p.page(old="#one-more-page", new="#no-page"), "a heading that is not there"),
+    "another opening": (lambda p: p.page(old=COMMANDS[0], new="make"), "does not open with"),
+    "a claim at a line's start": (lambda p: p.page(old="it takes ", new="it takes\n"), "begins the line"),
+    "a long README": (lambda p: p.page(old="See ", new="and on " * 800 + "See "), "words, more than"),
+}
+
+
+def self_test():
+    """Every planted mistake must be found, by its own message, and nothing where there is none."""
+    bad = []
+
+    def run(what, plant, expected):
+        with tempfile.TemporaryDirectory() as folder:
+            sample = Sample(Path(folder))
+            plant(sample)
+            wrong = check(sample.root)
+        good = any(expected in line for line in wrong) if expected else not wrong
+        print(f"{'found' if good and expected else 'fine' if good else 'NOT FOUND':10} {what}")
+        if not good:
+            bad.append(f"{what}: expected {expected!r} in {wrong}")
+
+    run("nothing wrong", lambda p: None, None)
+    run("as many commits as may be", lambda p: p.touch(AGE), None)
+    run("commits elsewhere", lambda p: p.touch(AGE + 5, "other.txt"), None)
+    for what, (plant, expected) in PLANTED.items():
+        run(what, plant, expected)
+
+    def shallow(sample):
+        """A clone without history, of a project that went on since the result."""
+        sample.touch(2)
+        (sample.root / "validation/results/speed.json").touch()
+        subprocess.run(["git", "clone", "-q", "--depth", "1", f"file://{sample.root}", sample.root / "clone"], check=True)
+        sample.root = sample.root / "clone"
+
+    run("a shallow clone", shallow, "this clone is shallow")
+
+    def written(sample):
+        """Numbers that --write has put right again."""
+        for old, new in (("1.23 s", "? s"), ("2,500", "9"), ("−0.3", "8.1")):
+            sample.page(old=old, new=new)
+        project = Project(sample.root)
+        assert write_claims(project, sample.root / "README.md") and not project.wrong
+
+    run("numbers that --write put right", written, None)
+    for line in bad:
+        print(line, file=sys.stderr)
+    return 1 if bad else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--check", action="store_true", help="fail where pages and results differ")
+    what.add_argument("--write", action="store_true", help="write the results' numbers into the pages, then check")
+    what.add_argument("--self-test", action="store_true", help="plant mistakes, each of which must be found")
+    options = parser.parse_args()
+    if options.self_test:
+        return self_test()
+    if options.write:
+        project = Project(result_file.ROOT)
+        for page in project.claiming():
+            if write_claims(project, page):
+                print(f"wrote {project.name(page)}")
+    wrong = check(result_file.ROOT)
+    for line in wrong:
+        print(line, file=sys.stderr)
+    print(f"{len(wrong)} things wrong" if wrong else "README.md and docs/ say what the results say")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,139 @@
+"""Result files: what was measured, of which commit, on which machine, when, and how far the rounds lie apart.
+
+Every script of this folder that measures something writes one such file to results/ (JSON), and readme.py holds README.md and
+docs/ to them. A file holds
+
+    format     1
+    script     which wrote it, from the project's root
+    measures   rooms and files whose change makes the numbers old, from the project's root
+    commit     of the tree that was measured; dirty: whether one of `measures` differed from it
+    date       UTC
+    machine    processor, cores, memory_gb, system
+    note       what else must be known, if anything
+    versions   of the other programs
+    numbers    name: number
+    rows       tables as the script prints them, if it has any
+
+and a number `unit`, `spread` (in words what lies between least and greatest), `median`, `best` (the least, or the greatest where
+`better` is "higher"), `least`, `greatest` and `rounds`, the values themselves. A number without rounds has one value as median and
+best, null as least and greatest, and `spread` says why: one run, or an estimate with its `error`. Of ratios, `best` is that of
+the best of both. Null is a number that was not
+reached (an integrator that never finds all light).
+
+Standard library only: readme.py runs where nothing is installed.
+"""
+
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+from datetime import datetime, timezone
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "validation/results"
+FORMAT = 1
+
+# What the whole program is made of where light is traced, stored and read from scene files.
+TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene", "src/render.rs"]
+POLARIMETRY = ["src/optics", "src/polarimetry"]
+
+
+def rounds(values, unit, better="lower", spread=None):
+    """A number that was measured in several rounds, which were interleaved with those of what it is compared with."""
+    values = [significant(v) for v in values]
+    best = min(values) if better == "lower" else max(values)
+    return {
+        "unit": unit,
+        "better": better,
+        "spread": spread or f"{len(values)} interleaved rounds",
+        "median": significant(statistics.median(values)),
+        "best": best,
+        "least": min(values),
+        "greatest": max(values),
+        "rounds": values,
+    }
+
+
+def ratio(over, under, better="higher"):
+    """The ratio of two lists of rounds in seconds, round by round, since rounds of one number share what the machine did
+    meanwhile; `best` is that of the least of both.
+    """
+    number = rounds([a / b for a, b in zip(over, under, strict=True)], "", better, f"{len(over)} ratios of paired rounds")
+    return number | {"best": significant(min(over) / min(under))}
+
+
+def once(value, unit, spread="one run"):
+    """A number of one run; None if it was not reached."""
+    value = None if value is None or not math.isfinite(value) else significant(value)
+    return {"unit": unit, "spread": spread, "median": value, "best": value, "least": None, "greatest": None}
+
+
+def estimate(value, error, unit):
+    """A number with its standard error."""
+    return once(value, unit, "standard error") | {"error": significant(error)}
+
+
+def significant(value, digits=6):
+    """Rounded to significant digits; whole numbers stay whole."""
+    return value if isinstance(value, int) else float(f"{float(value):.{digits}g}")
+
+
+def machine():
+    """What this runs on."""
+    processor, memory = platform.processor(), None
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        processor = next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+        memory = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
+    except (OSError, StopIteration, ValueError):
+        pass
+    return {"processor": processor, "cores": os.cpu_count(), "memory_gb": memory, "system": platform.system()}
+
+
+def git(*arguments, root=ROOT):
+    """What git says, or None if it fails."""
+    done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True)
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def write(name, script, measures, numbers, versions=None, rows=None, note=None):
+    """Writes results/<name>.json; `script` is the calling script's __file__."""
+    script = Path(script).resolve().relative_to(ROOT).as_posix()
+    own = [m for m in [*measures, "Cargo.toml", "Cargo.lock"] if (ROOT / m).exists()]
+    wrong = [m for m in measures if not (ROOT / m).exists()]
+    assert not wrong, f"{script} measures what is not there: {wrong}"
+    head = {
+        "format": FORMAT,
+        "script": script,
+        "measures": measures,
+        "commit": git("rev-parse", "HEAD"),
+        "dirty": bool(git("status", "--porcelain", "--", *own)),
+        "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "machine": machine(),
+        "note": note or os.environ.get("SUNSTONE_RESULT_NOTE"),
+        "versions": versions or {},
+    }
+    save(name, head, numbers, rows)
+
+
+def save(name, head, numbers, rows=None):
+    """The file, one number a line, so that differences can be read."""
+    line = lambda value: json.dumps(value, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(head, indent=1, ensure_ascii=False)[:-2] + ',\n "numbers": {\n  '
+    text += ",\n  ".join(f"{line(key)}: {line(value)}" for key, value in numbers.items()) + "\n }"
+    if rows is not None:
+        text += ',\n "rows": [\n  ' + ",\n  ".join(map(line, rows)) + "\n ]"
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    path = RESULTS / f"{name}.json"
+    # Whole or not at all.
+    (part := path.with_suffix(".part")).write_text(text + "\n}\n")
+    part.replace(path)
+    print(f"wrote {path.relative_to(ROOT)}")
+
+
+def read(name):
+    """A result file; raises FileNotFoundError if there is none."""
+    return json.loads((RESULTS / f"{name}.json").read_text())
