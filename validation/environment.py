@@ -7,7 +7,6 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
-LLVM = Path("/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1")
 
 
 def enter():
@@ -22,8 +21,24 @@ def enter():
         stamp.write_text(requirements)
     if Path(sys.prefix).resolve() != venv.resolve():
         os.execv(venv / "bin/python", [str(venv / "bin/python"), *sys.argv])
-    if LLVM.exists():
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(LLVM))
+    for llvm in Path("/usr/lib").glob("*/libLLVM.so.19.1"):
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(llvm))
+
+
+def need_llvm(variant, otherwise):
+    """Sets a variant of Mitsuba that needs LLVM; ends the script if it does not start. `otherwise`: what to do without."""
+    import mitsuba as mi
+
+    try:
+        mi.set_variant(variant)
+        started = float((mi.Float(1) + 1)[0]) == 2
+    except Exception as error:
+        print(error, file=sys.stderr)
+        started = False
+    if not started:
+        print(f"Mitsuba's {variant} does not start, for want of LLVM: on Debian, apt-get install libllvm19; elsewhere, name the "
+              f"library in DRJIT_LIBLLVM_PATH. {otherwise}", file=sys.stderr)
+        sys.exit(3)
 
 
 def sunstone():

@@ -1,4 +1,4 @@
-"""What both programs made of one scene: images beside each other, as they are compared, stored and falsified."""
+"""What both programs made of one scene: images beside each other, as they are compared and stored; errors are planted in them by planted.py."""
 
 import json
 from dataclasses import dataclass, field
@@ -69,64 +69,34 @@ class Pair:
             return self.theirs
         return rotate(self.theirs, self.angle[..., None] if self.timed else self.angle)
 
-    def images(self, mistake=None):
-        """Ours, our error, theirs, their error; our side falsified by a mistake of `MISTAKES`. None: it has no room
-        here."""
-        ours = self.ours if mistake is None else MISTAKES[mistake](self)
-        if ours is None:
-            return None
-        theirs = self.theirs if mistake == "frame" else self.turned()
-        theirs, theirs_error = comparison.mean_and_error(self._blocks(theirs))
-        error = np.sqrt(self._blocks(self.ours_error**2)) / self.block
-        return self._blocks(ours), error, theirs, theirs_error
+    def images(self):
+        """Ours, our error, theirs, their error: means over blocks."""
+        theirs, theirs_error = comparison.mean_and_error(self.seeds())
+        return self.blocks(self.ours), np.sqrt(self.blocks(self.ours_error**2)) / self.block, theirs, theirs_error
 
-    def _blocks(self, images):
+    def seeds(self):
+        """Their renders, each as it is compared."""
+        return self.blocks(self.turned())
+
+    def blocks(self, images):
         """Means over squares of pixels of [..., y, x, (t,) element]."""
         tail = images.shape[-2:] if self.timed else images.shape[-1:]
         *seeds, h, w = images.shape[: -len(tail)]
         n = self.block
         return images.reshape(*seeds, h // n, n, w // n, n, *tail).mean(axis=(-3 - len(tail), -1 - len(tail)))
 
-    def compare(self, mistake=None):
-        """Rows: scene, quantity, outcome; None if the mistake has no room here."""
-        images = self.images(mistake)
-        if images is None:
-            return None
-        scale = np.abs(images[2]).max()
+    def compare(self, planted=None):
+        """Rows: scene, quantity, outcome; of our image with an error planted, if one is: what it adds to blocks."""
+        ours, *others = self.images()
+        if planted is not None:
+            ours = ours + planted
+        scale = np.abs(others[1]).max()
         rows = []
         for i, element in enumerate(self.elements):
-            one = [image[..., i] for image in images]
+            one = [image[..., i] for image in (ours, *others)]
             outcome = comparison.compare(*one, len(self.theirs), scale, self.our_batches)
             rows.append((self.scene, f"{element} {self.what}".strip(), outcome))
         return rows
-
-
-# Mistakes to be found by the power check, as changes of our image ----------------------------------------------------
-
-
-def flip(pair, i):
-    """The sign of a Stokes element, or of a row of the matrix."""
-    rows = np.arange(len(pair.elements)) * 4 // len(pair.elements)
-    return pair.ours * np.where(rows == i, -1.0, 1.0)
-
-
-def column(pair):
-    """The sign of the matrix's last column."""
-    if len(pair.elements) == 16:
-        return pair.ours * np.where(np.arange(16) % 4 == 3, -1.0, 1.0)
-    return pair.wrong.get("column")
-
-
-MISTAKES = {
-    "s1": lambda pair: flip(pair, 1),
-    "s2": lambda pair: flip(pair, 2),
-    "s3": lambda pair: flip(pair, 3),
-    "intensity": lambda pair: 1.01 * pair.ours,
-    "frame": lambda pair: None if pair.angle is None else pair.ours,
-    "column": column,
-    "wavelength": lambda pair: pair.wrong.get("wavelength"),
-    "bin": lambda pair: np.roll(pair.ours, 1, axis=2) if pair.timed else None,
-}
 
 
 def load_all(folder: Path):
@@ -135,9 +105,9 @@ def load_all(folder: Path):
     return [Pair.load(folder / f"{name}.npz") for name in listing.read_text().split()] if listing.exists() else []
 
 
-def compare_all(results, mistake=None):
-    """Rows of the table: scene, quantity, outcome; of the pairs in which a mistake can be planted, if one is."""
-    return [row for pair in results for row in pair.compare(mistake) or []]
+def compare_all(results):
+    """Rows of the table: scene, quantity, outcome."""
+    return [row for pair in results for row in pair.compare()]
 
 
 def verdicts(rows, total=None):

@@ -1,0 +1,243 @@
+"""Errors that a comparison of images must find, how small they may be, and which comparison can show them.
+
+Every error is a linear change of our image: x becomes x + D. How much of it there is, is fitted to the whole pair, all
+elements together: with P = D of the noise-free image (its estimate is the inverse-variance mean of both sides, whose noise is
+uncorrelated with that of their difference d),
+
+    amount = sum(w P d) / S,   S = sum(w P^2) - the noise's share of it,   error = sqrt(Var sum(w P d)) / S,
+
+1 being the error as planted. The weights w = 1/(v + v's mean over the image) of d's variance v keep single noisy pixels from
+ruling; without the mean, pixels whose variance came out too small by chance would. The variance comes from their seeds, so that noise which pixels and elements have in common
+counts; ours has no seeds, and is taken to be alike. So a pair says by itself what it can show: an error is found in all but
+a thousandth of runs if it is by `MARGIN` standard errors larger than what significance demands. Where it is, it must be
+found; and `check` wants at least so many such pairs as its floor says, so that a comparison that is weakened fails too.
+
+The fits of `FITTED` also judge the comparison itself: a frame that is off by so little that no pixel tells shows there.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+import comparison
+from frames import rotate
+
+# Smallest errors that are planted.
+INTENSITY, FRAME_DEG, BINS = 0.01, 0.5, 0.5
+# A planted error must stand out by so many standard errors beyond the limit of significance.
+MARGIN = 3.1
+FRAME = np.radians(FRAME_DEG)
+
+
+@dataclass
+class Fit:
+    """How much of an error there is, 1 being as planted; the probability of as much by chance."""
+
+    error: str
+    amount: float
+    sigma: float
+    p: float
+
+
+def matrices(pair, image):
+    """Images of 16 elements as matrices; None for those of fewer."""
+    return image.reshape(*image.shape[:-1], 4, 4) if len(pair.elements) == 16 else None
+
+
+def turned_out(pair, image):
+    """The frame at the camera turned."""
+    if len(pair.elements) == 4:
+        return rotate(image, FRAME)
+    m = matrices(pair, image)
+    return None if m is None else rotate(m.swapaxes(-1, -2), FRAME).swapaxes(-1, -2).reshape(image.shape)
+
+
+def turned_in(pair, image):
+    """The frame at the light turned."""
+    m = matrices(pair, image)
+    return None if m is None else rotate(m, FRAME).reshape(image.shape)
+
+
+def later(pair, image, bins):
+    """All light later by bins of time, those beyond an integer number shared between neighbours."""
+    if not pair.timed:
+        return None
+    moved = np.concatenate([np.zeros_like(image[..., :1, :]), image[..., :-1, :]], axis=-2)
+    return (1 - bins) * image + bins * moved
+
+
+def rows_flipped(pair, image, i):
+    """The sign of a Stokes element, or of a row of the matrix."""
+    n = len(pair.elements)
+    return None if n < 4 else image * np.where(np.arange(n) * 4 // n == i, -1.0, 1.0)
+
+
+def last_column_flipped(pair, image):
+    """The sign of the matrix's last column."""
+    return image * np.where(np.arange(16) % 4 == 3, -1.0, 1.0) if len(pair.elements) == 16 else None
+
+
+# Fitted in every comparison.
+FITTED = {
+    f"intensity {INTENSITY:.0%}": lambda pair, x: (1 + INTENSITY) * x,
+    f"frame {FRAME_DEG}°": turned_out,
+    f"frame of light {FRAME_DEG}°": turned_in,
+    f"{BINS} bin": lambda pair, x: later(pair, x, BINS),
+}
+# Planted alone. What is none of our image's own (another wavelength, medium, state of the lamp) comes with the pair.
+PLANTED = FITTED | {
+    "1 bin": lambda pair, x: later(pair, x, 1),
+    "s1 flipped": lambda pair, x: rows_flipped(pair, x, 1),
+    "s2 flipped": lambda pair, x: rows_flipped(pair, x, 2),
+    "s3 flipped": lambda pair, x: rows_flipped(pair, x, 3),
+    "column flipped": last_column_flipped,
+}
+
+
+def changes(pair):
+    """The errors that have room in a pair, as functions of its compared images."""
+    image = pair.images()[0]
+    known = {name: lambda x, change=change: change(pair, x) for name, change in PLANTED.items()}
+    for name, wrong in pair.wrong.items():
+        step = pair.blocks(wrong) - image
+        known[f"wrong {name}"] = lambda x, step=step: x + step
+    return {name: change for name, change in known.items() if change(image) is not None}
+
+
+def noise_of(name, change, a, b, weight):
+    """The noise's share of sum(w P^2), and what it strays by; of images of variances a and b."""
+    if name.startswith("wrong "):
+        # Both images of the step are ours.
+        variance = 2 * a
+    else:
+        best = share(a, b) ** 2 * a + (1 - share(a, b)) ** 2 * b
+        # What a linear change makes of independent noise, by random signs.
+        random, rounds, variance = np.random.default_rng(1), 4, 0.0
+        for _ in range(rounds):
+            noise = random.choice([-1.0, 1.0], best.shape) * np.sqrt(best)
+            variance = variance + (change(noise) - noise) ** 2 / rounds
+    variance = weight * variance
+    return variance.sum(), np.sqrt(2 * (variance**2).sum())
+
+
+@functools.cache
+def least_t(seeds, limit):
+    """Student's t from which on p is below a limit."""
+    t = np.linspace(0, 100, 2001)
+    p = np.vectorize(comparison.two_sided)(comparison.gaussian_from_t(t, seeds - 1))
+    return float(t[np.argmax(p < limit)])
+
+
+def share(a, b):
+    """The weight of the first of two values of variances a and b in their best mean."""
+    return np.where(a + b > 0, b / np.maximum(a + b, 1e-300), 0.5)
+
+
+class Detector:
+    """What a pair can tell of one error."""
+
+    def __init__(self, pair, name, change):
+        self.name, self.change = name, change
+        images = ours, ours_error, theirs, theirs_error = pair.images()
+        a, b = ours_error**2, theirs_error**2
+        best = share(a, b) * ours + (1 - share(a, b)) * theirs
+        plain = change(best) - best
+        v = a + b
+        w = 1 / np.maximum(v + v.mean(axis=tuple(range(v.ndim - 1)), keepdims=True), 1e-300)
+        self.pattern = w / w.max() * plain
+        power = (self.pattern * plain).sum()
+        noise, stray = noise_of(name, change, a, b, w / w.max())
+        self.signal = power - noise if power - noise > 4 * stray else 0.0
+        seeds = pair.seeds()
+        self.seeds = len(seeds)
+        theirs_variance = np.tensordot(seeds, self.pattern, self.pattern.ndim).var(ddof=1) / self.seeds
+        weigh = lambda variance: (self.pattern**2 * variance).sum()
+        ours_variance = theirs_variance * weigh(a) / weigh(b) if weigh(b) > 0 else weigh(a)
+        floor = weigh((comparison.ROUNDING * np.abs(theirs).max()) ** 2)
+        self.deviation = np.sqrt(theirs_variance + ours_variance + floor)
+        self.difference = ours - theirs
+
+    def fit(self, planted=None):
+        """The fit to the difference as it is, or with an error planted: what it adds to our image."""
+        difference = self.difference if planted is None else self.difference + planted
+        t = (self.pattern * difference).sum() / max(self.deviation, 1e-300)
+        p = comparison.two_sided(float(comparison.gaussian_from_t(t, self.seeds - 1)))
+        sigma = self.deviation / self.signal if self.signal > 0 else np.inf
+        return Fit(self.name, t * sigma if sigma < np.inf else 0.0, sigma, p)
+
+    def detectable(self, limit):
+        """The amount that is found in all but a thousandth of runs, where p must be below the limit. Infinite: none."""
+        if self.signal <= 0:
+            return np.inf
+        return (least_t(self.seeds, limit) + MARGIN) * self.deviation / self.signal
+
+
+def fits(pair):
+    """The fits of FITTED that have room in a pair."""
+    return [Detector(pair, name, change).fit() for name, change in changes(pair).items() if name in FITTED]
+
+
+def limit(results):
+    """Below which p counts, over all rows and fits together."""
+    rows = sum(len(pair.elements) for pair in results)
+    return comparison.SIGNIFICANCE / (rows + sum(len(fits(pair)) for pair in results))
+
+
+def judge(results):
+    """Prints the fits; true if there is none of any error."""
+    least, good = limit(results), True
+    print(f"\n{'scene':32} {'error':20} {'amount (1: as planted)':>24} {'p-value':>8}  verdict")
+    for pair in results:
+        for fit in fits(pair):
+            good &= fit.p >= least
+            amount = f"{fit.amount:+.3f} ± {fit.sigma:.3f}" if fit.sigma < 100 else "(no signal)"
+            print(f"{pair.title:32} {fit.error:20} {amount:>24} {fit.p:8.2g}  {'agree' if fit.p >= least else 'DIFFER'}")
+    return good
+
+
+def check(results, floors):
+    """Plants every error in every pair; true if all is well.
+
+    An error must be found in each pair that can show it, so many pairs must be able to as its floor says, and every pair must
+    notice some. Prints what is found, and of what cannot show an error, from which size on it could.
+    """
+    if not results:
+        print("no results to plant errors in: run the comparison first")
+        return False
+    least, tried, good = limit(results), 0, True
+    table, blind = {name: [] for name in floors}, []
+    for pair in results:
+        detectors = {name: Detector(pair, name, change) for name, change in changes(pair).items()}
+        shown = 0
+        for name, detector in detectors.items():
+            size = detector.detectable(least)
+            ours = pair.images()[0]
+            step = detector.change(ours) - ours
+            p = min(d.fit(step).p for d in detectors.values() if d.name in FITTED)
+            found = p < least or any(c.p < least for *_, c in pair.compare(step))
+            able = size <= 1
+            tried += 1
+            shown += found
+            table.setdefault(name, []).append((pair.title, able, found, size))
+        if not shown:
+            blind.append(pair.title)
+    for name, entries in table.items():
+        able = [e for e in entries if e[1]]
+        missed = [title for title, _, found, _ in able if not found]
+        floor = floors.get(name, 1)
+        few = len(able) < floor
+        good &= not missed and not few
+        worst = max((size for *_, size in able), default=np.inf)
+        print(f"{name:20} found in {len(able) - len(missed)} of {len(able)} pairs that can show it (floor {floor}); the "
+              f"least of them shows {worst:.2f} of it{'; TOO FEW CAN' if few else ''}")
+        for title in missed:
+            print(f"{'':20} NOT FOUND in {title}")
+        from_on = lambda size: "no signal" if size == np.inf else f"from {size:.1f} of it on"
+        unable = [f"{title} ({from_on(size)})" for title, ok, _, size in entries if not ok]
+        if unable:
+            print(f"{'':20} cannot show it: {', '.join(unable)}")
+    if blind:
+        print(f"notice nothing: {', '.join(blind)}")
+    print(f"{tried} errors planted in {len(results)} pairs: {'all is found' if good and not blind else 'FAILED'}")
+    return good and not blind and tried > 0
