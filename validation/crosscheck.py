@@ -17,8 +17,6 @@ Significance, and what the columns mean: see comparison.py. Pictures go to targe
 
 import argparse
 import itertools
-import json
-import os
 import platform
 import sys
 import time
