@@ -16,7 +16,10 @@ pub mod render;
 pub use {base, figure, optics, pbrdf, polarimetry, scene, store, tensor, transport};
 
 pub use base::locate::InputError;
+pub use polarimetry::capture::element::Ray;
+pub use polarimetry::capture::scheme::Scheme;
 pub use render::{Render, RenderError, Target, Watch};
+pub use scene::{Camera, Emitter, Material, Medium, Object, Projector, SceneBuilder, Slice};
 pub use store::probe::{Pattern, Probe};
 pub use store::zarr::TensorStore as Store;
 pub use tensor::array::Tensor;

@@ -23,8 +23,10 @@ pub type RenderError = schedule::RenderError<SinkError>;
 /// ```
 /// use sunstone::{Camera, Field, Material, Object, Projector, Render, SceneBuilder, Slice};
 ///
-/// let scene = SceneBuilder::new(Camera::look_at([0.0, 0.0, 2.0], [0.0; 3]).fov_x_deg(30.0).resolution(8, 8))
-///     .projector(Projector::look_at([0.3, 0.0, 2.0], [0.0; 3]).fov_x_deg(40.0).resolution(16, 16))
+/// let light = Camera::look_at([0.3, 0.0, 2.0], [0.0; 3]).fov_x_deg(40.0).resolution(16, 16);
+/// let scene = SceneBuilder::new()
+///     .camera(Camera::look_at([0.0, 0.0, 2.0], [0.0; 3]).fov_x_deg(30.0).resolution(8, 8))
+///     .projector(Projector::new(light))
 ///     .material("wall", Material::diffuse(0.5))
 ///     .object(Object::rectangle([-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]).material("wall"))
 ///     .slice(Slice::new("photo"))
