@@ -2,6 +2,8 @@
 //!
 //! Conventions of Stokes vectors, Mueller matrices and their frames are those of `CONVENTIONS.md`.
 
+#![warn(missing_docs)]
+
 pub mod polarization;
 pub mod sampling;
 pub mod spectrum;

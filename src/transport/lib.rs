@@ -2,6 +2,8 @@
 //!
 //! The hot path of the program: plain-data tables and enums, no files but measured tables, which are mapped.
 
+#![warn(missing_docs)]
+
 pub mod geometry;
 
 pub mod material;

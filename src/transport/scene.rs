@@ -96,6 +96,7 @@ pub struct Settings {
     pub max_depth: u32,
     /// Surface interactions before Russian roulette sets in.
     pub rr_depth: u32,
+    /// Which paths are traced.
     pub integrator: Integrator,
     /// Emitters are looked for through smooth interfaces that bend light.
     pub manifold: bool,

@@ -15,14 +15,25 @@ use glam::Vec3A;
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
     /// No polarizing interaction and no depolarizing one yet: a factor times a frame rotation (cos 2θ, sin 2θ).
-    Rotation { f: Spectral, cos2: f32, sin2: f32 },
+    Rotation {
+        /// The factor.
+        f: Spectral,
+        /// cos 2θ.
+        cos2: f32,
+        /// sin 2θ.
+        sin2: f32,
+    },
     /// General.
     Full(Mueller),
-    /// column · rowᵀ. `column_flat`/`row_flat`: only element 0 is non-zero.
+    /// column · rowᵀ.
     RankOne {
+        /// The camera's side.
         column: [Spectral; 4],
+        /// The projector's side.
         row: [Spectral; 4],
+        /// Of the column only element 0 is non-zero.
         column_flat: bool,
+        /// Of the row only element 0 is non-zero.
         row_flat: bool,
     },
 }

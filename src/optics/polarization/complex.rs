@@ -6,7 +6,9 @@ use std::ops::{Add, Div, Mul, Sub};
 /// `re + i·im` per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Complex {
+    /// Real parts.
     pub re: Spectral,
+    /// Imaginary parts.
     pub im: Spectral,
 }
 

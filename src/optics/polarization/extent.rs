@@ -4,7 +4,9 @@
 /// product maps projector-frame Stokes in to camera-frame Stokes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
+    /// Stokes elements out: 1 or 4.
     pub rows: u32,
+    /// Stokes elements in: 1 or 4.
     pub cols: u32,
 }
 

@@ -15,11 +15,19 @@ pub enum Scatter {
     Depolarize(Spectral),
     /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence. Wave
     /// plates and polarizers that do not bend light have this form too, in the frame `s` of their axis.
-    Fresnel { block: FresnelBlock, s: Vec3A },
+    Fresnel {
+        /// The matrix.
+        block: FresnelBlock,
+        /// Its frame, a unit vector.
+        s: Vec3A,
+    },
     /// Any matrix, from Stokes vectors in frame `frame_in` (⟂ `wi`) to frame `frame_out` (⟂ `wo`).
     Full {
+        /// The matrix.
         mueller: Mueller,
+        /// Frame of the light that leaves, a unit vector.
         frame_out: Vec3A,
+        /// Frame of the light that comes, a unit vector.
         frame_in: Vec3A,
     },
 }

@@ -40,7 +40,9 @@ pub enum Masking {
 /// Facets about +z: directions are unit vectors in a frame whose z axis is the surface's normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Microfacet {
+    /// How normals are distributed.
     pub distribution: Distribution,
+    /// How facets hide each other.
     pub masking: Masking,
     /// Width α of the distribution (Beckmann: the root mean square slope), above 0.
     pub alpha: f32,

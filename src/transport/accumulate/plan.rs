@@ -8,8 +8,9 @@ use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSele
 /// Light of one path: what arrives at the camera per unit projector drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
-    /// Where its Mueller elements begin in [`Contributions::elements`], and how many there are.
+    /// Where its Mueller elements begin in [`Contributions::elements`].
     pub first: u32,
+    /// Their rows and columns of the matrix.
     pub extent: Extent,
     /// Travel time, picoseconds; infinite for light without one.
     pub time_ps: f64,
@@ -23,6 +24,7 @@ pub struct Contribution {
 
 /// Where the contributions of one camera sample are put.
 pub struct Contributions<'a> {
+    /// The contributions, in the order in which the path made them.
     pub list: &'a mut Vec<Contribution>,
     /// Mueller elements, projector frame in, camera frame out, W/(m² sr nm): only those that can be non-zero, so that
     /// light from one rough wall takes one number a wavelength. Other samples put theirs here too.

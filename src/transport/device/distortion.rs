@@ -5,10 +5,15 @@ use glam::DVec2;
 /// Brown–Conrady coefficients (Brown 1966; OpenCV's order k1, k2, p1, p2, k3), acting on normalized coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distortion {
+    /// Radial, of r².
     pub k1: f64,
+    /// Radial, of r⁴.
     pub k2: f64,
+    /// Radial, of r⁶.
     pub k3: f64,
+    /// Tangential, along y.
     pub p1: f64,
+    /// Tangential, along x.
     pub p2: f64,
 }
 

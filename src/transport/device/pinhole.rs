@@ -42,11 +42,13 @@ pub struct Pinhole {
     pub focal: DVec2,
     /// Principal point in continuous pixel coordinates.
     pub principal: DVec2,
+    /// Lens distortion.
     pub distortion: Distortion,
     /// Centre of projection, world, metres.
     pub origin: Vec3A,
     /// Columns: right, down, forward in world coordinates.
     pub axes: Mat3A,
+    /// The lens in place of the pinhole.
     pub lens: Lens,
     /// Normalized coordinates of the image are those of directions plus this: 0 but for a point of a lens.
     shift: DVec2,

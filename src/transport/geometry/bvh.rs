@@ -29,11 +29,24 @@ pub(super) fn avx2() -> bool {
 #[derive(Clone, Copy, Debug)]
 pub enum Outline {
     /// A convex flat polygon; a triangle's last corner stands twice.
-    Flat { corners: [Vec3A; 4] },
+    Flat {
+        /// In order, world, metres.
+        corners: [Vec3A; 4],
+    },
     /// A sphere.
-    Ball { centre: Vec3A, radius: f32 },
+    Ball {
+        /// World, metres.
+        centre: Vec3A,
+        /// Metres.
+        radius: f32,
+    },
     /// Something inside this sphere.
-    Inside { centre: Vec3A, radius: f32 },
+    Inside {
+        /// World, metres.
+        centre: Vec3A,
+        /// Metres.
+        radius: f32,
+    },
 }
 
 /// All surfaces of a scene.

@@ -10,14 +10,18 @@ use std::f32::consts::{PI, TAU};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum QuadricKind {
+    /// The unit sphere about the origin.
     Sphere,
+    /// The unit disk in z = 0, facing +z.
     Disk,
+    /// The open tube of radius 1 from z = 0 to 1, facing outward.
     Cylinder,
 }
 
 /// A quadric placed in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Quadric {
+    /// Which surface it is in its own space.
     pub kind: QuadricKind,
     /// Index of the material.
     pub material: u32,

@@ -5,7 +5,9 @@ use glam::{Mat3A, Vec3A};
 /// A ray; `dir` is a unit vector, distances are metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
+    /// Where it starts, world, metres.
     pub origin: Vec3A,
+    /// Where it goes, a unit vector.
     pub dir: Vec3A,
 }
 
@@ -16,8 +18,9 @@ pub struct Hit {
     pub t: f32,
     /// Index of the primitive in BVH leaf order.
     pub leaf: u32,
-    /// Barycentric coordinates of a triangle's second and third vertex (0 for quadrics).
+    /// Barycentric coordinate of a triangle's second vertex (0 for quadrics).
     pub u: f32,
+    /// Barycentric coordinate of a triangle's third vertex (0 for quadrics).
     pub v: f32,
 }
 

@@ -13,7 +13,9 @@ use optics::spectrum::Spectral;
 /// (1 - w)·a + w·b.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {
+    /// Number of the first material.
     pub a: u32,
+    /// Number of the second.
     pub b: u32,
     /// Share w of `b`, clamped to 0..1.
     pub weight: Scalar,

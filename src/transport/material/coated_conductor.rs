@@ -17,10 +17,13 @@ pub const MAX_FILMS: usize = 4;
 /// Smooth opaque substrate of complex index n + i·k, relative to the outside, under films.
 #[derive(Clone, Copy, Debug)]
 pub struct CoatedConductor {
+    /// Real part of the index.
     pub n: Spectral,
+    /// Imaginary part, ≥ 0.
     pub k: Spectral,
     /// Films from the outside in; the first `count` are there.
     pub films: [Film; MAX_FILMS],
+    /// Number of films.
     pub count: usize,
 }
 

@@ -13,7 +13,9 @@ use optics::spectrum::Spectral;
 /// Smooth conductor of complex index n + i·k, relative to the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
+    /// Real part of the index.
     pub n: Spectral,
+    /// Imaginary part, ≥ 0.
     pub k: Spectral,
 }
 

@@ -48,13 +48,22 @@ pub struct OpticalConstants {
 pub enum ConstantsError {
     /// The name is neither in the table nor an alias.
     #[error("there are no optical constants of `{name}`; known are {known}")]
-    Unknown { name: String, known: String },
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// All names there are.
+        known: String,
+    },
     /// The wavelength lies outside what the source covers.
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
     Range {
+        /// The substance.
         name: String,
+        /// What was asked for, nm.
         nm: f64,
+        /// Shortest wavelength of the source, nm.
         first: f64,
+        /// Longest wavelength of the source, nm.
         last: f64,
     },
 }

@@ -44,8 +44,9 @@ pub struct Crystal {
     pub faces: Dielectric,
     /// Optic axis, a unit vector in world space.
     pub axis: Vec3A,
-    /// Ordinary and extraordinary index per wavelength (1 in unused lanes).
+    /// Ordinary index per wavelength (1 in unused lanes).
     pub n_o: [f64; MAX_WAVELENGTHS],
+    /// Extraordinary index per wavelength (1 in unused lanes).
     pub n_e: [f64; MAX_WAVELENGTHS],
     /// Waves in vacuum per metre, 1/λ (0 in unused lanes).
     pub waves_per_m: [f64; MAX_WAVELENGTHS],

@@ -18,7 +18,9 @@ use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 /// Roughness of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Roughness {
+    /// How the normals of facets are distributed.
     pub distribution: Distribution,
+    /// How facets hide each other.
     pub masking: Masking,
     /// Width α of the distribution of normals, above 0.
     pub alpha: Scalar,

@@ -48,21 +48,37 @@ use texture::Textures;
 /// A material as the tracer sees it.
 #[derive(Clone, Copy, Debug)]
 pub enum Material {
+    /// See [`diffuse`].
     Diffuse(diffuse::Diffuse),
+    /// See [`conductor`].
     Conductor(conductor::Conductor),
+    /// See [`rough_conductor`].
     RoughConductor(rough_conductor::RoughConductor),
+    /// See [`dielectric`].
     Dielectric(dielectric::Dielectric),
+    /// See [`rough_dielectric`].
     RoughDielectric(rough_dielectric::RoughDielectric),
+    /// See [`plastic`].
     Plastic(plastic::Plastic),
+    /// See [`two_sided`].
     TwoSided(two_sided::TwoSided),
+    /// See [`blend`].
     Blend(blend::Blend),
+    /// See [`normal_map`].
     NormalMap(normal_map::NormalMap),
+    /// See [`partial_depolarizer`].
     PartialDepolarizer(partial_depolarizer::PartialDepolarizer),
+    /// See [`coated_conductor`].
     CoatedConductor(coated_conductor::CoatedConductor),
+    /// See [`polarizer`].
     Polarizer(polarizer::Polarizer),
+    /// See [`retarder`].
     Retarder(retarder::Retarder),
+    /// See [`thin_dielectric`].
     ThinDielectric(thin_dielectric::ThinDielectric),
+    /// See [`crystal`].
     Crystal(crystal::Crystal),
+    /// See [`measured`].
     Measured(measured::Measured),
     /// A boundary that light does not notice.
     Null,
@@ -73,7 +89,9 @@ pub enum Material {
 /// A material names only materials with smaller numbers (the scene builder sees to that), so evaluation ends.
 #[derive(Clone, Debug, Default)]
 pub struct Materials {
+    /// The materials, by number.
     pub list: Vec<Material>,
+    /// Their images.
     pub textures: Textures,
     /// Tables of measured materials.
     pub tables: Vec<measured::table::Table>,

@@ -14,6 +14,7 @@ use optics::sampling::stream::Stream;
 /// Another material under turned normals.
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
+    /// Number of the material.
     pub material: u32,
     /// Index of the image; its first three channels are x, y, z.
     pub texture: u32,

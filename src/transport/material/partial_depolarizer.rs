@@ -17,6 +17,7 @@ use optics::spectrum::Spectral;
 /// Another material, depolarized by a fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
+    /// Number of the material.
     pub material: u32,
     /// Share f of the light that loses its polarization, clamped to 0..1.
     pub fraction: Scalar,

@@ -33,11 +33,13 @@ pub struct Plastic {
     pub albedo: Spectrum,
     /// Index of the coat over that outside (1 in unused lanes).
     pub eta: Spectral,
+    /// Of the facets of the coat.
     pub roughness: Roughness,
     /// Factor k of the surface reflection.
     pub specular: Spectral,
     /// Mean reflectance F from inside with interreflection, see [`internal_reflectance`]; without, `None`.
     pub internal: Option<Spectral>,
+    /// Light scattered once below the coat, if that is modelled.
     pub single_scatter: Option<SingleScatter>,
 }
 

@@ -43,6 +43,7 @@ pub struct Retarder {
     pub retardance: Spectral,
     /// Power transmittance, 0..1.
     pub transmittance: Spectral,
+    /// What becomes of the retardance off the normal.
     pub tilt: Tilt,
 }
 

@@ -18,8 +18,11 @@ use optics::spectrum::Spectral;
 /// Conductor of complex index n + i·k with isotropic roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
+    /// Real part of the index.
     pub n: Spectral,
+    /// Imaginary part, ≥ 0.
     pub k: Spectral,
+    /// Of its facets.
     pub roughness: Roughness,
 }
 

@@ -23,7 +23,9 @@ use optics::spectrum::Spectral;
 /// Rough interface between the inside of a closed surface and what is outside it.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
+    /// Indices on both sides.
     pub interface: Dielectric,
+    /// Of its facets.
     pub roughness: Roughness,
     /// The scene's wavelengths.
     pub lanes: Lanes,

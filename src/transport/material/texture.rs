@@ -36,6 +36,7 @@ impl Textures {
 /// A value per wavelength, times an image where there is one.
 #[derive(Clone, Copy, Debug)]
 pub struct Spectrum {
+    /// The value, or the factor of the image.
     pub value: Spectral,
     /// Index of the image.
     pub texture: Option<u32>,
@@ -62,6 +63,7 @@ impl Spectrum {
 /// One number, times the first channel of an image where there is one.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar {
+    /// The value, or the factor of the image.
     pub value: f32,
     /// Index of the image.
     pub texture: Option<u32>,

@@ -8,8 +8,9 @@ use optics::polarization::scatter::Scatter;
 /// Different materials on the two sides.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoSided {
+    /// Number of the material in front.
     pub front: u32,
-    /// `None` absorbs everything.
+    /// Number of the material behind; `None` absorbs everything.
     pub back: Option<u32>,
 }
 

@@ -15,8 +15,10 @@ use std::f64::consts::PI;
 /// Why a medium cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BulkError {
+    /// The scattering of a sphere cannot be computed.
     #[error(transparent)]
     Mie(#[from] MieError),
+    /// The sizes of particles are no distribution.
     #[error(transparent)]
     Size(#[from] SizeError),
     /// A number of particles that is none, or more particles than fit.
@@ -33,6 +35,7 @@ pub enum BulkError {
 pub struct KindError {
     /// Its place in the list.
     pub kind: usize,
+    /// What is wrong with it.
     pub error: BulkError,
 }
 
@@ -49,8 +52,13 @@ pub enum Amount {
     VolumeFraction(f64),
     /// Per m³.
     NumberDensity(f64),
-    /// Mass of particles in a volume of medium, and of a volume of particles, both kg/m³ (= g/L).
-    Mass { concentration: f64, density: f64 },
+    /// By mass, in kg/m³ (= g/L).
+    Mass {
+        /// Of the particles in the medium, kg/m³.
+        concentration: f64,
+        /// Of a particle, kg/m³.
+        density: f64,
+    },
 }
 
 impl Amount {
@@ -80,9 +88,11 @@ impl Amount {
 /// One kind of particle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kind {
+    /// How large they are.
     pub sizes: SizeDistribution,
     /// Index n + i·k in vacuum per wavelength.
     pub index: Vec<[f64; 2]>,
+    /// How many there are.
     pub amount: Amount,
 }
 
@@ -218,8 +228,11 @@ impl Ensemble {
 /// How a medium scatters, before it is tabulated.
 #[derive(Clone, Debug)]
 pub enum PhaseOptics {
+    /// Equally in all directions, depolarizing.
     Isotropic,
+    /// As molecules do.
     Rayleigh(Rayleigh),
+    /// By Henyey and Greenstein's formula.
     HenyeyGreenstein(HenyeyGreenstein),
     /// One ensemble a wavelength.
     Particles(Vec<Ensemble>),
@@ -228,7 +241,9 @@ pub enum PhaseOptics {
 /// A medium's optics in full precision, one [`Bulk`] a wavelength.
 #[derive(Clone, Debug)]
 pub struct Optics {
+    /// Coefficients, one entry a wavelength.
     pub bulk: Vec<Bulk>,
+    /// How it scatters.
     pub phase: PhaseOptics,
 }
 

@@ -34,7 +34,9 @@ const ISOTROPIC: f32 = 0.25 / PI;
 pub enum Phase {
     /// Equally in all directions, depolarizing.
     Isotropic,
+    /// As molecules do.
     Rayleigh(rayleigh::Rayleigh),
+    /// By Henyey and Greenstein's formula.
     HenyeyGreenstein(henyey_greenstein::HenyeyGreenstein),
     /// The number of a tabulated matrix in [`Media::tables`].
     Table(u32),
@@ -49,13 +51,16 @@ pub struct Homogeneous {
     pub scattering: Spectral,
     /// Real refractive index of the host; 1 in unused lanes.
     pub index: Spectral,
+    /// How it scatters.
     pub phase: Phase,
 }
 
 /// All media of a scene with what they share; a medium's number is its place in `list`.
 #[derive(Clone, Debug, Default)]
 pub struct Media {
+    /// The media, by number.
     pub list: Vec<Homogeneous>,
+    /// Tabulated matrices, by number.
     pub tables: Vec<table::Table>,
 }
 

@@ -12,6 +12,7 @@ pub const DEPTH: usize = 8;
 pub struct Boundary {
     /// Number of the medium inside.
     pub medium: u32,
+    /// The highest of those that overlap fills the space.
     pub priority: i32,
 }
 

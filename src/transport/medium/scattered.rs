@@ -115,11 +115,17 @@ pub fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
 /// The six elements of the matrix at the head of this file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
+    /// S11, the intensity of unpolarized light: its integral over the sphere is 1.
     pub s11: T,
+    /// S12 = S21.
     pub s12: T,
+    /// S22.
     pub s22: T,
+    /// S33.
     pub s33: T,
+    /// S34 = -S43.
     pub s34: T,
+    /// S44.
     pub s44: T,
 }
 

@@ -18,12 +18,22 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug, PartialEq)]
 pub enum SizeDistribution {
     /// All alike.
-    Single { radius: f64 },
+    Single {
+        /// Metres.
+        radius: f64,
+    },
     /// Log-normal: the median and the standard deviation of ln r.
-    LogNormal { median: f64, sigma: f64 },
+    LogNormal {
+        /// Metres.
+        median: f64,
+        /// No unit.
+        sigma: f64,
+    },
     /// Hansen's gamma distribution.
     Gamma {
+        /// r_eff = ⟨r³⟩/⟨r²⟩, metres.
         effective_radius: f64,
+        /// v_eff, no unit.
         effective_variance: f64,
     },
     /// Radii and relative numbers of particles.

@@ -1,7 +1,7 @@
 //! From a scene to finished tiles of its slices.
 
 pub mod backend;
-pub mod bidirectional;
+mod bidirectional;
 mod bridge;
 mod connect;
 pub mod coverage;
@@ -13,7 +13,7 @@ mod join;
 mod join_manifold;
 mod manifold;
 mod mirrors;
-pub mod path;
+mod path;
 mod point;
 mod roulette;
 mod route;

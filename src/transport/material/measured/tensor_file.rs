@@ -18,7 +18,9 @@ pub(super) const HEAD: usize = 18;
 /// Element types that tables use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dtype {
+    /// Unsigned, 16 bits.
     U16,
+    /// Floating point, 32 bits.
     F32,
 }
 
