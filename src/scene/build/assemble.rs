@@ -41,7 +41,8 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     build(&mut ctx, &file)
 }
 
-fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
+/// Builds a scene from the value that its file holds.
+pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
     let projector = file

@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub(crate) struct Context {
     pub file: PathBuf,
     pub text: Arc<str>,
+    /// Where relative paths begin.
+    pub folder: PathBuf,
     /// Wavelengths to build for.
     pub wavelengths: Wavelengths,
     /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
@@ -27,6 +29,7 @@ impl Context {
         let mut ctx = Self {
             file: path.to_owned(),
             text: text.into(),
+            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             wavelengths: Wavelengths::default(),
             listed: Wavelengths::default(),
             hash: Sha256::new(),
@@ -41,6 +44,14 @@ impl Context {
         })?;
         ctx.wavelengths = ctx.listed.clone();
         Ok(ctx)
+    }
+
+    /// The same where relative paths begin in another folder than the file's.
+    pub fn in_folder(self, folder: &Path) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            ..self
+        }
     }
 
     /// An error at a place, with its mend.
@@ -61,7 +72,7 @@ impl Context {
 
     /// Path of a file that the scene names.
     pub fn path(&self, name: &str) -> PathBuf {
-        self.file.parent().unwrap_or(Path::new("")).join(name)
+        self.folder.join(name)
     }
 
     /// Reads a file that the scene names, and counts it into the scene's hash.

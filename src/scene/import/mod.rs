@@ -9,6 +9,7 @@ mod accessor;
 mod gltf;
 mod obj;
 mod ply;
+pub(crate) mod write_ply;
 
 #[cfg(test)]
 mod fuzz;

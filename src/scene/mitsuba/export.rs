@@ -8,9 +8,11 @@
 //! reduce pairs wavelength:value to their luminance, so a scene for them is exported at one wavelength, as plain numbers.
 
 use super::export_materials::MaterialWriter;
+use super::export_output::{Needs, Output, bitmap, is_even, png, spectrum};
 use super::files::{Contents, WriteError, write};
 use super::xml::{Element, number, single};
-use super::{PROJECTOR_RESOLUTION, WAVELENGTHS, ply};
+use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
+use crate::import::write_ply;
 use crate::build::assemble::settings;
 use crate::build::context::{Context, parse, read};
 use crate::build::devices::{emitters, pinhole, projector};
@@ -20,8 +22,7 @@ use crate::syntax::scene::SceneFile;
 use crate::syntax::shape::ObjectFile;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
-use optics::spectrum::{Spectral, Wavelengths};
-use std::collections::BTreeMap;
+use optics::spectrum::Wavelengths;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::Path;
@@ -75,55 +76,6 @@ impl Export {
         files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));
         write(folder, &files, force)
     }
-}
-
-/// What is written beside the XML, and said to the user.
-#[derive(Default)]
-pub(super) struct Output {
-    pub files: Vec<(String, Contents)>,
-    pub notes: Vec<String>,
-}
-
-impl Output {
-    /// Says something once.
-    pub fn note(&mut self, text: impl Into<String>) {
-        let text = text.into();
-        if !self.notes.contains(&text) {
-            self.notes.push(text);
-        }
-    }
-}
-
-/// Wavelengths with the ends of Mitsuba's range beside them: beyond the last pair a spectrum is zero there, but constant
-/// with us. A metal of index zero would not even have a reflectance.
-const RANGE_NM: [f64; 2] = [360.0, 830.0];
-
-/// A spectrum as a property. A single value is written as such, so that mono variants take it as it is.
-pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -> Element {
-    let nm = wavelengths.nm();
-    let lanes = &value.to_array()[..nm.len()];
-    let out = Element::new("spectrum").with("name", name);
-    if lanes.iter().all(|v| *v == lanes[0]) {
-        return out.with("value", single(lanes[0]));
-    }
-    let mut pairs: Vec<(f64, f32)> = nm.iter().copied().zip(lanes.iter().copied()).collect();
-    if RANGE_NM[0] < nm[0] {
-        pairs.insert(0, (RANGE_NM[0], lanes[0]));
-    }
-    let last = nm.len() - 1;
-    if RANGE_NM[1] > nm[last] {
-        pairs.push((RANGE_NM[1], lanes[last]));
-    }
-    let pairs: Vec<String> = pairs
-        .iter()
-        .map(|(nm, v)| format!("{}:{}", number(*nm), single(*v)))
-        .collect();
-    out.with("value", pairs.join(", "))
-}
-
-/// True if all used lanes agree.
-pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
-    !transport::material::varies(value, wavelengths.count())
 }
 
 fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
@@ -318,46 +270,6 @@ fn projector_element(
         .child(bitmap("irradiance", "white.png", true)))
 }
 
-/// An image as a texture. Mitsuba counts v from the top.
-pub(super) fn bitmap(name: &str, file: &str, raw: bool) -> Element {
-    let upward = Element::new("transform")
-        .with("name", "to_uv")
-        .child(Element::new("scale").with("x", "1").with("y", "-1"));
-    Element::plugin("texture", "bitmap")
-        .with("name", name)
-        .string("filename", file)
-        .boolean("raw", raw)
-        // As exact as the variant, not half precision.
-        .string("format", "variant")
-        .child(upward)
-}
-
-/// A PNG file.
-pub(super) fn png(
-    ctx: &Context,
-    span: Range<usize>,
-    image: &image::DynamicImage,
-) -> Result<Contents, InputError> {
-    let mut bytes = std::io::Cursor::new(vec![]);
-    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| {
-        ctx.error(
-            span,
-            format!("cannot encode an image: {e}"),
-            "use a smaller image",
-        )
-    })?;
-    Ok(Contents::Bytes(bytes.into_inner()))
-}
-
-/// What a material needs of a surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Needs {
-    /// Texture coordinates.
-    pub uv: bool,
-    /// Their direction on the surface.
-    pub tangent: bool,
-}
-
 fn shape(
     ctx: &Context,
     index: usize,
@@ -414,7 +326,7 @@ fn shape(
 
 fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     let name = format!("mesh_{index:03}.ply");
-    out.files.push((name.clone(), Contents::Bytes(ply::write(mesh))));
+    out.files.push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
     let shape = Element::plugin("shape", "ply").string("filename", &name);
     if mesh.normals.is_empty() {
         // Mitsuba would make up normals.
@@ -430,16 +342,4 @@ fn is_similar(map: &DAffine3, all: bool) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-5 * a.max(b);
     let square = |a: DVec3, b: DVec3| a.dot(b).abs() <= 1e-5 * a.length() * b.length();
     near(rx, ry) && square(x, y) && square(y, z) && square(z, x) && (!all || near(rx, rz))
-}
-
-/// Ids that XML and Mitsuba's parameter syntax leave alone, one for each name.
-pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
-    let base = super::plain(name);
-    let mut id = base.clone();
-    let mut n = 2;
-    while taken.values().any(|t| *t == id) {
-        id = format!("{base}_{n}");
-        n += 1;
-    }
-    id
 }

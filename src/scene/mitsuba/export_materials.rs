@@ -3,7 +3,7 @@
 //! An opaque material is two-sided here and one-sided there, so `twosided` goes round it, at the leaves: blends and normal
 //! maps then work from both sides too.
 
-use super::export::{Needs, Output, bitmap, is_even, plain_id, png, spectrum};
+use super::export_output::{Needs, Output, bitmap, is_even, plain_id, png, spectrum};
 use super::files::Contents;
 use super::xml::{Element, single};
 use crate::build::context::Context;

@@ -6,20 +6,25 @@
 
 use super::files::{Contents, WriteError, write_one};
 use super::import_materials::MaterialReader;
+use super::importer::Importer;
 use super::reader::Document;
-use super::toml_text::{list, quoted, relative};
-use super::tree::{Inside, Node, Source, Value, numbers};
-use super::xml::number as digits;
-use super::{WAVELENGTHS, import_shapes};
-use base::locate::InputError;
+use super::tree::{Inside, Node, Source};
+use super::{import_devices, import_shapes};
+use crate::build::assemble;
+use crate::build::context::Context;
+use crate::syntax::device::EmitterFile;
+use crate::syntax::scene::{RenderFile, SceneFile};
+use crate::syntax::slice::SliceFile;
+use base::locate::{InputError, Located};
 use std::collections::BTreeMap;
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A scene in our language.
 #[derive(Clone, Debug)]
 pub struct Import {
-    /// The text of the scene file; it has been built once, so it is right.
+    /// The scene, which has been built once, so it is right; what the XML says stands at its place there.
+    pub scene: SceneFile,
+    /// The text of its file.
     pub toml: String,
     /// What changes its meaning on the way.
     pub notes: Vec<String>,
@@ -53,7 +58,7 @@ impl Import {
         parameters: &BTreeMap<String, String>,
     ) -> Result<Self, InputError> {
         let document = Document::parse(xml, text, parameters)?;
-        Importer::new(&document, toml)?.run(toml)
+        run(Importer::new(&document, toml)?, toml)
     }
 
     /// Writes the scene file, at once or not at all.
@@ -65,328 +70,98 @@ impl Import {
     }
 }
 
-/// What all parts of the translation share.
-pub(super) struct Importer<'a> {
-    pub source: &'a Source,
-    pub document: &'a Document,
-    pub ids: BTreeMap<&'a str, &'a Node>,
-    pub wavelengths: Vec<f64>,
-    pub notes: Vec<String>,
-    pub has_projector: bool,
-    /// Folder of the XML file, and that of the scene file where it is another.
-    from: PathBuf,
-    to: PathBuf,
-    /// The text so far, and which place of the XML file each part of it comes from.
-    text: String,
-    origins: Vec<(usize, Range<usize>)>,
+fn run(mut importer: Importer, toml: &Path) -> Result<Import, InputError> {
+    let document = importer.document;
+    let (source, scene) = (&document.source, &document.scene);
+    let mut parts = Parts::default();
+    for child in scene.children() {
+        let Inside::Node(node) = child.take() else {
+            return Err(source.error(
+                child.span(),
+                "a reference does nothing here",
+                "put it into a shape, or take it away",
+            ));
+        };
+        parts.sort(source, node)?;
+    }
+    scene.finish(source, &[])?;
+    let Some(sensor) = parts.sensor else {
+        return Err(source.error(
+            &scene.span,
+            "the scene has no sensor",
+            "add <sensor type=\"perspective\">",
+        ));
+    };
+    let (camera, spp) = import_devices::sensor(&importer, sensor)?;
+    let depth = import_devices::integrator(&mut importer, parts.integrator)?;
+    let mut file = SceneFile {
+        wavelengths_nm: Located::at(scene.span.clone(), importer.wavelengths.clone()),
+        render: RenderFile {
+            spp,
+            max_depth: depth.max_depth,
+            rr_depth: depth.rr_depth,
+            ..RenderFile::default()
+        },
+        slices: vec![SliceFile::new("mueller").mueller().into()],
+        ..SceneFile::new(camera)
+    };
+    file.camera = Located::at(sensor.span.clone(), (*file.camera).clone());
+    let mut materials = MaterialReader::default();
+    for node in &parts.bsdfs {
+        materials.named(&mut importer, node)?;
+    }
+    for node in &parts.shapes {
+        let object = import_shapes::object(&mut importer, &mut materials, node)?;
+        file.objects.push(Located::at(node.span.clone(), object));
+    }
+    file.materials = materials.materials;
+    for node in &parts.emitters {
+        import_devices::emitter(&importer, node, &mut file)?;
+    }
+    let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
+    if parts.hides_emitters && file.emitters.iter().any(is_environment) {
+        return Err(source.error(
+            &parts.integrator.map_or(0..0, |i| i.span.clone()),
+            "hide_emitters hides the environment, which sunstone shows",
+            "take hide_emitters away",
+        ));
+    }
+    check(&importer, &file, toml)?;
+    let text = file.to_toml().map_err(|e| {
+        source.error(
+            &scene.span,
+            format!("the scene cannot be written: {e}"),
+            "use smaller whole numbers",
+        )
+    })?;
+    Ok(Import {
+        toml: heading(&source.file) + &text,
+        scene: file,
+        notes: importer.notes,
+    })
 }
 
-impl<'a> Importer<'a> {
-    fn new(document: &'a Document, toml: &Path) -> Result<Self, InputError> {
-        let source = &document.source;
-        let mut ids = BTreeMap::new();
-        let mut twice = None;
-        document.scene.walk(&mut |node| {
-            if let Some(id) = &node.id
-                && ids.insert(id.as_str(), node).is_some()
-            {
-                twice.get_or_insert(node);
-            }
-        });
-        if let Some(node) = twice {
-            let message = format!(
-                "the id `{}` is given twice",
-                node.id.as_deref().unwrap_or_default()
-            );
-            return Err(source.error(&node.span, message, "give each element an id of its own"));
-        }
-        let folder = |path: &Path| {
-            let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-            path.parent().unwrap_or(Path::new("")).to_owned()
-        };
-        let wavelengths = match document.parameters.get(WAVELENGTHS) {
-            None => optics::spectrum::Wavelengths::default().nm().to_vec(),
-            Some(text) => {
-                let listed = numbers(text).unwrap_or_default();
-                let listed = optics::spectrum::Wavelengths::new(listed).map_err(|e| {
-                    source.error(
-                        &document.scene.span,
-                        format!("{WAVELENGTHS} is `{text}`: {e}"),
-                        "list 1 to 4 rising vacuum wavelengths in nanometres",
-                    )
-                })?;
-                listed.nm().to_vec()
-            }
-        };
-        Ok(Self {
-            source,
-            document,
-            ids,
-            wavelengths,
-            notes: vec![],
-            has_projector: false,
-            from: folder(&source.file),
-            to: folder(toml),
-            text: String::new(),
-            origins: vec![],
-        })
-    }
+/// What the scene file says of itself.
+fn heading(xml: &Path) -> String {
+    let name = xml.file_name().unwrap_or_default().to_string_lossy();
+    format!(
+        "# Written by sunstone import from {}.\n\
+         # Colours given as RGB stand for 660, 550 and 450 nm: red above 590 nm, green from 500 nm, blue below.\n\n",
+        name.replace(char::is_control, "_")
+    )
+}
 
-    fn run(mut self, toml: &Path) -> Result<Import, InputError> {
-        let scene = &self.document.scene;
-        let mut parts = Parts::default();
-        for child in scene.children() {
-            let Inside::Node(node) = child.take() else {
-                return Err(self.source.error(
-                    child.span(),
-                    "a reference does nothing here",
-                    "put it into a shape, or take it away",
-                ));
-            };
-            parts.sort(self.source, node)?;
-        }
-        scene.finish(self.source, &[])?;
-        let Some(sensor) = parts.sensor else {
-            return Err(self.source.error(
-                &scene.span,
-                "the scene has no sensor",
-                "add <sensor type=\"perspective\">",
-            ));
-        };
-        let name = self
-            .source
-            .file
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        self.line(&format!(
-            "# Written by sunstone import from {}.",
-            name.replace(char::is_control, "_")
-        ));
-        self.line("# Colours given as RGB stand for 660, 550 and 450 nm: red above 590 nm, green from 500 nm, blue below.");
-        self.line("");
-        let list = list(&self.wavelengths);
-        self.block(&scene.span, &format!("wavelengths_nm = {list}\n"));
-        let spp = self.sensor(sensor)?;
-        self.integrator(parts.integrator, spp)?;
-        let mut materials = MaterialReader::default();
-        for node in &parts.bsdfs {
-            materials.named(&mut self, node)?;
-        }
-        let mut objects = vec![];
-        for node in &parts.shapes {
-            objects.push((
-                node.span.clone(),
-                import_shapes::object(&mut self, &mut materials, node)?,
-            ));
-        }
-        let mut environment = None;
-        for node in &parts.emitters {
-            self.emitter(node, &mut environment)?;
-        }
-        if parts.hides_emitters && environment.is_some() {
-            return Err(self.source.error(
-                &parts.integrator.map_or(0..0, |i| i.span.clone()),
-                "hide_emitters hides the environment, which sunstone shows",
-                "take hide_emitters away",
-            ));
-        }
-        self.line("[materials]");
-        for (span, line) in materials.lines {
-            self.block(&span, &line);
-        }
-        for (span, text) in objects {
-            self.line("");
-            self.block(&span, &text);
-        }
-        self.line("\n[[slices]]\nname = \"mueller\"\npolarization = \"mueller\"");
-        self.check(toml)?;
-        Ok(Import {
-            toml: self.text,
-            notes: self.notes,
-        })
-    }
-
-    /// Builds what was written; a fault is told at its place in the XML file.
-    fn check(&self, toml: &Path) -> Result<(), InputError> {
-        let Err(e) = crate::from_text(toml, &self.text) else {
-            return Ok(());
-        };
-        let at = e.span.map_or(0, |s| s.start);
-        let origin = self.origins.iter().rev().find(|(start, _)| *start <= at);
-        let span = origin.map_or(0..0, |(_, span)| span.clone());
-        Err(self.source.error(
-            &span,
-            e.message,
-            &e.help.unwrap_or_else(|| "correct the value".into()),
-        ))
-    }
-
-    fn line(&mut self, text: &str) {
-        self.text += text;
-        self.text.push('\n');
-    }
-
-    /// Text that comes from a place.
-    pub fn block(&mut self, from: &Range<usize>, text: &str) {
-        self.origins.push((self.text.len(), from.clone()));
-        self.line(text);
-    }
-
-    /// Says something once.
-    pub fn note(&mut self, text: impl Into<String>) {
-        let text = text.into();
-        if !self.notes.contains(&text) {
-            self.notes.push(text);
-        }
-    }
-
-    pub fn error<T>(
-        &self,
-        span: &Range<usize>,
-        message: impl Into<String>,
-        help: &str,
-    ) -> Result<T, InputError> {
-        Err(self.source.error(span, message, help))
-    }
-
-    /// Path of a file that the XML names.
-    pub fn path(&self, name: &str) -> PathBuf {
-        self.from.join(name)
-    }
-
-    /// The same as the scene file names it, as a TOML string.
-    pub fn file(&self, name: &str) -> String {
-        let relative = relative(&self.to, &self.path(name));
-        quoted(&relative.to_string_lossy())
-    }
-
-    /// A spectrum as TOML, or `None` if it is not given: a number, one per wavelength, or a table.
-    pub fn spectrum(&mut self, node: &Node, name: &str) -> Result<Option<String>, InputError> {
-        if let Some(child) = node.named(name) {
-            return match self.resolve(child)? {
-                inner if inner.tag == "spectrum" => self.spectrum_plugin(inner).map(Some),
-                inner => self.error(
-                    &inner.span,
-                    format!(
-                        "`{name}` of {} `{}` cannot be a texture here",
-                        node.tag, node.kind
-                    ),
-                    "give a number, <rgb> or <spectrum>",
-                ),
-            };
-        }
-        let Some(p) = node.get(name) else {
-            return Ok(None);
-        };
-        Ok(Some(match &p.value {
-            Value::Float(v) => digits(*v),
-            Value::Integer(v) => v.to_string(),
-            Value::Rgb([r, g, b]) if r == g && g == b => digits(*r),
-            Value::Rgb([r, g, b]) => {
-                let values = self.wavelengths.iter().map(|nm| match nm {
-                    nm if *nm < 500.0 => *b,
-                    nm if *nm < 590.0 => *g,
-                    _ => *r,
-                });
-                list(&values.collect::<Vec<_>>())
-            }
-            Value::Pairs(pairs) => self.table(pairs, &p.span)?,
-            _ => {
-                return self.error(
-                    &p.span,
-                    format!("`{name}` of {} `{}` is not a spectrum", node.tag, node.kind),
-                    "give a number, <rgb> or <spectrum>",
-                );
-            }
-        }))
-    }
-
-    /// Mitsuba's spectra are zero beyond their last pair, ours go on as they are.
-    fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<String, InputError> {
-        let covers =
-            |nm: f64| pairs.first().is_some_and(|p| p[0] <= nm) && pairs.last().is_some_and(|p| p[0] >= nm);
-        if let Some(nm) = self.wavelengths.iter().find(|nm| !covers(**nm)) {
-            return self.error(
-                span,
-                format!("the spectrum says nothing of {nm} nm, where Mitsuba takes it for zero"),
-                "add pairs that reach so far, or choose the wavelengths: -D wavelengths_nm=550",
-            );
-        }
-        if let Some(values) = self.as_listed(pairs) {
-            return Ok(list(&values));
-        }
-        let column = |i: usize| list(&pairs.iter().map(|p| p[i]).collect::<Vec<_>>());
-        Ok(format!("{{ nm = {}, values = {} }}", column(0), column(1)))
-    }
-
-    /// The values alone, if the pairs say nothing but those at the scene's wavelengths, and go on level beyond.
-    fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
-        let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
-        let inner: Vec<[f64; 2]> = pairs
-            .iter()
-            .copied()
-            .filter(|p| (first..=last).contains(&p[0]))
-            .collect();
-        let level = pairs.iter().all(|p| {
-            let end = if p[0] < first { inner.first() } else { inner.last() };
-            (first..=last).contains(&p[0]) || end.is_some_and(|e| e[1] == p[1])
-        });
-        let same = inner.iter().map(|p| p[0]).eq(self.wavelengths.iter().copied());
-        (level && same).then(|| inner.iter().map(|p| p[1]).collect())
-    }
-
-    fn spectrum_plugin(&mut self, node: &Node) -> Result<String, InputError> {
-        let numbers_of = |name: &str| -> Result<Vec<f64>, InputError> {
-            let text = node.text(self.source, name)?.unwrap_or_default();
-            numbers(text).ok_or_else(|| {
-                self.source.error(
-                    &node.span,
-                    format!("`{name}` is not a list of numbers"),
-                    "correct it",
-                )
-            })
-        };
-        let text = match node.kind.as_str() {
-            "uniform" => digits(node.float(self.source, "value")?.unwrap_or(1.0)),
-            "irregular" => {
-                let (nm, values) = (numbers_of("wavelengths")?, numbers_of("values")?);
-                if nm.len() != values.len() || !nm.is_sorted_by(|a, b| a < b) {
-                    return self.error(
-                        &node.span,
-                        "the spectrum is uneven",
-                        "give rising wavelengths, and as many values",
-                    );
-                }
-                let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();
-                self.table(&pairs, &node.span)?
-            }
-            other => {
-                return self.error(
-                    &node.span,
-                    format!("sunstone cannot express a spectrum of type `{other}`"),
-                    "use uniform or irregular, or <spectrum name=\"…\" value=\"450:0.1, 550:0.2\"/>",
-                );
-            }
-        };
-        node.finish(self.source, &[])?;
-        Ok(text)
-    }
-
-    /// The plugin that a child is, or refers to.
-    pub fn resolve(&self, child: &'a super::tree::Child) -> Result<&'a Node, InputError> {
-        match child.take() {
-            Inside::Node(node) => Ok(node),
-            Inside::Reference { id, span, .. } => self.ids.get(id.as_str()).copied().ok_or_else(|| {
-                self.source.error(
-                    span,
-                    format!("nothing has the id `{id}`"),
-                    "correct the id, or define it",
-                )
-            }),
-        }
-    }
+/// Builds the scene, whose places are those of the XML file, and whose files are named from where it is to lie.
+fn check(importer: &Importer, file: &SceneFile, toml: &Path) -> Result<(), InputError> {
+    let source = importer.source;
+    let folder = toml.parent().unwrap_or(Path::new(""));
+    let mut ctx = Context::new(&source.file, &source.text, &file.wavelengths_nm)?.in_folder(folder);
+    let built = assemble::build(&mut ctx, file);
+    built.map(drop).map_err(|e| InputError {
+        span: e.span.or(Some(importer.document.scene.span.clone())),
+        help: e.help.or(Some("correct the value".into())),
+        ..e
+    })
 }
 
 /// What a scene holds, by kind.

@@ -1,272 +1,299 @@
 //! Mitsuba's sensor, integrator and emitters → camera, settings, projector and emitters of a scene file.
 
-use super::PROJECTOR_RESOLUTION;
-use super::import::Importer;
-use super::toml_text::{list, matrix, scaled};
+use super::importer::{Importer, rows};
+use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, number, numbers};
-use super::xml::number as digits;
-use base::locate::InputError;
+use crate::syntax::device::{EmitterFile, PinholeFile, PoseFile, ProjectorFile};
+use crate::syntax::scene::SceneFile;
+use crate::syntax::values::SpectrumFile;
+use base::locate::{InputError, Located};
 use glam::DAffine3;
 use std::f64::consts::PI;
-use std::ops::Range;
 
-impl<'a> Importer<'a> {
-    /// Writes the camera; gives the samples per pixel.
-    pub(super) fn sensor(&mut self, node: &'a Node) -> Result<i64, InputError> {
-        let source = self.source;
-        if node.kind != "perspective" {
-            return self.error(
-                &node.span,
-                format!("sunstone has no sensor `{}`", node.kind),
-                "use <sensor type=\"perspective\">",
-            );
-        }
-        let (mut spp, mut size) = (4, [768, 576]);
-        for child in node.children() {
-            let inner = self.resolve(child)?;
-            match inner.tag.as_str() {
-                "sampler" => spp = inner.integer(source, "sample_count")?.unwrap_or(spp),
-                "film" => size = self.film(inner)?,
-                _ => {
-                    return self.error(
-                        child.span(),
-                        format!("sunstone does not know what `{}` of a sensor means", inner.tag),
-                        "keep film and sampler alone",
-                    );
-                }
-            }
-        }
-        let [w, h] = size.map(|s| s as f64);
-        let fov = field_of_view(self, node, w / h)?;
-        let mut offset = [0.0; 2];
-        for (slot, name) in offset
-            .iter_mut()
-            .zip(["principal_point_offset_x", "principal_point_offset_y"])
-        {
-            *slot = node.float(source, name)?.unwrap_or(0.0);
-        }
-        let pose = pose(self, node)?;
-        node.finish(
-            source,
-            &[
-                "near_clip",
-                "far_clip",
-                "focus_distance",
-                "shutter_open",
-                "shutter_close",
-            ],
-        )?;
-        let mut text = format!(
-            "\n[camera]\nresolution = [{}, {}]\nfov_x_deg = {}\n",
-            size[0],
-            size[1],
-            digits(fov)
+/// The camera, and the samples per pixel.
+pub(super) fn sensor<'a>(
+    importer: &Importer<'a>,
+    node: &'a Node,
+) -> Result<(PinholeFile, Located<u32>), InputError> {
+    let source = importer.source;
+    if node.kind != "perspective" {
+        return importer.error(
+            &node.span,
+            format!("sunstone has no sensor `{}`", node.kind),
+            "use <sensor type=\"perspective\">",
         );
-        if offset != [0.0; 2] {
-            text += &format!(
-                "cx = {}\ncy = {}\n",
-                digits((0.5 - offset[0]) * w),
-                digits((0.5 - offset[1]) * h)
-            );
-        }
-        self.block(&node.span, &(text + &pose));
-        Ok(spp)
     }
-
-    fn film(&self, node: &Node) -> Result<[i64; 2], InputError> {
-        let source = self.source;
-        if !["hdrfilm", "specfilm"].contains(&node.kind.as_str()) {
-            return self.error(
-                &node.span,
-                format!("sunstone has no film `{}`", node.kind),
-                "use hdrfilm",
-            );
-        }
-        let width = node.integer(source, "width")?.unwrap_or(768);
-        let height = node.integer(source, "height")?.unwrap_or(576);
-        if ![width, height].iter().all(|s| (1..=32768).contains(s)) {
-            return self.error(
-                &node.span,
-                format!("the film is {width} × {height}"),
-                "width and height must lie in 1..32768",
-            );
-        }
-        for child in node.children() {
-            if child.tag() == "rfilter" {
-                child.take();
+    let (mut spp, mut size) = (importer.whole(&node.span, 4, "sample_count")?, [768, 576]);
+    for child in node.children() {
+        let inner = importer.resolve(child)?;
+        match inner.tag.as_str() {
+            "sampler" => {
+                if let Some(count) = inner.integer(source, "sample_count")? {
+                    spp = importer.whole(&inner.span, count, "sample_count")?;
+                }
+            }
+            "film" => size = film(importer, inner)?,
+            _ => {
+                return importer.error(
+                    child.span(),
+                    format!("sunstone does not know what `{}` of a sensor means", inner.tag),
+                    "keep film and sampler alone",
+                );
             }
         }
-        node.finish(
-            source,
-            &[
-                "file_format",
-                "pixel_format",
-                "component_format",
-                "sample_border",
-                "compensate",
-            ],
-        )?;
-        Ok([width, height])
     }
+    let [w, h] = size.map(f64::from);
+    let fov = field_of_view(importer, node, w / h)?;
+    let mut offset = [0.0; 2];
+    for (slot, name) in offset
+        .iter_mut()
+        .zip(["principal_point_offset_x", "principal_point_offset_y"])
+    {
+        *slot = node.float(source, name)?.unwrap_or(0.0);
+    }
+    let mut camera = device(node, pose(importer, node)?, size, fov);
+    node.finish(
+        source,
+        &[
+            "near_clip",
+            "far_clip",
+            "focus_distance",
+            "shutter_open",
+            "shutter_close",
+        ],
+    )?;
+    if offset != [0.0; 2] {
+        camera = camera.principal((0.5 - offset[0]) * w, (0.5 - offset[1]) * h);
+    }
+    Ok((camera, spp))
+}
 
-    pub(super) fn integrator(&mut self, node: Option<&'a Node>, spp: i64) -> Result<(), InputError> {
-        let source = self.source;
-        let mut depth = (6, 5);
-        let mut at = self.document.scene.span.clone();
-        let mut next = node;
-        while let Some(node) = next.take() {
-            at = node.span.clone();
-            match node.kind.as_str() {
-                "stokes" => {
-                    for child in node.children() {
-                        next = Some(self.resolve(child)?);
-                    }
-                }
-                "path" => {
-                    depth.0 = node.integer(source, "max_depth")?.unwrap_or(-1);
-                    depth.1 = node.integer(source, "rr_depth")?.unwrap_or(5);
-                }
-                "direct" => depth.0 = 2,
-                other => {
-                    return self.error(
-                        &node.span,
-                        format!("sunstone has no integrator `{other}`"),
-                        "use stokes, path or direct",
-                    );
-                }
-            }
-            let ignored = ["samples_per_pass", "block_size", "timeout", "hide_emitters"];
-            let more = ["shading_samples", "emitter_samples", "bsdf_samples"];
-            node.finish(source, &[&ignored[..], &more[..]].concat())?;
-            // An integrator inside of itself cannot be written but by reference.
-            if next.is_some_and(|n| n.kind == "stokes") {
-                return self.error(&node.span, "stokes is nested in stokes", "nest path in it");
-            }
-        }
-        if depth.0 < 0 {
-            depth.0 = 64;
-            self.note("paths without end become paths of max_depth = 64");
-        }
-        let text = format!(
-            "[render]\nspp = {spp}\nmax_depth = {}\nrr_depth = {}\n",
-            depth.0,
-            depth.1.clamp(1, i64::from(u32::MAX)) - 1
+/// A device, all of which stands where its plugin does.
+fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
+    let mut device = PinholeFile::new(pose).resolution(w, h);
+    device.fov_x_deg = Some(Located::at(node.span.clone(), fov_x_deg));
+    device.pose = Located::at(node.span.clone(), (*device.pose).clone());
+    device
+}
+
+fn film(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
+    let source = importer.source;
+    if !["hdrfilm", "specfilm"].contains(&node.kind.as_str()) {
+        return importer.error(
+            &node.span,
+            format!("sunstone has no film `{}`", node.kind),
+            "use hdrfilm",
         );
-        self.block(&at, &text);
-        Ok(())
     }
+    let width = node.integer(source, "width")?.unwrap_or(768);
+    let height = node.integer(source, "height")?.unwrap_or(576);
+    if ![width, height].iter().all(|s| (1..=32768).contains(s)) {
+        return importer.error(
+            &node.span,
+            format!("the film is {width} × {height}"),
+            "width and height must lie in 1..32768",
+        );
+    }
+    for child in node.children() {
+        if child.tag() == "rfilter" {
+            child.take();
+        }
+    }
+    node.finish(
+        source,
+        &[
+            "file_format",
+            "pixel_format",
+            "component_format",
+            "sample_border",
+            "compensate",
+        ],
+    )?;
+    Ok([width as u32, height as u32])
+}
 
-    pub(super) fn emitter(
-        &mut self,
-        node: &'a Node,
-        environment: &mut Option<Range<usize>>,
-    ) -> Result<(), InputError> {
-        let source = self.source;
+/// How deep paths go.
+pub(super) struct Depth {
+    pub max_depth: Located<u32>,
+    pub rr_depth: u32,
+}
+
+pub(super) fn integrator<'a>(
+    importer: &mut Importer<'a>,
+    node: Option<&'a Node>,
+) -> Result<Depth, InputError> {
+    let source = importer.source;
+    let (mut max_depth, mut rr_depth) = (6, 5);
+    let mut at = importer.document.scene.span.clone();
+    let mut next = node;
+    while let Some(node) = next.take() {
+        at = node.span.clone();
         match node.kind.as_str() {
-            "point" => {
-                let place = node.transform(source, "to_world")?.map(|t| t.translation);
-                let position = node.vector(source, "position")?.or(place).unwrap_or_default();
-                let intensity = self.spectrum(node, "intensity")?.unwrap_or("1".into());
-                node.finish(source, &[])?;
-                let text = format!(
-                    "[[emitters]]\npoint = {{ position = {}, intensity = {intensity} }}\n",
-                    list(&position.to_array())
-                );
-                self.block(&node.span, &text);
-            }
-            "constant" => {
-                if environment.replace(node.span.clone()).is_some() {
-                    return self.error(&node.span, "a second environment", "keep one");
+            "stokes" => {
+                for child in node.children() {
+                    next = Some(importer.resolve(child)?);
                 }
-                let radiance = self.spectrum(node, "radiance")?.unwrap_or("1".into());
-                node.finish(source, &["to_world"])?;
-                let text = format!("[[emitters]]\nenvironment = {{ radiance = {radiance} }}\n");
-                self.block(&node.span, &text);
             }
-            "projector" => self.projector(node)?,
+            "path" => {
+                max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
+                rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
+            }
+            "direct" => max_depth = 2,
             other => {
-                return self.error(
+                return importer.error(
                     &node.span,
-                    format!("sunstone has no emitter `{other}`"),
-                    "use projector, point or constant",
+                    format!("sunstone has no integrator `{other}`"),
+                    "use stokes, path or direct",
                 );
             }
         }
-        Ok(())
-    }
-
-    /// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
-    fn projector(&mut self, node: &'a Node) -> Result<(), InputError> {
-        let source = self.source;
-        if std::mem::replace(&mut self.has_projector, true) {
-            return self.error(&node.span, "a second projector", "keep one");
+        let ignored = ["samples_per_pass", "block_size", "timeout", "hide_emitters"];
+        let more = ["shading_samples", "emitter_samples", "bsdf_samples"];
+        node.finish(source, &[&ignored[..], &more[..]].concat())?;
+        // An integrator inside of itself cannot be written but by reference.
+        if next.is_some_and(|n| n.kind == "stokes") {
+            return importer.error(&node.span, "stokes is nested in stokes", "nest path in it");
         }
-        let factor = PI * node.float(source, "scale")?.unwrap_or(1.0);
-        let given = self.document.parameters.get(PROJECTOR_RESOLUTION);
-        let given = given.and_then(|t| match numbers(t).as_deref() {
-            Some(&[w, h]) => Some([w, h]),
-            _ => None,
-        });
-        let texture = node.named("irradiance");
-        let texture = texture
-            .map(|t| self.resolve(t))
-            .transpose()?
-            .filter(|t| t.tag == "texture");
-        let (size, irradiance) = match texture {
-            Some(texture) => (self.white(texture)?, "1".to_owned()),
-            None => {
-                let square = given.unwrap_or([256.0; 2]);
-                if square[0] != square[1] {
-                    return self.error(
-                        &node.span,
-                        "a projector without an image is square",
-                        "give projector_resolution two equal numbers",
-                    );
-                }
-                (square, self.spectrum(node, "irradiance")?.unwrap_or("1".into()))
+    }
+    if max_depth < 0 {
+        max_depth = 64;
+        importer.note("paths without end become paths of max_depth = 64");
+    }
+    Ok(Depth {
+        max_depth: importer.whole(&at, max_depth, "max_depth")?,
+        // Mitsuba counts the camera's segment in `rr_depth`.
+        rr_depth: u32::try_from(rr_depth.max(1) - 1).unwrap_or(u32::MAX),
+    })
+}
+
+/// Adds an emitter or the projector.
+pub(super) fn emitter<'a>(
+    importer: &Importer<'a>,
+    node: &'a Node,
+    file: &mut SceneFile,
+) -> Result<(), InputError> {
+    let source = importer.source;
+    let emitter = match node.kind.as_str() {
+        "point" => {
+            let place = node.transform(source, "to_world")?.map(|t| t.translation);
+            let position = node.vector(source, "position")?.or(place).unwrap_or_default();
+            let intensity = importer.spectrum_or(node, "intensity", 1.0)?;
+            let mut point = EmitterFile::point(position.to_array(), 1.0);
+            if let EmitterFile::Point(point) = &mut point {
+                point.intensity = intensity;
             }
-        };
-        let fov = field_of_view(self, node, size[0] / size[1])?;
-        let pose = pose(self, node)?;
-        node.finish(source, &[])?;
-        let text = format!(
-            "[projector]\nresolution = {}\nfov_x_deg = {}\nirradiance = {}\n{pose}",
-            list(&size),
-            digits(fov),
-            scaled(&irradiance, factor)
-        );
-        self.block(&node.span, &text);
-        Ok(())
-    }
-
-    /// Size of a projector's image, which must be white: patterns are chosen in probing.
-    fn white(&self, node: &'a Node) -> Result<[f64; 2], InputError> {
-        let source = self.source;
-        let name = node.text(source, "filename")?.unwrap_or_default();
-        let refused = |what: String| {
-            source.error(
+            node.finish(source, &[])?;
+            point
+        }
+        "constant" => {
+            let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
+            if file.emitters.iter().any(is_environment) {
+                return importer.error(&node.span, "a second environment", "keep one");
+            }
+            let radiance = importer.spectrum_or(node, "radiance", 1.0)?;
+            let mut environment = EmitterFile::environment(1.0);
+            if let EmitterFile::Environment(environment) = &mut environment {
+                environment.radiance = radiance;
+            }
+            node.finish(source, &["to_world"])?;
+            environment
+        }
+        "projector" if file.projector.is_some() => {
+            return importer.error(&node.span, "a second projector", "keep one");
+        }
+        "projector" => {
+            file.projector = Some(Located::at(node.span.clone(), projector(importer, node)?));
+            return Ok(());
+        }
+        other => {
+            return importer.error(
                 &node.span,
-                what,
-                "give a white PNG of the projector's size; patterns belong to `sunstone probe`",
-            )
-        };
-        if node.kind != "bitmap" {
-            return Err(refused(format!(
-                "a projector's image cannot be a texture `{}`",
-                node.kind
-            )));
+                format!("sunstone has no emitter `{other}`"),
+                "use projector, point or constant",
+            );
         }
-        let image = image::open(self.path(name)).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
-        let rgb = image.to_rgb16();
-        if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
-            return Err(refused(format!("{name} is not white")));
+    };
+    file.emitters.push(Located::at(node.span.clone(), emitter));
+    Ok(())
+}
+
+/// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
+fn projector<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<ProjectorFile, InputError> {
+    let factor = PI * node.float(importer.source, "scale")?.unwrap_or(1.0);
+    let given = importer.document.parameters.get(PROJECTOR_RESOLUTION);
+    let given = given.and_then(|t| match numbers(t).as_deref() {
+        Some(&[w, h]) => Some([w, h]),
+        _ => None,
+    });
+    let texture = node.named("irradiance");
+    let texture = texture
+        .map(|t| importer.resolve(t))
+        .transpose()?
+        .filter(|t| t.tag == "texture");
+    let one = || Located::at(node.span.clone(), SpectrumFile::Scalar(1.0));
+    let (size, irradiance) = match texture {
+        Some(texture) => (white(importer, texture)?, one()),
+        None => {
+            let [w, h] = given.unwrap_or([256.0; 2]);
+            // The film's largest size is the projector's too.
+            if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
+                return importer.error(
+                    &node.span,
+                    "a projector without an image is square",
+                    "give projector_resolution two equal whole numbers in 1..32768",
+                );
+            }
+            ([w as u32; 2], importer.spectrum_or(node, "irradiance", 1.0)?)
         }
-        node.finish(
-            source,
-            &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
-        )?;
-        Ok([f64::from(rgb.width()), f64::from(rgb.height())])
+    };
+    let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
+    let pose = pose(importer, node)?;
+    node.finish(importer.source, &[])?;
+    let mut projector = ProjectorFile::new(device(node, pose, size, fov));
+    projector.irradiance = Located::at(irradiance.span(), scaled(&irradiance, factor));
+    Ok(projector)
+}
+
+/// A spectrum, each value multiplied.
+fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
+    // Irradiances are f32 in the end: rounding there takes the factor's own rounding away.
+    let times = |v: &f64| f64::from((v * factor) as f32);
+    let mut out = spectrum.clone();
+    match &mut out {
+        SpectrumFile::Scalar(v) => *v = times(v),
+        SpectrumFile::PerWavelength(values) => values.iter_mut().for_each(|v| *v = times(v)),
+        SpectrumFile::Table(table) => table.values.iter_mut().for_each(|v| *v = times(v)),
     }
+    out
+}
+
+/// Size of a projector's image, which must be white: patterns are chosen in probing.
+fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
+    let source = importer.source;
+    let name = node.text(source, "filename")?.unwrap_or_default();
+    let refused = |what: String| {
+        source.error(
+            &node.span,
+            what,
+            "give a white PNG of the projector's size; patterns belong to `sunstone probe`",
+        )
+    };
+    if node.kind != "bitmap" {
+        return Err(refused(format!(
+            "a projector's image cannot be a texture `{}`",
+            node.kind
+        )));
+    }
+    let image = image::open(importer.path(name)).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
+    let rgb = image.to_rgb16();
+    if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
+        return Err(refused(format!("{name} is not white")));
+    }
+    node.finish(
+        source,
+        &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
+    )?;
+    Ok([rgb.width(), rgb.height()])
 }
 
 /// Horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm film.
@@ -317,8 +344,8 @@ fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, I
     })
 }
 
-/// The pose as TOML: Mitsuba's devices have +x left and +y up.
-fn pose(importer: &Importer, node: &Node) -> Result<String, InputError> {
+/// The pose: Mitsuba's devices have +x left and +y up.
+fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node
         .transform(importer.source, "to_world")?
         .unwrap_or(DAffine3::IDENTITY);
@@ -335,5 +362,5 @@ fn pose(importer: &Importer, node: &Node) -> Result<String, InputError> {
         glam::DMat3::from_cols(-m.x_axis, -m.y_axis, m.z_axis),
         place.translation,
     );
-    Ok(format!("pose.matrix = {}\n", matrix(&device)))
+    Ok(PoseFile::Matrix(rows(&device)))
 }

@@ -1,26 +1,28 @@
 //! Mitsuba's shapes → objects of a scene file.
 
-use super::import::Importer;
-use super::import_materials::{MaterialReader, Upright};
-use super::toml_text::{list, matrix, quoted};
+use super::import_materials::MaterialReader;
+use super::import_surfaces::Upright;
+use super::importer::{Importer, rows};
 use super::tree::Node;
-use super::xml::number as digits;
-use base::locate::InputError;
+use crate::syntax::shape::{
+    CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile, TransformFile,
+};
+use base::locate::{InputError, Located};
 use glam::{DAffine3, DVec3};
 
-/// The text of one object.
+/// One object.
 pub(super) fn object<'a>(
     importer: &mut Importer<'a>,
     materials: &mut MaterialReader,
     node: &'a Node,
-) -> Result<String, InputError> {
+) -> Result<ObjectFile, InputError> {
     let source = importer.source;
     let mut place = node.transform(source, "to_world")?.unwrap_or(DAffine3::IDENTITY);
     let flip = node.boolean(source, "flip_normals")?.unwrap_or(false);
     let point = |name, otherwise| Ok::<_, InputError>(node.vector(source, name)?.unwrap_or(otherwise));
-    let mesh_file = || -> Result<String, InputError> {
+    let mesh_file = || -> Result<Located<String>, InputError> {
         match node.text(source, "filename")? {
-            Some(name) => Ok(importer.file(name)),
+            Some(name) => Ok(Located::at(node.span.clone(), importer.file(name))),
             None => importer.error(
                 &node.span,
                 "the mesh has no filename",
@@ -31,35 +33,29 @@ pub(super) fn object<'a>(
     // Whether texture coordinates count v from the lower edge of an image, as ours do, once Mitsuba has read them.
     let mut upward = false;
     let shape = match node.kind.as_str() {
-        "sphere" => {
-            let radius = node.float(source, "radius")?.unwrap_or(1.0);
-            let center = point("center", DVec3::ZERO)?;
-            format!(
-                "sphere = {{ center = {}, radius = {} }}",
-                list(&center.to_array()),
-                digits(radius)
-            )
-        }
-        "cylinder" => {
-            let radius = node.float(source, "radius")?.unwrap_or(1.0);
-            let (p0, p1) = (point("p0", DVec3::ZERO)?, point("p1", DVec3::Z)?);
-            let [p0, p1] = [p0, p1].map(|p| list(&p.to_array()));
-            format!(
-                "cylinder = {{ p0 = {p0}, p1 = {p1}, radius = {} }}",
-                digits(radius)
-            )
-        }
-        "disk" => "disk = {}".to_owned(),
-        "rectangle" => "rectangle = {}".to_owned(),
-        "cube" => "cube = {}".to_owned(),
+        "sphere" => ShapeFile::Sphere(SphereFile {
+            center: point("center", DVec3::ZERO)?.to_array(),
+            radius: node.float(source, "radius")?.unwrap_or(1.0),
+        }),
+        "cylinder" => ShapeFile::Cylinder(CylinderFile {
+            p0: point("p0", DVec3::ZERO)?.to_array(),
+            p1: point("p1", DVec3::Z)?.to_array(),
+            radius: node.float(source, "radius")?.unwrap_or(1.0),
+            caps: false,
+        }),
+        "disk" => ShapeFile::Disk(DiskFile::default()),
+        "rectangle" => ShapeFile::Rectangle(RectangleFile::default()),
+        "cube" => ShapeFile::Cube(CubeFile::default()),
         kind @ ("obj" | "ply") => {
             let file = mesh_file()?;
             let flat = node.boolean(source, "face_normals")?.unwrap_or(false);
             upward = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
-            format!(
-                "{kind} = {{ file = {file}{} }}",
-                if flat { ", flat = true" } else { "" }
-            )
+            let mesh = MeshFile { file, flat };
+            if kind == "obj" {
+                ShapeFile::Obj(mesh)
+            } else {
+                ShapeFile::Ply(mesh)
+            }
         }
         other => {
             return importer.error(
@@ -119,13 +115,16 @@ pub(super) fn object<'a>(
             "turn the image upside down and give its texture <transform name=\"to_uv\"><scale y=\"-1\"/></transform> (or take that away); use six rectangles for a cube",
         );
     }
-    let mut text = String::from("[[objects]]\n");
-    if let Some(id) = &node.id {
-        text += &format!("name = {}\n", quoted(id));
-    }
-    text += &format!("shape.{shape}\nmaterial = {}", quoted(&material));
+    let at = || node.span.clone();
+    let mut object = ObjectFile::new(Located::at(at(), shape));
+    object.name.clone_from(&node.id);
+    object.material = Located::at(at(), material);
     if place != DAffine3::IDENTITY {
-        text += &format!("\ntransform = {{ matrix = {} }}", matrix(&place));
+        let matrix = TransformFile {
+            matrix: Some(rows(&place)),
+            ..TransformFile::default()
+        };
+        object.transform = Some(Located::at(at(), matrix));
     }
-    Ok(text)
+    Ok(object)
 }

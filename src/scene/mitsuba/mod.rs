@@ -18,30 +18,18 @@
 
 pub mod export;
 mod export_materials;
+mod export_output;
 mod files;
 pub mod import;
 mod import_devices;
 mod import_materials;
 mod import_shapes;
-mod ply;
+mod import_surfaces;
+mod importer;
+mod names;
 mod reader;
-mod toml_text;
+mod relative_path;
 mod tree;
 mod xml;
 
 pub use files::{Contents, WriteError};
-
-/// Name of the `<default>` that holds the wavelengths of a scene, which Mitsuba itself has no use for.
-const WAVELENGTHS: &str = "wavelengths_nm";
-
-/// Name of the `<default>` that holds the projector's resolution, likewise.
-const PROJECTOR_RESOLUTION: &str = "projector_resolution";
-
-/// A name of letters, digits, `_` and `-`, which XML and TOML leave alone.
-fn plain(name: &str) -> String {
-    if name.is_empty() {
-        return "material".into();
-    }
-    let keep = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
-    name.chars().map(|c| if keep(c) { c } else { '_' }).collect()
-}

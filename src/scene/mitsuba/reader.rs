@@ -91,7 +91,7 @@ impl Document {
 }
 
 /// Parameters that mean something to us without being used in the file.
-const RESERVED: [&str; 2] = [super::WAVELENGTHS, super::PROJECTOR_RESOLUTION];
+const RESERVED: [&str; 2] = [super::names::WAVELENGTHS, super::names::PROJECTOR_RESOLUTION];
 
 /// Byte of a line and a column (from 1, in characters).
 fn offset(text: &str, pos: roxmltree::TextPos) -> usize {

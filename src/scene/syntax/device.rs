@@ -154,3 +154,163 @@ pub struct EnvironmentFile {
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
+
+impl PoseFile {
+    /// From a point toward a point, +y up.
+    #[must_use]
+    pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
+        Self::LookAt(LookAtFile {
+            origin,
+            target,
+            up: defaults::y_axis(),
+        })
+    }
+}
+
+impl PinholeFile {
+    /// A device at a pose; resolution and focal length are still to be given.
+    #[must_use]
+    pub fn new(pose: PoseFile) -> Self {
+        Self {
+            resolution: [0; 2].into(),
+            fov_x_deg: None,
+            fov_y_deg: None,
+            fx: None,
+            fy: None,
+            cx: None,
+            cy: None,
+            distortion: None,
+            aperture: None,
+            pose: pose.into(),
+        }
+    }
+
+    /// A device at `origin` that looks at `target` (metres), +y up.
+    #[must_use]
+    pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
+        Self::new(PoseFile::look_at(origin, target))
+    }
+
+    /// Width and height in pixels.
+    #[must_use]
+    pub fn resolution(mut self, width: u32, height: u32) -> Self {
+        self.resolution = [width, height].into();
+        self
+    }
+
+    /// Horizontal field of view in degrees.
+    #[must_use]
+    pub fn fov_x_deg(mut self, degrees: f64) -> Self {
+        self.fov_x_deg = Some(degrees.into());
+        self
+    }
+
+    /// Vertical field of view in degrees.
+    #[must_use]
+    pub fn fov_y_deg(mut self, degrees: f64) -> Self {
+        self.fov_y_deg = Some(degrees.into());
+        self
+    }
+
+    /// Focal lengths along x and y in pixels.
+    #[must_use]
+    pub fn focal(mut self, fx: f64, fy: f64) -> Self {
+        (self.fx, self.fy) = (Some(fx.into()), Some(fy.into()));
+        self
+    }
+
+    /// Principal point in continuous pixels (the first pixel covers 0..1).
+    #[must_use]
+    pub fn principal(mut self, cx: f64, cy: f64) -> Self {
+        (self.cx, self.cy) = (Some(cx), Some(cy));
+        self
+    }
+
+    /// Brown–Conrady lens distortion.
+    #[must_use]
+    pub fn distortion(mut self, distortion: DistortionFile) -> Self {
+        self.distortion = Some(distortion.into());
+        self
+    }
+
+    /// A thin lens of this radius, in focus at this distance along the axis, both in metres.
+    #[must_use]
+    pub fn aperture(mut self, radius: f64, focus: f64) -> Self {
+        self.aperture = Some(ApertureFile { radius, focus }.into());
+        self
+    }
+}
+
+impl ProjectorFile {
+    /// A projector that is built like a camera.
+    #[must_use]
+    pub fn new(device: PinholeFile) -> Self {
+        Self {
+            irradiance: defaults::unit_spectrum(),
+            coaxial: false,
+            resolution: Some(device.resolution),
+            fov_x_deg: device.fov_x_deg,
+            fov_y_deg: device.fov_y_deg,
+            fx: device.fx,
+            fy: device.fy,
+            cx: device.cx,
+            cy: device.cy,
+            distortion: device.distortion,
+            aperture: device.aperture,
+            pose: Some(device.pose),
+        }
+    }
+
+    /// A laser through the camera's own pixels.
+    #[must_use]
+    pub fn coaxial() -> Self {
+        Self {
+            irradiance: defaults::unit_spectrum(),
+            coaxial: true,
+            resolution: None,
+            fov_x_deg: None,
+            fov_y_deg: None,
+            fx: None,
+            fy: None,
+            cx: None,
+            cy: None,
+            distortion: None,
+            aperture: None,
+            pose: None,
+        }
+    }
+
+    /// Irradiance at 1 m on the axis for drive 1, W/(m² nm).
+    #[must_use]
+    pub fn irradiance(mut self, irradiance: impl Into<SpectrumFile>) -> Self {
+        self.irradiance = irradiance.into().into();
+        self
+    }
+}
+
+impl From<PinholeFile> for ProjectorFile {
+    fn from(device: PinholeFile) -> Self {
+        Self::new(device)
+    }
+}
+
+impl EmitterFile {
+    /// A point (metres) that shines equally in all directions with a radiant intensity in W/(sr nm).
+    #[must_use]
+    pub fn point(position: [f64; 3], intensity: impl Into<SpectrumFile>) -> Self {
+        Self::Point(PointFile {
+            position,
+            intensity: intensity.into().into(),
+            horizontal: defaults::x_axis(),
+        })
+    }
+
+    /// The same radiance, W/(m² sr nm), from every direction.
+    #[must_use]
+    pub fn environment(radiance: impl Into<SpectrumFile>) -> Self {
+        Self::Environment(EnvironmentFile {
+            radiance: radiance.into().into(),
+            horizontal: defaults::x_axis(),
+        })
+    }
+}

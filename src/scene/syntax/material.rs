@@ -360,3 +360,94 @@ pub struct MeasuredFile {
     #[serde(default, skip_serializing_if = "is_default")]
     pub even_axes: bool,
 }
+
+impl MaterialFile {
+    /// A depolarizing Lambert surface of an albedo: a number, one per wavelength, or an image.
+    #[must_use]
+    pub fn diffuse(albedo: impl Into<AlbedoFile>) -> Self {
+        Self::Diffuse(DiffuseFile {
+            albedo: albedo.into().into(),
+        })
+    }
+
+    /// A smooth metal of the optical constants, such as `Au`.
+    #[must_use]
+    pub fn metal(name: impl Into<String>) -> Self {
+        Self::Conductor(ConductorFile {
+            metal: Some(name.into().into()),
+            n: None,
+            k: None,
+        })
+    }
+
+    /// A metal of the optical constants with GGX microfacets of a roughness in 0.001..1: a number or an image.
+    #[must_use]
+    pub fn rough_metal(name: impl Into<String>, alpha: impl Into<ScalarFile>) -> Self {
+        Self::RoughConductor(RoughConductorFile {
+            metal: Some(name.into().into()),
+            n: None,
+            k: None,
+            alpha: alpha.into().into(),
+            distribution: Distribution::default(),
+            masking: Masking::default(),
+        })
+    }
+
+    /// Smooth glass in vacuum of a refractive index: a number, one per wavelength, or a name such as `N-BK7`.
+    #[must_use]
+    pub fn dielectric(ior: impl Into<IndexFile>) -> Self {
+        Self::Dielectric(DielectricFile {
+            ior: ior.into().into(),
+            exterior_ior: defaults::unit_index(),
+        })
+    }
+
+    /// A rough dielectric coat over a depolarizing base: albedo, refractive index, roughness.
+    #[must_use]
+    pub fn plastic(
+        albedo: impl Into<AlbedoFile>,
+        ior: impl Into<IndexFile>,
+        alpha: impl Into<ScalarFile>,
+    ) -> Self {
+        Self::Plastic(Box::new(PlasticFile {
+            albedo: albedo.into().into(),
+            ior: ior.into().into(),
+            exterior_ior: defaults::unit_index(),
+            specular: defaults::unit_spectrum(),
+            single_scatter: None,
+            interreflection: false,
+            alpha: alpha.into().into(),
+            distribution: Distribution::default(),
+            masking: Masking::default(),
+        }))
+    }
+
+    /// An ideal polarizer sheet whose transmitting axis stands at an angle in degrees from the surface's u direction.
+    #[must_use]
+    pub fn polarizer(angle_deg: f64) -> Self {
+        Self::Polarizer(PolarizerFile {
+            angle_deg: Some(angle_deg.into()),
+            axis: None,
+            transmittance: defaults::unit_spectrum(),
+            extinction: defaults::zero_spectrum(),
+        })
+    }
+
+    /// One material in front, another (or none: black) behind, by name.
+    #[must_use]
+    pub fn two_sided(front: impl Into<String>, back: Option<&str>) -> Self {
+        Self::TwoSided(TwoSidedFile {
+            front: front.into().into(),
+            back: back.map(|b| b.to_owned().into()),
+        })
+    }
+
+    /// A table of measured Mueller matrices: a `.pbsdf` file.
+    #[must_use]
+    pub fn measured(file: impl Into<String>) -> Self {
+        Self::Measured(MeasuredFile {
+            file: file.into().into(),
+            even_axes: false,
+        })
+    }
+}

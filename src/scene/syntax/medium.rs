@@ -284,3 +284,20 @@ impl Default for SkinFile {
         }
     }
 }
+
+impl MediumFile {
+    /// An index-matched medium of absorption and scattering coefficients in 1/m, which scatters as `phase` says.
+    #[must_use]
+    pub fn homogeneous(
+        absorption: impl Into<SpectrumFile>,
+        scattering: impl Into<SpectrumFile>,
+        phase: PhaseFile,
+    ) -> Self {
+        Self::Homogeneous(Box::new(HomogeneousFile {
+            absorption: absorption.into().into(),
+            scattering: scattering.into().into(),
+            index: defaults::unit_index(),
+            phase,
+        }))
+    }
+}

@@ -198,3 +198,117 @@ pub struct TransformFile {
     /// Row-major 4×4 matrix instead of the others.
     pub matrix: Option<[[f64; 4]; 4]>,
 }
+
+impl ShapeFile {
+    /// A mesh file or a mesh of a scene built in code, in the format that its ending names (PLY where it names none).
+    #[must_use]
+    pub fn mesh(file: impl Into<String>) -> Self {
+        let file = file.into();
+        let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
+        let mesh = MeshFile {
+            file: file.into(),
+            flat: false,
+        };
+        match ending.as_deref() {
+            Some("obj") => Self::Obj(mesh),
+            Some("gltf" | "glb") => Self::Gltf(mesh),
+            _ => Self::Ply(mesh),
+        }
+    }
+}
+
+impl ObjectFile {
+    /// A shape in its own place; a scene needs [`Self::material`] too.
+    #[must_use]
+    pub fn new(shape: impl Into<Located<ShapeFile>>) -> Self {
+        Self {
+            name: None,
+            shape: shape.into(),
+            material: String::new().into(),
+            part_materials: BTreeMap::new(),
+            interior: None,
+            priority: 0,
+            transform: None,
+        }
+    }
+
+    /// An exact sphere, metres.
+    #[must_use]
+    pub fn sphere(center: [f64; 3], radius: f64) -> Self {
+        Self::new(ShapeFile::Sphere(SphereFile { center, radius }))
+    }
+
+    /// The parallelogram corner, corner + u, corner + u + v, corner + v (metres), whose front is where they run
+    /// counter-clockwise.
+    #[must_use]
+    pub fn rectangle(corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Self {
+        Self::new(ShapeFile::Rectangle(RectangleFile { corner, u, v }))
+    }
+
+    /// A flat disk, metres, whose front is where `normal` points.
+    #[must_use]
+    pub fn disk(center: [f64; 3], normal: [f64; 3], radius: f64) -> Self {
+        Self::new(ShapeFile::Disk(DiskFile {
+            center,
+            normal,
+            radius,
+        }))
+    }
+
+    /// A box with axis-parallel faces, metres.
+    #[must_use]
+    pub fn cube(min: [f64; 3], max: [f64; 3]) -> Self {
+        Self::new(ShapeFile::Cube(CubeFile { min, max }))
+    }
+
+    /// A round tube, open at both ends, metres.
+    #[must_use]
+    pub fn cylinder(p0: [f64; 3], p1: [f64; 3], radius: f64) -> Self {
+        let caps = false;
+        Self::new(ShapeFile::Cylinder(CylinderFile { p0, p1, radius, caps }))
+    }
+
+    /// [`ShapeFile::mesh`].
+    #[must_use]
+    pub fn mesh(file: impl Into<String>) -> Self {
+        Self::new(ShapeFile::mesh(file))
+    }
+
+    /// For people and messages.
+    #[must_use]
+    pub fn named(mut self, name: impl Into<String>) -> Self {
+        self.name = Some(name.into());
+        self
+    }
+
+    /// Name of its material.
+    #[must_use]
+    pub fn material(mut self, name: impl Into<String>) -> Self {
+        self.material = name.into().into();
+        self
+    }
+
+    /// Name of the medium that fills it, and its priority where filled objects overlap (the highest fills the space).
+    #[must_use]
+    pub fn interior(mut self, medium: impl Into<String>, priority: i32) -> Self {
+        self.interior = Some(medium.into().into());
+        self.priority = priority;
+        self
+    }
+
+    /// Its place: scale, then rotate, then translate; or a matrix.
+    #[must_use]
+    pub fn transform(mut self, transform: TransformFile) -> Self {
+        self.transform = Some(transform.into());
+        self
+    }
+
+    /// Moves it, metres, in addition to the scale and the rotation that it has.
+    #[must_use]
+    pub fn translate(mut self, by: [f64; 3]) -> Self {
+        let mut transform = self.transform.as_deref().cloned().unwrap_or_default();
+        transform.translate = Some(by);
+        self.transform = Some(transform.into());
+        self
+    }
+}

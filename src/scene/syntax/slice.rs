@@ -1,7 +1,7 @@
 //! The syntax of slices: what to keep of T(s, s', p, p', t).
 
 use super::defaults::{self, is_default};
-use super::values::{BinSize, TimeFile};
+use super::values::{BinSize, TimeBins, TimeFile};
 use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -106,4 +106,66 @@ pub enum PolarizationFile {
     /// M00 alone.
     #[default]
     Intensity,
+}
+
+impl SliceFile {
+    /// The whole image under all projector pixels, all travel times and no polarization, as far as nothing else is said.
+    #[must_use]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into().into(),
+            camera: Located::default(),
+            projector: Located::default(),
+            time: defaults::time(),
+            polarization: PolarizationFile::default(),
+            bounces: false,
+            split_first_bounce: false,
+        }
+    }
+
+    /// All 16 elements of the Mueller matrices.
+    #[must_use]
+    pub fn mueller(mut self) -> Self {
+        self.polarization = PolarizationFile::Mueller;
+        self
+    }
+
+    /// Camera pixels to keep.
+    #[must_use]
+    pub fn camera(mut self, pixels: CameraSelectFile) -> Self {
+        self.camera = pixels.into();
+        self
+    }
+
+    /// Projector pixels to keep, or how to sum them.
+    #[must_use]
+    pub fn projector(mut self, pixels: ProjectorSelectFile) -> Self {
+        self.projector = pixels.into();
+        self
+    }
+
+    /// Travel time in `bins` bins of `bin_ps`, the first from `start_ps`, picoseconds.
+    #[must_use]
+    pub fn time(mut self, start_ps: f64, bin_ps: f64, bins: u32) -> Self {
+        self.time = TimeFile::Bins(TimeBins {
+            start_ps,
+            bin_ps: bin_ps.into(),
+            bins: bins.into(),
+        });
+        self
+    }
+
+    /// Resolves the number of surface interactions.
+    #[must_use]
+    pub fn bounces(mut self) -> Self {
+        self.bounces = true;
+        self
+    }
+
+    /// Parts light whose first bounce is direct from the rest.
+    #[must_use]
+    pub fn split_first_bounce(mut self) -> Self {
+        self.split_first_bounce = true;
+        self
+    }
 }

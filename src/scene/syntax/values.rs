@@ -123,6 +123,71 @@ pub struct TimeBins {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BinSize(pub [u32; 2]);
 
+impl From<f64> for SpectrumFile {
+    fn from(value: f64) -> Self {
+        Self::Scalar(value)
+    }
+}
+
+impl From<Vec<f64>> for SpectrumFile {
+    fn from(list: Vec<f64>) -> Self {
+        Self::PerWavelength(list)
+    }
+}
+
+impl<const N: usize> From<[f64; N]> for SpectrumFile {
+    fn from(list: [f64; N]) -> Self {
+        Self::PerWavelength(list.into())
+    }
+}
+
+impl<T: Into<SpectrumFile>> From<T> for AlbedoFile {
+    fn from(spectrum: T) -> Self {
+        Self::Spectrum(spectrum.into())
+    }
+}
+
+impl From<ImageAlbedo> for AlbedoFile {
+    fn from(image: ImageAlbedo) -> Self {
+        Self::Image(image)
+    }
+}
+
+impl From<f64> for ScalarFile {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
+    }
+}
+
+impl From<ImageAlbedo> for ScalarFile {
+    fn from(image: ImageAlbedo) -> Self {
+        Self::Image(image)
+    }
+}
+
+impl<T: Into<SpectrumFile>> From<T> for IndexFile {
+    fn from(spectrum: T) -> Self {
+        Self::Values(spectrum.into())
+    }
+}
+
+impl From<&str> for IndexFile {
+    fn from(name: &str) -> Self {
+        Self::Named(name.to_owned())
+    }
+}
+
+impl ImageAlbedo {
+    /// A PNG or JPEG file, not scaled.
+    #[must_use]
+    pub fn new(file: impl Into<String>) -> Self {
+        Self {
+            image: file.into().into(),
+            scale: 1.0,
+        }
+    }
+}
+
 struct SpectrumVisitor;
 
 impl<'de> Visitor<'de> for SpectrumVisitor {

@@ -1,9 +1,9 @@
-//! Meshes as binary little-endian PLY files (G. Turk, "The PLY polygon file format", 1994), as Mitsuba reads them.
+//! Meshes as binary little-endian PLY files (G. Turk, "The PLY polygon file format", 1994).
 
 use transport::geometry::mesh::Mesh;
 
 /// Positions, and normals and texture coordinates where the mesh has them, with f32 as they are.
-pub(super) fn write(mesh: &Mesh) -> Vec<u8> {
+pub(crate) fn write(mesh: &Mesh) -> Vec<u8> {
     let mut head = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n",
         mesh.positions.len()

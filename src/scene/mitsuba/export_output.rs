@@ -1,0 +1,111 @@
+//! What both halves of an export write: spectra, images, ids, and files beside the XML.
+
+use super::files::Contents;
+use super::names::plain;
+use super::xml::{Element, number, single};
+use crate::build::context::Context;
+use base::locate::InputError;
+use optics::spectrum::{Spectral, Wavelengths};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// What is written beside the XML, and said to the user.
+#[derive(Default)]
+pub(super) struct Output {
+    pub files: Vec<(String, Contents)>,
+    pub notes: Vec<String>,
+}
+
+impl Output {
+    /// Says something once.
+    pub fn note(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.notes.contains(&text) {
+            self.notes.push(text);
+        }
+    }
+}
+
+/// Wavelengths with the ends of Mitsuba's range beside them: beyond the last pair a spectrum is zero there, but constant
+/// with us. A metal of index zero would not even have a reflectance.
+const RANGE_NM: [f64; 2] = [360.0, 830.0];
+
+/// A spectrum as a property. A single value is written as such, so that mono variants take it as it is.
+pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -> Element {
+    let nm = wavelengths.nm();
+    let lanes = &value.to_array()[..nm.len()];
+    let out = Element::new("spectrum").with("name", name);
+    if lanes.iter().all(|v| *v == lanes[0]) {
+        return out.with("value", single(lanes[0]));
+    }
+    let mut pairs: Vec<(f64, f32)> = nm.iter().copied().zip(lanes.iter().copied()).collect();
+    if RANGE_NM[0] < nm[0] {
+        pairs.insert(0, (RANGE_NM[0], lanes[0]));
+    }
+    let last = nm.len() - 1;
+    if RANGE_NM[1] > nm[last] {
+        pairs.push((RANGE_NM[1], lanes[last]));
+    }
+    let pairs: Vec<String> = pairs
+        .iter()
+        .map(|(nm, v)| format!("{}:{}", number(*nm), single(*v)))
+        .collect();
+    out.with("value", pairs.join(", "))
+}
+
+/// True if all used lanes agree.
+pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
+    !transport::material::varies(value, wavelengths.count())
+}
+
+/// An image as a texture. Mitsuba counts v from the top.
+pub(super) fn bitmap(name: &str, file: &str, raw: bool) -> Element {
+    let upward = Element::new("transform")
+        .with("name", "to_uv")
+        .child(Element::new("scale").with("x", "1").with("y", "-1"));
+    Element::plugin("texture", "bitmap")
+        .with("name", name)
+        .string("filename", file)
+        .boolean("raw", raw)
+        // As exact as the variant, not half precision.
+        .string("format", "variant")
+        .child(upward)
+}
+
+/// A PNG file.
+pub(super) fn png(
+    ctx: &Context,
+    span: Range<usize>,
+    image: &image::DynamicImage,
+) -> Result<Contents, InputError> {
+    let mut bytes = std::io::Cursor::new(vec![]);
+    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| {
+        ctx.error(
+            span,
+            format!("cannot encode an image: {e}"),
+            "use a smaller image",
+        )
+    })?;
+    Ok(Contents::Bytes(bytes.into_inner()))
+}
+
+/// What a material needs of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Needs {
+    /// Texture coordinates.
+    pub uv: bool,
+    /// Their direction on the surface.
+    pub tangent: bool,
+}
+
+/// Ids that XML and Mitsuba's parameter syntax leave alone, one for each name.
+pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
+    let base = plain(name);
+    let mut id = base.clone();
+    let mut n = 2;
+    while taken.values().any(|t| *t == id) {
+        id = format!("{base}_{n}");
+        n += 1;
+    }
+    id
+}

@@ -1,0 +1,262 @@
+//! What all parts of the translation from Mitsuba share: the file, where it leads to, and spectra.
+
+use super::names::WAVELENGTHS;
+use super::reader::Document;
+use super::relative_path::relative;
+use super::tree::{Child, Inside, Node, Source, Value, numbers};
+use crate::syntax::values::{SpectrumFile, SpectrumTable};
+use base::locate::{InputError, Located};
+use glam::DAffine3;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// What all parts of the translation share.
+pub(super) struct Importer<'a> {
+    pub source: &'a Source,
+    pub document: &'a Document,
+    pub ids: BTreeMap<&'a str, &'a Node>,
+    pub wavelengths: Vec<f64>,
+    pub notes: Vec<String>,
+    /// Folder of the XML file, and that of the scene file where it is another.
+    from: PathBuf,
+    to: PathBuf,
+}
+
+impl<'a> Importer<'a> {
+    pub fn new(document: &'a Document, toml: &Path) -> Result<Self, InputError> {
+        let source = &document.source;
+        let mut ids = BTreeMap::new();
+        let mut twice = None;
+        document.scene.walk(&mut |node| {
+            if let Some(id) = &node.id
+                && ids.insert(id.as_str(), node).is_some()
+            {
+                twice.get_or_insert(node);
+            }
+        });
+        if let Some(node) = twice {
+            let message = format!(
+                "the id `{}` is given twice",
+                node.id.as_deref().unwrap_or_default()
+            );
+            return Err(source.error(&node.span, message, "give each element an id of its own"));
+        }
+        let folder = |path: &Path| {
+            let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+            path.parent().unwrap_or(Path::new("")).to_owned()
+        };
+        let wavelengths = match document.parameters.get(WAVELENGTHS) {
+            None => optics::spectrum::Wavelengths::default().nm().to_vec(),
+            Some(text) => {
+                let listed = numbers(text).unwrap_or_default();
+                let listed = optics::spectrum::Wavelengths::new(listed).map_err(|e| {
+                    source.error(
+                        &document.scene.span,
+                        format!("{WAVELENGTHS} is `{text}`: {e}"),
+                        "list 1 to 4 rising vacuum wavelengths in nanometres",
+                    )
+                })?;
+                listed.nm().to_vec()
+            }
+        };
+        Ok(Self {
+            source,
+            document,
+            ids,
+            wavelengths,
+            notes: vec![],
+            from: folder(&source.file),
+            to: folder(toml),
+        })
+    }
+
+    /// Says something once.
+    pub fn note(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.notes.contains(&text) {
+            self.notes.push(text);
+        }
+    }
+
+    pub fn error<T>(
+        &self,
+        span: &Range<usize>,
+        message: impl Into<String>,
+        help: &str,
+    ) -> Result<T, InputError> {
+        Err(self.source.error(span, message, help))
+    }
+
+    /// Path of a file that the XML names.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.from.join(name)
+    }
+
+    /// The same as the scene file names it.
+    pub fn file(&self, name: &str) -> String {
+        relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
+    }
+
+    /// A whole number that a scene file can hold.
+    pub fn whole(&self, span: &Range<usize>, value: i64, what: &str) -> Result<Located<u32>, InputError> {
+        match u32::try_from(value) {
+            Ok(value) => Ok(Located::at(span.clone(), value)),
+            Err(_) => self.error(
+                span,
+                format!("{what} is {value}"),
+                "give a whole number from 0 to 4294967295",
+            ),
+        }
+    }
+
+    /// A spectrum, or `None` if it is not given: a number, one per wavelength, or a table.
+    pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
+        if let Some(child) = node.named(name) {
+            return match self.resolve(child)? {
+                inner if inner.tag == "spectrum" => {
+                    let spectrum = self.spectrum_plugin(inner)?;
+                    Ok(Some(Located::at(inner.span.clone(), spectrum)))
+                }
+                inner => self.error(
+                    &inner.span,
+                    format!(
+                        "`{name}` of {} `{}` cannot be a texture here",
+                        node.tag, node.kind
+                    ),
+                    "give a number, <rgb> or <spectrum>",
+                ),
+            };
+        }
+        let Some(p) = node.get(name) else {
+            return Ok(None);
+        };
+        let spectrum = match &p.value {
+            Value::Float(v) => SpectrumFile::Scalar(*v),
+            Value::Integer(v) => SpectrumFile::Scalar(*v as f64),
+            Value::Rgb([r, g, b]) if r == g && g == b => SpectrumFile::Scalar(*r),
+            Value::Rgb([r, g, b]) => {
+                let values = self.wavelengths.iter().map(|nm| match nm {
+                    nm if *nm < 500.0 => *b,
+                    nm if *nm < 590.0 => *g,
+                    _ => *r,
+                });
+                SpectrumFile::PerWavelength(values.collect())
+            }
+            Value::Pairs(pairs) => self.table(pairs, &p.span)?,
+            _ => {
+                return self.error(
+                    &p.span,
+                    format!("`{name}` of {} `{}` is not a spectrum", node.tag, node.kind),
+                    "give a number, <rgb> or <spectrum>",
+                );
+            }
+        };
+        Ok(Some(Located::at(p.span.clone(), spectrum)))
+    }
+
+    /// [`Self::spectrum`], or a number if it is not given.
+    pub fn spectrum_or(
+        &self,
+        node: &Node,
+        name: &str,
+        missing: f64,
+    ) -> Result<Located<SpectrumFile>, InputError> {
+        let otherwise = || Located::at(node.span.clone(), SpectrumFile::Scalar(missing));
+        Ok(self.spectrum(node, name)?.unwrap_or_else(otherwise))
+    }
+
+    /// Mitsuba's spectra are zero beyond their last pair, ours go on as they are.
+    fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<SpectrumFile, InputError> {
+        let covers =
+            |nm: f64| pairs.first().is_some_and(|p| p[0] <= nm) && pairs.last().is_some_and(|p| p[0] >= nm);
+        if let Some(nm) = self.wavelengths.iter().find(|nm| !covers(**nm)) {
+            return self.error(
+                span,
+                format!("the spectrum says nothing of {nm} nm, where Mitsuba takes it for zero"),
+                "add pairs that reach so far, or choose the wavelengths: -D wavelengths_nm=550",
+            );
+        }
+        Ok(match self.as_listed(pairs) {
+            Some(values) => SpectrumFile::PerWavelength(values),
+            None => SpectrumFile::Table(SpectrumTable {
+                nm: pairs.iter().map(|p| p[0]).collect(),
+                values: pairs.iter().map(|p| p[1]).collect(),
+            }),
+        })
+    }
+
+    /// The values alone, if the pairs say nothing but those at the scene's wavelengths, and go on level beyond.
+    fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
+        let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
+        let inner: Vec<[f64; 2]> = pairs
+            .iter()
+            .copied()
+            .filter(|p| (first..=last).contains(&p[0]))
+            .collect();
+        let level = pairs.iter().all(|p| {
+            let end = if p[0] < first { inner.first() } else { inner.last() };
+            (first..=last).contains(&p[0]) || end.is_some_and(|e| e[1] == p[1])
+        });
+        let same = inner.iter().map(|p| p[0]).eq(self.wavelengths.iter().copied());
+        (level && same).then(|| inner.iter().map(|p| p[1]).collect())
+    }
+
+    fn spectrum_plugin(&self, node: &Node) -> Result<SpectrumFile, InputError> {
+        let numbers_of = |name: &str| -> Result<Vec<f64>, InputError> {
+            let text = node.text(self.source, name)?.unwrap_or_default();
+            numbers(text).ok_or_else(|| {
+                self.source.error(
+                    &node.span,
+                    format!("`{name}` is not a list of numbers"),
+                    "correct it",
+                )
+            })
+        };
+        let spectrum = match node.kind.as_str() {
+            "uniform" => SpectrumFile::Scalar(node.float(self.source, "value")?.unwrap_or(1.0)),
+            "irregular" => {
+                let (nm, values) = (numbers_of("wavelengths")?, numbers_of("values")?);
+                if nm.len() != values.len() || !nm.is_sorted_by(|a, b| a < b) {
+                    return self.error(
+                        &node.span,
+                        "the spectrum is uneven",
+                        "give rising wavelengths, and as many values",
+                    );
+                }
+                let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();
+                self.table(&pairs, &node.span)?
+            }
+            other => {
+                return self.error(
+                    &node.span,
+                    format!("sunstone cannot express a spectrum of type `{other}`"),
+                    "use uniform or irregular, or <spectrum name=\"…\" value=\"450:0.1, 550:0.2\"/>",
+                );
+            }
+        };
+        node.finish(self.source, &[])?;
+        Ok(spectrum)
+    }
+
+    /// The plugin that a child is, or refers to.
+    pub fn resolve(&self, child: &'a Child) -> Result<&'a Node, InputError> {
+        match child.take() {
+            Inside::Node(node) => Ok(node),
+            Inside::Reference { id, span, .. } => self.ids.get(id.as_str()).copied().ok_or_else(|| {
+                self.source.error(
+                    span,
+                    format!("nothing has the id `{id}`"),
+                    "correct the id, or define it",
+                )
+            }),
+        }
+    }
+}
+
+/// A map as rows of a 4×4 matrix, without signs of -0, which only confuse readers.
+pub(super) fn rows(map: &DAffine3) -> [[f64; 4]; 4] {
+    let m = map.matrix3;
+    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]].map(|v| v + 0.0);
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}

@@ -1,0 +1,32 @@
+//! How one path is reached from another.
+
+use std::path::{Component, Path, PathBuf};
+
+/// How to reach `path` from `folder`, both absolute.
+pub(super) fn relative(folder: &Path, path: &Path) -> PathBuf {
+    let path = normal(path);
+    let folder = normal(folder);
+    let (a, b): (Vec<Component>, Vec<Component>) =
+        (folder.components().collect(), path.components().collect());
+    let shared = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
+    if shared == 0 {
+        return path;
+    }
+    let up = a[shared..].iter().map(|_| Component::ParentDir);
+    up.chain(b[shared..].iter().copied()).collect()
+}
+
+/// A path without `.` and, where that cannot go wrong, without `..`.
+fn normal(path: &Path) -> PathBuf {
+    let mut out = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if out.file_name().is_some() => {
+                out.pop();
+            }
+            other => out.push(other),
+        }
+    }
+    out
+}
