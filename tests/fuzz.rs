@@ -8,9 +8,11 @@ use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::tensor::field::Field;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::write;
 use sunstone::transport::scene::Scene;
 
 /// Remembers the largest piece of memory that was asked for.
@@ -51,6 +53,9 @@ fn folder() -> tempfile::TempDir {
 
 /// The most that one piece of memory may take: an epipolar table of 2^24 pixels, doubled while it grows.
 const MEMORY: usize = 1 << 30;
+
+/// The longest that mutations may take together: a slow machine tries fewer.
+const BUDGET: Duration = Duration::from_secs(30);
 
 /// The longest that one text may take.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -99,11 +104,54 @@ fn room() -> String {
     text
 }
 
+/// A scene with every feature of the syntax.
+const EVERYTHING: &str = include_str!("fuzz/everything.toml");
+
+/// The files that it names, in a folder.
+static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
+    let made = folder();
+    let put = |name: &str, bytes: &[u8]| {
+        std::fs::write(made.path().join(name), bytes).expect("a file");
+    };
+    put(
+        "shape.obj",
+        b"v 0 0 0\nv .3 0 0\nv .3 .3 0\nv 0 .3 0\nvn 0 0 1\nvt 0 0\nusemtl painted\nf 1/1/1 2/1/1 3/1/1\n\
+          usemtl other\nf 1/1/1 3/1/1 4/1/1\n",
+    );
+    put(
+        "shape.ply",
+        b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+          element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n.3 0 0\n0 .3 0\n3 0 1 2\n",
+    );
+    let corners = [0.0_f32, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0];
+    put("shape.bin", &corners.map(f32::to_le_bytes).concat());
+    let gltf = serde_json::json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "buffers": [{"uri": "shape.bin", "byteLength": 36}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0],
+                       "max": [0.3, 0.3, 0]}],
+    });
+    put("shape.gltf", gltf.to_string().as_bytes());
+    for (name, size) in [("image.png", 2), ("mask.png", 8)] {
+        let image = image::RgbImage::from_pixel(size, size, image::Rgb([128, 130, 250]));
+        image.save(made.path().join(name)).expect("an image");
+    }
+    let axes = Axes::even([4, 3, 3], vec![450, 550]);
+    let element = |i: usize| if i % 16 == 0 { 0.2 } else { 0.01 };
+    write(&made.path().join("table.pbsdf"), &axes, |_, slab| {
+        slab.iter_mut().enumerate().for_each(|(i, x)| *x = element(i));
+    })
+    .expect("a table");
+    made
+});
+
 /// Builds a text within bounds of time and memory.
 fn build(text: &str) -> Option<Scene> {
+    let place = FILES.path().join("fuzz.toml");
     LARGEST.store(0, Ordering::Relaxed);
     let begun = Instant::now();
-    let scene = sunstone::scene::from_text(Path::new("fuzz.toml"), text);
+    let scene = sunstone::scene::from_text(&place, text);
     assert!(begun.elapsed() < PATIENCE, "it took {:?}", begun.elapsed());
     let largest = LARGEST.load(Ordering::Relaxed);
     assert!(largest <= MEMORY, "it asked for {largest} bytes at once");
@@ -339,11 +387,17 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 #[test]
 fn mutated_scenes_build_or_say_why_and_render_finite() {
     let _alone = alone();
-    let base = room();
-    assert!(render_if_small(build(&base).expect("the room is right")));
+    assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
+    // Milk takes three times as long as all the rest: hundreds of kinds of drops.
+    let (before, milk) = EVERYTHING.split_once("milk.milk").expect("milk");
+    let base = before.to_owned() + milk.split_once('\n').expect("more lines").1;
     let (built, drawn, refused) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
     let changes = prop::collection::vec(change(), 1..4);
-    let tested = runner(2500).run(&changes, |changes| {
+    let begun = Instant::now();
+    let tested = runner(1000).run(&changes, |changes| {
+        if begun.elapsed() > BUDGET {
+            return Ok(());
+        }
         let text = changes.iter().fold(base.clone(), |t, c| apply(&t, c));
         match build(&text) {
             None => refused.fetch_add(1, Ordering::Relaxed),
@@ -360,7 +414,7 @@ fn mutated_scenes_build_or_say_why_and_render_finite() {
     println!("{built:?} built, {drawn:?} rendered, {refused:?} refused");
     let count = |n: AtomicUsize| n.into_inner();
     assert!(
-        count(drawn) > 200 && count(refused) > 200,
+        count(drawn) > 30 && count(refused) > 30,
         "the mutations are too tame or too wild"
     );
 }
@@ -403,4 +457,81 @@ fn huge_sizes_are_bounded_or_refused() {
     let plain = sized(32768, 8, "");
     assert!(build(&plain).is_some(), "a large image alone is no fault");
     assert!(LARGEST.load(Ordering::Relaxed) < 1 << 27);
+}
+
+/// Every value in the descriptions of a store, and its coordinates, in turn something else: commands that read stores
+/// answer or say why. (What the library makes of worse damage is tested beside it.)
+#[test]
+fn commands_survive_edited_stores() {
+    use serde_json::{Value, json};
+    fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
+        let children: Vec<(String, &Value)> = match value {
+            Value::Object(map) => map.iter().map(|(k, v)| (k.clone(), v)).collect(),
+            Value::Array(list) => list.iter().enumerate().map(|(i, v)| (i.to_string(), v)).collect(),
+            _ => vec![],
+        };
+        for (key, child) in children.iter().filter(|(k, _)| k != "consolidated_metadata") {
+            let path = format!("{at}/{key}");
+            pointers(child, &path, out);
+            out.push(path);
+        }
+    }
+    let _alone = alone();
+    let folder = folder();
+    let at = folder.path();
+    let slice = "[[slices]]\nname = \"s\"\npolarization = \"mueller\"\ntime = { start_ps = 12000, bin_ps = 2000, bins = 3 }\n";
+    rendered(
+        &harness::scene(&mirror_room(4, 8, 1, 4, slice)),
+        at.join("s.zarr"),
+    );
+    let values = [
+        json!(null),
+        json!(-1),
+        json!(u64::MAX),
+        json!("x"),
+        json!([]),
+        json!(1e300),
+        json!(0),
+        json!({}),
+    ];
+    let commands: [&[&str]; 4] = [
+        &["info", "s.zarr"],
+        &["decompose", "s.zarr", "s", "-o", "out.npz"],
+        &["probe", "s.zarr", "s", "--sum", "y,x"],
+        &["export", "s.zarr", "s", "-o", "out.exr"],
+    ];
+    let (mut edits, mut refused) = (0, 0);
+    for file in [
+        "zarr.json",
+        "s/zarr.json",
+        "s/mean/zarr.json",
+        "s/y/zarr.json",
+        "samples/zarr.json",
+    ] {
+        let path = at.join("s.zarr").join(file);
+        let whole = std::fs::read(&path).expect("a description");
+        let json: Value = serde_json::from_slice(&whole).expect("JSON");
+        let mut places = Vec::new();
+        pointers(&json, "", &mut places);
+        for place in places {
+            let mut edited = json.clone();
+            let Some(value) = edited.pointer_mut(&place) else {
+                continue;
+            };
+            *value = values[edits % values.len()].clone();
+            std::fs::write(&path, edited.to_string()).expect("an edit");
+            let command = commands[edits / values.len() % commands.len()];
+            let out = harness::sunstone(at, command).output().expect("the program runs");
+            let said = harness::stderr(&out);
+            match out.status.code() {
+                Some(0) => {}
+                Some(2) if said.starts_with("error: ") => refused += 1,
+                code => panic!("{file}{place}: {command:?} ended with {code:?}\n{said}"),
+            }
+            edits += 1;
+        }
+        std::fs::write(&path, whole).expect("as it was");
+    }
+    println!("{edits} edits, {refused} refused");
+    assert!(edits > 100 && refused > 20, "{edits} edits, {refused} refused");
 }

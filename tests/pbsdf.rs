@@ -343,7 +343,10 @@ fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, starts) = container(&fields());
     let path = saved(folder.path(), &file);
-    let opened = std::fs::OpenOptions::new().write(true).open(&path).expect("a file");
+    let opened = std::fs::OpenOptions::new()
+        .write(true)
+        .open(&path)
+        .expect("a file");
     opened.set_len(65 << 20).expect("space that is not filled");
     let table = Table::open(&path, &Options::default()).expect("a table");
     assert_eq!(table.file_len(), 65 << 20);

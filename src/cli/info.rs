@@ -145,18 +145,21 @@ fn list(v: &[f64]) -> String {
 /// Σ of M00 over everything, by wavelength, a chunk at a time.
 fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
     let layout = slice.field_layout(field).map_err(Failure::input)?.clone();
-    let shape = layout.shape();
-    let wavelengths = shape[shape.len() - 1] as usize;
-    let elements = if layout.find(AxisKind::StokesOut).is_some() {
-        16
-    } else {
-        1
-    };
-    let mut total = vec![0.0; wavelengths];
-    for (start, shape) in slice.chunks(field).map_err(Failure::input)? {
+    let lanes = |shape: &[u64]| layout.find(AxisKind::Wavelength).map_or(1, |i| shape[i] as usize);
+    let mut total = vec![0.0; lanes(&layout.shape())];
+    for (start, mut shape) in slice.chunks(field).map_err(Failure::input)? {
+        // Of the matrix, its first element alone: where a chunk has it.
+        let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];
+        let stokes: Vec<usize> = stokes.iter().filter_map(|k| layout.find(*k)).collect();
+        if stokes.iter().any(|&i| start[i] > 0) {
+            continue;
+        }
+        stokes.iter().for_each(|&i| shape[i] = 1);
         let data = slice.read(field, &start, &shape).map_err(Failure::input)?;
-        for element in data.chunks_exact(elements * wavelengths) {
-            for (t, v) in total.iter_mut().zip(element) {
+        let lanes = lanes(&shape);
+        let first = layout.find(AxisKind::Wavelength).map_or(0, |i| start[i] as usize);
+        for element in data.chunks_exact(lanes) {
+            for (t, v) in total[first..].iter_mut().zip(element) {
                 *t += f64::from(*v);
             }
         }

@@ -8,3 +8,6 @@ pub mod numpy;
 pub mod probe;
 pub mod sink;
 pub mod zarr;
+
+#[cfg(test)]
+mod damage;

@@ -130,7 +130,12 @@ pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeE
         .collect::<Result<_, _>>()?;
     let layouts: Vec<_> = slices
         .iter()
-        .map(|s| (s.parts[0].slice.layout().clone(), s.parts[0].slice.attributes().clone()))
+        .map(|s| {
+            (
+                s.parts[0].slice.layout().clone(),
+                s.parts[0].slice.attributes().clone(),
+            )
+        })
         .collect();
     let shapes: Vec<_> = inputs.iter().map(|i| i.store.samples_shape()).collect();
     let grid = match shapes[0] {
@@ -190,21 +195,19 @@ fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
             return Err(fault());
         }
         let pixels = pixels(input, &slice, alike)?;
-        parts.push(Part {
-            slice,
-            input,
-            pixels,
-        });
+        parts.push(Part { slice, input, pixels });
     }
     Ok(Parts { parts, alike })
 }
 
 fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
     let attribute = slice.attributes().get("pixels_per_element");
-    attribute.and_then(Value::as_u64).ok_or_else(|| MergeError::Attribute {
-        path: slice.path().to_owned(),
-        key: "pixels_per_element",
-    })
+    attribute
+        .and_then(Value::as_u64)
+        .ok_or_else(|| MergeError::Attribute {
+            path: slice.path().to_owned(),
+            key: "pixels_per_element",
+        })
 }
 
 /// See [`Part::pixels`].

@@ -168,7 +168,10 @@ impl NumpyReader {
     /// True if the numbers need `f64`.
     #[must_use]
     pub fn is_double(&self) -> bool {
-        matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
+        matches!(
+            self.element,
+            Element::Float8 | Element::Unsigned(4) | Element::Signed(4)
+        )
     }
 
     /// Reads numbers from element `first` on, as many as there is room for.

@@ -4,7 +4,8 @@ use crate::zarr::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, 
 use base::journal::{self, Journal};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use tensor::sink::{Job, Piece, SampleCounts, Sink, Summary, TileRecord};
+use tensor::axes::SliceLayout;
+use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 
 /// Where to and how to write.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +39,22 @@ pub enum SinkError {
         path: PathBuf,
         /// Why not.
         cause: std::io::Error,
+    },
+    /// Values came before the render began.
+    #[error("{path} takes no values before the render begins: call `begin` first")]
+    NotBegun {
+        /// The store.
+        path: PathBuf,
+    },
+    /// Values came for a slice that the render does not have.
+    #[error("{path} has {slices} slices, and values came for number {slice}: count the job's slices from 0")]
+    NoSlice {
+        /// The store.
+        path: PathBuf,
+        /// Slices of the render.
+        slices: usize,
+        /// Number of the slice asked for.
+        slice: usize,
     },
     /// What is to be resumed is another render.
     #[error(
@@ -84,10 +101,8 @@ impl ZarrSink {
     }
 
     fn opened(&self) -> Result<&Open, SinkError> {
-        self.open.as_ref().ok_or_else(|| {
-            SinkError::Open(OpenError::Missing {
-                path: self.target.path.clone(),
-            })
+        self.open.as_ref().ok_or_else(|| SinkError::NotBegun {
+            path: self.target.path.clone(),
         })
     }
 
@@ -162,6 +177,13 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
     if store.slice_names() != ours {
         return mismatch("list of slices", store.slice_names().join(", "), ours.join(", "));
     }
+    for JobSlice { layout, .. } in &job.slices {
+        let slice = store.slice(&layout.name)?;
+        if slice.layout() != layout {
+            let show = |l: &SliceLayout| format!("`{}` of shape {:?}", l.name, l.shape());
+            return mismatch("layout of a slice", show(slice.layout()), show(layout));
+        }
+    }
     Ok(())
 }
 
@@ -196,7 +218,12 @@ impl Sink for ZarrSink {
     }
 
     fn put(&self, p: &Piece) -> Result<(), SinkError> {
-        let slice = &self.opened()?.slices[p.slice];
+        let slices = &self.opened()?.slices;
+        let slice = slices.get(p.slice).ok_or_else(|| SinkError::NoSlice {
+            path: self.target.path.clone(),
+            slices: slices.len(),
+            slice: p.slice,
+        })?;
         Ok(slice.write_touched(p.field, p.start, p.shape, p.data, p.touched)?)
     }
 
@@ -246,4 +273,128 @@ impl Sink for ZarrSink {
 #[must_use]
 pub fn is_unfinished(path: &Path) -> bool {
     journal::exists(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Map;
+    use tensor::axes::{Axis, AxisKind};
+    use tensor::field::Field;
+
+    fn job(seed: u64, columns: u32) -> Job {
+        let axis = |kind, n: u32| Axis {
+            kind,
+            coords: (0..n).map(f64::from).collect(),
+            chunk: 2,
+        };
+        let attributes = json!({"scene_sha256": "a", "seeds": [seed], "samples_per_pixel": 4});
+        Job {
+            slices: vec![JobSlice {
+                layout: SliceLayout {
+                    name: "image".into(),
+                    axes: vec![axis(AxisKind::Y, 2), axis(AxisKind::X, columns)],
+                    time: None,
+                },
+                attributes: Map::new(),
+            }],
+            attributes: attributes.as_object().unwrap().clone(),
+            camera: [4, 2],
+            tile: 2,
+        }
+    }
+
+    fn sink(path: &Path, resume: bool, replace: bool) -> ZarrSink {
+        ZarrSink::new(Target {
+            path: path.to_owned(),
+            resume,
+            replace,
+        })
+    }
+
+    fn piece<'a>(slice: usize, data: &'a [f32]) -> Piece<'a> {
+        Piece {
+            slice,
+            field: Field::Mean,
+            start: &[0, 0],
+            shape: &[2, 2],
+            data,
+            touched: &[1],
+        }
+    }
+
+    fn done(complete: bool) -> Summary {
+        Summary {
+            complete,
+            ..Summary::default()
+        }
+    }
+
+    #[test]
+    fn renders_begin_go_on_and_end() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let record = |tile| TileRecord {
+            tile,
+            ..TileRecord::default()
+        };
+        let mut first = sink(&path, false, false);
+        assert_eq!(first.begin(&job(1, 4)).unwrap(), []);
+        first.put(&piece(0, &[1.0, 2.0, 3.0, 4.0])).unwrap();
+        first.tile_done(&record(0)).unwrap();
+        first.end(&done(false)).unwrap();
+        assert!(is_unfinished(&path));
+        let mut second = sink(&path, true, false);
+        assert_eq!(second.begin(&job(1, 4)).unwrap(), [record(0)]);
+        second.end(&done(true)).unwrap();
+        assert!(!is_unfinished(&path));
+        // All is done: every tile is known, and nothing is written.
+        let mut third = sink(&path, true, false);
+        assert_eq!(third.begin(&job(1, 4)).unwrap().len(), 2);
+        third.tile_done(&record(1)).unwrap();
+        third.end(&done(true)).unwrap();
+        let store = third.store().unwrap();
+        assert_eq!(store.attributes()["status"], "complete");
+        let image = store.slice("image").unwrap().read_all(Field::Mean).unwrap();
+        assert_eq!(image.data, [1.0, 2.0, 0.0, 0.0, 3.0, 4.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_a_mend() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        let mut sound = sink(&path, false, false);
+        let message = |r: Result<(), SinkError>| r.unwrap_err().to_string();
+        let counts = SampleCounts {
+            start: [0, 0],
+            shape: [1, 1],
+            counts: &[1],
+        };
+        for text in [
+            message(sound.put(&piece(0, &[0.0; 4]))),
+            message(sound.put_samples(&counts)),
+            message(sound.tile_done(&TileRecord::default())),
+        ] {
+            assert!(text.contains("call `begin` first"), "{text}");
+        }
+        assert!(!path.exists());
+        sound.begin(&job(1, 4)).unwrap();
+        let again = message(sound.begin(&job(1, 4)).map(drop));
+        assert!(again.contains("--resume") && again.contains("--force"), "{again}");
+        let other = message(sound.put(&piece(3, &[0.0; 4])));
+        assert!(other.contains("number 3") && other.contains("from 0"), "{other}");
+        let short = message(sound.put(&piece(0, &[0.0; 3])));
+        assert!(short.contains("one value per element"), "{short}");
+        // What is known of zeros may be too short to be true: then it is not believed.
+        let unsure = Piece {
+            touched: &[],
+            ..piece(0, &[1.0, 0.0, 0.0, 0.0])
+        };
+        sound.put(&unsure).unwrap();
+        for (job, what) in [(job(2, 4), "seeds"), (job(1, 3), "layout of a slice")] {
+            let text = message(sink(&path, true, false).begin(&job).map(drop));
+            assert!(text.contains(what) && text.contains("another -o"), "{text}");
+        }
+        sink(&path, false, true).begin(&job(2, 3)).unwrap();
+    }
 }

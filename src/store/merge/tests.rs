@@ -187,7 +187,9 @@ fn rows_that_do_not_rise_are_refused() {
         frame.extend(crc32c::crc32c(&frame).to_le_bytes());
         std::fs::write(at(name).join("s/y/c.0"), frame).unwrap();
     }
-    let error = merge(&[at("a"), at("b")], &at("out"), false).unwrap_err().to_string();
+    let error = merge(&[at("a"), at("b")], &at("out"), false)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("s/y") && error.contains("rise"), "{error}");
     assert!(!at("out").exists());
 }

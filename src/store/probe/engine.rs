@@ -46,7 +46,10 @@ pub(super) fn run(
     let mut sum = vec![0.0_f64; total];
     let mut variance = vec![0.0_f64; total];
     loop {
-        let batch: Vec<Ranges> = blocks.by_ref().take(rayon::current_num_threads().max(1)).collect();
+        let batch: Vec<Ranges> = blocks
+            .by_ref()
+            .take(rayon::current_num_threads().max(1))
+            .collect();
         if batch.is_empty() {
             break;
         }

@@ -315,7 +315,11 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             } else {
                 nearest_from(from)
             };
-            let last = if to == f64::INFINITY { n - 1 } else { axis.nearest(to) };
+            let last = if to == f64::INFINITY {
+                n - 1
+            } else {
+                axis.nearest(to)
+            };
             Ok(Step::Range {
                 first,
                 end: last.max(first) + 1,

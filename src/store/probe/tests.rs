@@ -1,15 +1,15 @@
 //! Tests of probing against brute-force loops.
 
 use super::*;
-use tensor::axes::AxisKind;
 use crate::zarr::StoredSlice;
-use tensor::array::Tensor;
-use tensor::field::Field;
 use crate::zarr::TensorStore;
 use nalgebra::{Matrix4, Vector4};
 use rand_core::{Rng, SeedableRng};
 use serde_json::{Map, json};
+use tensor::array::Tensor;
+use tensor::axes::AxisKind;
 use tensor::axes::{Extents, SliceLayout};
+use tensor::field::Field;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 const SIZE: [u32; 2] = [10, 7];

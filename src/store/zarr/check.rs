@@ -64,7 +64,9 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     };
     let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
     if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {
-        return Some(format!("shape {shape:?} in chunks of {chunk:?} is not that of a camera"));
+        return Some(format!(
+            "shape {shape:?} in chunks of {chunk:?} is not that of a camera"
+        ));
     }
     None
 }
@@ -75,7 +77,9 @@ pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<St
         let axis = &layout.axes[layout.find(kind)?];
         let last = axis.coords.last().filter(|c| **c > limit as f64 - 1.0)?;
         let name = kind.name();
-        Some(format!("its axis `{name}` reaches pixel {last}, the sample counts have {limit}"))
+        Some(format!(
+            "its axis `{name}` reaches pixel {last}, the sample counts have {limit}"
+        ))
     };
     beyond(AxisKind::Y, samples[0]).or_else(|| beyond(AxisKind::X, samples[1]))
 }
