@@ -23,8 +23,11 @@ pub const RANK_TOLERANCE: f64 = 1e-9;
     mend(*captures, *least)
 )]
 pub struct RankError {
+    /// Name of the scheme.
     pub name: String,
+    /// Rank of its design matrix.
     pub rank: usize,
+    /// Its captures.
     pub captures: usize,
     /// The least number of captures with which such a sensor can.
     pub least: usize,

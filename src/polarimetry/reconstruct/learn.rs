@@ -50,6 +50,7 @@ pub struct Descent {
 /// A learned scheme.
 #[derive(Clone, Debug)]
 pub struct Learned {
+    /// The template with the best settings that were found.
     pub scheme: Scheme,
     /// Its expected sum of squared errors.
     pub loss: f64,
