@@ -7,8 +7,9 @@ use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::reconstruct::estimator::LinearEstimate;
-use sunstone::polarimetry::reconstruct::loss::{Estimator, Moment, Objective};
+use sunstone::polarimetry::reconstruct::loss::{Estimator, Objective};
 use sunstone::polarimetry::reconstruct::product::Weights;
+use sunstone::polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 
 const PIXELS: usize = 1224 * 1024;
 
@@ -59,7 +60,7 @@ fn loss(c: &mut Criterion) {
         let objective = Objective {
             sigma: 5e-4,
             angle_error: 0.0,
-            second_moment: Moment::identity(),
+            second_moment: SecondMoment::new(Moment::identity()),
             estimator,
             rays: vec![Ray::axial(550.0)],
         };

@@ -11,6 +11,7 @@
 
 #![warn(missing_docs)]
 
+pub mod matrices;
 pub mod render;
 
 pub use {base, figure, optics, pbrdf, polarimetry, scene, store, tensor, transport};

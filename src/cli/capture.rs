@@ -1,15 +1,14 @@
 //! `sunstone capture`.
 
 use super::failure::Failure;
-use super::matrices::{MatrixSource, Target};
+use super::matrices::{MatrixSource, image};
 use std::path::{Path, PathBuf};
 use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
 use sunstone::polarimetry::capture::detector::file;
-use sunstone::polarimetry::capture::detector::file::{Detector, with_bins};
-use sunstone::polarimetry::capture::detector::polarizer_array::Method;
+use sunstone::polarimetry::capture::mueller_image::MuellerImage;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
-use sunstone::polarimetry::capture::simulate::{Captured, Noise, simulate};
+use sunstone::polarimetry::capture::simulate::{Captured, Noise};
 use sunstone::store::numpy;
 
 /// Simulate what a rig with a capture scheme reads of known Mueller matrices.
@@ -66,7 +65,7 @@ pub struct NoiseArguments {
 
 impl NoiseArguments {
     /// What they mean for some matrices.
-    pub fn resolve(&self, target: &Target) -> Result<Noise, Failure> {
+    pub fn resolve(&self, target: &MuellerImage) -> Result<Noise, Failure> {
         let good = |name: &str, sigma: f64| match sigma >= 0.0 && sigma.is_finite() {
             true => Ok(sigma),
             false => Err(Failure::input(format!(
@@ -89,34 +88,8 @@ impl NoiseArguments {
         let Some(path) = &self.detector else {
             return Ok(Noise::None);
         };
-        match file::load(path)? {
-            Detector::Cmos { camera, demosaic } => {
-                let halves = camera.binning > 1 || demosaic == Some(Method::Superpixel);
-                let (h, w) = (target.layout.height, target.layout.width);
-                if (halves || demosaic.is_some()) && h.min(w) < 2 {
-                    return Err(Failure::input(format!(
-                        "{}: an image of {h} x {w} is too small for binning or demosaicking; take out `binning` and `demosaic`",
-                        path.display()
-                    )));
-                }
-                Ok(Noise::Cmos { camera, demosaic })
-            }
-            Detector::Spad(diode) => {
-                let Some(bin_ps) = target.bin_ps else {
-                    return Err(Failure::input(format!(
-                        "{}: a [spad] counts photons in time bins; capture a slice with time bins and no projector axes, or \
-                         give a [cmos]",
-                        path.display()
-                    )));
-                };
-                let bins = target.layout.times;
-                let diode = with_bins(&diode, bins, bin_ps).map_err(|e| {
-                    let path = path.display();
-                    Failure::input(format!("{path}: {e}; the slice has {bins} bins of {bin_ps} ps"))
-                })?;
-                Ok(Noise::Spad(diode))
-            }
-        }
+        let noise = target.noise_of(file::load(path)?);
+        noise.map_err(|e| Failure::input(format!("{}: {e}", path.display())))
     }
 }
 
@@ -132,22 +105,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let scheme = load(&a.scheme)?;
     let example = format!("--scheme {} -o {}", a.scheme.display(), a.output.display());
     let matrices = a.from.read("capture", &example)?;
-    let target = Target::new(matrices, &a.wavelengths)?;
+    let target = image(matrices, &a.wavelengths)?;
     let noise = a.noise.resolve(&target)?;
-    let captured = simulate(
-        &target.matrices,
-        target.layout,
-        &scheme,
-        &target.rays,
-        &noise,
-        a.noise.seed,
-    )
-    .map_err(Failure::input)?;
+    let captured = target
+        .capture(&scheme, &noise, a.noise.seed)
+        .map_err(Failure::input)?;
     let mut shape = vec![scheme.captures()];
     if scheme.sensor.channels() > 1 {
         shape.push(scheme.sensor.channels());
     }
-    shape.extend(target.shape(captured.layout));
+    shape.extend(target.captured_shape(captured.layout));
     if let Some(path) = &a.variance {
         let Some(variances) = &captured.variances else {
             return Err(Failure::input(
@@ -168,7 +135,13 @@ fn save(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Failure> {
     numpy::save(path, shape, values).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
 
-fn summary(scheme: &Scheme, target: &Target, noise: &Noise, captured: &Captured, shape: &[usize]) -> String {
+fn summary(
+    scheme: &Scheme,
+    target: &MuellerImage,
+    noise: &Noise,
+    captured: &Captured,
+    shape: &[usize],
+) -> String {
     let ranks: Vec<usize> = target
         .rays
         .iter()
@@ -200,25 +173,11 @@ fn summary(scheme: &Scheme, target: &Target, noise: &Noise, captured: &Captured,
         "saturated  {:.3} %\n",
         100.0 * captured.saturated as f64 / all
     ));
-    if let Some(sigma) = typical_noise(noise, captured).filter(|s| *s > 0.0 && n > 0) {
+    if let Some(sigma) = captured.typical_noise(noise).filter(|s| *s > 0.0 && n > 0) {
         text.push_str(&format!(
             "noise      {sigma:.6e} (root mean square), mean intensity over it {:.2}\n",
             mean / sigma
         ));
     }
     text
-}
-
-/// Root mean square of the noise's standard deviation, where it is known.
-pub fn typical_noise(noise: &Noise, captured: &Captured) -> Option<f64> {
-    match (noise, &captured.variances) {
-        (Noise::None, _) => Some(0.0),
-        (Noise::Gaussian { sigma }, _) => Some(*sigma),
-        (_, Some(variances)) => {
-            let known = variances.iter().copied().map(f64::from).filter(|v| v.is_finite());
-            let (n, sum) = known.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));
-            (n > 0.0).then(|| f64::sqrt(sum / n))
-        }
-        _ => None,
-    }
 }

@@ -1,9 +1,10 @@
 //! `sunstone decompose`.
 
 use super::failure::Failure;
-use super::matrices::{Matrices, MatrixSource, array};
+use super::matrices::MatrixSource;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use sunstone::matrices::Matrices;
 use sunstone::polarimetry::decompose::maps::{Quantity, Real, WITH_ERRORS, errors, maps};
 use sunstone::store::numpy::{NumpyArray, Values, write_npz};
 use tracing::info;
@@ -130,7 +131,11 @@ fn arrays<T: Real>(
 
 /// Standard errors of an array's elements, of the matrices' own shape.
 fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
-    let (other, sigmas) = array(path)?;
+    let Matrices {
+        shape: other,
+        values: sigmas,
+        ..
+    } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         return Err(Failure::input(format!(
             "{}: its shape is {other:?} before the 4 x 4, that of the matrices {shape:?}; give one error per element",

@@ -1,7 +1,7 @@
 //! `sunstone learn`.
 
 use super::failure::Failure;
-use super::pbrdf::data::Source;
+use super::pbrdf::data::MaterialSource;
 use super::scheme::{SensorArgument, picture, save, table};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -9,16 +9,16 @@ use std::time::Instant;
 use sunstone::base::whole_file;
 use sunstone::figure::chart;
 use sunstone::figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
-use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
-use sunstone::polarimetry::reconstruct::learn::{FoldError, Learned, Search, learn, validate};
+use sunstone::polarimetry::reconstruct::cross_validation::{
+    LearningData, Validated, depends_on_materials, learn_and_validate,
+};
+use sunstone::polarimetry::reconstruct::learn::Search;
 use sunstone::polarimetry::reconstruct::loss::{Estimator, Objective};
-use sunstone::polarimetry::reconstruct::second_moment::Moment;
-use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Weight};
-use sunstone::polarimetry::reconstruct::pca::folds::folds;
-use sunstone::polarimetry::reconstruct::second_moment;
+use sunstone::polarimetry::reconstruct::second_moment::{self, Moment, SecondMoment};
 
 /// Learn a scheme's settings: the angles of least expected error.
 ///
@@ -63,7 +63,7 @@ pub struct Arguments {
     #[arg(long, value_delimiter = ',', default_value = "550")]
     wavelengths: Vec<f64>,
     #[command(flatten)]
-    data: Source,
+    data: MaterialSource,
     /// Folds of the cross-validation over materials; 0 for none.
     #[arg(long, default_value_t = 5)]
     folds: usize,
@@ -120,37 +120,12 @@ impl EstimatorArgument {
     }
 }
 
-/// A row of the table: expected squared errors, T00 = 1.
-struct Row {
+/// A learned scheme's row of the table.
+struct LearnedRow {
     kind: String,
     captures: usize,
-    error: f64,
-    /// Standard error over the folds.
-    spread: f64,
-    seen: f64,
+    validated: Validated,
     seconds: f64,
-}
-
-/// What there is to learn from: all materials, and folds of them.
-struct Materials {
-    all: Moment,
-    folds: Vec<(Moment, Moment)>,
-}
-
-impl Materials {
-    fn gather(a: &Arguments, data: &DataSet) -> Result<Self, Failure> {
-        let folds = match a.folds {
-            0 => vec![],
-            n => folds(data, n, Weight::Bins).map_err(Failure::input)?,
-        };
-        Ok(Self {
-            all: a.data.moment(&data.plain(Weight::Bins)),
-            folds: folds
-                .iter()
-                .map(|f| (a.data.moment(&f.train), a.data.moment(&f.test)))
-                .collect(),
-        })
-    }
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -167,9 +142,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         || a.save_prior.is_some()
         || a.angle_error > 0.0
         || a.estimator.contains(&EstimatorArgument::Prior)
-        || templates.iter().any(|t| t.captures() < t.least_captures());
+        || templates
+            .iter()
+            .any(|t| depends_on_materials(t, Estimator::LeastSquares));
     let materials = if needed {
-        Some(Materials::gather(a, &a.data.load(0)?)?)
+        let data = a.data.load(0)?;
+        Some(LearningData::new(&data, a.folds, a.data.frames()).map_err(Failure::input)?)
     } else {
         None
     };
@@ -182,8 +160,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for estimator in &a.estimator {
         for template in &templates {
             let begun = Instant::now();
-            let (scheme, mut row) = one(a, template, *estimator, materials.as_ref());
-            row.seconds = begun.elapsed().as_secs_f64();
+            let validated = one(a, template, *estimator, materials.as_ref());
+            let scheme = validated.scheme.clone();
+            let row = LearnedRow {
+                kind: format!("{}, {}", kind(template), estimator.name()),
+                captures: template.captures(),
+                validated,
+                seconds: begun.elapsed().as_secs_f64(),
+            };
             super::print(&line(&row, a.noise))?;
             let path = if several {
                 let tail = if *estimator == EstimatorArgument::Prior {
@@ -272,55 +256,23 @@ fn one(
     a: &Arguments,
     template: &Scheme,
     estimator: EstimatorArgument,
-    materials: Option<&Materials>,
-) -> (Scheme, Row) {
+    materials: Option<&LearningData>,
+) -> Validated {
     let search = Search {
         starts: a.starts,
         iterations: a.iterations,
         adam_steps: a.adam_steps,
         seed: a.seed,
     };
-    let objective = |second_moment: Moment| Objective {
+    let objective = Objective {
         sigma: a.noise,
         angle_error: a.angle_error.to_radians(),
-        second_moment,
+        second_moment: SecondMoment::new(materials.map_or_else(Moment::identity, |m| m.all)),
         estimator: estimator.estimator(),
         rays: rays(a),
     };
-    let all = objective(materials.map_or_else(Moment::identity, |m| m.all));
-    let Learned { scheme, loss, .. } = learn(template, &all, &search);
-    let mut row = Row {
-        kind: format!("{}, {}", kind(template), estimator.name()),
-        captures: template.captures(),
-        error: loss,
-        spread: 0.0,
-        seen: loss,
-        seconds: 0.0,
-    };
-    let depends = estimator == EstimatorArgument::Prior || template.captures() < template.least_captures();
-    if let Some(materials) = materials.filter(|m| depends && !m.folds.is_empty()) {
-        let errors: Vec<FoldError> = materials
-            .folds
-            .iter()
-            .map(|(train, test)| {
-                let o = objective(*train);
-                // What is good for all materials but some is near what is good for all: one more start, not all anew.
-                let own = Search {
-                    starts: a.starts.div_ceil(4),
-                    adam_steps: 0,
-                    ..search
-                };
-                validate(&learn(template, &o, &own).scheme, &o, train, test)
-            })
-            .collect();
-        let n = errors.len() as f64;
-        let mean = |f: fn(&FoldError) -> f64| errors.iter().map(f).sum::<f64>() / n;
-        row.seen = mean(|e| e.seen);
-        row.error = mean(|e| e.unseen);
-        let var = errors.iter().map(|e| (e.unseen - row.error).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-        row.spread = (var / n).sqrt();
-    }
-    (scheme, row)
+    let folds = materials.map_or(&[][..], |m| &m.folds);
+    learn_and_validate(template, &objective, &search, folds)
 }
 
 /// A scheme's name without its number of captures.
@@ -337,19 +289,19 @@ fn rmse(error: f64) -> f64 {
     (error / 16.0).sqrt()
 }
 
-fn line(row: &Row, noise: f64) -> String {
+fn line(row: &LearnedRow, noise: f64) -> String {
     format!(
         "{:<26} {:>3} captures: rms error of an element {:.3e} (materials learned from {:.3e}), {:.4} noise variances in all, {:.1} s",
         row.kind,
         row.captures,
-        rmse(row.error),
-        rmse(row.seen),
-        row.error / noise.powi(2),
+        rmse(row.validated.unseen),
+        rmse(row.validated.seen),
+        row.validated.unseen / noise.powi(2),
         row.seconds
     )
 }
 
-fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
+fn csv(rows: &[LearnedRow]) -> Result<Vec<u8>, csv::Error> {
     let mut out = csv::Writer::from_writer(vec![]);
     out.write_record([
         "scheme",
@@ -364,22 +316,22 @@ fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
         out.write_record([
             row.kind.clone(),
             row.captures.to_string(),
-            format!("{:e}", row.error),
-            format!("{:e}", row.spread),
-            format!("{:e}", row.seen),
-            format!("{:e}", rmse(row.error)),
+            format!("{:e}", row.validated.unseen),
+            format!("{:e}", row.validated.spread),
+            format!("{:e}", row.validated.seen),
+            format!("{:e}", rmse(row.validated.unseen)),
             format!("{:.2}", row.seconds),
         ])?;
     }
     out.into_inner().map_err(|e| e.into_error().into())
 }
 
-fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Result<(), Failure> {
+fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -> Result<(), Failure> {
     let mut series: Vec<Series> = vec![];
     for row in rows {
-        let point = (row.captures as f64, rmse(row.error));
+        let point = (row.captures as f64, rmse(row.validated.unseen));
         // d√(x/16) = dx/(2·16·√(x/16)).
-        let error = row.spread / (32.0 * rmse(row.error)).max(f64::MIN_POSITIVE);
+        let error = row.validated.spread / (32.0 * rmse(row.validated.unseen)).max(f64::MIN_POSITIVE);
         chart::add_point(&mut series, &row.kind, point, error);
     }
     let ray = rays(a).first().copied().unwrap_or(Ray::axial(550.0));
@@ -396,7 +348,7 @@ fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Resul
                 drr.push((k as f64, rmse(v * a.noise.powi(2))));
             }
             if k >= scheme.least_captures() {
-                least.push((k as f64, rmse(bound(&scheme) * a.noise.powi(2))));
+                least.push((k as f64, rmse(a_optimal_bound(&scheme) * a.noise.powi(2))));
             }
         }
         let (name, tail) = if array { ("DRR-P", ", array") } else { ("DRR", "") };
@@ -448,8 +400,9 @@ fn draw(a: &Arguments, rows: &[Row], templates: &[Scheme], path: &Path) -> Resul
     super::figure::save(&image, path)
 }
 
-/// The least error that the chart shows.
+/// The least error that the chart shows: the least bound of the sensors that are compared.
 fn bound_at(most: usize, a: &Arguments) -> f64 {
     let array = a.sensor.contains(&SensorArgument::PolarizerArray);
-    (if array { 440.0 } else { 1600.0 }) / most as f64 * a.noise.powi(2)
+    let bound = Scheme::quad(most, array).map_or(f64::NAN, |scheme| a_optimal_bound(&scheme));
+    bound * a.noise.powi(2)
 }

@@ -2,14 +2,13 @@
 
 use super::failure::Failure;
 use clap::Subcommand;
-use glam::Vec3A;
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
 use sunstone::base::whole_file;
 use sunstone::optics::spectrum::Wavelengths;
+use sunstone::pbrdf::phase::{PhaseTable, tables};
 use sunstone::scene::media;
-use sunstone::scene::media::MediumSet;
 
 /// Look at how participating media scatter.
 #[derive(clap::Args)]
@@ -111,24 +110,17 @@ fn choose(a: &EvalArguments) -> Result<String, Failure> {
 
 fn eval(a: &EvalArguments) -> Result<(), Failure> {
     // One wavelength at a time, so that there may be any number of them, in any order.
-    let each = |nm: &f64| Wavelengths::new(vec![*nm]).map(Some);
-    let mut wavelengths: Vec<Option<Wavelengths>> =
-        (a.wavelengths.iter().map(each).collect::<Result<_, _>>())
-            .map_err(|e| Failure::input(format!("--wavelengths: {e}")))?;
-    if wavelengths.is_empty() {
-        wavelengths.push(None);
-    }
+    let each = |nm: &f64| Wavelengths::new(vec![*nm]);
+    let wavelengths: Vec<Wavelengths> = (a.wavelengths.iter().map(each).collect::<Result<_, _>>())
+        .map_err(|e| Failure::input(format!("--wavelengths: {e}")))?;
     let name = choose(a)?;
     let mut head = format!(
         "# medium {name}: wavelength_nm,host_index,scattering_per_m,absorption_per_m,g,scattering_cross_section_m2,\
          absorption_cross_section_m2\n"
     );
     let mut rows = String::new();
-    for wavelengths in wavelengths {
-        let set = MediumSet::load(&a.medium, Some(&name), wavelengths)?;
-        if let Some(id) = set.names.get(&name) {
-            write_rows(&set, *id, &a.angles.0, &mut head, &mut rows);
-        }
+    for table in tables(&a.medium, &name, &wavelengths, &a.angles.0)? {
+        write_rows(&table, &a.angles.0, &mut head, &mut rows);
     }
     let text = format!("{head}angle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n{rows}");
     let Some(path) = &a.output else {
@@ -139,30 +131,23 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
     super::print(&path.display().to_string())
 }
 
-/// Appends the lines of a medium at the wavelengths of its set.
-fn write_rows(set: &MediumSet, id: u32, degrees: &[f64], head: &mut String, rows: &mut String) {
+/// Appends the lines of a medium at one wavelength.
+fn write_rows(table: &PhaseTable, degrees: &[f64], head: &mut String, rows: &mut String) {
     // Writing to a string cannot fail.
-    for (nm, b) in set.wavelengths.nm().iter().zip(&set.bulk[id as usize]) {
-        let _ = writeln!(
-            head,
-            "# {nm},{},{:e},{:e},{},{:e},{:e}",
-            b.index, b.scattering, b.absorption, b.asymmetry, b.c_sca, b.c_abs
-        );
-    }
-    for (lane, nm) in set.wavelengths.nm().iter().enumerate() {
-        for deg in degrees {
-            // Light travels along +z, and leaves in the plane of z and x, whose perpendicular is y.
-            let (sin, cos) = deg.to_radians().sin_cos();
-            let (wi, wo) = (-Vec3A::Z, Vec3A::new(sin as f32, 0.0, cos as f32));
-            let m = set
-                .media
-                .eval(id, wo, wi)
-                .between(wo, Vec3A::Y, wi, Vec3A::Y)
-                .lane(lane);
-            let [s11, s12, s22, s33, s34, s44] =
-                [m[0][0], m[0][1], m[1][1], m[2][2], m[2][3], m[3][3]].map(|e| plain(e, m[0][0]));
-            let _ = writeln!(rows, "{deg},{nm},{s11},{s12},{s22},{s33},{s34},{s44}");
-        }
+    let _ = writeln!(
+        head,
+        "# {},{},{:e},{:e},{},{:e},{:e}",
+        table.nm,
+        table.index,
+        table.scattering,
+        table.absorption,
+        table.asymmetry,
+        table.scattering_cross_section,
+        table.absorption_cross_section
+    );
+    for (deg, elements) in degrees.iter().zip(&table.elements) {
+        let [s11, s12, s22, s33, s34, s44] = elements.map(|e| plain(e, elements[0]));
+        let _ = writeln!(rows, "{deg},{},{s11},{s12},{s22},{s33},{s34},{s44}", table.nm);
     }
 }
 

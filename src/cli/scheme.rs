@@ -5,7 +5,7 @@ use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
 use sunstone::base::whole_file;
 use sunstone::figure::angles;
-use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
 use sunstone::polarimetry::capture::element::{Quantity, Ray};
 use sunstone::polarimetry::capture::scheme::{Scheme, SchemeError};
 use sunstone::polarimetry::capture::scheme_file::{load, to_toml};
@@ -159,7 +159,7 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
     for scheme in schemes {
         for ray in rays {
             let design = DesignMatrix::new(scheme, ray);
-            let (rank, bound) = (design.rank(), bound(scheme));
+            let (rank, bound) = (design.rank(), a_optimal_bound(scheme));
             let row = match design.error_variance() {
                 Ok(v) => format!(
                     "{:>9.4}  {v:>14.4}  {bound:>8.3}  {:>10.4}",

@@ -1,21 +1,16 @@
 //! `sunstone trial`: capture schemes against each other, on matrices that are known.
 
-use super::capture::{NoiseArguments, typical_noise};
+use super::capture::NoiseArguments;
 use super::failure::Failure;
-use super::matrices::{MatrixSource, Target};
-use nalgebra::DMatrix;
-use report::{Row, csv, curve, short, table};
+use super::matrices::{MatrixSource, image};
+use report::{csv, curve, short, table};
 use std::io::Write;
 use std::path::PathBuf;
 use sunstone::base::whole_file;
 use sunstone::figure::{chart, error_maps};
-use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
-use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
-use sunstone::polarimetry::capture::simulate::{Captured, Layout, Noise, averaged, simulate};
-use sunstone::polarimetry::reconstruct::loss::Moment;
-use sunstone::polarimetry::reconstruct::pixels::{Options, Reconstruction};
 use sunstone::polarimetry::reconstruct::second_moment;
+use sunstone::polarimetry::trial::{SchemeResult, Trial, TrialError, brightness};
 
 mod report;
 
@@ -71,22 +66,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let matrices = a
         .from
         .read("trial", &format!("--scheme {}", a.schemes[0].display()))?;
-    let target = Target::new(matrices, &a.wavelengths)?;
-    if !(target.mean() > 0.0 && target.mean().is_finite()) {
-        return Err(Failure::input(
-            "the mean T00 of the matrices is not positive, so no error is relative to it",
-        ));
-    }
+    let target = image(matrices, &a.wavelengths)?;
+    brightness(&target).map_err(failure)?;
     let noise = a.noise.resolve(&target)?;
-    let (mut rows, mut maps) = (vec![], vec![]);
+    let trial = Trial {
+        image: &target,
+        noise: &noise,
+        prior: prior.as_ref(),
+        repeat: a.repeat,
+        seed: a.noise.seed,
+    };
+    let mut rows = vec![];
     for scheme in &schemes {
-        let (row, map) = attempt(a, &target, scheme, &noise, prior.as_ref())?;
-        maps.push(error_maps::Map {
-            label: row.name.clone(),
-            caption: format!("RMSE {}", short(row.rmse)),
-            ..map
-        });
-        rows.push(row);
+        rows.push(trial.run(scheme).map_err(failure)?);
     }
     super::print(table(&rows).trim_end())?;
     if let Some(path) = &a.output {
@@ -97,6 +89,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.figure {
         let note =
             "√(Σ ΔTij²) over the mean T00 of all pixels, root mean square over wavelengths. Grey: lost.";
+        let map = |row: &SchemeResult| error_maps::Map {
+            label: row.name.clone(),
+            caption: format!("RMSE {}", short(row.rmse)),
+            width: row.errors.width,
+            data: row.errors.values.clone(),
+        };
+        let maps: Vec<error_maps::Map> = rows.iter().map(map).collect();
         let columns = (maps.len() as f64).sqrt().ceil() as usize;
         let quantity = "error / mean T00";
         let image = error_maps::draw(
@@ -118,163 +117,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// All tries of a scheme, and the errors of the first in a map without a name.
-fn attempt(
-    a: &Arguments,
-    target: &Target,
-    scheme: &Scheme,
-    noise: &Noise,
-    prior: Option<&Moment>,
-) -> Result<(Row, error_maps::Map), Failure> {
-    let designs: Vec<DesignMatrix> = target
-        .rays
-        .iter()
-        .map(|ray| DesignMatrix::new(scheme, ray))
-        .collect();
-    let rank = designs.iter().map(DesignMatrix::rank).min().unwrap_or(0);
-    let lanes = designs.len() as f64;
-    let variance = designs
-        .iter()
-        .map(|d| d.error_variance().ok())
-        .sum::<Option<f64>>();
-    let mut seen: Vec<Compared> = vec![];
-    let (mut method, mut predicted, mut map) = ("", None, None);
-    for i in 0..a.repeat {
-        let seed = a.noise.seed.wrapping_add(u64::from(i));
-        let captured = simulate(&target.matrices, target.layout, scheme, &target.rays, noise, seed)
-            .map_err(Failure::input)?;
-        let truth = averaged(&target.matrices, target.layout, captured.layout);
-        let found = if rank == 16 || prior.is_some() {
-            let below = prior.filter(|_| rank < 16);
-            method = if below.is_some() { "prior" } else { "least squares" };
-            estimated(target, scheme, noise, &captured, below)?
-        } else {
-            method = "minimum norm";
-            least_norm(&designs, &captured)
-        };
-        let compared = compare(&truth, &found);
-        if let (None, Noise::Gaussian { sigma }) = (predicted, noise) {
-            predicted = variance.map(|v| sigma * (v / lanes / 16.0).sqrt() / compared.mean);
-        }
-        map.get_or_insert_with(|| error_map(&truth, &found, captured.layout, compared.mean));
-        seen.push(compared);
-    }
-    let n = seen.len() as f64;
-    let mean = |of: fn(&Compared) -> f64| seen.iter().map(of).sum::<f64>() / n;
-    let rmse = mean(|c| c.rmse);
-    let scatter = seen.iter().map(|c| (c.rmse - rmse).powi(2)).sum::<f64>();
-    let row = Row {
-        name: scheme.name.clone(),
-        captures: scheme.captures(),
-        rank,
-        condition: designs.iter().map(DesignMatrix::condition).fold(0.0, f64::max),
-        method,
-        predicted,
-        rmse,
-        rmse_error: (scatter / (n - 1.0) / n).sqrt(),
-        normalized: mean(|c| c.normalized),
-        lost: mean(|c| c.lost),
-    };
-    map.map(|map| (row, map))
-        .ok_or_else(|| Failure::failed("nothing was tried"))
-}
-
-/// What `sunstone reconstruct` makes of captures.
-fn estimated(
-    target: &Target,
-    scheme: &Scheme,
-    noise: &Noise,
-    captured: &Captured,
-    prior: Option<&Moment>,
-) -> Result<Vec<f32>, Failure> {
-    let typical = typical_noise(noise, captured).filter(|s| *s > 0.0);
-    if prior.is_some() && typical.is_none() && !matches!(noise, Noise::None) {
-        return Err(Failure::input(
+/// What is said where no trial is possible.
+fn failure(e: TrialError) -> Failure {
+    match e {
+        TrialError::NoiseUnknown => Failure::input(
             "--prior weighs what is expected against the noise, which a [spad] does not state; give --noise or a [cmos]",
-        ));
-    }
-    let options = Options {
-        noise: typical,
-        prior: prior.copied(),
-        ..Options::default()
-    };
-    let reconstruction = Reconstruction::<f32>::new(scheme, &target.rays, options).map_err(Failure::input)?;
-    let mut out = vec![0.0; captured.layout.pixels() * 16];
-    reconstruction.apply(
-        &captured.intensities,
-        captured.variances.as_deref(),
-        &mut out,
-        None,
-    );
-    Ok(out)
-}
-
-/// The matrices of least norm that explain the captures.
-fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f32> {
-    let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
-    let pixels = captured.layout.pixels();
-    let one = |p: usize| -> [f32; 16] {
-        let w = &weights[p % weights.len()];
-        let at = |m: usize| f64::from(captured.intensities[m * pixels + p]);
-        std::array::from_fn(|e| (0..w.ncols()).map(|m| w[(e, m)] * at(m)).sum::<f64>() as f32)
-    };
-    (0..pixels).flat_map(one).collect()
-}
-
-/// One try against the truth.
-struct Compared {
-    /// Mean T00 of the truth.
-    mean: f64,
-    rmse: f64,
-    normalized: f64,
-    lost: f64,
-}
-
-/// Pairs of true and found matrices, of pixels whose truth is known.
-fn pairs<'a>(truth: &'a [f64], found: &'a [f32]) -> impl Iterator<Item = (&'a [f64], &'a [f32])> {
-    let all = truth.chunks_exact(16).zip(found.chunks_exact(16));
-    all.filter(|(t, _)| t.iter().all(|v| v.is_finite()))
-}
-
-fn is_found(m: &[f32]) -> bool {
-    m.iter().all(|v| v.is_finite())
-}
-
-fn squared(t: &[f64], m: &[f32]) -> f64 {
-    t.iter().zip(m).map(|(t, m)| (f64::from(*m) - t).powi(2)).sum()
-}
-
-fn compare(truth: &[f64], found: &[f32]) -> Compared {
-    let (n, sum) = pairs(truth, found).fold((0.0, 0.0), |(n, sum), (t, _)| (n + 1.0, sum + t[0]));
-    let mean = sum / n;
-    let (mut known, mut squares) = (0.0, 0.0);
-    let (mut lit, mut off) = (0.0, 0.0);
-    for (t, m) in pairs(truth, found).filter(|(_, m)| is_found(m)) {
-        known += 1.0;
-        squares += squared(t, m);
-        if t[0] > 0.1 * mean && m[0] > 0.0 {
-            lit += 1.0;
-            let of = |e: usize| (f64::from(m[e]) / f64::from(m[0]) - t[e] / t[0]).abs();
-            off += (1..16).map(of).sum::<f64>() / 15.0;
-        }
-    }
-    Compared {
-        mean,
-        rmse: (squares / known / 16.0).sqrt() / mean,
-        normalized: off / lit,
-        lost: 1.0 - known / n,
-    }
-}
-
-/// √(Σ ΔT²) over mean T00 at every place, root mean square over what else there is.
-fn error_map(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> error_maps::Map {
-    let inner = layout.times * layout.lanes;
-    let places = truth.chunks_exact(16 * inner).zip(found.chunks_exact(16 * inner));
-    let data = places.map(|(t, m)| ((squared(t, m) / inner as f64).sqrt() / mean) as f32);
-    error_maps::Map {
-        label: String::new(),
-        caption: String::new(),
-        width: layout.width,
-        data: data.collect(),
+        ),
+        TrialError::NoTries => Failure::failed(e),
+        other => Failure::input(other),
     }
 }

@@ -3,6 +3,7 @@
 //! One material at a time is read, its φ_d slabs in parallel; of a file only the pages that are being read are in memory,
 //! of an analytic material one slab for each thread. Angles do not count, so files whose axes are left empty serve too.
 
+use crate::table_part::nearest_band;
 use optics::spectrum::MAX_WAVELENGTHS;
 use polarimetry::reconstruct::pca::data_set::{self, DataSet, Material, Settings};
 use polarimetry::reconstruct::pca::gather::Gathered;
@@ -18,13 +19,26 @@ use transport::material::measured::write::slab;
 pub enum DataError {
     /// The folder cannot be listed.
     #[error("{}: cannot be listed: {cause}; give a folder of .pbsdf files", path.display())]
-    Folder { path: PathBuf, cause: std::io::Error },
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// Why not.
+        cause: std::io::Error,
+    },
     /// The folder holds no tables.
     #[error("{}: there is no .pbsdf file in this folder; make some with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
-    NoTables { path: PathBuf },
+    NoTables {
+        /// The folder.
+        path: PathBuf,
+    },
     /// A table is wrong.
     #[error("{}: {cause}", path.display())]
-    Table { path: PathBuf, cause: PbsdfError },
+    Table {
+        /// File of the table.
+        path: PathBuf,
+        /// What is wrong.
+        cause: PbsdfError,
+    },
     /// Analytic materials cannot be tabulated so.
     #[error("the materials cannot be tabulated: a table so made {0}")]
     Axes(PbsdfError),
@@ -116,12 +130,11 @@ fn table(path: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Material,
     })?;
     let mut bands = vec![];
     for nm in bands_nm {
-        let off = |b: &u16| (f64::from(*b) - nm).abs();
-        let nearest = table.wavelengths_nm().iter().enumerate();
-        let Some((band, found)) = nearest.min_by(|a, b| off(a.1).total_cmp(&off(b.1))) else {
+        let Some(band) = nearest_band(table.wavelengths_nm(), *nm) else {
             continue;
         };
-        if f64::from(*found) != *nm {
+        let found = table.wavelengths_nm()[band];
+        if f64::from(found) != *nm {
             tracing::warn!("{}: {nm} nm takes the band at {found} nm", path.display());
         }
         if !bands.contains(&band) {
@@ -151,8 +164,8 @@ mod tests {
     use optics::spectrum::Wavelengths;
     use polarimetry::reconstruct::pca::data_set::Weight;
     use polarimetry::reconstruct::pca::gather::Tally;
+    use polarimetry::reconstruct::pca::moments::MatrixRow;
     use polarimetry::reconstruct::pca::moments::Moments;
-    use polarimetry::reconstruct::pca::moments::Row;
     use scene::materials::MaterialSet;
     use transport::material::measured::write::{tabulate, write};
 
@@ -184,7 +197,7 @@ mod tests {
         let data = read(folder.path(), &[450.0, 650.0, 451.0], &settings).unwrap();
         let names: Vec<&str> = data.materials.iter().map(|m| m.name.as_str()).collect();
         assert_eq!(names, ["a", "b"]);
-        let mut rows: Vec<Row> = vec![];
+        let mut rows: Vec<MatrixRow> = vec![];
         for i in 0..5 {
             for k in (0..36).filter(|k| k % 3 != 1 && !(*k == 0 && i < 3)) {
                 let x = (i * 36 + k) as f32 / 180.0;

@@ -3,7 +3,7 @@
 use crate::commands::{refused, run};
 use crate::decompose::{save, values};
 use std::path::Path;
-use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, bound};
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::store::numpy::NumpyArray;
@@ -106,7 +106,7 @@ fn learned_schemes_are_at_the_bound() {
         .error_variance()
         .expect("rank 16");
     assert!(
-        (0.9999..1.02).contains(&(variance / bound(&scheme))),
+        (0.9999..1.02).contains(&(variance / a_optimal_bound(&scheme))),
         "{variance}"
     );
     assert!(image::open(d.join("a.png")).expect("a picture").width() > 300);

@@ -1,17 +1,17 @@
 //! Materials that other commands learn from: a folder of tables, or the stand-ins.
 
-use super::stand_ins::{Resolution, Sets};
+use super::resolution::Resolution;
 use crate::cli::failure::Failure;
 use std::path::PathBuf;
-use sunstone::pbrdf::data_set::{self, Analytic};
-use sunstone::polarimetry::reconstruct::loss::{Moment, in_any_frames};
+use sunstone::pbrdf::data_set;
+use sunstone::pbrdf::stand_ins::{BandedError, BandedMaterials};
+use sunstone::polarimetry::reconstruct::cross_validation::Frames;
 use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Settings};
-use sunstone::polarimetry::reconstruct::pca::moments::Moments;
 use sunstone::transport::material::measured::axes::Axes;
 
 /// Where materials come from.
 #[derive(clap::Args)]
-pub struct Source {
+pub struct MaterialSource {
     /// Folder of .pbsdf tables; without it, the stand-ins for the materials of the KAIST set.
     #[arg(long = "data", value_name = "FOLDER")]
     folder: Option<PathBuf>,
@@ -20,7 +20,7 @@ pub struct Source {
     bands: Vec<u16>,
     /// Frames between which matrices are expected.
     #[arg(long, value_enum, default_value_t)]
-    frames: Frames,
+    frames: FramesArgument,
     /// Entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
     #[arg(
         long,
@@ -31,13 +31,13 @@ pub struct Source {
     resolution: Resolution,
 }
 
-impl Source {
+impl MaterialSource {
     /// Reads tables, or evaluates the stand-ins; keeps `samples` matrices of each.
     pub fn load(&self, samples: usize) -> Result<DataSet, Failure> {
         self.load_mapped(Settings::default().c, samples)
     }
 
-    /// As [`Source::load`], with the c of arctan(c M).
+    /// As [`MaterialSource::load`], with the c of arctan(c M).
     pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
         let settings = Settings { c, samples };
         match &self.folder {
@@ -46,23 +46,19 @@ impl Source {
                 data_set::read(folder, &bands, &settings)
             }
             None => {
-                let sets = Sets::load(None, &self.bands)?;
-                let material = |name: &String| -> Analytic { (name.clone(), sets.sources(name)) };
-                let materials: Vec<Analytic> = sets.stand_ins().iter().map(material).collect();
+                let banded = BandedMaterials::load(None, &self.bands).map_err(banded_failure)?;
                 let axes = Axes::even(self.resolution.0, self.bands.clone());
-                data_set::evaluate(&axes, &materials, &settings)
+                data_set::evaluate(&axes, &banded.analytic(), &settings)
             }
         }
         .map_err(Failure::input)
     }
 
-    /// E[t tᵀ] of matrices, in the frames asked for.
-    pub fn moment(&self, moments: &Moments) -> Moment {
-        let s = moments.second();
-        let s = Moment::from_fn(|i, j| s[i][j]);
+    /// The frames asked for.
+    pub fn frames(&self) -> Frames {
         match self.frames {
-            Frames::Any => in_any_frames(&s),
-            Frames::Plane => s,
+            FramesArgument::Any => Frames::Any,
+            FramesArgument::Plane => Frames::Plane,
         }
     }
 
@@ -79,9 +75,17 @@ impl Source {
     }
 }
 
+/// What is said where materials cannot be built.
+pub fn banded_failure(e: BandedError) -> Failure {
+    match e {
+        BandedError::File(e) => e.into(),
+        other => Failure::input(other),
+    }
+}
+
 /// Frames of matrices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-enum Frames {
+enum FramesArgument {
     /// Turned by any angle, as those of a camera and a projector are to the plane of scattering.
     #[default]
     Any,

@@ -1,15 +1,12 @@
 //! `sunstone pbrdf eval`: Mueller matrices of a material at given directions.
 
 use crate::cli::failure::Failure;
-use glam::Vec3A;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use sunstone::optics::polarization::mueller::Mueller;
-use sunstone::optics::spectrum::Spectral;
+use sunstone::pbrdf::evaluate::{Direction, Specimen};
 use sunstone::scene::materials::MaterialSet;
-use sunstone::transport::geometry::ray::Surface;
-use sunstone::transport::material::{Lanes, Lobe};
+use sunstone::transport::material::Lobe;
 
 /// Print the Mueller matrix of a material at given directions, as JSON.
 ///
@@ -40,7 +37,7 @@ pub struct Arguments {
         allow_hyphen_values = true,
         required_unless_present = "directions"
     )]
-    incoming: Option<Direction>,
+    incoming: Option<Pair>,
     /// Where light goes, degrees.
     #[arg(
         long = "out",
@@ -48,7 +45,7 @@ pub struct Arguments {
         allow_hyphen_values = true,
         group = "what"
     )]
-    outgoing: Option<Direction>,
+    outgoing: Option<Pair>,
     /// The mirror direction: the matrix of specular reflection.
     #[arg(long, group = "what")]
     mirror: bool,
@@ -66,14 +63,14 @@ pub struct Arguments {
         default_value = "0.5,0.5",
         allow_hyphen_values = true
     )]
-    uv: Direction,
+    uv: Pair,
 }
 
-/// Two numbers: a polar angle from the normal and an azimuth from the tangent, degrees.
+/// Two numbers with a comma between.
 #[derive(Clone, Copy, Debug)]
-struct Direction([f64; 2]);
+struct Pair([f64; 2]);
 
-impl FromStr for Direction {
+impl FromStr for Pair {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers = numbers(text)?;
@@ -81,6 +78,13 @@ impl FromStr for Direction {
             [a, b] => Ok(Self([a, b])),
             _ => Err(format!("`{text}` is not two numbers with a comma between")),
         }
+    }
+}
+
+impl Pair {
+    fn direction(self) -> Direction {
+        let [theta_deg, phi_deg] = self.0;
+        Direction { theta_deg, phi_deg }
     }
 }
 
@@ -93,36 +97,15 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
         .collect()
 }
 
-impl Direction {
-    /// The unit vector, and the horizontal of its Stokes frame.
-    fn exact(self) -> [[f64; 3]; 2] {
-        let [theta, phi] = self.0.map(f64::to_radians);
-        let w = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
-        [w, [-phi.sin(), phi.cos(), 0.0]]
-    }
-
-    /// [`Self::exact`] as the renderer takes it.
-    fn vectors(self) -> (Vec3A, Vec3A) {
-        let [w, x] = self.exact().map(|v| v.map(|c| c as f32).into());
-        (w, x)
-    }
-
-    /// The direction of a vector in the plane of incidence of this one, on the other side of the normal.
-    fn across(self, w: Vec3A) -> Self {
-        let theta = f64::from(w.x.hypot(w.y)).atan2(f64::from(w.z)).to_degrees();
-        Self([theta, self.0[1] + 180.0])
-    }
-
-    fn json(self) -> Value {
-        // Adding 0 turns -0 into 0.
-        let [w, x] = self.exact().map(|v| v.map(|c| (c * 1e12).round() / 1e12 + 0.0));
-        json!({
-            "theta_deg": self.0[0],
-            "phi_deg": self.0[1],
-            "direction": w,
-            "frame": x,
-        })
-    }
+fn shown(direction: Direction) -> Value {
+    // Adding 0 turns -0 into 0.
+    let [w, x] = [direction.vector(), direction.frame()].map(|v| v.map(|c| (c * 1e12).round() / 1e12 + 0.0));
+    json!({
+        "theta_deg": direction.theta_deg,
+        "phi_deg": direction.phi_deg,
+        "direction": w,
+        "frame": x,
+    })
 }
 
 /// A single-precision matrix in its shortest decimal form, rounding noise far below M00 taken off.
@@ -139,25 +122,22 @@ enum What {
     Lobe(Lobe),
 }
 
-/// A material of a file, on a flat surface with normal +z and tangent +x.
-struct Subject {
-    set: MaterialSet,
-    id: u32,
-    at: Surface,
+/// A material of a file under its name.
+struct Subject<'a> {
+    set: &'a MaterialSet,
+    name: String,
+    specimen: Specimen<'a>,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let set = MaterialSet::load(&a.material)?;
-    let (name, id) = choose(&set, &a.material, a.name.as_deref())?;
-    let at = Surface {
-        p: Vec3A::ZERO,
-        ng: Vec3A::Z,
-        ns: Vec3A::Z,
-        tangent: Vec3A::X,
-        uv: a.uv.0.map(|c| c as f32),
-        material: id,
+    let name = choose(&set, &a.material, a.name.as_deref())?;
+    let specimen = Specimen::new(&set, &name, a.uv.0.map(|c| c as f32));
+    let subject = Subject {
+        set: &set,
+        specimen: specimen.ok_or_else(|| Failure::failed("the material is gone"))?,
+        name,
     };
-    let subject = Subject { set, id, at };
     let lobe = match (a.mirror, a.refract) {
         (true, _) => Some(Lobe::Reflected),
         (_, true) => Some(Lobe::Transmitted),
@@ -167,19 +147,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let list = directions(path, lobe)?;
         let results: Result<Vec<Value>, Failure> = list
             .into_iter()
-            .map(|(incoming, what)| subject.eval(&name, incoming, what))
+            .map(|(incoming, what)| subject.eval(incoming, what))
             .collect();
         Value::Array(results?)
     } else {
         let what = match (lobe, a.outgoing) {
             (Some(lobe), _) => What::Lobe(lobe),
-            (None, Some(out)) => What::Brdf(out),
+            (None, Some(out)) => What::Brdf(out.direction()),
             (None, None) => {
                 return Err(Failure::input("give --out THETA,PHI, or --mirror, or --refract"));
             }
         };
-        let incoming = a.incoming.unwrap_or(Direction([0.0; 2]));
-        subject.eval(&name, incoming, what)?
+        let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
+        subject.eval(incoming, what)?
     };
     crate::cli::print(&readable(&value, 0))
 }
@@ -204,11 +184,11 @@ fn readable(value: &Value, indent: usize) -> String {
 }
 
 /// The material that is meant, by name.
-fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<(String, u32), Failure> {
+fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, Failure> {
     let known = || set.names.keys().cloned().collect::<Vec<_>>().join(", ");
     let found = match name {
-        Some(name) => set.names.get_key_value(name),
-        None if set.names.len() == 1 => set.names.iter().next(),
+        Some(name) => set.names.get_key_value(name).map(|(n, _)| n),
+        None if set.names.len() == 1 => set.names.keys().next(),
         None => {
             return Err(Failure::input(format!(
                 "{} holds several materials; choose one with --name: {}",
@@ -217,7 +197,7 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<(String,
             )));
         }
     };
-    found.map(|(n, id)| (n.clone(), *id)).ok_or_else(|| {
+    found.cloned().ok_or_else(|| {
         Failure::input(format!(
             "{} has no material `{}`; it has: {}",
             file.display(),
@@ -236,8 +216,11 @@ fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>,
         let place = |m: String| Failure::input(format!("{}:{}: {m}", path.display(), i + 1));
         let values = numbers(line).map_err(place)?;
         list.push(match (values[..].as_ref(), lobe) {
-            ([t, p], Some(lobe)) => (Direction([*t, *p]), What::Lobe(lobe)),
-            ([ti, pi, to, po], None) => (Direction([*ti, *pi]), What::Brdf(Direction([*to, *po]))),
+            ([t, p], Some(lobe)) => (Pair([*t, *p]).direction(), What::Lobe(lobe)),
+            ([ti, pi, to, po], None) => (
+                Pair([*ti, *pi]).direction(),
+                What::Brdf(Pair([*to, *po]).direction()),
+            ),
             (other, _) => {
                 let wanted = if lobe.is_some() { 2 } else { 4 };
                 return Err(place(format!("{} numbers where {wanted} belong", other.len())));
@@ -247,100 +230,57 @@ fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>,
     Ok(list)
 }
 
-impl Subject {
-    fn eval(&self, name: &str, incoming: Direction, what: What) -> Result<Value, Failure> {
+impl Subject<'_> {
+    fn eval(&self, incoming: Direction, what: What) -> Result<Value, Failure> {
         match what {
-            What::Brdf(outgoing) => Ok(self.brdf(name, incoming, outgoing)),
-            What::Lobe(lobe) => self.lobe(name, incoming, lobe),
+            What::Brdf(outgoing) => Ok(self.brdf(incoming, outgoing)),
+            What::Lobe(lobe) => self.lobe(incoming, lobe),
         }
     }
 
-    fn lanes(&self) -> usize {
-        self.set.wavelengths.count()
-    }
-
-    fn brdf(&self, name: &str, incoming: Direction, outgoing: Direction) -> Value {
-        let ((wi, xi), (wo, xo)) = (incoming.vectors(), outgoing.vectors());
-        let materials = &self.set.materials;
-        let m = materials
-            .eval(self.id, &self.at, wo, wi)
-            .map(|s| {
-                s.scaled(Spectral::splat(1.0 / wi.z.abs()))
-                    .between(wo, xo, wi, xi)
-            })
-            .unwrap_or_default();
-        let matrices: Vec<_> = (0..self.lanes()).map(|lane| plain(m.lane(lane))).collect();
+    fn brdf(&self, incoming: Direction, outgoing: Direction) -> Value {
+        let value = self.specimen.brdf(incoming, outgoing);
+        let matrices: Vec<_> = value.mueller.into_iter().map(plain).collect();
         json!({
-            "material": name,
+            "material": self.name,
             "kind": "brdf",
             "unit": "1/sr",
-            "in": incoming.json(),
-            "out": outgoing.json(),
+            "in": shown(incoming),
+            "out": shown(outgoing),
             "wavelengths_nm": self.set.wavelengths.nm(),
             "mueller": matrices,
-            "pdf": materials.pdf(self.id, &self.at, wo, wi),
+            "pdf": value.pdf,
         })
     }
 
-    /// Each wavelength along its own direction. Light paths are reversible, so the way out is found by following
-    /// light that comes out backwards.
-    fn lobe(&self, name: &str, incoming: Direction, lobe: Lobe) -> Result<Value, Failure> {
-        let materials = &self.set.materials;
-        let (wi, xi) = incoming.vectors();
-        let missing = || {
-            let lobe = match lobe {
-                Lobe::Reflected => "mirror",
-                Lobe::Transmitted => "transmit",
-            };
+    fn lobe(&self, incoming: Direction, lobe: Lobe) -> Result<Value, Failure> {
+        let values = self.specimen.specular(incoming, lobe).map_err(|_| {
+            let (name, lobe) = (
+                &self.name,
+                if lobe == Lobe::Reflected {
+                    "mirror"
+                } else {
+                    "transmit"
+                },
+            );
             Failure::input(format!(
                 "material `{name}` does not {lobe} specularly there; give --out for its BRDF"
             ))
-        };
-        let mut matrices = vec![];
-        let mut out = vec![];
-        for lane in 0..self.lanes() {
-            // Where the reversed light goes is None under total reflection as well: then nothing is transmitted.
-            let back = materials.specular(self.id, &self.at, wi, lobe, lane);
-            let total = back.is_none() && lobe == Lobe::Transmitted;
-            if total && materials.beyond(self.id, &self.at, wi, Lanes::first(1)).is_some() {
-                matrices.push(plain(Mueller::ZERO.lane(0)));
-                out.push(Value::Null);
-                continue;
-            }
-            let wo = back.ok_or_else(missing)?.wi;
-            let forth = materials
-                .specular(self.id, &self.at, wo, lobe, lane)
-                .ok_or_else(missing)?;
-            let outgoing = match lobe {
-                Lobe::Reflected => Direction([incoming.0[0], incoming.0[1] + 180.0]),
-                Lobe::Transmitted => incoming.across(wo),
-            };
-            let power = forth
-                .scatter
-                .scaled(Spectral::splat(self.index_ratio2(wo, wi, lane)));
-            let m = power.between(wo, outgoing.vectors().1, wi, xi);
-            matrices.push(plain(m.lane(lane)));
-            out.push(outgoing.json());
-        }
+        })?;
+        let matrices: Vec<_> = values.iter().map(|v| plain(v.mueller)).collect();
+        let mut out: Vec<Value> = values
+            .iter()
+            .map(|v| v.outgoing.map_or(Value::Null, shown))
+            .collect();
         Ok(json!({
-            "material": name,
+            "material": self.name,
             "kind": match lobe { Lobe::Reflected => "mirror", Lobe::Transmitted => "refraction" },
             "unit": "1",
-            "in": incoming.json(),
+            "in": shown(incoming),
             "out": if lobe == Lobe::Reflected { out.swap_remove(0) } else { Value::Array(out) },
             "wavelengths_nm": self.set.wavelengths.nm(),
             "mueller": matrices,
             "pdf": Value::Null,
         }))
-    }
-
-    /// (n_in / n_out)²: radiance to power, for light that goes through the surface.
-    fn index_ratio2(&self, wo: Vec3A, wi: Vec3A, lane: usize) -> f32 {
-        let lanes = Lanes { mask: 1 << lane };
-        let beyond = |w: Vec3A| self.set.materials.beyond(self.id, &self.at, w, lanes);
-        match (wo.z * wi.z < 0.0, beyond(wo), beyond(wi)) {
-            (true, Some(on_wi), Some(on_wo)) => (on_wi.index / on_wo.index).powi(2),
-            _ => 1.0,
-        }
     }
 }

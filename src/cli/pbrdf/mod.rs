@@ -3,8 +3,8 @@
 pub mod data;
 mod eval;
 mod pca;
+mod resolution;
 mod sheet;
-mod stand_ins;
 mod synth;
 mod table;
 

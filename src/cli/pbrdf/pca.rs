@@ -1,6 +1,6 @@
 //! `sunstone pbrdf pca`: principal components of a folder of tables, or of the stand-ins.
 
-use super::data::Source;
+use super::data::MaterialSource;
 use crate::cli::failure::Failure;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ Examples:
   sunstone pbrdf pca --prior prior.toml                        for sunstone reconstruct --prior")]
 pub struct Arguments {
     #[command(flatten)]
-    data: Source,
+    data: MaterialSource,
     /// Picture to write.
     #[arg(short, long, default_value = "components.png")]
     output: PathBuf,
@@ -87,8 +87,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
     if let Some(path) = &a.prior {
-        second_moment::save(path, &a.data.name(), &a.data.moment(&data.plain(Weight::Bins)))
-            .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
+        second_moment::save(
+            path,
+            &a.data.name(),
+            &a.data.frames().second_moment(&data.plain(Weight::Bins)),
+        )
+        .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
     crate::cli::print(table(&data, &components, &quantity).trim_end())?;
     for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()]

@@ -1,10 +1,12 @@
 //! `sunstone pbrdf synth`: tables in the KAIST format from analytic materials.
 
-use super::stand_ins::{Resolution, Sets};
+use super::data::banded_failure;
+use super::resolution::Resolution;
 use crate::cli::failure::Failure;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::{Path, PathBuf};
-use sunstone::base::whole_file;
+use std::path::PathBuf;
+use sunstone::pbrdf::stand_ins::BandedMaterials;
+use sunstone::pbrdf::synth;
 use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::tabulate;
 
@@ -38,8 +40,8 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let axes = Axes::even(a.resolution.0, a.bands.clone());
-    let sets = Sets::load(a.material.as_deref(), &a.bands)?;
-    let names = names(a, &sets)?;
+    let materials = BandedMaterials::load(a.material.as_deref(), &a.bands).map_err(banded_failure)?;
+    let names = names(a, &materials)?;
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::failed(format!("cannot make {}: {e}", a.output.display())))?;
     let bar = ProgressBar::new(names.len() as u64);
@@ -49,64 +51,24 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for name in &names {
         bar.set_message(name.clone());
         let file = a.output.join(format!("{name}.pbsdf"));
-        tabulate(&file, &axes, &sets.sources(name))
+        tabulate(&file, &axes, &materials.sources(name))
             .map_err(|e| Failure::input(format!("{}: {e}", file.display())))?;
         bar.inc(1);
     }
     bar.finish_and_clear();
-    list(&a.output, &a.bands)
+    let list = synth::list(&a.output, &a.bands)
+        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
+    crate::cli::print(&list.display().to_string())
 }
 
 /// The materials to make: those asked for, or all that light from a point can show.
-fn names(a: &Arguments, sets: &Sets) -> Result<Vec<String>, Failure> {
-    for name in &a.name {
-        match sets.has_extended_lobe(name) {
-            Some(true) => {}
-            Some(false) => {
-                return Err(Failure::input(format!(
-                    "`{name}` reflects in single directions only, which a table cannot hold"
-                )));
-            }
-            None => {
-                let known = sets.known().cloned().collect::<Vec<_>>().join(", ");
-                return Err(Failure::input(format!(
-                    "there is no material `{name}`; there are: {known}"
-                )));
-            }
-        }
-    }
-    if !a.name.is_empty() {
-        return Ok(a.name.clone());
-    }
-    if a.material.is_none() {
-        return Ok(sets.stand_ins());
-    }
-    let lit = |name: &&String| sets.has_extended_lobe(name) == Some(true);
-    Ok(sets.known().filter(lit).cloned().collect())
-}
-
-/// Writes materials.toml: every table of the folder as a material.
-fn list(folder: &Path, bands: &[u16]) -> Result<(), Failure> {
-    let failed = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
-    let mut tables: Vec<String> = std::fs::read_dir(folder)
-        .map_err(failed)?
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| name.ends_with(".pbsdf") && !name.starts_with('.'))
-        .collect();
-    tables.sort();
-    let nearest = |nm: u16| bands.iter().copied().min_by_key(|b| b.abs_diff(nm)).unwrap_or(nm);
-    let mut shown = [450, 550, 650].map(nearest).to_vec();
-    shown.dedup();
-    let path = folder.join("materials.toml");
-    whole_file::write_with(&path, |file| {
-        use std::io::Write;
-        writeln!(file, "wavelengths_nm = {shown:?}\n\n[materials]")?;
-        for table in &tables {
-            let stem = table.trim_end_matches(".pbsdf");
-            writeln!(file, "{stem:?}.measured = {{ file = {table:?} }}")?;
-        }
-        Ok(())
+fn names(a: &Arguments, materials: &BandedMaterials) -> Result<Vec<String>, Failure> {
+    synth::check(materials, &a.name).map_err(Failure::input)?;
+    Ok(if !a.name.is_empty() {
+        a.name.clone()
+    } else if a.material.is_none() {
+        materials.stand_ins()
+    } else {
+        materials.tabulable()
     })
-    .map_err(failed)?;
-    crate::cli::print(&path.display().to_string())
 }

@@ -1,29 +1,7 @@
 //! What a trial says: a table to read, the same for other programs, and a chart.
 
 use sunstone::figure::chart::{Chart, ChartAxis, Series, add_point};
-
-/// How a scheme did.
-pub struct Row {
-    /// Name of the scheme.
-    pub name: String,
-    pub captures: usize,
-    /// The least of all wavelengths.
-    pub rank: usize,
-    /// The largest of all wavelengths; infinite below rank 16.
-    pub condition: f64,
-    /// How matrices were estimated.
-    pub method: &'static str,
-    /// RMSE over mean T00 by the closed form, where it has one.
-    pub predicted: Option<f64>,
-    /// Root mean square error of all elements over the mean T00.
-    pub rmse: f64,
-    /// Standard error of `rmse`; NaN from one try.
-    pub rmse_error: f64,
-    /// Mean absolute error of the elements over T00, of bright pixels.
-    pub normalized: f64,
-    /// Share of pixels that are not determined.
-    pub lost: f64,
-}
+use sunstone::polarimetry::trial::SchemeResult;
 
 /// Four figures, as 1.234e-3 where decimals would not show them.
 pub fn short(v: f64) -> String {
@@ -35,7 +13,7 @@ pub fn short(v: f64) -> String {
 }
 
 /// The table for people.
-pub fn table(rows: &[Row]) -> String {
+pub fn table(rows: &[SchemeResult]) -> String {
     let mut out = format!(
         "{:<20}  {:>8}  {:>4}  {:>9}  {:<13}  {:>10}  {:>10}  {:>10}  {:>10}  {:>7}\n",
         "scheme",
@@ -56,7 +34,7 @@ pub fn table(rows: &[Row]) -> String {
             r.captures,
             r.rank,
             short(r.condition),
-            r.method,
+            r.estimate.name(),
             r.predicted.map_or_else(|| "-".to_owned(), short),
             short(r.rmse),
             short(r.rmse_error),
@@ -68,7 +46,7 @@ pub fn table(rows: &[Row]) -> String {
 }
 
 /// The table for other programs; what is not known is empty.
-pub fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
+pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(vec![]);
     writer.write_record([
         "scheme",
@@ -95,7 +73,7 @@ pub fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
             r.captures.to_string(),
             r.rank.to_string(),
             number(r.condition),
-            r.method.to_owned(),
+            r.estimate.name().to_owned(),
             r.predicted.map_or_else(String::new, number),
             number(r.rmse),
             number(r.rmse_error),
@@ -109,9 +87,9 @@ pub fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
 }
 
 /// Errors against captures; the kind of a scheme is its name up to the last space.
-pub fn curve(rows: &[Row]) -> Chart {
+pub fn curve(rows: &[SchemeResult]) -> Chart {
     let mut series: Vec<Series> = vec![];
-    let mut order: Vec<&Row> = rows.iter().collect();
+    let mut order: Vec<&SchemeResult> = rows.iter().collect();
     order.sort_by_key(|r| r.captures);
     for row in order {
         let kind = row

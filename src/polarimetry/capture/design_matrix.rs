@@ -23,8 +23,11 @@ pub const RANK_TOLERANCE: f64 = 1e-9;
     mend(*captures, *least)
 )]
 pub struct RankError {
+    /// Name of the scheme.
     pub name: String,
+    /// Rank of its design matrix.
     pub rank: usize,
+    /// Its captures.
     pub captures: usize,
     /// The least number of captures with which such a sensor can.
     pub least: usize,
@@ -187,7 +190,7 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
 /// evenly that is diag(1, ⅓, ⅓, ⅓) and 10, hence 400; but quarter-wave plates keep n on the equator, which gives
 /// diag(1, ¼, ¼, ½) and 11.
 #[must_use]
-pub fn bound(scheme: &Scheme) -> f64 {
+pub fn a_optimal_bound(scheme: &Scheme) -> f64 {
     let whole = match scheme.sensor {
         Sensor::Intensity => 1600.0,
         Sensor::PolarizerArray { .. } if scheme.quarter_waves() => 440.0,
@@ -292,7 +295,7 @@ mod tests {
             let back = a.pseudo_inverse().expect(&scheme.name) * a.intensities(&t);
             let worst = (0..16).map(|e| (back[e] - t[e]).abs()).fold(0.0, f64::max);
             assert!(worst < 1e-9 * a.condition(), "{}: {worst}", scheme.name);
-            assert!(a.error_variance().expect("rank 16") >= bound(&scheme) * (1.0 - 1e-9));
+            assert!(a.error_variance().expect("rank 16") >= a_optimal_bound(&scheme) * (1.0 - 1e-9));
         }
     }
 

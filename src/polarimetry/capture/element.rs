@@ -15,7 +15,7 @@ pub type Stokes = Vector4<f64>;
 
 /// What an element does to light that passes it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
+pub enum ElementKind {
     /// A linear polarizer; its angle is that of the light it passes.
     Polarizer {
         /// Least over greatest transmittance for linearly polarized light.
@@ -63,7 +63,7 @@ pub struct Element {
     /// What it is called, e.g. `retarder_2`.
     pub name: String,
     /// What it is.
-    pub kind: Kind,
+    pub kind: ElementKind,
     /// Angle of its stage.
     pub angle: Setting,
     /// Its axis' angle when the stage reads zero, radians.
@@ -168,7 +168,7 @@ impl Element {
         Self::ideal(
             name,
             angle,
-            Kind::Polarizer {
+            ElementKind::Polarizer {
                 extinction: SpectralValue::Same(0.0),
             },
         )
@@ -177,7 +177,7 @@ impl Element {
     /// An ideal retarder.
     #[must_use]
     pub fn retarder(name: &str, angle: Setting, retardance: Setting) -> Self {
-        let kind = Kind::Retarder {
+        let kind = ElementKind::Retarder {
             retardance,
             error: SpectralValue::Same(0.0),
             order: 0,
@@ -186,7 +186,7 @@ impl Element {
         Self::ideal(name, angle, kind)
     }
 
-    fn ideal(name: &str, angle: Setting, kind: Kind) -> Self {
+    fn ideal(name: &str, angle: Setting, kind: ElementKind) -> Self {
         Self {
             name: name.to_owned(),
             kind,
@@ -204,7 +204,7 @@ impl Element {
     /// sec. 3.2) in their difference.
     #[must_use]
     pub fn retardance(&self, k: usize, ray: &Ray) -> f64 {
-        let Kind::Retarder {
+        let ElementKind::Retarder {
             retardance, error, ..
         } = &self.kind
         else {
@@ -216,7 +216,7 @@ impl Element {
 
     /// What an oblique ray multiplies the whole retardance with, and the whole waves of it, radians.
     fn oblique(&self, k: usize, ray: &Ray) -> (f64, f64) {
-        let Kind::Retarder { order, index, .. } = &self.kind else {
+        let ElementKind::Retarder { order, index, .. } = &self.kind else {
             return (1.0, 0.0);
         };
         let waves = f64::from(*order) * std::f64::consts::TAU;
@@ -233,12 +233,12 @@ impl Element {
         let theta = self.angle.at(k) + self.axis_offset;
         let t = self.transmittance.at(ray.nm);
         let (plain, by_delta, by_delta2) = match &self.kind {
-            Kind::Polarizer { extinction } => (
+            ElementKind::Polarizer { extinction } => (
                 diattenuator(t, t * extinction.at(ray.nm)),
                 Mueller::zeros(),
                 Mueller::zeros(),
             ),
-            Kind::Retarder { .. } => {
+            ElementKind::Retarder { .. } => {
                 let delta = self.retardance(k, ray);
                 let (scale, _) = self.oblique(k, ray);
                 let m = retarder(delta) * t;
@@ -269,7 +269,7 @@ impl Element {
         let angle = matches!(self.angle, Setting::Each(_)).then_some(Quantity::Angle);
         let each = matches!(
             self.kind,
-            Kind::Retarder {
+            ElementKind::Retarder {
                 retardance: Setting::Each(_),
                 ..
             }
@@ -282,8 +282,8 @@ impl Element {
     pub fn setting(&self, quantity: Quantity) -> Option<&Setting> {
         match (quantity, &self.kind) {
             (Quantity::Angle, _) => Some(&self.angle),
-            (Quantity::Retardance, Kind::Retarder { retardance, .. }) => Some(retardance),
-            (Quantity::Retardance, Kind::Polarizer { .. }) => None,
+            (Quantity::Retardance, ElementKind::Retarder { retardance, .. }) => Some(retardance),
+            (Quantity::Retardance, ElementKind::Polarizer { .. }) => None,
         }
     }
 
@@ -291,8 +291,8 @@ impl Element {
     pub fn setting_mut(&mut self, quantity: Quantity) -> Option<&mut Setting> {
         match (quantity, &mut self.kind) {
             (Quantity::Angle, _) => Some(&mut self.angle),
-            (Quantity::Retardance, Kind::Retarder { retardance, .. }) => Some(retardance),
-            (Quantity::Retardance, Kind::Polarizer { .. }) => None,
+            (Quantity::Retardance, ElementKind::Retarder { retardance, .. }) => Some(retardance),
+            (Quantity::Retardance, ElementKind::Polarizer { .. }) => None,
         }
     }
 }
@@ -380,7 +380,7 @@ mod tests {
     #[test]
     fn a_leaky_polarizer_passes_what_it_should() {
         let mut p = Element::polarizer("p", Setting::Fixed(0.0));
-        p.kind = Kind::Polarizer {
+        p.kind = ElementKind::Polarizer {
             extinction: SpectralValue::Same(0.01),
         };
         p.transmittance = SpectralValue::Same(0.8);

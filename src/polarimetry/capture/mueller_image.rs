@@ -325,10 +325,16 @@ mod tests {
             MuellerImage::of_slice(vec![1.0; elements], axes, vec![550.0], Some(25.0))
         };
         let timed = of(&[axis(AxisKind::X, 4), axis(AxisKind::Time, 3)]).expect("an image");
-        assert_eq!((timed.layout.width, timed.layout.times, timed.bin_ps), (4, 3, Some(25.0)));
+        assert_eq!(
+            (timed.layout.width, timed.layout.times, timed.bin_ps),
+            (4, 3, Some(25.0))
+        );
         let projected = of(&[axis(AxisKind::Y, 2), axis(AxisKind::U, 3)]).expect("an image");
         assert_eq!((projected.layout.height, projected.bin_ps), (2, None));
-        assert_eq!(of(&[axis(AxisKind::Bounces, 2)]), Err(ImageError::Parts("bounces")));
+        assert_eq!(
+            of(&[axis(AxisKind::Bounces, 2)]),
+            Err(ImageError::Parts("bounces"))
+        );
         assert_eq!(of(&[axis(AxisKind::X, 0)]), Err(ImageError::Empty));
     }
 

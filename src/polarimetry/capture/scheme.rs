@@ -7,7 +7,7 @@
 //! for L(θ4). Liquid crystals keep all angles and change retardances.
 
 use super::coaxial::Coaxial;
-use super::element::{Element, Kind, Quantity, Setting};
+use super::element::{Element, ElementKind, Quantity, Setting};
 use super::spectral_value::SpectralValue;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use thiserror::Error;
@@ -52,19 +52,31 @@ impl Sensor {
 /// What is wrong with a scheme.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SchemeError {
+    /// Lists of settings are not of one length.
     #[error(
         "the settings of `{name}` are {found}, but those of `{other}` are {want}; give one for each capture"
     )]
     Lengths {
+        /// Name of the element.
         name: String,
+        /// Its settings.
         found: usize,
+        /// Name of the element that it is compared with.
         other: String,
+        /// Settings of that one.
         want: usize,
     },
+    /// There is no capture.
     #[error("a scheme has at least one capture; give settings for it")]
     Empty,
+    /// A setting is not finite.
     #[error("the setting of `{name}` at capture {capture} is not a finite number; mend it")]
-    NotFinite { name: String, capture: usize },
+    NotFinite {
+        /// Name of the element.
+        name: String,
+        /// The capture, from 0.
+        capture: usize,
+    },
 }
 
 /// Side of the scene.
@@ -168,10 +180,10 @@ impl Scheme {
     #[must_use]
     pub fn quarter_waves(&self) -> bool {
         let mut retarders = self.analyzer.iter().filter_map(|e| match &e.kind {
-            Kind::Retarder {
+            ElementKind::Retarder {
                 retardance, error, ..
             } => Some((retardance, error)),
-            Kind::Polarizer { .. } => None,
+            ElementKind::Polarizer { .. } => None,
         });
         let quarter = |d: f64| (d - FRAC_PI_2).abs() < 1e-9;
         let first = retarders.next();

@@ -23,9 +23,10 @@
 use super::cloude::Matrix;
 use nalgebra::{Matrix3, Vector3};
 
-/// Relative rounding of matrices that are given in double and in single precision: where 1 - D² or a singular value of m' is
-/// not known from zero.
+/// Relative rounding of matrices that are given in double precision: where 1 - D² or a singular value of m' is not known from
+/// zero.
 pub const DOUBLE: f64 = 1e-12;
+/// The same of matrices that are given in single precision.
 pub const SINGLE: f64 = 1e-6;
 
 /// The three factors of a Mueller matrix, in the order in which light meets them from last to first.

@@ -27,18 +27,23 @@ impl Real for f64 {
 /// What a map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
+    /// Degree of polarization that unpolarized light leaves with, 0..1.
     Polarizance,
+    /// (largest - least transmittance) / (their sum), 0..1.
     Diattenuation,
     /// Radians, 0..π.
     Retardance,
+    /// 1 - |tr m_Δ| / 3 of the depolarizer's inner 3×3 matrix: 0 keeps all polarization, 1 none.
     Depolarization,
     /// Stokes components of the retarder's fast axis.
     RetardanceAxis,
     /// Cloude's entropy, 0..1.
     Entropy,
-    /// The factors of M = M_Δ M_R M_D.
+    /// The factor M_Δ of M = M_Δ M_R M_D.
     Depolarizer,
+    /// The factor M_R.
     Retarder,
+    /// The factor M_D.
     Diattenuator,
 }
 

@@ -50,6 +50,7 @@ pub struct Descent {
 /// A learned scheme.
 #[derive(Clone, Debug)]
 pub struct Learned {
+    /// The template with the best settings that were found.
     pub scheme: Scheme,
     /// Its expected sum of squared errors.
     pub loss: f64,
@@ -192,7 +193,7 @@ pub fn validate(scheme: &Scheme, objective: &Objective, train: &Moment, test: &M
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::design_matrix::bound;
+    use crate::capture::design_matrix::a_optimal_bound;
     use crate::capture::element::Ray;
     use crate::reconstruct::second_moment::SecondMoment;
 
@@ -327,7 +328,7 @@ mod tests {
         for (captures, array) in [(16, false), (20, false), (8, true)] {
             let template = Scheme::quad(captures, array).expect("a scheme");
             let learned = learn(&template, &objective, &search);
-            let ratio = learned.loss / objective.sigma.powi(2) / bound(&template);
+            let ratio = learned.loss / objective.sigma.powi(2) / a_optimal_bound(&template);
             assert!((0.9999..1.02).contains(&ratio), "{captures}: {ratio}");
             assert!(
                 learned.loss <= learned.descents.iter().map(|d| d.loss).fold(f64::MAX, f64::min) * 1.000_001

@@ -176,7 +176,8 @@ impl Objective {
                 let mut noise = DMatrix::identity(n, n) * self.sigma.powi(2);
                 if self.angle_error > 0.0 {
                     for (_, rows) in capture.derivatives() {
-                        let seen: Vec<Elements> = rows.iter().map(|r| self.second_moment.matrix() * r).collect();
+                        let seen: Vec<Elements> =
+                            rows.iter().map(|r| self.second_moment.matrix() * r).collect();
                         for (i, row) in rows.iter().enumerate() {
                             for (j, s) in seen.iter().enumerate() {
                                 noise[(i, j)] += self.angle_error.powi(2) * row.dot(s);

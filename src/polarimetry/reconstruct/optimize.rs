@@ -14,7 +14,9 @@ pub trait Smooth: Sync {
 /// A point and the value there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Minimum {
+    /// The point.
     pub x: Vec<f64>,
+    /// The value there.
     pub value: f64,
 }
 

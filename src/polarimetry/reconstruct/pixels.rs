@@ -32,6 +32,7 @@ pub struct Options {
 /// What became of the pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
+    /// All of them.
     pub pixels: usize,
     /// Estimated without some of their measurements.
     pub partial: usize,

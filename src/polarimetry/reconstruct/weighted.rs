@@ -9,7 +9,9 @@ use nalgebra::{Cholesky, DMatrix, SVector};
 /// A Mueller matrix with the standard errors of its elements; both row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimated {
+    /// Elements, in the unit of the intensities.
     pub elements: [f64; 16],
+    /// Their standard errors, in the same unit.
     pub errors: [f64; 16],
 }
 

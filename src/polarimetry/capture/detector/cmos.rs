@@ -312,9 +312,7 @@ impl Cmos {
         for y in 0..out.height {
             for x in 0..out.width {
                 let block = (0..side * side).map(|k| (y * side + k / side) * width + x * side + k % side);
-                let mut pixels: Vec<_> = block
-                    .map(|i| (image[i], stream(seed, i as u32, key)))
-                    .collect();
+                let mut pixels: Vec<_> = block.map(|i| (image[i], stream(seed, i as u32, key))).collect();
                 let exposures = self.bracket.iter().map(|factor| {
                     let one = |(radiance, stream): &mut (f64, Stream)| {
                         self.estimate(self.sample(*radiance, nm, *factor, stream).dn, nm, *factor)

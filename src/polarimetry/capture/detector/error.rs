@@ -78,7 +78,11 @@ pub(super) fn share(value: f64) -> bool {
 }
 
 /// Checks the length of a list.
-pub(in crate::capture) fn count(what: &'static str, expected: usize, found: usize) -> Result<(), DetectorError> {
+pub(in crate::capture) fn count(
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), DetectorError> {
     if expected == found {
         return Ok(());
     }
@@ -90,7 +94,12 @@ pub(in crate::capture) fn count(what: &'static str, expected: usize, found: usiz
 }
 
 /// Checks the length of an image; no list is as long as one whose size overflows.
-pub(super) fn area(what: &'static str, width: usize, height: usize, found: usize) -> Result<(), DetectorError> {
+pub(super) fn area(
+    what: &'static str,
+    width: usize,
+    height: usize,
+    found: usize,
+) -> Result<(), DetectorError> {
     count(what, width.saturating_mul(height), found)
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::element::{Element, Setting};
 use super::super::scheme::{Scheme, Sensor};
-use super::{Text, stem};
+use super::format::{Text, stem};
 use base::locate::InputError;
 use std::path::Path;
 

@@ -1,6 +1,7 @@
 //! Schemes as TOML and CSV: read, written, damaged.
 
 use super::*;
+use crate::capture::scheme::Sensor;
 use proptest::prelude::*;
 
 fn toml(text: &str) -> Result<Scheme, InputError> {

@@ -1,10 +1,10 @@
 //! Schemes as TOML text: what differs from ideal elements.
 
 use super::super::coaxial::Coaxial;
-use super::super::element::{Element, Kind};
+use super::super::element::{Element, ElementKind};
 use super::super::scheme::{Scheme, Sensor};
 use super::super::spectral_value::SpectralValue;
-use super::{KindFile, SensorKind, SettingFile, tidy};
+use super::format::{KindFile, SensorKind, SettingFile, tidy};
 use serde::Serialize;
 
 /// What is written: only what differs from an ideal element.
@@ -68,8 +68,8 @@ fn element_out(e: &Element) -> ElementOut {
         index: None,
     };
     match &e.kind {
-        Kind::Polarizer { extinction } => out.extinction = unless(extinction, 0.0),
-        Kind::Retarder {
+        ElementKind::Polarizer { extinction } => out.extinction = unless(extinction, 0.0),
+        ElementKind::Retarder {
             retardance,
             error,
             order,

@@ -5,7 +5,7 @@
 //!
 //! The price are singular values below about 1e-8 of the first: they are rounding.
 
-use super::moments::{Moments, Row};
+use super::moments::{MatrixRow, Moments};
 use nalgebra::{SMatrix, SymmetricEigen};
 
 /// Steps of the eigenvalue iteration; a few per value are enough.
@@ -17,16 +17,16 @@ pub struct Components {
     /// Number of rows n.
     pub count: f64,
     /// Mean of the rows.
-    pub mean: Row,
+    pub mean: MatrixRow,
     /// Singular values of X - mean, falling: they grow with √n.
-    pub spectrum: Row,
+    pub spectrum: MatrixRow,
     /// Share of each in the total variance, σ² / Σ σ²; all 0 of a set without variance.
-    pub share: Row,
+    pub share: MatrixRow,
     /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is positive.
-    pub vectors: [Row; 16],
+    pub vectors: [MatrixRow; 16],
     /// V Σ / √n by columns: how far the set reaches along each component, as a standard deviation of the matrix. These are
     /// the paper's scaled components, in a scale that does not depend on the number of bins.
-    pub scaled: [Row; 16],
+    pub scaled: [MatrixRow; 16],
 }
 
 impl Components {
@@ -50,7 +50,7 @@ impl Components {
         let variance = order.map(|k| eigen.eigenvalues[k].max(0.0));
         let total: f64 = variance.iter().sum();
         let vectors = order.map(|k| {
-            let v: Row = std::array::from_fn(|i| eigen.eigenvectors[(i, k)]);
+            let v: MatrixRow = std::array::from_fn(|i| eigen.eigenvectors[(i, k)]);
             let largest = v
                 .iter()
                 .fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
@@ -68,7 +68,7 @@ impl Components {
 
     /// The nearest row in the span of the mean and the first `n` components.
     #[must_use]
-    pub fn nearest(&self, row: &Row, n: usize) -> Row {
+    pub fn nearest(&self, row: &MatrixRow, n: usize) -> MatrixRow {
         let mut out = self.mean;
         for v in self.vectors.iter().take(n) {
             let along: f64 = (0..16).map(|i| (row[i] - self.mean[i]) * v[i]).sum();
@@ -124,7 +124,7 @@ mod tests {
         let rows = rows(300, 6);
         let c = Components::of(&Moments::of(&rows)).unwrap();
         for n in 0..=16 {
-            let square = |r: &Row| {
+            let square = |r: &MatrixRow| {
                 let near = c.nearest(r, n);
                 (0..16).map(|i| (r[i] - near[i]).powi(2)).sum::<f64>()
             };

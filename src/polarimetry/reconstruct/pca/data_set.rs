@@ -43,6 +43,7 @@ pub struct Material {
 /// Materials in order of name.
 #[derive(Clone, Debug)]
 pub struct DataSet {
+    /// The materials.
     pub materials: Vec<Material>,
 }
 
@@ -83,13 +84,21 @@ impl Weight {
 pub enum DataError {
     /// Nothing to learn from.
     #[error("{name}: no bin is valid (finite, M00 > 0, other elements no larger); leave this material out")]
-    NoBins { name: String },
+    NoBins {
+        /// Name of the material.
+        name: String,
+    },
     /// c of arctan(c T).
     #[error("arctan(c T) has c = {0}; c must be a positive number, in the paper 8")]
     Factor(f64),
     /// One side of a split would be empty.
     #[error("{materials} materials cannot be split into {folds} folds; two or more of each are needed")]
-    Folds { folds: usize, materials: usize },
+    Folds {
+        /// Folds that were asked for.
+        folds: usize,
+        /// Materials that there are.
+        materials: usize,
+    },
 }
 
 impl DataSet {

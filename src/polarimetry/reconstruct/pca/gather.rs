@@ -9,7 +9,7 @@
 //! Entries come slab by slab and in parallel. What is kept of each slab is bounded in size and merged in order of slabs, so
 //! that the result depends neither on threads nor on how a file is cut.
 
-use super::moments::{Moments, Row};
+use super::moments::{MatrixRow, Moments};
 use optics::sampling::stream::mix;
 
 /// Greatest magnitude of a normalised element: 1, and 10 % for noise and calibration.
@@ -42,7 +42,7 @@ impl Tally {
 
 /// The map of §3.2: arctan(c v), element by element. It spreads out the small elements, among which most matter differs.
 #[must_use]
-pub fn arctan(v: &Row, c: f64) -> Row {
+pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
 
@@ -133,7 +133,7 @@ impl Gathered {
             self.tally.dark += 1;
             return;
         }
-        let v: Row = m.map(|e| f64::from(e) / f64::from(m[0]));
+        let v: MatrixRow = m.map(|e| f64::from(e) / f64::from(m[0]));
         if v.iter().any(|e| e.abs() > GREATEST) {
             self.tally.unreal += 1;
             return;

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 /// A Mueller matrix as a row of X.
-pub type Row = [f64; 16];
+pub type MatrixRow = [f64; 16];
 
 /// Rows that one piece of parallel work sums; fixed, so that the result does not depend on the number of threads.
 const CHUNK: usize = 4096;
@@ -20,15 +20,15 @@ const CHUNK: usize = 4096;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moments {
     count: f64,
-    mean: Row,
+    mean: MatrixRow,
     /// C, symmetric.
-    about_mean: [Row; 16],
+    about_mean: [MatrixRow; 16],
 }
 
 impl Moments {
     /// Of all rows, in parallel; the same on any machine.
     #[must_use]
-    pub fn of(rows: &[Row]) -> Self {
+    pub fn of(rows: &[MatrixRow]) -> Self {
         let parts: Vec<Self> = rows
             .par_chunks(CHUNK)
             .map(|rows| {
@@ -52,16 +52,16 @@ impl Moments {
 
     /// Adds one row. One with an element that is not finite is left out.
     #[inline]
-    pub fn add(&mut self, row: &Row) {
+    pub fn add(&mut self, row: &MatrixRow) {
         if !row.iter().all(|e| e.is_finite()) {
             return;
         }
         self.count += 1.0;
-        let before: Row = std::array::from_fn(|i| row[i] - self.mean[i]);
+        let before: MatrixRow = std::array::from_fn(|i| row[i] - self.mean[i]);
         for (mean, d) in self.mean.iter_mut().zip(&before) {
             *mean += d / self.count;
         }
-        let after: Row = std::array::from_fn(|i| row[i] - self.mean[i]);
+        let after: MatrixRow = std::array::from_fn(|i| row[i] - self.mean[i]);
         // before - after is parallel to both, so the product is symmetric but for rounding; half of it would be slower.
         for (c, a) in self.about_mean.iter_mut().zip(&after) {
             for (c, b) in c.iter_mut().zip(&before) {
@@ -76,7 +76,7 @@ impl Moments {
         if count <= 0.0 {
             return;
         }
-        let d: Row = std::array::from_fn(|i| other.mean[i] - self.mean[i]);
+        let d: MatrixRow = std::array::from_fn(|i| other.mean[i] - self.mean[i]);
         let (share, both) = (other.count / count, self.count * other.count / count);
         for i in 0..16 {
             self.mean[i] += d[i] * share;
@@ -108,13 +108,13 @@ impl Moments {
 
     /// E[v]: the mean matrix.
     #[must_use]
-    pub fn mean(&self) -> Row {
+    pub fn mean(&self) -> MatrixRow {
         self.mean
     }
 
     /// E[(v - μ)(v - μ)ᵀ]: C / n, symmetric to the last bit; 0 of the empty set.
     #[must_use]
-    pub fn covariance(&self) -> [Row; 16] {
+    pub fn covariance(&self) -> [MatrixRow; 16] {
         if self.count <= 0.0 {
             return [[0.0; 16]; 16];
         }
@@ -124,7 +124,7 @@ impl Moments {
 
     /// E[v vᵀ]: the raw second moment, covariance + μ μᵀ.
     #[must_use]
-    pub fn second(&self) -> [Row; 16] {
+    pub fn second(&self) -> [MatrixRow; 16] {
         let (mut out, mean) = (self.covariance(), &self.mean);
         for (i, row) in out.iter_mut().enumerate() {
             for (j, e) in row.iter_mut().enumerate() {
@@ -177,7 +177,7 @@ mod tests {
     /// A variance of 1e-12 on a mean of 1e4, which a sum of squares loses entirely.
     #[test]
     fn small_variances_survive_large_means() {
-        let rows: Vec<Row> = (0..20_000)
+        let rows: Vec<MatrixRow> = (0..20_000)
             .map(|k| [1e4 + if k % 2 == 0 { 1e-6 } else { -1e-6 }; 16])
             .collect();
         let c = Moments::of(&rows).covariance()[3][7];

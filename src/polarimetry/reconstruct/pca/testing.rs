@@ -1,10 +1,10 @@
 //! Rows with structure, for tests.
 
-use super::moments::Row;
+use super::moments::MatrixRow;
 use optics::sampling::stream::Stream;
 
 /// `n` rows about a mean, with four strong directions and a little of everything.
-pub fn rows(n: u32, seed: u64) -> Vec<Row> {
+pub fn rows(n: u32, seed: u64) -> Vec<MatrixRow> {
     (0..n)
         .map(|k| {
             let mut stream = Stream::new(seed, k, 0);

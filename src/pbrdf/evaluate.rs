@@ -1,0 +1,241 @@
+//! Mueller matrices of a material by itself: its BRDF, and what smooth surfaces reflect and transmit.
+//!
+//! The surface lies with its normal along +z and its tangent along +x. Directions point away from it: the incoming one to
+//! where light comes from, the outgoing one to where it goes. Stokes vectors are in frames whose horizontal is
+//! perpendicular to the plane of the normal and the direction, (-sin φ, cos φ, 0): "s" comes first. So those of the two
+//! directions are turned from the renderer's own ([`optics::polarization::scatter`]), and of what goes through a surface
+//! radiance is turned into power.
+
+use glam::Vec3A;
+use optics::polarization::mueller::Mueller;
+use optics::spectrum::Spectral;
+use scene::materials::MaterialSet;
+use transport::geometry::ray::Surface;
+use transport::material::{Lanes, Lobe};
+
+/// A polar angle from the normal (+z) and an azimuth from the tangent (+x), degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction {
+    /// Angle from the normal; beyond 90 behind the surface.
+    pub theta_deg: f64,
+    /// Azimuth from the tangent.
+    pub phi_deg: f64,
+}
+
+impl Direction {
+    /// The unit vector that points there.
+    #[must_use]
+    pub fn vector(self) -> [f64; 3] {
+        let [theta, phi] = [self.theta_deg, self.phi_deg].map(f64::to_radians);
+        [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
+    }
+
+    /// The horizontal of the Stokes frame of light along it: (-sin φ, cos φ, 0), also on the normal.
+    #[must_use]
+    pub fn frame(self) -> [f64; 3] {
+        let phi = self.phi_deg.to_radians();
+        [-phi.sin(), phi.cos(), 0.0]
+    }
+
+    /// Both as the renderer takes them.
+    fn single(self) -> (Vec3A, Vec3A) {
+        let [w, x] = [self.vector(), self.frame()].map(|v| v.map(|c| c as f32).into());
+        (w, x)
+    }
+
+    /// The direction of mirror reflection.
+    fn mirrored(self) -> Self {
+        Self {
+            phi_deg: self.phi_deg + 180.0,
+            ..self
+        }
+    }
+
+    /// The direction of a vector in the plane of incidence of this one, on the other side of the normal.
+    fn across(self, w: Vec3A) -> Self {
+        Self {
+            theta_deg: f64::from(w.x.hypot(w.y)).atan2(f64::from(w.z)).to_degrees(),
+            phi_deg: self.phi_deg + 180.0,
+        }
+    }
+}
+
+/// A material has no such specular lobe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the material does not {} specularly there; evaluate its BRDF", match .0 { Lobe::Reflected => "mirror", Lobe::Transmitted => "transmit" })]
+pub struct NotSpecular(pub Lobe);
+
+/// A BRDF's value between two directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BrdfValue {
+    /// [wavelength][out][in], 1/sr, without the cosine.
+    pub mueller: Vec<[[f32; 4]; 4]>,
+    /// Density per steradian with which the renderer samples the incoming direction for the outgoing one.
+    pub pdf: f32,
+}
+
+/// What a smooth surface reflects or transmits at one wavelength.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpecularValue {
+    /// [out][in], of power: radiance changes besides by the squared ratio of the refractive indices.
+    pub mueller: [[f32; 4]; 4],
+    /// Where the light goes; nowhere under total reflection, where the matrix of transmission is zero.
+    pub outgoing: Option<Direction>,
+}
+
+/// A material of a set on a flat surface.
+pub struct Specimen<'a> {
+    set: &'a MaterialSet,
+    id: u32,
+    at: Surface,
+}
+
+impl<'a> Specimen<'a> {
+    /// The material of that name, at texture coordinates `uv`; `None` if the set has none.
+    #[must_use]
+    pub fn new(set: &'a MaterialSet, name: &str, uv: [f32; 2]) -> Option<Self> {
+        let id = *set.names.get(name)?;
+        let at = Surface {
+            p: Vec3A::ZERO,
+            ng: Vec3A::Z,
+            ns: Vec3A::Z,
+            tangent: Vec3A::X,
+            uv,
+            material: id,
+        };
+        Some(Self { set, id, at })
+    }
+
+    fn lanes(&self) -> usize {
+        self.set.wavelengths.count()
+    }
+
+    /// The BRDF of light from `incoming` to `outgoing`; zero where nothing is scattered.
+    #[must_use]
+    pub fn brdf(&self, incoming: Direction, outgoing: Direction) -> BrdfValue {
+        let ((wi, xi), (wo, xo)) = (incoming.single(), outgoing.single());
+        let materials = &self.set.materials;
+        let m = materials
+            .eval(self.id, &self.at, wo, wi)
+            .map(|s| {
+                s.scaled(Spectral::splat(1.0 / wi.z.abs()))
+                    .between(wo, xo, wi, xi)
+            })
+            .unwrap_or_default();
+        BrdfValue {
+            mueller: (0..self.lanes()).map(|lane| m.lane(lane)).collect(),
+            pdf: materials.pdf(self.id, &self.at, wo, wi),
+        }
+    }
+
+    /// What the surface reflects or transmits of light from `incoming`, each wavelength along its own direction.
+    ///
+    /// Light paths are reversible, so the way out is found by following light that comes out backwards.
+    ///
+    /// # Errors
+    /// [`NotSpecular`] if the material has no such lobe there.
+    pub fn specular(&self, incoming: Direction, lobe: Lobe) -> Result<Vec<SpecularValue>, NotSpecular> {
+        (0..self.lanes())
+            .map(|lane| self.specular_lane(incoming, lobe, lane))
+            .collect()
+    }
+
+    fn specular_lane(
+        &self,
+        incoming: Direction,
+        lobe: Lobe,
+        lane: usize,
+    ) -> Result<SpecularValue, NotSpecular> {
+        let materials = &self.set.materials;
+        let (wi, xi) = incoming.single();
+        // Where the reversed light goes is None under total reflection as well: then nothing is transmitted.
+        let back = materials.specular(self.id, &self.at, wi, lobe, lane);
+        let total = back.is_none() && lobe == Lobe::Transmitted;
+        if total && materials.beyond(self.id, &self.at, wi, Lanes::first(1)).is_some() {
+            return Ok(SpecularValue {
+                mueller: Mueller::ZERO.lane(0),
+                outgoing: None,
+            });
+        }
+        let wo = back.ok_or(NotSpecular(lobe))?.wi;
+        let forth = materials
+            .specular(self.id, &self.at, wo, lobe, lane)
+            .ok_or(NotSpecular(lobe))?;
+        let outgoing = match lobe {
+            Lobe::Reflected => incoming.mirrored(),
+            Lobe::Transmitted => incoming.across(wo),
+        };
+        let power = forth
+            .scatter
+            .scaled(Spectral::splat(self.index_ratio2(wo, wi, lane)));
+        let m = power.between(wo, outgoing.single().1, wi, xi);
+        Ok(SpecularValue {
+            mueller: m.lane(lane),
+            outgoing: Some(outgoing),
+        })
+    }
+
+    /// (n_in / n_out)²: radiance to power, for light that goes through the surface.
+    fn index_ratio2(&self, wo: Vec3A, wi: Vec3A, lane: usize) -> f32 {
+        let lanes = Lanes { mask: 1 << lane };
+        let beyond = |w: Vec3A| self.set.materials.beyond(self.id, &self.at, w, lanes);
+        match (wo.z * wi.z < 0.0, beyond(wo), beyond(wi)) {
+            (true, Some(on_wi), Some(on_wo)) => (on_wi.index / on_wo.index).powi(2),
+            _ => 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use optics::spectrum::Wavelengths;
+    use std::path::Path;
+
+    fn set(text: &str) -> MaterialSet {
+        let nm = Wavelengths::new(vec![550.0]).expect("a wavelength");
+        MaterialSet::at(Path::new("m.toml"), &format!("[materials]\n{text}"), nm).expect("materials")
+    }
+
+    fn at(theta_deg: f64, phi_deg: f64) -> Direction {
+        Direction { theta_deg, phi_deg }
+    }
+
+    /// Power that glass of index 1.5 does not reflect goes through, by Fresnel's formulas at 50°, from either side.
+    #[test]
+    fn smooth_surfaces_keep_power() {
+        let set = set("g.dielectric = { ior = 1.5 }");
+        let glass = Specimen::new(&set, "g", [0.5, 0.5]).expect("is there");
+        for theta in [0.0, 50.0, 150.0] {
+            let of = |lobe| glass.specular(at(theta, 20.0), lobe).expect("is specular")[0];
+            let (r, t) = (of(Lobe::Reflected), of(Lobe::Transmitted));
+            let sum = r.mueller[0][0] + t.mueller[0][0];
+            assert!((sum - 1.0).abs() < 1e-5, "{theta}: {sum}");
+        }
+        let t = glass
+            .specular(at(50.0, 20.0), Lobe::Transmitted)
+            .expect("is specular")[0];
+        let out = t.outgoing.expect("goes on");
+        let sine = f64::sin(out.theta_deg.to_radians()) * 1.5;
+        assert!((sine - f64::sin(50_f64.to_radians())).abs() < 1e-6 && out.phi_deg == 200.0);
+        let total = glass
+            .specular(at(120.0, 0.0), Lobe::Transmitted)
+            .expect("is specular")[0];
+        assert_eq!((total.outgoing, total.mueller), (None, [[0.0; 4]; 4]));
+    }
+
+    /// A diffuse surface of albedo a has the BRDF a/π and no lobes.
+    #[test]
+    fn rough_surfaces_have_a_brdf() {
+        let set = set("d.diffuse = { albedo = 0.5 }");
+        assert!(Specimen::new(&set, "none", [0.0; 2]).is_none());
+        let diffuse = Specimen::new(&set, "d", [0.5, 0.5]).expect("is there");
+        let value = diffuse.brdf(at(40.0, 0.0), at(20.0, 120.0));
+        let want = 0.5 * std::f32::consts::FRAC_1_PI;
+        assert!((value.mueller[0][0][0] - want).abs() < 1e-6 && value.pdf > 0.0);
+        assert_eq!(
+            diffuse.specular(at(40.0, 0.0), Lobe::Reflected),
+            Err(NotSpecular(Lobe::Reflected))
+        );
+    }
+}

@@ -1,0 +1,114 @@
+//! Tables of how a participating medium scatters: its matrix over the scattering angle.
+
+use base::locate::InputError;
+use glam::Vec3A;
+use optics::spectrum::Wavelengths;
+use scene::media::MediumSet;
+use std::path::Path;
+
+/// A medium at one wavelength.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhaseTable {
+    /// Vacuum wavelength, nanometres.
+    pub nm: f64,
+    /// Refractive index of the host.
+    pub index: f64,
+    /// Coefficient of scattering, 1/m.
+    pub scattering: f64,
+    /// Coefficient of absorption, 1/m.
+    pub absorption: f64,
+    /// Mean cosine of the scattering angle.
+    pub asymmetry: f64,
+    /// Mean cross section of scattering of a particle, m²; 0 where no particles were given.
+    pub scattering_cross_section: f64,
+    /// Mean cross section of absorption of a particle, m².
+    pub absorption_cross_section: f64,
+    /// S11, S12, S22, S33, S34, S44 at each angle: per steradian, the integral of S11 over the sphere being 1, with the
+    /// perpendicular of the scattering plane as the first axis of both Stokes frames (S12 = M01 = M10, S34 = M23 = -M32).
+    pub elements: Vec<[f32; 6]>,
+}
+
+/// Tables of the medium `name` of a file at scattering angles (degrees, 0 to 180), one for each of `wavelengths_nm`, any number
+/// of them in any order; without any, those of the file.
+///
+/// # Errors
+/// [`InputError`] naming file, place and mend.
+pub fn tables(
+    file: &Path,
+    name: &str,
+    wavelengths_nm: &[Wavelengths],
+    degrees: &[f64],
+) -> Result<Vec<PhaseTable>, InputError> {
+    let mut out = vec![];
+    if wavelengths_nm.is_empty() {
+        append(&MediumSet::load(file, Some(name), None)?, name, degrees, &mut out);
+    }
+    for wavelengths in wavelengths_nm {
+        let set = MediumSet::load(file, Some(name), Some(wavelengths.clone()))?;
+        append(&set, name, degrees, &mut out);
+    }
+    Ok(out)
+}
+
+/// The tables of a medium at the wavelengths of its set.
+fn append(set: &MediumSet, name: &str, degrees: &[f64], out: &mut Vec<PhaseTable>) {
+    let Some(&id) = set.names.get(name) else {
+        return;
+    };
+    for (lane, (nm, bulk)) in set
+        .wavelengths
+        .nm()
+        .iter()
+        .zip(&set.bulk[id as usize])
+        .enumerate()
+    {
+        let at = |deg: &f64| {
+            // Light travels along +z, and leaves in the plane of z and x, whose perpendicular is y.
+            let (sin, cos) = deg.to_radians().sin_cos();
+            let (wi, wo) = (-Vec3A::Z, Vec3A::new(sin as f32, 0.0, cos as f32));
+            let m = set
+                .media
+                .eval(id, wo, wi)
+                .between(wo, Vec3A::Y, wi, Vec3A::Y)
+                .lane(lane);
+            [m[0][0], m[0][1], m[1][1], m[2][2], m[2][3], m[3][3]]
+        };
+        out.push(PhaseTable {
+            nm: *nm,
+            index: bulk.index,
+            scattering: bulk.scattering,
+            absorption: bulk.absorption,
+            asymmetry: bulk.asymmetry,
+            scattering_cross_section: bulk.c_sca,
+            absorption_cross_section: bulk.c_abs,
+            elements: degrees.iter().map(at).collect(),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rayleigh scattering at right angles polarizes fully, and is 3/(16π) there; at any number of wavelengths.
+    #[test]
+    fn rayleigh_polarizes_at_right_angles() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("m.toml");
+        let text = "[media.air.homogeneous]\nscattering = 1.0\nabsorption = 0.5\nphase.rayleigh = { depolarization = 0.0 }\n";
+        std::fs::write(&file, text).expect("is written");
+        let of = |nm: &[f64]| {
+            let each = |nm: &f64| Wavelengths::new(vec![*nm]).expect("a wavelength");
+            let wavelengths: Vec<Wavelengths> = nm.iter().map(each).collect();
+            tables(&file, "air", &wavelengths, &[0.0, 90.0]).expect("is sound")
+        };
+        let found = of(&[700.0, 650.0, 550.0, 500.0, 450.0]);
+        assert_eq!((found.len(), of(&[]).len()), (5, 3));
+        for table in found {
+            let [s11, s12, ..] = table.elements[1];
+            let want = 3.0 / (16.0 * std::f32::consts::PI);
+            assert!((s11 - want).abs() < 1e-4 && (s12 - s11).abs() < 1e-4, "{table:?}");
+            assert_eq!((table.scattering, table.absorption), (1.0, 0.5));
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Tables in the KAIST format of analytic materials: which can be made, and the list that goes beside them.
+
+use crate::stand_ins::BandedMaterials;
+use base::whole_file;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Bands that the list shows, as near as the tables have them, nanometres.
+const SHOWN_NM: [u16; 3] = [450, 550, 650];
+
+/// A material that cannot be tabulated.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SynthError {
+    /// No light from a point shows it.
+    #[error("`{0}` reflects in single directions only, which a table cannot hold")]
+    Specular(String),
+    /// There is none of that name.
+    #[error("there is no material `{name}`; there are: {known}")]
+    Unknown {
+        /// Name that was asked for.
+        name: String,
+        /// All names, with commas between.
+        known: String,
+    },
+}
+
+/// Checks that materials can be tabulated.
+///
+/// # Errors
+/// [`SynthError`] of the first that cannot.
+pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthError> {
+    for name in names {
+        match materials.is_smooth(name) {
+            Some(true) => {}
+            Some(false) => return Err(SynthError::Specular(name.clone())),
+            None => {
+                return Err(SynthError::Unknown {
+                    name: name.clone(),
+                    known: materials.names().cloned().collect::<Vec<_>>().join(", "),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Writes `materials.toml` into a folder: every table there as a material, for scenes and for `sunstone pbrdf sheet`, at three
+/// of `bands` (nanometres). Returns its path.
+///
+/// # Errors
+/// If the file system refuses.
+pub fn list(folder: &Path, bands: &[u16]) -> std::io::Result<PathBuf> {
+    let mut tables: Vec<String> = std::fs::read_dir(folder)?
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".pbsdf") && !name.starts_with('.'))
+        .collect();
+    tables.sort();
+    let nearest = |nm: u16| bands.iter().copied().min_by_key(|b| b.abs_diff(nm)).unwrap_or(nm);
+    let mut shown = SHOWN_NM.map(nearest).to_vec();
+    shown.dedup();
+    let path = folder.join("materials.toml");
+    whole_file::write_with(&path, |file| {
+        writeln!(file, "wavelengths_nm = {shown:?}\n\n[materials]")?;
+        for table in &tables {
+            let stem = table.trim_end_matches(".pbsdf");
+            writeln!(file, "{stem:?}.measured = {{ file = {table:?} }}")?;
+        }
+        Ok(())
+    })?;
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_table_cannot_hold_is_named() {
+        let materials = BandedMaterials::load(None, &[550]).expect("are sound");
+        let of = |name: &str| check(&materials, &[name.to_owned()]);
+        assert_eq!(of("like_gold"), Ok(()));
+        assert!(matches!(of("nothing"), Err(SynthError::Unknown { .. })));
+    }
+
+    #[test]
+    fn lists_hold_what_is_in_the_folder() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["b.pbsdf", "a.pbsdf", ".c.pbsdf", "note.txt"] {
+            std::fs::write(folder.path().join(name), "").expect("is written");
+        }
+        let path = list(folder.path(), &[500, 600]).expect("is written");
+        let text = std::fs::read_to_string(path).expect("is there");
+        assert_eq!(
+            text,
+            "wavelengths_nm = [500, 600]\n\n[materials]\n\"a\".measured = { file = \"a.pbsdf\" }\n\"b\".measured = \
+             { file = \"b.pbsdf\" }\n"
+        );
+    }
+}

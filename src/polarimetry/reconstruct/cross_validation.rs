@@ -1,0 +1,190 @@
+//! Learning with cross-validation: settings of a scheme are learned from all materials, and judged by learning from some and
+//! estimating the others (Baek & Heide 2021, sec. 4).
+
+use super::learn::{FoldError, Learned, Search, learn, validate};
+use super::loss::{Estimator, Objective};
+use super::pca::data_set::{DataError, DataSet, Weight};
+use super::pca::folds::folds;
+use super::pca::moments::Moments;
+use super::second_moment::{Moment, SecondMoment, in_any_frames};
+use crate::capture::scheme::Scheme;
+
+/// The frames between which matrices are expected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Frames {
+    /// Turned by any angle, as those of a camera and a projector are to the plane of scattering.
+    #[default]
+    Any,
+    /// Of the plane of scattering, as in tables and in Baek & Heide's learning.
+    Plane,
+}
+
+impl Frames {
+    /// E[t tᵀ] in these frames, of matrices that are tabulated in those of the plane of scattering.
+    #[must_use]
+    pub fn second_moment(self, moments: &Moments) -> Moment {
+        let s = moments.second();
+        let s = Moment::from_fn(|i, j| s[i][j]);
+        match self {
+            Self::Any => in_any_frames(&s),
+            Self::Plane => s,
+        }
+    }
+}
+
+/// Second moments of a fold's two sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoldMoments {
+    /// Of the materials to learn from.
+    pub train: Moment,
+    /// Of those to judge on.
+    pub test: Moment,
+}
+
+/// What there is to learn from: all materials, and folds of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LearningData {
+    /// Second moment of all materials.
+    pub all: Moment,
+    /// The ways in which they are parted; none for no cross-validation.
+    pub folds: Vec<FoldMoments>,
+}
+
+impl LearningData {
+    /// Moments of a data set in the given frames, with `count` folds (0 for none).
+    ///
+    /// # Errors
+    /// [`DataError::Folds`] if the materials cannot be parted so.
+    pub fn new(data: &DataSet, count: usize, frames: Frames) -> Result<Self, DataError> {
+        let parted = match count {
+            0 => vec![],
+            n => folds(data, n, Weight::Bins)?,
+        };
+        Ok(Self {
+            all: frames.second_moment(&data.plain(Weight::Bins)),
+            folds: parted
+                .iter()
+                .map(|fold| FoldMoments {
+                    train: frames.second_moment(&fold.train),
+                    test: frames.second_moment(&fold.test),
+                })
+                .collect(),
+        })
+    }
+}
+
+/// A learned scheme and what it is worth; errors are expected sums of the 16 squared errors at T00 = 1.
+#[derive(Clone, Debug)]
+pub struct Validated {
+    /// The scheme, learned from all materials.
+    pub scheme: Scheme,
+    /// Its error on materials that were not learned from, mean of the folds; without folds, or where the error does not
+    /// depend on materials, that of the closed form.
+    pub unseen: f64,
+    /// Standard error of `unseen` over the folds; 0 without them.
+    pub spread: f64,
+    /// Error on the materials that were learned from.
+    pub seen: f64,
+}
+
+/// True if the expected error of a template's schemes depends on what is measured: that of a least-squares estimate of rank 16
+/// is noise alone.
+#[must_use]
+pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
+    estimator == Estimator::Prior || template.captures() < template.least_captures()
+}
+
+/// Learns the settings of a template for `objective`, whose second moment is that of all materials, and validates that by
+/// learning anew for each of `folds` (with a quarter of the starts, and without Adam: what is good for all materials but
+/// some is near what is good for all).
+#[must_use]
+pub fn learn_and_validate(
+    template: &Scheme,
+    objective: &Objective,
+    search: &Search,
+    folds: &[FoldMoments],
+) -> Validated {
+    let Learned { scheme, loss, .. } = learn(template, objective, search);
+    let mut out = Validated {
+        scheme,
+        unseen: loss,
+        spread: 0.0,
+        seen: loss,
+    };
+    if folds.is_empty() || !depends_on_materials(template, objective.estimator) {
+        return out;
+    }
+    let own = Search {
+        starts: search.starts.div_ceil(4),
+        adam_steps: 0,
+        ..*search
+    };
+    let errors: Vec<FoldError> = folds
+        .iter()
+        .map(|fold| {
+            let objective = Objective {
+                second_moment: SecondMoment::new(fold.train),
+                ..objective.clone()
+            };
+            let learned = learn(template, &objective, &own);
+            validate(&learned.scheme, &objective, &fold.train, &fold.test)
+        })
+        .collect();
+    let n = errors.len() as f64;
+    let mean = |f: fn(&FoldError) -> f64| errors.iter().map(f).sum::<f64>() / n;
+    out.seen = mean(|e| e.seen);
+    out.unseen = mean(|e| e.unseen);
+    let var = errors
+        .iter()
+        .map(|e| (e.unseen - out.unseen).powi(2))
+        .sum::<f64>()
+        / (n - 1.0).max(1.0);
+    out.spread = (var / n).sqrt();
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::element::Ray;
+    use crate::reconstruct::pca::testing::rows;
+
+    /// Folds count where materials do: below rank 16, and with a prior; spreads come from them.
+    #[test]
+    fn folds_count_where_materials_do() {
+        let moment = |seed: u64| {
+            let s = Moments::of(&rows(200, seed)).second();
+            Moment::from_fn(|i, j| s[i][j])
+        };
+        let fold = |seed: u64| FoldMoments {
+            train: moment(seed),
+            test: moment(seed + 1),
+        };
+        let folds = [fold(1), fold(3), fold(5)];
+        let search = Search {
+            starts: 1,
+            iterations: 5,
+            adam_steps: 0,
+            seed: 0,
+        };
+        let of = |captures, estimator, folds: &[FoldMoments]| {
+            let template = Scheme::quad(captures, false).expect("a scheme");
+            let objective = Objective {
+                sigma: 1e-2,
+                angle_error: 0.0,
+                second_moment: SecondMoment::new(moment(9)),
+                estimator,
+                rays: vec![Ray::axial(550.0)],
+            };
+            learn_and_validate(&template, &objective, &search, folds)
+        };
+        let full = of(16, Estimator::LeastSquares, &folds);
+        assert!(full.spread == 0.0 && full.seen == full.unseen);
+        for (captures, estimator) in [(6, Estimator::LeastSquares), (16, Estimator::Prior)] {
+            let v = of(captures, estimator, &folds);
+            assert!(v.spread > 0.0 && v.seen != v.unseen, "{v:?}");
+            let without = of(captures, estimator, &[]);
+            assert!(without.spread == 0.0 && without.seen == without.unseen);
+        }
+    }
+}
