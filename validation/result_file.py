@@ -9,7 +9,7 @@ docs/ to them. A file holds
     commit     of the tree that was measured; dirty: whether one of `measures` differed from it
     date       UTC
     machine    processor, cores, memory_gb, system
-    note       what else must be known, if anything
+    note       what else must be known, if anything (the variable SUNSTONE_RESULT_NOTE says it)
     versions   of the other programs
     numbers    name: number
     rows       tables as the script prints them, if it has any
