@@ -201,7 +201,8 @@ def raw(case, description, toward_light, toward_eye):
             # Whichever lobe a small or a large random number picks: the one that goes where `light` is.
             for pick in (0.0, 0.999999):
                 bs, weight = bsdf.sample(context, si, pick, mi.Point2f(0.5, 0.5))
-                if np.dot(np.array(bs.wo).ravel(), light) > 0.999:
+                out = np.array(bs.wo).ravel()
+                if np.dot(out, light) > 0.999 and out[2] * light[2] > 0:
                     break
             else:
                 sys.exit(f"{case.name}: Mitsuba has no lobe from {light} to {eye}")

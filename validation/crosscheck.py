@@ -40,6 +40,7 @@ CACHE = environment.ROOT / "target/crosscheck"
 # How many pairs at least must be able to show each planted error, with LLVM (see planted.py).
 FLOORS = {
     "intensity 1%": 28,
+    "intensity 6%": 29,
     "frame 0.5°": 17,
     "frame of light 0.5°": 4,
     "0.5 bin": 3,

@@ -33,7 +33,7 @@ BATCHES = 32
 THEIR_SPP = 128
 OUR_SPP = 2048
 # How many pairs at least must be able to show each planted error.
-FLOORS = {"intensity 1%": 2, "frame 0.5°": 1, "s1 flipped": 3, "s2 flipped": 3, "s3 flipped": 1}
+FLOORS = {"intensity 1%": 2, "intensity 6%": 3, "frame 0.5°": 2, "s1 flipped": 3, "s2 flipped": 3, "s3 flipped": 3}
 MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 SCENES = [HERE / "cornell.toml", HERE / "room.toml", environment.ROOT / "scenes/mirror_room/scene.toml"]
 

@@ -28,10 +28,10 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import scenes
 
 CACHE = environment.ROOT / "target/media"
-BATCHES = 16
+BATCHES = 32
 BLOCK = 4
 # How many pairs at least must be able to show each planted error. (A wrong medium has half more scattering.)
-FLOORS = {"intensity 1%": 3, "0.5 bin": 3, "1 bin": 3, "wrong medium": 4}
+FLOORS = {"intensity 1%": 3, "intensity 6%": 8, "0.5 bin": 3, "1 bin": 3, "wrong medium": 4}
 LIGHT_M_PER_PS = 299_792_458e-12
 
 

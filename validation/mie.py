@@ -9,7 +9,8 @@ table, interpolated, in single precision).
 `miepython` takes n - i k and fields exp(+i w t), so its amplitudes are the conjugates of ours: S34 = M23 = Im S1* S2 of
 Bohren & Huffman's amplitudes is Im S1 S2* of its. (Its own `phase_matrix` has S34 with the other sign.)
 
-`--power` plants an error in each of our numbers and checks that every row notices it.
+`--power` plants errors in our numbers, one at a time: each coefficient, the mean cosine and each element off by twice the
+bound, the sign of S34, all elements 1 % larger, angles off by 0.5°; and checks that every row notices each.
 """
 
 import argparse
@@ -189,56 +190,116 @@ def angles(case):
     return 180 * s**2 * (3 - 2 * s)
 
 
-def check(case, sabotage):
-    """Prints the row of a case; false if it is not as it should be."""
-    degrees = np.round(angles(case), 9)
-    ours, matrices = sunstone(case.toml, degrees)
-    worst = np.zeros(3)
-    for lane in range(len(WAVELENGTHS)):
-        scattering, absorption, cosine, elements = theirs(case, lane, np.cos(np.radians(degrees)))
-        _, _, our_scattering, our_absorption, our_cosine, *_ = ours[lane]
-        mine = matrices[lane]
-        if sabotage:
-            our_scattering *= 1 + 2 * COEFFICIENT_BOUND
-            our_cosine += 2 * COEFFICIENT_BOUND
-            mine = mine.copy()
-            mine[4] += 2 * case.bound * mine[0]
-        off = abs(our_scattering / scattering - 1)
+class Answers:
+    """Ours and theirs of a case: coefficients [wavelength, 3] (scattering, absorption, cosine), elements [wavelength, 6, angle]."""
+
+    def __init__(self, case):
+        self.case, self.degrees = case, np.round(angles(case), 9)
+        head, self.elements = sunstone(case.toml, self.degrees)
+        self.coefficients = head[:, 2:5]
+        wanted = [theirs(case, lane, np.cos(np.radians(self.degrees))) for lane in range(len(WAVELENGTHS))]
+        self.their_coefficients = np.array([w[:3] for w in wanted], dtype=float)
+        self.their_elements = np.array([w[3] for w in wanted])
+
+    def worst(self, coefficients, elements):
+        """Largest differences: of coefficients, of the cosine, of elements."""
+        ours, wanted = coefficients.T, self.their_coefficients.T
         # Where absorption is a difference of like numbers to them, it is compared next to what they subtract.
-        off = max(off, abs(our_absorption - absorption) / max(absorption, 1e-6 * scattering))
-        found = [off, abs(our_cosine - cosine), (abs(mine - elements) / elements[0]).max()]
-        worst = np.maximum(worst, found)
-    return report(case.name, worst, [COEFFICIENT_BOUND, COEFFICIENT_BOUND, case.bound], sabotage)
+        scale = [wanted[0], np.maximum(wanted[1], 1e-6 * wanted[0])]
+        off = max((np.abs(ours[i] - wanted[i]) / scale[i]).max() for i in range(2))
+        least = (np.abs(elements - self.their_elements) / self.their_elements[:, :1]).max()
+        return [off, np.abs(ours[2] - wanted[2]).max(), least]
+
+    def bounds(self):
+        """What each of `worst` may be."""
+        return [COEFFICIENT_BOUND, COEFFICIENT_BOUND, self.case.bound]
 
 
-def report(name, worst, bounds, sabotage):
-    """Prints a row; false if a number is above its bound, or, under sabotage, below it."""
-    good = all((w <= b) != sabotage for w, b in zip(worst, bounds))
+def check(case):
+    """Prints the row of a case; false if it is not as it should be."""
+    answers = Answers(case)
+    return report(case.name, answers.worst(answers.coefficients, answers.elements), answers.bounds())
+
+
+def report(name, worst, bounds):
+    """Prints a row; false if a number is above its bound."""
+    good = all(w <= b for w, b in zip(worst, bounds))
     numbers = " | ".join([f"{'':10}"] * (3 - len(worst)) + [f"{w:10.1e}" for w in worst])
     print(f"{name:24} | {numbers} | {bounds[-1]:6.0e} |{'' if good else '  FAILED'}", flush=True)
     return good
 
 
-def gold(sabotage):
+def planted(answers):
+    """The errors: name, coefficients and elements with it, which of `worst` must notice."""
+    coefficients, elements, bound = answers.coefficients, answers.elements, answers.case.bound
+    wanted = answers.their_coefficients
+    steps = [wanted[:, 0], np.maximum(wanted[:, 1], 1e-6 * wanted[:, 0]), np.ones(len(wanted))]
+    for i, name in enumerate(("scattering", "absorption", "cosine")):
+        changed = coefficients.copy()
+        # A single wavelength is wrong.
+        changed[1, i] += 2 * COEFFICIENT_BOUND * steps[i][1]
+        yield name, changed, elements, 1 if name == "cosine" else 0
+    for i, name in enumerate(ELEMENTS):
+        changed = elements.copy()
+        changed[1, i] += 2 * bound * elements[1, 0]
+        yield name, coefficients, changed, 2
+    signs = np.array([1, 1, 1, 1, -1, 1])[:, None]
+    # That of spheres much smaller than the wavelength is nothing.
+    if (np.abs(answers.their_elements[:, 4]) / answers.their_elements[:, 0]).max() > bound:
+        yield "sign of S34", coefficients, elements * signs, 2
+    yield "1 % larger", coefficients, 1.01 * elements, 2
+    shifted = [np.interp(answers.degrees + 0.5, answers.degrees, row) for row in elements.reshape(-1, elements.shape[-1])]
+    yield "angles by 0.5°", coefficients, np.reshape(shifted, elements.shape), 2
+
+
+def power(case):
+    """Plants every error in a case; false if one is not noticed. All rows can show all, but one a sign."""
+    answers = Answers(case)
+    missed, tried, signs = [], 0, False
+    for name, coefficients, elements, i in planted(answers):
+        tried += 1
+        signs |= name == "sign of S34"
+        if answers.worst(coefficients, elements)[i] <= answers.bounds()[i]:
+            missed.append(name)
+    if not signs and case.name != "polystyrene, 20 nm":
+        missed.append("sign of S34, which it must be able to show")
+    print(f"{case.name:24} | {tried} errors | {'NOT NOTICED: ' + ', '.join(missed) if missed else 'all noticed'}", flush=True)
+    return not missed and tried > 0
+
+
+def gold(power):
     """A sphere so large that away from the forward direction it is a mirror all over: what it scatters by an angle t is
     what Mitsuba says gold reflects at an angle of incidence of (180 - t)/2 degrees."""
     mi.set_variant("scalar_spectral_polarized")
     # x = 2950 at the longest wavelength.
     toml = "particles.kinds = [{ index = 0.4242, k = 2.4721, sizes.single = { radius_nm = 2.1e5 }, amount.per_m3 = 1 }]"
-    degrees = np.linspace(60, 170, 23)
-    mine = sunstone(toml, degrees)[1][0]
-    if sabotage:
-        mine = mine.copy()
-        mine[4] *= -1
-    worst = 0.0
-    for column, degree in zip(mine.T, degrees):
-        m = mi.mueller.specular_reflection(float(np.sin(np.radians(degree / 2))), mi.Complex2f(0.4242, 2.4721))
-        m = np.array(m, float).reshape(4, 4)
-        want = np.array([m[0, 1], m[2, 2], m[2, 3], -m[3, 2], m[3, 3]]) / m[0, 0]
-        found = np.array([column[1], column[3], column[4], column[4], column[5]]) / column[0]
-        worst = max(worst, abs(found - want).max())
     # What is left is the curvature of the sphere, of order x^(-2/3).
-    return report("large gold (Mitsuba)", [worst], [3e-3], sabotage)
+    degrees, bound = np.linspace(60, 170, 23), 3e-3
+    mine = sunstone(toml, degrees)[1][0]
+
+    def worst(elements):
+        most = 0.0
+        for column, degree in zip(elements.T, degrees):
+            m = mi.mueller.specular_reflection(float(np.sin(np.radians(degree / 2))), mi.Complex2f(0.4242, 2.4721))
+            m = np.array(m, float).reshape(4, 4)
+            want = np.array([m[0, 1], m[2, 2], m[2, 3], -m[3, 2], m[3, 3]]) / m[0, 0]
+            found = np.array([column[1], column[3], column[4], column[4], column[5]]) / column[0]
+            most = max(most, abs(found - want).max())
+        return most
+
+    if not power:
+        return report("large gold (Mitsuba)", [worst(mine)], [bound])
+    missed = []
+    # S22 is S11 here, and only ratios are compared.
+    for i in (1, 3, 4, 5):
+        for name, change in {"2 bounds": 2 * bound * mine[0], "sign": -2 * mine[i]}.items():
+            changed = mine.copy()
+            changed[i] += change
+            if worst(changed) <= bound:
+                missed.append(f"{name} of {ELEMENTS[i]}")
+    print(f"{'large gold (Mitsuba)':24} | 8 errors | {'NOT NOTICED: ' + ', '.join(missed) if missed else 'all noticed'}; "
+          "1 % larger cannot be shown, as only ratios are compared")
+    return not missed
 
 
 def main():
@@ -247,9 +308,12 @@ def main():
     parser.add_argument("--power", action="store_true", help="check that a planted error is found in every row")
     options = parser.parse_args()
     print(f"miepython {miepython.__version__}, Mitsuba {mi.__version__}")
-    print(f"{'medium':24} | {'mu_s, mu_a':>10} | {'g':>10} | {'|dS|/S11':>10} | {'bound':>6} |")
     wanted = [case for case in cases() if not options.only or options.only in case.name]
-    failed = sum(not check(case, options.power) for case in wanted)
+    if not wanted:
+        sys.exit("no row to check")
+    if not options.power:
+        print(f"{'medium':24} | {'mu_s, mu_a':>10} | {'g':>10} | {'|dS|/S11':>10} | {'bound':>6} |")
+    failed = sum(not (power if options.power else check)(case) for case in wanted)
     if not options.only:
         failed += not gold(options.power)
     if failed:

@@ -25,6 +25,8 @@ from frames import rotate
 
 # Smallest errors that are planted.
 INTENSITY, FRAME_DEG, BINS = 0.01, 0.5, 0.5
+# What even a few rare paths must show.
+STRONG = 0.06
 # A planted error must stand out by so many standard errors beyond the limit of significance.
 MARGIN = 3.1
 FRAME = np.radians(FRAME_DEG)
@@ -87,6 +89,7 @@ FITTED = {
 }
 # Planted alone. What is none of our image's own (another wavelength, medium, state of the lamp) comes with the pair.
 PLANTED = FITTED | {
+    f"intensity {STRONG:.0%}": lambda pair, x: (1 + STRONG) * x,
     "1 bin": lambda pair, x: later(pair, x, 1),
     "s1 flipped": lambda pair, x: rows_flipped(pair, x, 1),
     "s2 flipped": lambda pair, x: rows_flipped(pair, x, 2),

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Opens a store that Sunstone wrote with xarray, as any user would, and checks that it explains itself.
 
-usage: zarr_open.py STORE [GROUP]
+usage: zarr_open.py STORE [GROUP | --power]
 
 Every group must open without warnings, with named dimensions, a coordinate for each, and units everywhere; one group
-(the first, or GROUP) is printed. Exit code 0 if so. Needs xarray and zarr: see requirements.txt, or use .venv/bin/python.
+(the first, or GROUP) is printed. Exit code 0 if so. With --power, every group is spoilt in every way that is checked, and each
+must be noticed. Needs xarray and zarr: see requirements.txt, or use .venv/bin/python.
 """
 
 import sys
@@ -15,9 +16,13 @@ import xarray
 import zarr
 
 
-def check(store, group):
-    """Opens a group and asserts that its arrays are labelled."""
-    data = xarray.open_dataset(store, group=group, engine="zarr", consolidated=False)
+def load(store, group):
+    """A group, opened."""
+    return xarray.open_dataset(store, group=group, engine="zarr", consolidated=False)
+
+
+def check(data, group):
+    """Asserts that a group's arrays are labelled."""
     for name in ("mean", "std_error"):
         assert name in data, f"{group} has no {name}"
     for name, array in data.data_vars.items():
@@ -34,13 +39,56 @@ def check(store, group):
     return data
 
 
+def without_units(data, name):
+    """The group without the units of one of its arrays."""
+    data = data.copy()
+    data[name].attrs = {}
+    return data
+
+
+def spoil(data):
+    """What the check must notice: name, and the group with that fault."""
+    some = data["mean"].dims[-1]
+    yield "no mean", data.drop_vars("mean")
+    yield "no errors", data.drop_vars("std_error")
+    yield "negative errors", data.assign(std_error=-1 - data["std_error"].fillna(0))
+    yield "a dimension without a name", data.rename({some: "dim_0"})
+    yield "errors of another shape", data.assign(std_error=data["std_error"].sum(some, keep_attrs=True))
+    for name in data.data_vars:
+        yield f"no units of {name}", without_units(data, name)
+    for name in data.coords:
+        yield f"no units of coordinate {name}", without_units(data, name)
+        if name in data["mean"].dims:
+            yield f"no coordinate {name}", data.drop_vars(name)
+        if data[name].size > 1:
+            yield f"{name} falls", data.isel({data[name].dims[0]: slice(None, None, -1)})
+
+
+def power(store, groups):
+    """Exits unless every fault is noticed."""
+    tried = 0
+    for group in groups:
+        for fault, data in spoil(load(store, group)):
+            tried += 1
+            try:
+                check(data, group)
+            except AssertionError:
+                continue
+            sys.exit(f"{group}: {fault}: NOT NOTICED")
+    print(f"{tried} faults planted in {len(groups)} groups, all noticed")
+    if not tried:
+        sys.exit("nothing to spoil")
+
+
 def main(store, shown=None):
     warnings.simplefilter("error")
     # Slices are the groups that hold a mean (nested groups too, were there any).
     root = zarr.open_group(store, mode="r")
     groups = sorted(name for name, _ in root.groups())
     assert groups, f"{store} has no groups"
-    opened = {group: check(store, group) for group in groups}
+    if shown == "--power":
+        return power(store, groups)
+    opened = {group: check(load(store, group), group) for group in groups}
     for group, data in opened.items():
         sizes = ", ".join(f"{k} {v}" for k, v in data["mean"].sizes.items())
         print(f"{group:20} {sizes}")

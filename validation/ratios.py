@@ -1,0 +1,307 @@
+#!/usr/bin/env python3
+"""Speed against other programs, at a small size: is Sunstone still as many times as fast as was written down?
+
+Every round times both programs one after the other on the same task, and its ratio is their time over ours, so that what
+slows the machine slows both; what counts is the median over the rounds. A ratio fails if it is more than 20 % below that of
+results/ratios.json. One that would fail is measured again with more rounds before it does.
+
+- "Mitsuba, full-Mueller": the Cornell box of speed.py by the integrator of mueller_integrator.py, 16 elements over 256 bins of
+  time; Sunstone's time is that of the whole command with its files;
+- "mitransient": the same scene by its `transient_path`, Stokes vectors over 256 bins; Sunstone as above;
+- "polanalyser": Mueller images from 36 captures, computing alone;
+- "muellerkit": Lu-Chipman decomposition, computing alone;
+- "Embree, primary" and "Embree, bounce": nearest hits of rays.py's rays on 708,000 triangles, one thread.
+
+`--write` measures with more rounds and writes the file. `--power` counts our times 1.3-fold in every second round and
+checks that each ratio fails against that of the other rounds, whose noise it therefore has.
+"""
+
+import argparse
+import datetime
+import json
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import environment
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import numpy as np
+
+RESULTS = environment.HERE / "results/ratios.json"
+CACHE = environment.ROOT / "target/ratios"
+# Rounds in CI, when a ratio would fail, when the file is written; the least share of a ratio; the slowdown that is planted.
+ROUNDS, MORE_ROUNDS, WRITTEN_ROUNDS = 6, 12, 15
+FLOOR, SLOWDOWN = 0.8, 1.3
+
+
+def timed(action):
+    """Seconds that something takes."""
+    begun = time.perf_counter()
+    action()
+    return time.perf_counter() - begun
+
+
+def ours(*arguments):
+    """What Sunstone says, from what it takes being started to its end."""
+    done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(map(str, done.args))}:\n{done.stderr}")
+    return done.stdout + done.stderr
+
+
+def seconds_said(pattern, text):
+    """The seconds that Sunstone reports."""
+    return float(re.search(pattern, text).group(1))
+
+
+class Cornell:
+    """The Cornell box of speed.py, at one wavelength for Mitsuba."""
+
+    SPP, BINS = 16, (10000.0, 117.2, 256)
+
+    def __init__(self, folder):
+        environment.need_llvm("llvm_ad_mono_polarized", "")
+        import mitsuba as mi
+
+        import mueller_integrator
+
+        mi.set_log_level(mi.LogLevel.Error)
+        self.mi, self.integrator, self.folder = mi, mueller_integrator, folder
+        self.file = environment.HERE / "speed/cornell.toml"
+        ours("export", self.file, "--mitsuba", folder / "mitsuba", "--force", "--wavelength", 550)
+        self.xml = (folder / "mitsuba/scene.xml").read_text()
+        self.scene = mi.load_file(str(folder / "mitsuba/scene.xml"))
+
+    def ours(self, seed):
+        store = tempfile.mkdtemp(dir=self.folder)
+        command = ["render", self.file, "-o", f"{store}/out.zarr", "--no-figures", "--spp", self.SPP, "--seed", seed]
+        return timed(lambda: ours(*command))
+
+    def theirs(self, seed):
+        light = (0, 0.5, 3.9), 20.0, (1, 0, 0)
+        return timed(lambda: self.integrator.render(self.scene, light, 6, self.SPP, seed, self.BINS))
+
+
+class Mitransient(Cornell):
+    """Light over time by mitransient."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        # Registers its integrators and films with the variant that is set.
+        import mitransient  # noqa: F401
+
+        import transient
+
+        changed = folder / "mitsuba/transient.xml"
+        changed.write_text(transient.translate(self.xml, self.BINS))
+        self.scene = self.mi.load_file(str(changed))
+
+    def theirs(self, seed):
+        return timed(lambda: np.array(self.mi.render(self.scene, spp=self.SPP, seed=seed)[1]))
+
+
+class Polanalyser:
+    """36 captures of 300,000 pixels; ours in files, theirs in memory, computing alone of both."""
+
+    def __init__(self, folder):
+        import importlib.util
+
+        # Only this module: the package as a whole also imports OpenCV, which Mueller matrices do without.
+        package = importlib.util.find_spec("polanalyser").submodule_search_locations[0]
+        spec = importlib.util.spec_from_file_location("polanalyser_mueller", Path(package) / "mueller.py")
+        self.polanalyser = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(self.polanalyser)
+        self.folder = folder
+        self.image = np.random.default_rng(1).random((36, 300, 1000), dtype=np.float32)
+        np.save(folder / "i.npy", self.image)
+        ours("scheme", "drr", "-k", "36", "-o", folder / "s.toml")
+        ours("scheme", "matrix", folder / "s.toml", "-o", folder / "a.npy")
+        # Any generators and analyzers of the same design matrix do: its rank-one parts.
+        design = np.load(folder / "a.npy").reshape(-1, 4, 4)
+        self.analyzers, self.generators = np.zeros_like(design), np.zeros_like(design)
+        for k, part in enumerate(design):
+            u, s, v = np.linalg.svd(part)
+            self.analyzers[k, 0], self.generators[k, :, 0] = u[:, 0] * s[0], v[0]
+
+    def ours(self, _):
+        command = ["reconstruct", self.folder / "i.npy", "--scheme", self.folder / "s.toml", "-o", self.folder / "m.npy"]
+        return seconds_said(r"([0-9.]+) seconds to compute", ours("-v", *command))
+
+    def theirs(self, _):
+        return timed(lambda: self.polanalyser.calcMueller(self.image, self.generators, self.analyzers))
+
+
+class Muellerkit:
+    """Ours of 300,000 matrices, theirs of a tenth of them, counted tenfold; computing alone of both."""
+
+    def __init__(self, folder):
+        import decompose
+        import muellerkit
+
+        self.muellerkit, self.folder = muellerkit, folder
+        # It takes NumPy only as a program of its own.
+        decompose.np = np
+        self.few = decompose.mixtures(30_000, np.random.default_rng(1))
+        np.save(folder / "m.npy", np.tile(self.few, (10, 1, 1)))
+
+    def ours(self, _):
+        command = ["-v", "decompose", self.folder / "m.npy", "-o", self.folder / "p.npz"]
+        return seconds_said(r"matrices in ([0-9.]+) s", ours(*command))
+
+    def theirs(self, _):
+        return 10 * timed(lambda: self.muellerkit.decompose_depolarizer_retarder_diattenuator(self.few))
+
+
+class Rays:
+    """rays.py's rays of one kind, one thread."""
+
+    made = {}
+
+    def __init__(self, folder, kind):
+        import rays
+
+        # It takes NumPy only as a program of its own.
+        rays.np = np
+        if not Rays.made:
+            rays.OUT = folder
+            vertices, triangles = rays.mesh()
+            rays.write_ply(folder / "mesh.ply", vertices, triangles)
+            embree, primary = rays.Embree(vertices, triangles), rays.primary()
+            embree.trace(*primary, 1)
+            Rays.made = {"embree": embree, "program": rays.bench_program(), "primary": primary,
+                         "bounce": rays.bounce(*primary, embree.hits)}
+        self.embree, self.rays = Rays.made["embree"], Rays.made[kind]
+        self.program = rays.Sunstone(Rays.made["program"], folder / "mesh.ply", kind)
+        self.program.rays, self.program.out = folder / f"{kind}.f32", folder / f"{kind}_hits.f32"
+        command = [Rays.made["program"], folder / "mesh.ply", self.program.rays, self.program.out]
+        self.program.command = [str(c) for c in command]
+
+    def ours(self, _):
+        return self.program.trace(*self.rays, 1)
+
+    def theirs(self, _):
+        return self.embree.trace(*self.rays, 1)
+
+
+PEERS = {
+    "Mitsuba, full-Mueller": Cornell,
+    "mitransient": Mitransient,
+    "polanalyser": Polanalyser,
+    "muellerkit": Muellerkit,
+    "Embree, primary": lambda folder: Rays(folder, "primary"),
+    "Embree, bounce": lambda folder: Rays(folder, "bounce"),
+}
+
+
+class Peer:
+    """A task for both programs, and the times that they took."""
+
+    def __init__(self, name, folder):
+        self.name, self.rounds = name, []
+        self.task = PEERS[name](folder)
+        # The first round warms up.
+        self.measure(1)
+        self.rounds.clear()
+
+    def measure(self, rounds):
+        """Takes more rounds, the two programs in turn."""
+        for _ in range(rounds):
+            seed = len(self.rounds)
+            pair = [self.task.ours, self.task.theirs]
+            # Who comes first changes, so that what one leaves behind does not always meet the other.
+            taken = {f: f(seed) for f in (pair if seed % 2 else pair[::-1])}
+            self.rounds.append((taken[pair[0]], taken[pair[1]]))
+
+    def ratios(self, slowdown=1.0):
+        """Their time over ours, of each round."""
+        return [other / (own * slowdown) for own, other in self.rounds]
+
+
+def judge(name, peer, committed):
+    """Prints a ratio against its floor; true if it is not below."""
+    ratio, floor = statistics.median(peer.ratios()), FLOOR * committed["ratio_median"]
+    if ratio < floor:
+        peer.measure(MORE_ROUNDS)
+        ratio = statistics.median(peer.ratios())
+    good = ratio >= floor
+    print(f"{name:24} {ratio:8.2f} {committed['ratio_median']:10.2f} {floor:8.2f} {len(peer.rounds):7}  "
+          f"{'' if good else 'TOO SLOW'}", flush=True)
+    return good
+
+
+def found(name, peer):
+    """Whether a slowdown, planted in every second round, would fail; measures more where noise hides it."""
+    for extra in (0, ROUNDS, MORE_ROUNDS):
+        peer.measure(extra)
+        # Who came first alternates too, so rounds are taken by twos.
+        split = [[r for i, r in enumerate(peer.ratios(s)) if i // 2 % 2 == k] for k, s in ((0, 1.0), (1, SLOWDOWN))]
+        plain, slowed = map(statistics.median, split)
+        if slowed < FLOOR * plain:
+            print(f"{name:24} {plain:8.2f}, slowed by {SLOWDOWN}: {slowed:8.2f}, below {FLOOR * plain:8.2f}: found", flush=True)
+            return True
+    print(f"{name:24} {plain:8.2f}, slowed by {SLOWDOWN}: {slowed:8.2f}: NOT FOUND in {len(peer.rounds)} rounds", flush=True)
+    return False
+
+
+def write(peers):
+    """The file of what is written down."""
+    from importlib import metadata
+
+    from speed import machine
+
+    git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
+    packages = ["mitsuba", "mitransient", "polanalyser", "muellerkit", "embreex"]
+    entries = {}
+    for name, peer in peers.items():
+        low, middle, high = statistics.quantiles(peer.ratios(), n=4)
+        own, other = (statistics.median(side) for side in zip(*peer.rounds))
+        digits = lambda value: float(f"{value:.4g}")
+        entries[name] = {"ratio_median": digits(middle), "ratio_quartiles": [digits(low), digits(high)], "rounds": len(peer.rounds),
+                         "ours_s_median": digits(own), "theirs_s_median": digits(other)}
+    head = {"commit": git.stdout.strip(), "machine": machine(), "date": datetime.date.today().isoformat(),
+            "versions": {name: metadata.version(name) for name in packages}}
+    RESULTS.write_text(json.dumps(entries | head, indent=1) + "\n")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true", help="measure with more rounds and write results/ratios.json")
+    parser.add_argument("--power", action="store_true", help="check that a planted slowdown is found in every ratio")
+    parser.add_argument("--rounds", type=int, help=f"rounds to begin with ({ROUNDS}; to write, {WRITTEN_ROUNDS})")
+    parser.add_argument("--only", help="ratios whose name contains this")
+    options = parser.parse_args()
+    names = [name for name in PEERS if not options.only or options.only in name]
+    if not names or (options.write and options.only):
+        sys.exit("no ratio to check" if not names else "all ratios are written together")
+    committed = json.loads(RESULTS.read_text()) if not (options.write or options.power) else {}
+    good, peers = True, {}
+    CACHE.mkdir(parents=True, exist_ok=True)
+    if committed:
+        print(f"{'':24} {'ratio':>8} {'committed':>10} {'floor':>8} {'rounds':>7}")
+    for name in names:
+        with tempfile.TemporaryDirectory(dir=CACHE) as folder:
+            peers[name] = peer = Peer(name, Path(folder))
+            # The planted slowdown takes half of them, by twos.
+            peer.measure(options.rounds or (WRITTEN_ROUNDS if options.write else ROUNDS + 2 * options.power))
+            if options.power:
+                good &= found(name, peer)
+            elif not options.write and name not in committed:
+                good = False
+                print(f"{name:24} is not in {RESULTS.name}")
+            elif not options.write:
+                good &= judge(name, peer, committed[name])
+            else:
+                print(f"{name:24} {statistics.median(peer.ratios()):8.2f} of {len(peer.rounds)} rounds", flush=True)
+    if options.write:
+        write(peers)
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
