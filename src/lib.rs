@@ -4,6 +4,7 @@
 //! This is the front door. Behind it are rooms, crates of their own, each of which uses only those above it:
 //! [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`pbrdf`], [`figure`].
 
+pub mod figures;
 pub mod render;
 
 pub use {base, figure, optics, pbrdf, polarimetry, scene, store, tensor, transport};
