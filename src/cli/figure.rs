@@ -3,11 +3,11 @@
 use super::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
-use sunstone::figure::{Panel, draw, save_png};
+use sunstone::figure::{Drawing, FigureError, Format};
+use sunstone::figures::{self, FiguresError};
 use sunstone::store::zarr::TensorStore;
-use sunstone::tensor::field::Field;
 
-/// Draw pictures of a store's slices as PNG.
+/// Draw pictures of a store's slices: PNG, or SVG or PDF whose texts and lines are vectors.
 ///
 /// Without --view, draws the figures that the scene file lists (all, or those named).
 #[derive(clap::Args)]
@@ -43,9 +43,34 @@ pub struct Arguments {
     /// Value at the ends of the colour scale (mueller), or shown as white (photo).
     #[arg(long)]
     limit: Option<f32>,
-    /// PNG file for --view, folder otherwise [default: <store> with the extension `figures`].
+    /// Format of the figures that the scene lists; with --view the extension of the file says it.
+    #[arg(long, default_value = "png", conflicts_with = "view")]
+    format: Extension,
+    /// File for --view (.png, .svg, .pdf; flight also .gif, .apng), folder otherwise [default: <store> with the extension
+    /// `figures`].
     #[arg(short, long)]
     output: Option<PathBuf>,
+}
+
+/// Formats of a figure.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Extension {
+    /// Pixels.
+    Png,
+    /// Vectors.
+    Svg,
+    /// Vectors on a page.
+    Pdf,
+}
+
+impl Extension {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Svg => "svg",
+            Self::Pdf => "pdf",
+        }
+    }
 }
 
 /// The kinds of picture.
@@ -125,7 +150,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .output
         .clone()
         .unwrap_or_else(|| folder(&a.store).join(format!("{name}.png")));
-    one(&store, &Figure { name, view }, &path)?;
+    figures::draw_to(&store, &Figure { name, view }, &path)?;
     super::print(&path.display().to_string())
 }
 
@@ -137,56 +162,43 @@ fn folder(store: &Path) -> PathBuf {
 /// Draws the figures that the scene lists, and prints where they are.
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     let store = TensorStore::open(path).map_err(Failure::input)?;
-    let listed = store.attributes().get("figures").cloned().unwrap_or_default();
-    let figures: Vec<Figure> = serde_json::from_value(listed).unwrap_or_default();
-    let names = a.map_or(&[][..], |a| &a.names);
-    if let Some(unknown) = names.iter().find(|n| !figures.iter().any(|f| f.name == **n)) {
-        let known: Vec<&str> = figures.iter().map(|f| f.name.as_str()).collect();
-        return Err(Failure::input(format!(
-            "the scene lists no figure `{unknown}`; it lists {}; or use --view",
-            known.join(", ")
-        )));
-    }
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
-    for figure in figures
-        .iter()
-        .filter(|f| names.is_empty() || names.contains(&f.name))
-    {
-        let file = out.join(format!("{}.png", figure.name));
-        one(&store, figure, &file)?;
+    let format = a.map_or("png", |a| a.format.name());
+    for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {
+        let file = out.join(format!("{}.{format}", figure.name));
+        figures::draw_to(&store, &figure, &file)?;
         super::print(&file.display().to_string())?;
     }
     Ok(())
 }
 
-fn one(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), Failure> {
-    let slice = store.slice(figure.view.slice()).map_err(Failure::input)?;
-    let read = |field| {
-        if slice.has(field) {
-            slice.read_all(field).map(Some).map_err(Failure::input)
-        } else {
-            Ok(None)
-        }
-    };
-    let mean = slice.read_all(Field::Mean).map_err(Failure::input)?;
-    // Only profiles draw errors and overflow; other slices may be large.
-    let profile = matches!(figure.view, View::Profile(_));
-    let std_error = if profile { read(Field::StdError)? } else { None };
-    let overflow = if profile { read(Field::Overflow)? } else { None };
-    let panel = Panel {
-        mean: &mean,
-        std_error: std_error.as_ref(),
-        overflow: overflow.as_ref(),
-    };
-    let title = figure.name.replace('_', " ");
-    let image = draw(&figure.view, &title, &panel).map_err(Failure::input)?;
-    save(&image, path)
+/// A file whose extension names a format of pictures.
+pub fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    Format::of(&path).map_err(|e| e.to_string())?;
+    Ok(path)
 }
 
 /// Writes a picture, in a new folder where there is none.
-pub fn save(image: &image::RgbImage, path: &Path) -> Result<(), Failure> {
-    if let Some(parent) = path.parent() {
-        std::fs::create_dir_all(parent).map_err(Failure::failed)?;
+pub fn save(drawing: &Drawing, path: &Path) -> Result<(), Failure> {
+    Ok(sunstone::figure::save(drawing, path)?)
+}
+
+impl From<FigureError> for Failure {
+    /// What cannot be drawn is bad input; what cannot be written failed on the way.
+    fn from(e: FigureError) -> Self {
+        match e {
+            FigureError::Write { .. } | FigureError::Encode(_) => Self::failed(e),
+            _ => Self::input(e),
+        }
     }
-    save_png(image, path).map_err(Failure::failed)
+}
+
+impl From<FiguresError> for Failure {
+    fn from(e: FiguresError) -> Self {
+        match e {
+            FiguresError::Figure(e) => e.into(),
+            e => Self::input(e),
+        }
+    }
 }

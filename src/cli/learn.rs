@@ -83,10 +83,10 @@ pub struct Arguments {
     #[arg(long, value_name = "PRIOR.toml")]
     save_prior: Option<PathBuf>,
     /// Also draw the angles (of a single scheme).
-    #[arg(long, value_name = "ANGLES.png")]
+    #[arg(long, value_name = "ANGLES.png|.svg|.pdf", value_parser = super::figure::picture)]
     angles: Option<PathBuf>,
     /// Also draw errors against captures, with those of dual rotating retarders and the bounds.
-    #[arg(long, value_name = "LOSS.png")]
+    #[arg(long, value_name = "LOSS.png|.svg|.pdf", value_parser = super::figure::picture)]
     figure: Option<PathBuf>,
     /// Also write the table.
     #[arg(long, value_name = "LOSS.csv")]

@@ -100,7 +100,7 @@ struct Plot {
     #[arg(value_name = "SCHEME")]
     scheme: PathBuf,
     /// Picture to write.
-    #[arg(short, long, default_value = "angles.png")]
+    #[arg(short, long, default_value = "angles.png", value_parser = super::figure::picture)]
     output: PathBuf,
 }
 

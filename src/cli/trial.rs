@@ -7,7 +7,7 @@ use report::{csv, curve, short, table};
 use std::io::Write;
 use std::path::PathBuf;
 use sunstone::base::whole_file;
-use sunstone::figure::{chart, error_maps};
+use sunstone::figure::{chart, maps as error_maps};
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::polarimetry::trial::{SchemeResult, Trial, TrialError, brightness};
@@ -50,10 +50,10 @@ pub struct Arguments {
     #[arg(short, long, value_name = "TABLE.csv")]
     output: Option<PathBuf>,
     /// Picture of each scheme's errors, pixel by pixel, of the first try.
-    #[arg(long, value_name = "MAPS.png")]
+    #[arg(long, value_name = "MAPS.png|.svg|.pdf", value_parser = super::figure::picture)]
     figure: Option<PathBuf>,
     /// Chart of the errors against the number of captures, a line for each kind of scheme (its name without the number).
-    #[arg(long, value_name = "CURVE.png")]
+    #[arg(long, value_name = "CURVE.png|.svg|.pdf", value_parser = super::figure::picture)]
     curve: Option<PathBuf>,
 }
 
@@ -103,12 +103,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             &maps,
             columns,
             quantity,
+            error_maps::Quantity::Size,
             &[note.to_owned()],
         );
-        super::figure::save(&image.map_err(Failure::failed)?, path)?;
+        super::figure::save(&image?, path)?;
     }
     if let Some(path) = &a.curve {
-        let image = chart::draw(&curve(&rows)).map_err(Failure::failed)?;
+        let image = chart::draw(&curve(&rows))?;
         super::figure::save(&image, path)?;
     }
     for path in [&a.output, &a.figure, &a.curve].into_iter().flatten() {

@@ -3,28 +3,20 @@
 //!
 //! Angles are drawn modulo the period of their element: 180° for polarizers and retarders.
 
-use image::{Rgb, RgbImage};
-
 use super::FigureError;
-use super::layout::{Axis, Page, Rect, fill, frame};
-use super::stroke::{Marker, Mask, palette};
-use super::text::{Align, INK, LABEL, Style, TICK, fit, width, write, write_up};
+use super::drawing::{Drawing, Point, Rect};
+use super::layout::{Axis, GRID, Page, Panels};
+use super::marker::{Marker, palette};
+use super::text::{INK, LABEL, NAME, TICK, fit, width};
 use super::ticks::{Ticks, brief};
 
-/// Width and height of a panel, and the room above it for the name, in pixels.
-const WIDTH: u32 = 900;
-const HEIGHT: u32 = 140;
-const NAME: u32 = 34;
+/// Size of a panel, and the room above it for the name, in pixels.
+const SIZE: (f64, f64) = (900.0, 140.0);
+const HEAD: f64 = 34.0;
 /// A panel goes on beyond 0 and beyond the period by this share of it, so that markers there are whole.
 const BEYOND: f64 = 0.08;
 /// A page has at most this many panels.
 const MOST: usize = 8;
-const GRID: Rgb<u8> = Rgb([232, 232, 236]);
-const HEAD: Style = Style {
-    em: 16.0,
-    bold: true,
-    colour: INK,
-};
 
 /// Draws the angles of a scheme. Every element has a name, the label of its axis with unit (`"angle / °"`) and the
 /// period of its angle; `values[capture][element]` are the angles in that unit. Angles that are not finite leave gaps.
@@ -36,32 +28,23 @@ pub fn draw(
     title: &str,
     elements: &[(&str, &str, f64)],
     values: &[Vec<f64>],
-) -> Result<RgbImage, FigureError> {
-    Ok(draw_with_panels(title, elements, values)?.0)
-}
-
-/// As [`draw`], together with the rectangles of the panels.
-fn draw_with_panels(
-    title: &str,
-    elements: &[(&str, &str, f64)],
-    values: &[Vec<f64>],
-) -> Result<(RgbImage, Vec<Rect>), FigureError> {
+) -> Result<Drawing, FigureError> {
     check(elements, values)?;
-    let n = elements.len() as u32;
-    let high = n * (NAME + HEIGHT);
-    let top = |i: usize| i as u32 * (NAME + HEIGHT) + NAME;
+    let panels = Panels {
+        size: SIZE,
+        head: HEAD,
+        gap: 0.0,
+        columns: 1,
+    };
+    let (wide, high) = panels.extent(elements.len());
     // The page has the ticks of all panels on one long axis; the labels of the panels go into the room of its label.
-    let mut marks = Vec::new();
-    let mut widest = 0.0_f32;
-    for (i, (_, _, period)) in elements.iter().enumerate() {
-        for quarter in 0..=4 {
-            let part = f64::from(quarter) / 4.0;
-            let from_top = f64::from(top(i)) + row(part);
-            let label = brief(part * period);
-            widest = widest.max(width(&label, TICK)?);
-            marks.push((1.0 - from_top / f64::from(high), label));
-        }
-    }
+    let quarters = || (0..=4).map(|quarter| f64::from(quarter) / 4.0);
+    let ticks = |i: usize| {
+        let (top, period) = (panels.corner(i).1, elements[i].2);
+        quarters().map(move |part| (1.0 - (top + row(part)) / high, brief(part * period)))
+    };
+    let marks: Vec<(f64, String)> = (0..elements.len()).flat_map(ticks).collect();
+    let widest = marks.iter().map(|m| width(&m.1, TICK)).fold(0.0, f64::max);
     let page = Page {
         title,
         x: Axis {
@@ -77,40 +60,38 @@ fn draw_with_panels(
         frameless: true,
         ..Page::default()
     };
-    let (mut img, all) = page.draw(WIDTH, high)?;
-    let label_x = (all.x as f32 - widest.ceil() - 22.0 - LABEL.em / 2.0).max(LABEL.em / 2.0);
-    let mut panels = Vec::with_capacity(elements.len());
+    let mut page = page.draw(wide, high);
+    let label_x = (page.data.x - widest.ceil() - 22.0 - LABEL.em / 2.0).max(LABEL.em / 2.0);
+    let radius = (0.4 * SIZE.0 / values.len() as f64).clamp(1.2, 4.8);
     for (i, (name, label, period)) in elements.iter().enumerate() {
-        let panel = Rect {
-            y: all.y + top(i),
-            h: HEIGHT,
-            ..all
-        };
-        for quarter in 0..=4 {
-            let y = panel.y + (row(f64::from(quarter) / 4.0) - 0.5).round() as u32;
-            fill(&mut img, Rect { y, h: 1, ..panel }, GRID);
+        let panel = panels.place(&page, i);
+        for part in quarters() {
+            page.tick((panel.x, panel.y + row(part)), (panel.w, 0.0), GRID);
         }
-        frame(&mut img, panel, INK);
-        let (text, style) = fit(name, HEAD, panel.w as f32)?;
-        let at = (panel.x as f32, (panel.y - NAME / 2) as f32 + 2.0);
-        write(&mut img, &text, at, Align::Start, style)?;
-        let (text, style) = fit(label, LABEL, HEIGHT as f32)?;
-        let at = (label_x, panel.y as f32 + panel.h as f32 / 2.0);
-        write_up(&mut img, &text, at, Align::Middle, style)?;
-        let mut mask = Mask::over(panel);
-        let radius = (0.4 * WIDTH as f32 / values.len() as f32).clamp(1.2, 4.8);
+        page.frame(panel, INK);
+        panels.name(&mut page, i, &[(name, NAME)]);
+        let (text, style) = fit(label, LABEL, panel.h);
+        page.text_up(&text, (label_x, panel.centre().1), style);
         for (k, angles) in values.iter().enumerate() {
-            let Some(part) = angles.get(i).and_then(|a| part(*a, *period)) else {
-                continue;
-            };
-            let x = (k as f64 + 0.5) / values.len() as f64 * f64::from(WIDTH) - 0.5;
-            let at = (x as f32, (row(part) - 0.5) as f32);
-            mask.marker(Marker::of(i), at, radius);
+            if let Some(part) = part(angles[i], *period) {
+                page.marker(
+                    Marker::of(i),
+                    place(panel, k, values.len(), part),
+                    radius,
+                    palette(i),
+                );
+            }
         }
-        mask.paint(&mut img, palette(i));
-        panels.push(panel);
     }
-    Ok((img, panels))
+    Ok(page)
+}
+
+/// Where the angle of capture `k` of `n` is in its panel.
+fn place(panel: Rect, k: usize, n: usize, part: f64) -> Point {
+    (
+        panel.x + (k as f64 + 0.5) / n as f64 * panel.w,
+        panel.y + row(part),
+    )
 }
 
 /// An angle modulo its period, 0 to below 1.
@@ -121,7 +102,7 @@ fn part(angle: f64, period: f64) -> Option<f64> {
 
 /// Distance of a part of the period from the upper edge of its panel, in pixels.
 fn row(part: f64) -> f64 {
-    (1.0 + BEYOND - part) / (1.0 + 2.0 * BEYOND) * f64::from(HEIGHT)
+    (1.0 + BEYOND - part) / (1.0 + 2.0 * BEYOND) * SIZE.1
 }
 
 /// Ticks at the first and at round captures, counted from 1.
@@ -180,12 +161,13 @@ mod tests {
             vec![-45.0, 270.0],
             vec![0.0, 180.0],
         ];
-        let (img, panels) = draw_with_panels("t", &TWO, &values).unwrap();
+        let drawing = draw("t", &TWO, &values).unwrap();
+        let img = drawing.pixels().unwrap();
         let pixel = |panel: usize, capture: usize, degrees: f64| {
-            let r = panels[panel];
-            let x = r.x as f64 + (capture as f64 + 0.5) / 4.0 * f64::from(r.w) - 0.5;
-            let y = r.y as f64 + row(degrees / 180.0) - 0.5;
-            *img.get_pixel(x.round() as u32, y.round() as u32)
+            let top = panel as f64 * (HEAD + SIZE.1) + HEAD;
+            let panel = drawing.data.within((0.0, top), SIZE);
+            let (x, y) = place(panel, capture, 4, degrees / 180.0);
+            *img.get_pixel(x as u32, y as u32)
         };
         for (panel, capture, degrees) in [
             (0, 0, 45.0),
@@ -210,7 +192,6 @@ mod tests {
                 "no marker without an angle"
             );
         }
-        assert_eq!(draw("t", &TWO, &values).unwrap(), img, "the same pixels again");
     }
 
     #[test]
@@ -258,7 +239,7 @@ mod tests {
         .unwrap();
         assert!((900..1100).contains(&img.width()) && (600..900).contains(&img.height()));
         if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
-            crate::save_png(&img, &std::path::Path::new(&folder).join("angles.png")).unwrap();
+            crate::save(&img, &std::path::Path::new(&folder).join("angles.png")).unwrap();
         }
     }
 

@@ -4,15 +4,16 @@
 //! and so do those at or below zero on a logarithmic axis, which a note under the chart counts. A horizontal or
 //! vertical reference line is a series of two points, a bound a dashed one in [`BLACK`].
 
-use image::{Rgb, RgbImage};
+use image::Rgb;
 
 use super::FigureError;
-use super::layout::{Axis, Page, Rect, fill, frame};
-use super::stroke::{DISTINCT, Marker, Mask, Point, palette};
-use super::text::{INK, LABEL, blend, fit};
+use super::drawing::{Drawing, Pen, Point, Rect};
+use super::layout::{Axis, GRID, Page};
+use super::marker::{DISTINCT, Marker, palette};
+use super::text::{INK, LABEL, fit};
 use scale::{Marks, Scale};
 
-pub use super::stroke::BLACK;
+pub use super::marker::BLACK;
 
 mod legend;
 mod scale;
@@ -20,17 +21,14 @@ mod scale;
 mod tests;
 
 /// Size of the plot in pixels.
-const WIDTH: u32 = 900;
-const HEIGHT: u32 = 520;
-/// Half the width of lines and of error bars, and the radius of markers, in pixels.
-const HALF_LINE: f32 = 1.1;
-const HALF_BAR: f32 = 0.7;
-const RADIUS: f32 = 5.2;
-/// White around markers, which keeps them apart from lines and from each other.
-const HALO: f32 = 1.0;
-/// Markers on the frame are drawn whole: so far beyond it.
-const BEYOND: u32 = 10;
-const GRID: Rgb<u8> = Rgb([232, 232, 236]);
+pub(crate) const WIDTH: f64 = 900.0;
+pub(crate) const HEIGHT: f64 = 520.0;
+/// Width of lines and of error bars, and the radius of markers, in pixels.
+const LINE: f64 = 2.2;
+const BAR: f64 = 1.4;
+const RADIUS: f64 = 5.2;
+/// Opacity of the bands of two standard errors and of one.
+const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
 /// What a chart shows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -86,6 +84,8 @@ pub enum SeriesStyle {
     LineMarkers,
     /// A dashed line through the points.
     Dashed,
+    /// A line through the points, with bands of one and two standard errors instead of bars.
+    Band,
 }
 
 impl SeriesStyle {
@@ -94,18 +94,20 @@ impl SeriesStyle {
     }
 }
 
-/// From data to pixels of the plot.
+/// From data to pixels of the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Scales {
+pub(crate) struct Scales {
     x: Scale,
     y: Scale,
+    plot: Rect,
 }
 
 impl Scales {
-    /// Pixel of a point relative to the upper left one of the plot; it may lie far outside.
-    fn point(&self, (x, y): (f64, f64)) -> Option<(f64, f64)> {
+    /// Pixel of a point; it may lie far outside the plot.
+    pub(crate) fn point(&self, (x, y): (f64, f64)) -> Option<Point> {
         let (x, y) = (self.x.place(x)?, self.y.place(y)?);
-        Some((x * f64::from(WIDTH) - 0.5, (1.0 - y) * f64::from(HEIGHT) - 0.5))
+        let r = self.plot;
+        Some((r.x + x * r.w, r.y + (1.0 - y) * r.h))
     }
 }
 
@@ -132,54 +134,52 @@ pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error:
 /// # Errors
 /// [`FigureError::Option`] if there is no series, one without points or with another number of errors than points, more
 /// series than can be told apart, no point that the axes can show, or a range that is no range.
-pub fn draw(chart: &Chart) -> Result<RgbImage, FigureError> {
-    Ok(draw_with_plot(chart)?.0)
+pub fn draw(chart: &Chart) -> Result<Drawing, FigureError> {
+    check(chart)?;
+    Ok(draw_in(chart, &palette)?.0)
 }
 
-/// As [`draw`], together with the rectangle that holds the data and its scales.
-fn draw_with_plot(chart: &Chart) -> Result<(RgbImage, Rect, Scales), FigureError> {
-    check(chart)?;
-    let scales = scales(chart)?;
-    let (across, up) = (scales.x.marks_across(WIDTH)?, scales.y.marks(8));
-    let label = |axis: &ChartAxis, marks: &Marks, room: u32| {
-        let text = scale::label(&axis.label, &marks.major);
-        Ok::<_, FigureError>(fit(&text, LABEL, room as f32)?.0)
+/// Draws a chart whose series' colours are looked up, together with its scales. Without a check of its series.
+pub(crate) fn draw_in(
+    chart: &Chart,
+    palette: &dyn Fn(usize) -> Rgb<u8>,
+) -> Result<(Drawing, Scales), FigureError> {
+    let (x, y) = ranges(chart)?;
+    let (across, up) = (x.marks_across(WIDTH), y.marks(8));
+    let axis = |axis: &ChartAxis, marks: &Marks, room: f64| Axis {
+        label: fit(&scale::label(&axis.label, &marks.major), LABEL, room).0,
+        ticks: marks.major.clone(),
+        downward: false,
     };
-    let mut notes = chart.notes.clone();
-    notes.extend(left_out(chart));
     let page = Page {
         title: &chart.title,
-        x: Axis {
-            label: label(&chart.x, &across, WIDTH)?,
-            ticks: across.major.clone(),
-            downward: false,
-        },
-        y: Axis {
-            label: label(&chart.y, &up, HEIGHT)?,
-            ticks: up.major.clone(),
-            downward: false,
-        },
-        notes,
+        x: axis(&chart.x, &across, WIDTH),
+        y: axis(&chart.y, &up, HEIGHT),
+        notes: chart.notes.iter().cloned().chain(left_out(chart)).collect(),
+        frameless: true,
         ..Page::default()
     };
-    let (mut img, plot) = page.draw(WIDTH, HEIGHT)?;
-    grid(&mut img, plot, &across, &up);
-    let mut busy = Mask::over(plot);
-    for series in &chart.series {
-        let mask = lines(series, scales, plot);
-        mask.paint(&mut img, palette(series.colour));
-        busy.add(&mask);
-    }
-    frame(&mut img, plot, INK);
+    let mut page = page.draw(WIDTH, HEIGHT);
+    let plot = page.data;
+    let scales = Scales { x, y, plot };
+    grid(&mut page, &across, &up);
+    page.clipped(plot, |page| {
+        for series in &chart.series {
+            bands(page, series, scales, palette(series.colour));
+        }
+        for series in &chart.series {
+            lines(page, series, scales, palette(series.colour));
+        }
+    });
+    page.frame_data();
     for series in chart.series.iter().filter(|s| s.style.marked()) {
-        let points: Vec<Point> = inside(series, scales).collect();
-        markers(&mut img, plot, &points, series.colour);
-        for &at in &points {
-            busy.rim(Marker::Square, at, RADIUS, HALO);
+        let points = series.points.iter().filter_map(|&p| scales.point(p));
+        for at in points.filter(|p| plot.holds(*p)) {
+            page.marker(Marker::of(series.colour), at, RADIUS, palette(series.colour));
         }
     }
-    let img = legend::draw(img, plot, &chart.series, &busy)?;
-    Ok((img, plot, scales))
+    legend::draw(&mut page, &chart.series, scales, palette);
+    Ok((page, scales))
 }
 
 fn refusal(option: &'static str, value: String, must: &'static str) -> FigureError {
@@ -201,6 +201,10 @@ fn check(chart: &Chart) -> Result<(), FigureError> {
             return Err(refusal("errors", value, "as long as the points of the series"));
         }
     }
+    if shown(chart).next().is_none() {
+        let must = "finite, and above zero on logarithmic axes, at one point at least";
+        return Err(refusal("series", "nowhere to be drawn".into(), must));
+    }
     Ok(())
 }
 
@@ -209,29 +213,27 @@ fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }
 
+/// Points with their standard errors, 0 where there is none, that both axes can show.
+fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
+    chart.series.iter().flat_map(|s| {
+        let errors = s.errors.as_deref().unwrap_or_default();
+        let error = |i: usize| errors.get(i).copied().filter(|e| e.is_finite() && *e > 0.0);
+        let all = s.points.iter().enumerate();
+        all.filter(|(_, p)| shows(&chart.x, p.0) && shows(&chart.y, p.1))
+            .map(move |(i, &p)| (p, error(i).unwrap_or(0.0)))
+    })
+}
+
 /// Scales that hold all points and their error bars; on a logarithmic axis a bar reaches down a decade at most.
-fn scales(chart: &Chart) -> Result<Scales, FigureError> {
-    let points = || {
-        chart.series.iter().flat_map(|s| {
-            let errors = s.errors.as_deref().unwrap_or_default();
-            let shown = move |&(_, (x, y)): &(usize, (f64, f64))| shows(&chart.x, x) && shows(&chart.y, y);
-            let all = s.points.iter().copied().enumerate().filter(shown);
-            all.map(move |(i, p)| (p, errors.get(i).copied().unwrap_or(0.0)))
-        })
-    };
-    if points().next().is_none() {
-        let must = "finite, and above zero on logarithmic axes, at one point at least";
-        return Err(refusal("series", "nowhere to be drawn".into(), must));
-    }
+fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
     let reach = |((_, y), e): ((f64, f64), f64)| {
-        let e = if e.is_finite() && e > 0.0 { e } else { 0.0 };
         let low = if chart.y.log { (y - e).max(y / 10.0) } else { y - e };
         [low, y, y + e]
     };
-    Ok(Scales {
-        x: Scale::new(&chart.x, "x range", points().map(|p| p.0.0))?,
-        y: Scale::new(&chart.y, "y range", points().flat_map(reach))?,
-    })
+    Ok((
+        Scale::new(&chart.x, "x range", shown(chart).map(|p| p.0.0))?,
+        Scale::new(&chart.y, "y range", shown(chart).flat_map(reach))?,
+    ))
 }
 
 /// How many points a logarithmic axis cannot show.
@@ -255,111 +257,82 @@ fn left_out(chart: &Chart) -> Option<String> {
 }
 
 /// Light lines at the labelled ticks, short ticks at the others.
-fn grid(img: &mut RgbImage, plot: Rect, across: &Marks, up: &Marks) {
-    const SHORT: i64 = 3;
-    let column = |at: f64| (f64::from(plot.x) + at * f64::from(plot.w) - 0.5).round() as i64;
-    let row = |at: f64| (f64::from(plot.y) + (1.0 - at) * f64::from(plot.h) - 0.5).round() as i64;
-    let (right, bottom) = (plot.x + plot.w, plot.y + plot.h);
+fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
+    const SHORT: f64 = 3.0;
+    let r = page.data;
+    // Lines at the ends of an axis lie inside the frame.
+    let column = |at: f64| (r.x + at * r.w).clamp(r.x + 0.5, r.x + r.w - 0.5);
+    let row = |at: f64| (r.y + (1.0 - at) * r.h).clamp(r.y + 0.5, r.y + r.h - 0.5);
     for (at, _) in &across.major.marks {
-        let x = (column(*at).max(0) as u32).clamp(plot.x, right - 1);
-        fill(img, Rect { x, w: 1, ..plot }, GRID);
+        page.tick((column(*at), r.y), (0.0, r.h), GRID);
     }
     for (at, _) in &up.major.marks {
-        let y = (row(*at).max(0) as u32).clamp(plot.y, bottom - 1);
-        fill(img, Rect { y, h: 1, ..plot }, GRID);
+        page.tick((r.x, row(*at)), (r.w, 0.0), GRID);
     }
-    for d in 1..=SHORT {
-        for &at in &across.minor {
-            blend(img, column(at), i64::from(bottom) + d, INK, 1.0);
-        }
-        for &at in &up.minor {
-            blend(img, i64::from(plot.x) - 1 - d, row(at), INK, 1.0);
+    for &at in &across.minor {
+        page.tick((column(at), r.y + r.h + 1.0), (0.0, SHORT), INK);
+    }
+    for &at in &up.minor {
+        page.tick((r.x - 1.0 - SHORT, row(at)), (SHORT, 0.0), INK);
+    }
+}
+
+/// Points of a series on the page, each with its standard error if it has one; `None` where there is no point.
+fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
+    let errors = series.errors.as_deref().unwrap_or_default();
+    series.points.iter().enumerate().map(move |(i, &p)| {
+        let e = errors.get(i).copied().filter(|e| e.is_finite() && *e > 0.0);
+        scales.point(p).map(|at| (at, [p.0, p.1], e.unwrap_or(0.0)))
+    })
+}
+
+/// Bands between the ends of the standard errors, over each run of points without a gap.
+fn bands(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
+    if series.style != SeriesStyle::Band || series.errors.is_none() {
+        return;
+    }
+    let places: Vec<_> = places(series, scales).collect();
+    for run in places.split(Option::is_none) {
+        let run = || run.iter().flatten();
+        for (sigmas, opacity) in BANDS {
+            let edge = |sign: f64| {
+                move |(_, [x, y], e): &(Point, [f64; 2], f64)| scales.point((*x, y + sign * sigmas * e))
+            };
+            let corners = run().filter_map(edge(1.0));
+            let corners: Vec<Point> = corners.chain(run().rev().filter_map(edge(-1.0))).collect();
+            if corners.len() > 2 {
+                page.area(corners.into_iter(), colour, opacity);
+            }
         }
     }
 }
 
 /// Line and error bars of a series.
-fn lines(series: &Series, scales: Scales, plot: Rect) -> Mask {
-    let mut mask = Mask::over(plot);
-    let points: Vec<Option<(f64, f64)>> = series.points.iter().map(|&p| scales.point(p)).collect();
-    let mut walked = 0.0;
-    if series.style != SeriesStyle::Markers {
-        for (i, a) in points.iter().enumerate() {
-            // A point between two gaps is a dot.
-            let b = points.get(i + 1).copied().flatten().or(*a);
-            let Some((a, b)) = a.zip(b).and_then(|(a, b)| clip(a, b)) else {
-                continue;
-            };
-            if series.style == SeriesStyle::Dashed {
-                mask.dashes(a, b, HALF_LINE, &mut walked);
-            } else {
-                mask.segment(a, b, HALF_LINE);
-            }
-        }
-    }
-    let errors = series.errors.as_deref().unwrap_or_default();
-    for ((&(x, y), e), at) in series.points.iter().zip(errors).zip(&points) {
-        let Some(at) = at.filter(|_| e.is_finite() && *e > 0.0) else {
-            continue;
-        };
-        // A bar that reaches zero on a logarithmic axis leaves the chart, without a cap.
-        let ends = [y + e, y - e].map(|y| scales.point((x, y)).map(|p| p.1));
-        let top = ends[0].unwrap_or(-f64::from(HEIGHT));
-        let bottom = ends[1].unwrap_or(2.0 * f64::from(HEIGHT));
-        let bar = clip((at.0, top), (at.0, bottom));
-        let caps = [top, bottom].map(|y| clip((at.0 - 4.0, y), (at.0 + 4.0, y)));
-        for (a, b) in [bar].into_iter().chain(caps).flatten() {
-            mask.segment(a, b, HALF_BAR);
-        }
-    }
-    mask
-}
-
-/// The part of a segment on the plot or just outside it.
-fn clip(a: (f64, f64), b: (f64, f64)) -> Option<(Point, Point)> {
-    const OUTSIDE: f64 = 6.0;
-    let (mut from, mut to) = (0.0_f64, 1.0_f64);
-    for (p, q, size) in [(a.0, b.0, WIDTH), (a.1, b.1, HEIGHT)] {
-        let (low, high) = (-OUTSIDE, f64::from(size) + OUTSIDE);
-        if p == q {
-            if !(low..=high).contains(&p) {
-                return None;
-            }
-            continue;
-        }
-        let (s, t) = ((low - p) / (q - p), (high - p) / (q - p));
-        from = from.max(s.min(t));
-        to = to.min(s.max(t));
-    }
-    let at = |t: f64| ((a.0 + (b.0 - a.0) * t) as f32, (a.1 + (b.1 - a.1) * t) as f32);
-    (from <= to).then(|| (at(from), at(to)))
-}
-
-/// Points of a series that lie on the plot or on its edge.
-fn inside(series: &Series, scales: Scales) -> impl Iterator<Item = Point> {
-    let on = |v: f64, size: u32| (-1.0..=f64::from(size)).contains(&v);
-    series
-        .points
-        .iter()
-        .filter_map(move |&p| scales.point(p))
-        .filter(move |p| on(p.0, WIDTH) && on(p.1, HEIGHT))
-        .map(|p| (p.0 as f32, p.1 as f32))
-}
-
-/// Markers of one series over a white rim.
-fn markers(img: &mut RgbImage, plot: Rect, points: &[Point], colour: usize) {
-    let place = Rect {
-        x: plot.x.saturating_sub(BEYOND),
-        y: plot.y.saturating_sub(BEYOND),
-        w: plot.w + 2 * BEYOND,
-        h: plot.h + 2 * BEYOND,
+fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
+    let pen = Pen {
+        colour,
+        width: LINE,
+        dashed: series.style == SeriesStyle::Dashed,
     };
-    let (mut rim, mut body) = (Mask::over(place), Mask::over(place));
-    for at in points {
-        let at = (at.0 + (plot.x - place.x) as f32, at.1 + (plot.y - place.y) as f32);
-        rim.rim(Marker::of(colour), at, RADIUS, HALO);
-        body.marker(Marker::of(colour), at, RADIUS);
+    if series.style != SeriesStyle::Markers {
+        let points: Vec<Option<Point>> = series.points.iter().map(|&p| scales.point(p)).collect();
+        page.line(&points, pen);
     }
-    rim.paint(img, Rgb([255; 3]));
-    body.paint(img, palette(colour));
+    if series.style == SeriesStyle::Band {
+        return;
+    }
+    let pen = Pen {
+        width: BAR,
+        dashed: false,
+        ..pen
+    };
+    for ((at, _), [x, y], e) in places(series, scales).flatten().filter(|p| p.2 > 0.0) {
+        // A bar that reaches zero on a logarithmic axis leaves the chart, without a cap.
+        let end = |y: f64, far: f64| scales.point((x, y)).map_or(far, |p| p.1);
+        let (top, bottom) = (end(y + e, -HEIGHT), end(y - e, 3.0 * HEIGHT));
+        page.line(&[Some((at, top)), Some((at, bottom))], pen);
+        for y in [top, bottom] {
+            page.line(&[Some((at - 4.0, y)), Some((at + 4.0, y))], pen);
+        }
+    }
 }

@@ -147,6 +147,17 @@ pub fn signed(v: f32) -> Rgb<u8> {
     Rgb([c.r, c.g, c.b])
 }
 
+/// Cyclic map of an angle: 0 and 1, and all whole numbers, are one colour. Its steps differ by a factor of 4 in a
+/// perceptual space, those of the other cyclic map of this source by 7.
+#[must_use]
+pub fn cyclic(v: f32) -> Rgb<u8> {
+    if !v.is_finite() {
+        return UNDEFINED;
+    }
+    let c = colorous::RAINBOW.eval_continuous(f64::from(v.rem_euclid(1.0)));
+    Rgb([c.r, c.g, c.b])
+}
+
 /// Perceptual sequential map: 0 black, 1 pale yellow; beyond is held at the ends.
 #[must_use]
 pub fn sequential(v: f32) -> Rgb<u8> {
@@ -196,6 +207,30 @@ mod tests {
         assert!(sequential(0.0).0.iter().all(|&c| c < 10));
         assert_eq!(srgb(1.0), 255);
         assert_eq!(srgb(0.215_861), 128);
+    }
+
+    /// Steps of the cyclic map in the perceptual space of Ottosson (Oklab, 2020), from which sRGB is not far.
+    #[test]
+    fn angles_go_round_in_even_steps() {
+        let lab = |v: f32| {
+            let linear = cyclic(v).0.map(|c| (f64::from(c) / 255.0).powf(2.2));
+            let cone = |w: [f64; 3]| linear.iter().zip(w).map(|(c, w)| c * w).sum::<f64>().cbrt();
+            let l = cone([0.4122, 0.5363, 0.0514]);
+            let m = cone([0.2119, 0.6807, 0.1074]);
+            let s = cone([0.0883, 0.2817, 0.6300]);
+            [
+                0.2105 * l + 0.7936 * m - 0.0041 * s,
+                1.9780 * l - 2.4286 * m + 0.4506 * s,
+                0.0259 * l + 0.7828 * m - 0.8087 * s,
+            ]
+        };
+        let steps = (0..32).map(|i| {
+            let (a, b) = (lab(i as f32 / 32.0), lab((i + 1) as f32 / 32.0));
+            a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+        });
+        let (least, most) = steps.fold((f64::MAX, 0.0_f64), |(a, b), s| (a.min(s), b.max(s)));
+        assert!(most < 4.5 * least, "{least} {most}");
+        assert_eq!((cyclic(0.25), cyclic(f32::NAN)), (cyclic(-0.75), UNDEFINED));
     }
 
     #[test]

@@ -2,12 +2,13 @@
 //!
 //! After figure 5 of Baek & Heide 2021. Rows of a map: Stokes out; columns: Stokes in.
 
-use image::{Rgb, RgbImage};
+use image::Rgb;
 
 use super::FigureError;
 use super::colour::signed;
-use super::layout::{Bar, Page, Rect, fill, frame};
-use super::text::{Align, INK, NOTE, Style, fit, write};
+use super::drawing::{Drawing, Rect};
+use super::layout::{Bar, Page, Panels};
+use super::text::{Align, INK, NAME, NOTE, Style, TICK, fit};
 use super::ticks::Ticks;
 
 /// One map of the page.
@@ -21,47 +22,36 @@ pub struct Map {
     pub values: [f64; 16],
 }
 
-/// Pixels of a cell.
-const CELL: (u32, u32) = (62, 46);
-/// Room for the two lines above a map, and between maps.
-const HEAD: u32 = 48;
-const GAP: u32 = 26;
-
-const NAME: Style = Style {
-    em: 17.0,
-    bold: true,
-    colour: INK,
-};
-const VALUE: Style = Style {
-    em: 15.0,
-    bold: false,
-    colour: INK,
-};
+/// Pixels of a cell, the last of which parts it from the next.
+const CELL: (f64, f64) = (62.0, 46.0);
 
 /// Draws maps, `columns` a row, on the common scale ± the largest magnitude, which is named `quantity` beside the bar.
 /// Values that are not finite are grey.
 ///
 /// # Errors
-/// [`FigureError::Empty`] if there is no map; [`FigureError::Font`].
+/// [`FigureError::Empty`] if there is no map.
 pub fn draw(
     title: &str,
     maps: &[Map],
     columns: usize,
     quantity: &str,
     notes: &[String],
-) -> Result<RgbImage, FigureError> {
+) -> Result<Drawing, FigureError> {
     if maps.is_empty() {
         return Err(FigureError::Empty {
             slice: title.to_owned(),
             axis: "maps",
         });
     }
-    let columns = columns.clamp(1, maps.len()) as u32;
-    let rows = (maps.len() as u32).div_ceil(columns);
+    let panels = Panels {
+        size: (4.0 * CELL.0, 4.0 * CELL.1),
+        head: 48.0,
+        gap: 26.0,
+        columns: columns.clamp(1, maps.len()),
+    };
     let finite = maps.iter().flat_map(|m| m.values).filter(|v| v.is_finite());
     let largest = finite.fold(0.0, |a: f64, v| a.max(v.abs()));
     let limit = if largest > 0.0 { largest } else { 1.0 };
-    let (w, h) = (4 * CELL.0, HEAD + 4 * CELL.1);
     let page = Page {
         title,
         bar: Some(Bar {
@@ -73,59 +63,29 @@ pub fn draw(
         frameless: true,
         ..Page::default()
     };
-    let (mut img, plot) = page.draw(columns * (w + GAP) - GAP, rows * (h + GAP) - GAP)?;
-    for (i, map) in (0..).zip(maps) {
-        let place = Rect {
-            x: plot.x + i % columns * (w + GAP),
-            y: plot.y + i / columns * (h + GAP),
-            w,
-            h,
-        };
-        map.paint(&mut img, place, limit)?;
+    let (w, h) = panels.extent(maps.len());
+    let mut page = page.draw(w, h);
+    for (i, map) in maps.iter().enumerate() {
+        panels.name(&mut page, i, &[(&map.label, NAME), (&map.caption, NOTE)]);
+        let place = panels.place(&page, i);
+        map.paint(&mut page, place, limit);
     }
-    Ok(img)
+    Ok(page)
 }
 
 impl Map {
-    fn paint(&self, img: &mut RgbImage, place: Rect, limit: f64) -> Result<(), FigureError> {
-        for (text, style, y) in [(&self.label, NAME, 11.0), (&self.caption, NOTE, 32.0)] {
-            let (text, style) = fit(text, style, place.w as f32)?;
-            write(
-                img,
-                &text,
-                (place.x as f32, place.y as f32 + y),
-                Align::Start,
-                style,
-            )?;
-        }
-        for (i, v) in (0..).zip(self.values) {
-            let cell = Rect {
-                x: place.x + i % 4 * CELL.0,
-                y: place.y + HEAD + i / 4 * CELL.1,
-                w: CELL.0 - 1,
-                h: CELL.1 - 1,
-            };
+    fn paint(&self, page: &mut Drawing, place: Rect, limit: f64) {
+        for (i, v) in self.values.into_iter().enumerate() {
+            let (column, row) = ((i % 4) as f64, (i / 4) as f64);
+            let cell = place.within((column * CELL.0, row * CELL.1), (CELL.0 - 1.0, CELL.1 - 1.0));
             let ground = signed((v / limit) as f32);
-            fill(img, cell, ground);
-            let style = Style {
-                colour: ink_on(ground),
-                ..VALUE
-            };
-            let (text, style) = fit(&number(v, limit), style, cell.w as f32 - 4.0)?;
-            let middle = (
-                cell.x as f32 + cell.w as f32 / 2.0,
-                cell.y as f32 + cell.h as f32 / 2.0,
-            );
-            write(img, &text, middle, Align::Middle, style)?;
+            page.fill(cell, ground, 1.0);
+            let colour = ink_on(ground);
+            let (text, style) = fit(&number(v, limit), Style { colour, ..TICK }, cell.w - 4.0);
+            page.text(&text, cell.centre(), Align::Middle, style);
         }
-        let cells = Rect {
-            x: place.x,
-            y: place.y + HEAD,
-            w: 4 * CELL.0 - 1,
-            h: 4 * CELL.1 - 1,
-        };
-        frame(img, cells, INK);
-        Ok(())
+        let cells = place.within((0.0, 0.0), (place.w - 1.0, place.h - 1.0));
+        page.frame(cells, INK);
     }
 }
 
@@ -175,10 +135,11 @@ mod tests {
         let mut values = [0.0; 16];
         (values[0], values[7], values[15]) = (2.0, -1.0, f64::NAN);
         let img = draw("T", &[map([0.5; 16]), map(values)], 2, "T", &["A note.".into()]).unwrap();
+        let img = img.pixels().unwrap();
         for v in [2.0, -1.0, 0.5, 0.0, f64::NAN] {
             let want = signed((v / 2.0) as f32);
             let seen = img.pixels().filter(|p| **p == want).count();
-            assert!(seen > CELL.0 as usize * CELL.1 as usize / 2, "{v}: {seen} pixels");
+            assert!(seen > (CELL.0 * CELL.1) as usize / 2, "{v}: {seen} pixels");
         }
     }
 

@@ -1,24 +1,20 @@
-//! Light in flight: a contact sheet of time bins, each a colour image of M00, with its time below.
+//! Light in flight: time bins as colour images of M00, on a contact sheet with their times or one after another.
 //!
 //! The frames are spread evenly over the bins between which 0.1% and 99.9% of all light (M00 above zero, over pixels
 //! and wavelengths) has come. One exposure serves them all: white is the 99.5th percentile of the channels above zero.
 
-use image::RgbImage;
-
-use super::colour::{percentile, photo, rgb_weights};
-use super::layout::{CAMERA_UNIT, Measure, Page, Rect, frame};
-use super::photo::channels;
+use super::colour::{self, percentile, rgb_weights};
+use super::drawing::Drawing;
+use super::layout::{CAMERA_UNIT, Page, Panels, growth};
+use super::photo::{self, channels};
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
-use super::text::{Align, INK, fit, width, write};
+use super::text::{INK, TICK, width};
 use super::ticks::brief;
 use super::{FigureError, Panel};
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 
-const GAP: usize = 12;
-/// Height of the line that holds the time.
-const STAMP: usize = 26;
 /// Share of the light before the first and after the last frame.
 const TAIL: f64 = 0.001;
 /// Most frames on a sheet.
@@ -68,8 +64,18 @@ fn columns(n: usize, w: usize, h: usize) -> usize {
     (1..=n).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1)
 }
 
-/// Draws the contact sheet.
-pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
+/// The frames of a view, of one exposure.
+struct Frames<'a> {
+    xs: &'a [f64],
+    ys: &'a [f64],
+    /// What every frame shows, in words.
+    note: String,
+    white: f32,
+    /// Time of every frame with its picture, not yet brought to size.
+    shown: Vec<(String, Raster<3>)>,
+}
+
+fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames<'a>, FigureError> {
     if !(1..=MOST).contains(&view.frames) {
         let value = view.frames.to_string();
         return Err(FigureError::Option {
@@ -82,86 +88,108 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<(RgbImage, 
     let times = source.need(AxisKind::T)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let element = source.element([0, 0])?;
-    let positive = |v: f32| {
-        if v.is_finite() && v > 0.0 {
-            f64::from(v)
-        } else {
-            0.0
-        }
-    };
+    let positive = |v: f32| if v.is_finite() { f64::from(v.max(0.0)) } else { 0.0 };
     let mut light = source.sum(&[AxisKind::T], &element, positive).data;
     light.iter_mut().for_each(|v| *v = v.min(f32::MAX));
-    let bins = chosen_bins(&light, view.frames);
 
     let weights = rgb_weights(source.wavelengths());
-    let columns = columns(bins.len(), xs.len(), ys.len());
-    let rows = bins.len().div_ceil(columns);
-    let room = (1500 / columns).min(1500 / rows).max(24);
-    let text = Measure::of(room * columns);
-    let stamp = (STAMP as f32 * text.k) as usize;
-    let (fx, fy) = Factor::square(xs.len(), ys.len(), room, room, 24.min(room));
-    let (w, h) = (fx.length(xs.len()), fy.length(ys.len()));
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
-    let frames: Vec<Raster<3>> = bins
-        .iter()
-        .map(|&t| {
-            let pick = [(AxisKind::T, t), element[0], element[1]];
-            let values = source.sum(&keep, &pick, f64::from);
-            Raster::colour(xs.len(), ys.len(), &values, &weights).shrink(fx, fy)
-        })
-        .collect();
-    let channel = frames.iter().flat_map(|f| f.data.iter().flatten().copied());
-    let white = percentile(channel.filter(|v| *v > 0.0), 0.995).unwrap_or(1.0);
-
-    let label = |t: f64| format!("{t:.*} ps", usize::from(times.iter().any(|t| t.fract() != 0.0)));
-    let widest = bins.iter().try_fold(0.0_f32, |m, &t| {
-        Ok::<_, FigureError>(m.max(width(&label(times[t]), text.tick)?))
-    })?;
-    let pitch = (w.max((widest as usize).min(160)) + GAP, h + stamp + GAP / 2);
-    let bin = if times.len() > 1 {
-        format!(
-            ", each a bin of {} ps",
-            brief((times[times.len() - 1] - times[0]) / (times.len() - 1) as f64)
-        )
-    } else {
-        String::new()
+    let fraction = usize::from(times.iter().any(|t| t.fract() != 0.0));
+    let frame = |t: usize| {
+        let pick = [(AxisKind::T, t), element[0], element[1]];
+        let values = source.sum(&keep, &pick, f64::from);
+        let raster = Raster::colour(xs.len(), ys.len(), &values, &weights);
+        (format!("{:.fraction$} ps", times[t]), raster)
     };
+    let bins = chosen_bins(&light, view.frames);
+    let shown: Vec<(String, Raster<3>)> = bins.into_iter().map(frame).collect();
+    let channel = shown.iter().flat_map(|f| f.1.data.iter().flatten().copied());
+    let white = percentile(channel.filter(|v| *v > 0.0), 0.995).unwrap_or(1.0);
+    let bin = match times {
+        [first, .., last] => {
+            let ps = (last - first) / (times.len() - 1) as f64;
+            format!(", each a bin of {} ps", brief(ps))
+        }
+        _ => String::new(),
+    };
+    let note = format!(
+        "{} frames{bin}. {}. One exposure for all: white {} {CAMERA_UNIT} (99.5th percentile of what is above zero).",
+        shown.len(),
+        channels(source.wavelengths()),
+        brief(f64::from(white)),
+    );
+    Ok(Frames {
+        xs,
+        ys,
+        note,
+        white,
+        shown,
+    })
+}
+
+/// Draws the contact sheet.
+pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+    let frames = read(view, panel)?;
+    let (w, h) = (frames.xs.len(), frames.ys.len());
+    let columns = columns(frames.shown.len(), w, h);
+    let rows = frames.shown.len().div_ceil(columns);
+    let room = (1500 / columns).min(1500 / rows).max(24);
+    let style = TICK.scaled(growth((room * columns) as f64));
+    let factors = Factor::square(w, h, room, room, 24.min(room));
+    let stamps = frames.shown.iter().map(|f| width(&f.0, style).ceil());
+    let panels = Panels {
+        size: (
+            stamps.fold(factors.0.length(w), |a, b| a.max(b.min(160.0))),
+            factors.1.length(h),
+        ),
+        head: (1.6 * style.em).round(),
+        gap: 8.0,
+        columns,
+    };
+    let extent = panels.extent(frames.shown.len());
     let page = Page {
         title,
-        notes: vec![format!(
-            "{} frames{bin}. {}. One exposure for all: white {} {CAMERA_UNIT} (99.5th percentile of what is above zero).",
-            bins.len(),
-            channels(source.wavelengths()),
-            brief(f64::from(white)),
-        )],
+        notes: vec![frames.note],
         frameless: true,
         ..Page::default()
     };
-    let (sheet_w, sheet_h) = (columns * pitch.0 - GAP, rows * pitch.1 - GAP / 2);
-    let (mut img, plot) = page.draw(sheet_w as u32, sheet_h as u32)?;
-    for (i, (raster, &t)) in frames.iter().zip(&bins).enumerate() {
-        let inset = (pitch.0 - GAP - w) / 2;
-        let x = plot.x + (i % columns * pitch.0 + inset) as u32;
-        let y = plot.y + (i / columns * pitch.1) as u32;
-        raster.paint(&mut img, (x, y), (fx, fy), |rgb| photo(rgb, white));
-        frame(
-            &mut img,
-            Rect {
-                x,
-                y,
-                w: w as u32,
-                h: h as u32,
-            },
-            INK,
-        );
-        let (text, style) = fit(&label(times[t]), text.tick, (pitch.0 - 4) as f32)?;
-        let at = (
-            x as f32 + w as f32 / 2.0,
-            y as f32 + h as f32 + stamp as f32 / 2.0,
-        );
-        write(&mut img, &text, at, Align::Middle, style)?;
+    let mut page = page.draw(extent.0, extent.1);
+    for (i, (time, raster)) in frames.shown.into_iter().enumerate() {
+        panels.name(&mut page, i, &[(&time, style)]);
+        let raster = raster.shrink(factors);
+        let white = frames.white;
+        raster.paint(&mut page, panels.corner(i), factors, |rgb| {
+            colour::photo(rgb, white)
+        });
+        let size = (factors.0.length(w), factors.1.length(h));
+        page.frame(page.data.within(panels.corner(i), size), INK);
     }
-    Ok((img, plot))
+    Ok(page)
+}
+
+/// Draws every frame as a page of its own, all of one size, to be shown one after another.
+pub fn animate(view: &FlightView, title: &str, panel: &Panel) -> Result<Vec<Drawing>, FigureError> {
+    let frames = read(view, panel)?;
+    let (w, h) = (frames.xs.len(), frames.ys.len());
+    let factors = Factor::square(w, h, 600, 800, 40);
+    let (x, y) = photo::axes(frames.xs, frames.ys, factors);
+    let mut page = Page {
+        title,
+        x,
+        y,
+        notes: vec![String::new(), frames.note],
+        ..Page::default()
+    };
+    let draw = |(time, raster): (String, Raster<3>)| {
+        page.notes[0] = format!("Travel time {time}.");
+        let mut page = page.draw(factors.0.length(w), factors.1.length(h));
+        let raster = raster.shrink(factors);
+        raster.paint(&mut page, (0.0, 0.0), factors, |rgb| {
+            colour::photo(rgb, frames.white)
+        });
+        page
+    };
+    Ok(frames.shown.into_iter().map(draw).collect())
 }
 
 #[cfg(test)]

@@ -2,71 +2,28 @@
 
 use image::{Rgb, RgbImage};
 
-use super::FigureError;
-use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, blend, fit, width, wrap, write, write_up};
+use super::drawing::{Drawing, Point, Rect};
+use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap};
 use super::ticks::Ticks;
 
 /// Unit of every camera value.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
+/// Lines of a grid in a plot.
+pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
 /// A page is never narrower than this, so that titles and notes have room.
-const PAGE_LEAST: u32 = 480;
+const PAGE_LEAST: f64 = 480.0;
 /// Plots up to this width have text of the nominal size; on wider ones it grows, up to [`LARGEST`] times.
-const NOMINAL: f32 = 900.0;
-const LARGEST: f32 = 1.6;
+const NOMINAL: f64 = 900.0;
+const LARGEST: f64 = 1.6;
 /// Margin of the page.
-const EDGE: u32 = 18;
+const EDGE: f64 = 18.0;
+/// Pixels of a colour bar that are coloured one by one.
+const BAR_STEPS: u32 = 256;
 
-/// Text and distances at the size that suits a plot.
-#[derive(Clone, Copy, Debug)]
-pub struct Measure {
-    /// Times the nominal size.
-    pub k: f32,
-    title: Style,
-    label: Style,
-    /// Tick labels.
-    pub tick: Style,
-    note: Style,
-    tick_length: u32,
-    space: u32,
-    gap: u32,
-    bar_gap: u32,
-    bar_width: u32,
-    note_line: u32,
-}
-
-impl Measure {
-    /// For a plot of this width.
-    #[must_use]
-    pub fn of(plot_width: usize) -> Self {
-        let k = (plot_width as f32 / NOMINAL).clamp(1.0, LARGEST);
-        let px = |v: f32| (v * k).round() as u32;
-        Self {
-            k,
-            title: TITLE.scaled(k),
-            label: LABEL.scaled(k),
-            tick: TICK.scaled(k),
-            note: NOTE.scaled(k),
-            tick_length: px(6.0),
-            space: px(10.0),
-            gap: px(6.0),
-            bar_gap: px(22.0),
-            bar_width: px(20.0),
-            note_line: px(21.0),
-        }
-    }
-}
-
-/// A rectangle of picture pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rect {
-    /// First column.
-    pub x: u32,
-    /// First row.
-    pub y: u32,
-    /// Columns.
-    pub w: u32,
-    /// Rows.
-    pub h: u32,
+/// How many times the nominal size texts and distances have beside a plot of this width.
+#[must_use]
+pub fn growth(plot_width: f64) -> f64 {
+    (plot_width / NOMINAL).clamp(1.0, LARGEST)
 }
 
 /// An axis with its label.
@@ -107,219 +64,215 @@ pub struct Page<'a> {
     pub frameless: bool,
 }
 
-fn widest(ticks: &Ticks, style: Style) -> Result<u32, FigureError> {
-    ticks
-        .marks
-        .iter()
-        .try_fold(0, |m, (_, label)| Ok(m.max(width(label, style)?.ceil() as u32)))
+/// Text and distances at the size that suits a plot.
+struct Measure {
+    title: Style,
+    label: Style,
+    tick: Style,
+    note: Style,
+    tick_length: f64,
+    /// From ticks to their labels.
+    gap: f64,
+    /// From tick labels to the label of the axis.
+    space: f64,
+    bar_gap: f64,
+    bar_width: f64,
+    note_line: f64,
 }
 
-/// Fills a rectangle.
-pub fn fill(img: &mut RgbImage, r: Rect, colour: Rgb<u8>) {
-    for y in r.y..(r.y + r.h).min(img.height()) {
-        for x in r.x..(r.x + r.w).min(img.width()) {
-            img.put_pixel(x, y, colour);
+impl Measure {
+    fn of(plot_width: f64) -> Self {
+        let k = growth(plot_width);
+        let px = |v: f64| (v * k).round();
+        Self {
+            title: TITLE.scaled(k),
+            label: LABEL.scaled(k),
+            tick: TICK.scaled(k),
+            note: NOTE.scaled(k),
+            tick_length: px(6.0),
+            gap: px(6.0),
+            space: px(10.0),
+            bar_gap: px(22.0),
+            bar_width: px(20.0),
+            note_line: px(21.0),
         }
     }
-}
 
-/// Draws a frame of one pixel just outside a rectangle.
-pub fn frame(img: &mut RgbImage, r: Rect, colour: Rgb<u8>) {
-    let (x0, y0) = (i64::from(r.x) - 1, i64::from(r.y) - 1);
-    let (x1, y1) = (i64::from(r.x + r.w), i64::from(r.y + r.h));
-    for x in x0..=x1 {
-        blend(img, x, y0, colour, 1.0);
-        blend(img, x, y1, colour, 1.0);
+    /// Room for ticks that stand in a column with their labels.
+    fn beside(&self, ticks: &Ticks) -> f64 {
+        let widest = ticks.marks.iter().map(|m| width(&m.1, self.tick).ceil());
+        widest
+            .reduce(f64::max)
+            .map_or(0.0, |w| self.tick_length + self.gap + w)
     }
-    for y in y0 + 1..y1 {
-        blend(img, x0, y, colour, 1.0);
-        blend(img, x1, y, colour, 1.0);
+
+    /// Room for the label of an axis.
+    fn name(&self, label: &str) -> f64 {
+        if label.is_empty() {
+            0.0
+        } else {
+            self.label.em.floor() + self.space
+        }
     }
 }
 
 impl Page<'_> {
-    /// Lays the page out around a plot of `w` × `h` pixels and draws all but the data, whose place is returned.
-    pub fn draw(&self, w: u32, h: u32) -> Result<(RgbImage, Rect), FigureError> {
-        let m = Measure::of(w as usize);
-        let (line, space, gap) = (m.label.em as u32, m.space, m.gap);
-        let has_y = !self.y.ticks.marks.is_empty();
-        let has_x = !self.x.ticks.marks.is_empty();
-        let y_ticks = if has_y {
-            m.tick_length + gap + widest(&self.y.ticks, m.tick)?
+    /// Lays the page out around a plot of `w` × `h` pixels and draws all but the data, whose place is in the drawing.
+    #[must_use]
+    pub fn draw(&self, w: f64, h: f64) -> Drawing {
+        let m = Measure::of(w);
+        let (y_ticks, y_label) = (m.beside(&self.y.ticks), m.name(&self.y.label));
+        let x_ticks = if self.x.ticks.marks.is_empty() {
+            0.0
         } else {
-            0
-        };
-        let y_label = if self.y.label.is_empty() { 0 } else { line + space };
-        let x_ticks = if has_x {
-            m.tick_length + gap + m.tick.em as u32
-        } else {
-            0
-        };
-        let x_label = if self.x.label.is_empty() { 0 } else { line + space };
-        let right = match &self.bar {
-            Some(bar) => {
-                m.bar_gap
-                    + m.bar_width
-                    + m.tick_length
-                    + gap
-                    + widest(&bar.ticks, m.tick)?
-                    + space
-                    + line
-                    + EDGE
-            }
-            None => EDGE + 8,
+            m.tick_length + m.gap + m.tick.em.floor()
         };
         let left = EDGE + y_label + y_ticks;
-        let mut page_w = left + w + right;
-        let shift = PAGE_LEAST.saturating_sub(page_w) / 2;
-        page_w = page_w.max(PAGE_LEAST);
+        let right = self.bar.as_ref().map_or(EDGE + 8.0, |bar| {
+            m.bar_gap + m.bar_width + m.beside(&bar.ticks) + m.name("|") + EDGE
+        });
+        let page_w = (left + w + right).max(PAGE_LEAST);
+        let left = left + ((page_w - left - w - right) / 2.0).floor();
         // A short plot still leaves room for the labels that run along its height.
-        let mut along: f32 = width(&self.y.label, m.label)?;
-        if let Some(bar) = &self.bar {
-            along = along.max(width(&bar.label, m.label)?);
-        }
-        let sag = (along as u32).saturating_sub(h).div_ceil(2);
-        let room = (page_w - 2 * EDGE) as f32;
-        let mut lines = Vec::new();
-        for note in &self.notes {
-            lines.extend(wrap(note, m.note, room)?);
-        }
-        let top = if self.title.trim().is_empty() {
-            EDGE
-        } else {
-            EDGE + m.title.em as u32 + 16
-        } + sag;
-        let below = (x_ticks + x_label).max(sag + 4);
+        let along = width(&self.y.label, m.label)
+            .max(self.bar.as_ref().map_or(0.0, |bar| width(&bar.label, m.label)));
+        let sag = ((along - h) / 2.0).ceil().max(0.0);
+        let room = page_w - 2.0 * EDGE;
+        let lines: Vec<String> = self
+            .notes
+            .iter()
+            .flat_map(|note| wrap(note, m.note, room))
+            .collect();
+        let title = self.title.trim();
+        let top = EDGE
+            + sag
+            + if title.is_empty() {
+                0.0
+            } else {
+                m.title.em.floor() + 16.0
+            };
+        let below = (x_ticks + m.name(&self.x.label)).max(sag + 4.0);
         let notes = if lines.is_empty() {
-            0
+            0.0
         } else {
-            10 + m.note_line * lines.len() as u32
+            10.0 + m.note_line * lines.len() as f64
         };
-        let page_h = top + h + below + notes + EDGE;
-        let mut img = RgbImage::from_pixel(page_w, page_h, Rgb([255; 3]));
-        let plot = Rect {
-            x: left + shift,
+        let mut page = Drawing::new(page_w, top + h + below + notes + EDGE, self.title);
+        page.data = Rect {
+            x: left,
             y: top,
             w,
             h,
         };
-        let centre = plot.x as f32 + w as f32 / 2.0;
+        let centre = page.data.centre();
+        let bottom = top + h;
 
-        if !self.title.trim().is_empty() {
-            let (title, style) = fit(self.title.trim(), m.title, room)?;
-            let half = width(&title, style)? / 2.0;
-            let edge = EDGE as f32 + half;
-            let x = centre.clamp(edge, (page_w as f32 - edge).max(edge));
-            write(
-                &mut img,
-                &title,
-                (x, EDGE as f32 + m.title.em / 2.0),
-                Align::Middle,
-                style,
-            )?;
-        }
+        // A text over or under the plot's middle, but kept on the page.
+        let across = |page: &mut Drawing, text: &str, y: f64, style: Style| {
+            let (text, style) = fit(text, style, room);
+            let half = EDGE + width(&text, style) / 2.0;
+            let x = centre.0.min(page_w - half).max(half);
+            page.text(&text, (x, y), Align::Middle, style);
+        };
+        across(&mut page, title, EDGE + m.title.em / 2.0, m.title);
         if !self.frameless {
-            frame(&mut img, plot, INK);
+            page.frame_data();
         }
-        let bottom = plot.y + h;
         for (at, label) in &self.x.ticks.marks {
-            let x = f64::from(plot.x) + at * f64::from(w) - 0.5;
-            vertical(&mut img, x, bottom + 1, m.tick_length);
-            let y = (bottom + m.tick_length + m.gap - 1) as f32 + m.tick.em / 2.0;
-            write(&mut img, label, (x as f32 + 0.5, y), Align::Middle, m.tick)?;
+            let x = left + at * w;
+            page.tick((x, bottom + 1.0), (0.0, m.tick_length), INK);
+            let y = bottom + m.tick_length + m.gap - 1.0 + m.tick.em / 2.0;
+            page.text(label, (x, y), Align::Middle, m.tick);
         }
-        if !self.x.label.is_empty() {
-            let y = (bottom + x_ticks + space) as f32 + m.label.em / 2.0 - 2.0;
-            page_text(&mut img, &self.x.label, (centre, y), m.label)?;
-        }
+        let y = bottom + x_ticks + m.space + m.label.em / 2.0 - 2.0;
+        across(&mut page, &self.x.label, y, m.label);
         for (at, label) in &self.y.ticks.marks {
-            let at = if self.y.downward { *at } else { 1.0 - at };
-            let y = f64::from(plot.y) + at * f64::from(h) - 0.5;
-            horizontal(
-                &mut img,
-                i64::from(plot.x) - 1 - i64::from(m.tick_length),
-                y,
-                m.tick_length,
-            );
-            let x = plot.x as f32 - (m.tick_length + m.gap) as f32;
-            write(&mut img, label, (x, y as f32 + 0.5), Align::End, m.tick)?;
+            let y = top + h * if self.y.downward { *at } else { 1.0 - at };
+            page.tick((left - 1.0 - m.tick_length, y), (m.tick_length, 0.0), INK);
+            let x = left - m.tick_length - m.gap;
+            page.text(label, (x, y), Align::End, m.tick);
         }
-        let middle = plot.y as f32 + h as f32 / 2.0;
-        if !self.y.label.is_empty() {
-            let x = (plot.x - y_ticks - y_label) as f32 + m.label.em / 2.0;
-            write_up(&mut img, &self.y.label, (x, middle), Align::Middle, m.label)?;
-        }
+        let x = left - y_ticks - y_label + m.label.em / 2.0;
+        page.text_up(&self.y.label, (x, centre.1), m.label);
         if let Some(bar) = &self.bar {
-            let place = Rect {
-                x: plot.x + w + m.bar_gap,
-                y: plot.y,
-                w: m.bar_width,
-                h,
-            };
-            bar.draw(&mut img, place, &m)?;
+            let place = page.data.within((w + m.bar_gap, 0.0), (m.bar_width, h));
+            bar.draw(&mut page, place, &m);
         }
-        let mut y = (bottom + below + 10) as f32 + m.note_line as f32 / 2.0;
-        for text in lines {
-            let (text, style) = fit(&text, m.note, room)?;
-            write(&mut img, &text, (EDGE as f32, y), Align::Start, style)?;
-            y += m.note_line as f32;
+        let mut y = bottom + below + 10.0 + m.note_line / 2.0;
+        for line in lines {
+            let (line, style) = fit(&line, m.note, room);
+            page.text(&line, (EDGE, y), Align::Start, style);
+            y += m.note_line;
         }
-        Ok((img, plot))
+        page
     }
 }
 
 impl Bar<'_> {
     /// Draws the bar into its rectangle, ticks and label right of it.
-    fn draw(&self, img: &mut RgbImage, r: Rect, m: &Measure) -> Result<(), FigureError> {
-        for y in 0..r.h {
-            let v = 1.0 - (y as f32 + 0.5) / r.h as f32;
-            fill(
-                img,
-                Rect {
-                    y: r.y + y,
-                    h: 1,
-                    ..r
-                },
-                (self.colour)(v),
-            );
-        }
-        frame(img, r, INK);
+    fn draw(&self, page: &mut Drawing, r: Rect, m: &Measure) {
+        let steps = (r.h as u32).clamp(1, BAR_STEPS);
+        let colours = RgbImage::from_fn(1, steps, |_, y| {
+            (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32)
+        });
+        page.image(r, &colours);
+        page.frame(r, INK);
         let edge = r.x + r.w;
         for (at, label) in &self.ticks.marks {
-            let y = f64::from(r.y) + (1.0 - at) * f64::from(r.h) - 0.5;
-            horizontal(img, i64::from(edge) + 1, y, m.tick_length);
-            let at = ((edge + m.tick_length + m.gap) as f32, y as f32 + 0.5);
-            write(img, label, at, Align::Start, m.tick)?;
+            let y = r.y + (1.0 - at) * r.h;
+            page.tick((edge + 1.0, y), (m.tick_length, 0.0), INK);
+            page.text(label, (edge + m.tick_length + m.gap, y), Align::Start, m.tick);
         }
-        let x =
-            (edge + m.tick_length + m.gap + widest(&self.ticks, m.tick)? + m.space) as f32 + m.label.em / 2.0;
-        write_up(
-            img,
-            &self.label,
-            (x, r.y as f32 + r.h as f32 / 2.0),
-            Align::Middle,
-            m.label,
+        let x = edge + m.beside(&self.ticks) + m.space + m.label.em / 2.0;
+        page.text_up(&self.label, (x, r.centre().1), m.label);
+    }
+}
+
+/// Panels of one size in rows, each under its name.
+pub struct Panels {
+    /// Width and height of a panel.
+    pub size: (f64, f64),
+    /// Room for the name above a panel.
+    pub head: f64,
+    /// Room between panels.
+    pub gap: f64,
+    /// Panels a row, at least 1.
+    pub columns: usize,
+}
+
+impl Panels {
+    /// The size of a plot that holds `count` panels, of which there is at least one.
+    #[must_use]
+    pub fn extent(&self, count: usize) -> (f64, f64) {
+        let (across, _) = self.corner(count.min(self.columns) - 1);
+        let (_, down) = self.corner(count - 1);
+        (across + self.size.0, down + self.size.1)
+    }
+
+    /// Upper left corner of a panel, from that of the plot.
+    #[must_use]
+    pub fn corner(&self, i: usize) -> Point {
+        let (column, row) = ((i % self.columns) as f64, (i / self.columns) as f64);
+        (
+            column * (self.size.0 + self.gap),
+            self.head + row * (self.size.1 + self.gap + self.head),
         )
     }
-}
 
-/// A text centred at a point, but kept on the page.
-fn page_text(img: &mut RgbImage, text: &str, (x, y): (f32, f32), style: Style) -> Result<(), FigureError> {
-    let room = img.width() as f32 - 2.0 * EDGE as f32;
-    let (text, style) = fit(text, style, room)?;
-    let edge = EDGE as f32 + width(&text, style)? / 2.0;
-    let x = x.clamp(edge, (img.width() as f32 - edge).max(edge));
-    write(img, &text, (x, y), Align::Middle, style)
-}
-
-fn vertical(img: &mut RgbImage, x: f64, top: u32, length: u32) {
-    for y in 0..length {
-        blend(img, x.round() as i64, i64::from(top + y), INK, 1.0);
+    /// Where a panel is on a page.
+    #[must_use]
+    pub fn place(&self, page: &Drawing, i: usize) -> Rect {
+        page.data.within(self.corner(i), self.size)
     }
-}
 
-fn horizontal(img: &mut RgbImage, left: i64, y: f64, length: u32) {
-    for x in 0..i64::from(length) {
-        blend(img, left + x, y.round() as i64, INK, 1.0);
+    /// Writes the lines of a panel's name above it, each with its style.
+    pub fn name(&self, page: &mut Drawing, i: usize, lines: &[(&str, Style)]) {
+        let place = self.place(page, i);
+        let line = self.head / lines.len().max(1) as f64;
+        for (k, (text, style)) in lines.iter().enumerate() {
+            let (text, style) = fit(text, *style, self.size.0);
+            let y = place.y - self.head + (k as f64 + 0.5) * line;
+            page.text(&text, (place.x, y - 1.0), Align::Start, style);
+        }
     }
 }

@@ -1,34 +1,41 @@
-//! Pictures fit for a paper: RGB images from tensors in memory, one file per kind of [`View`].
+//! Pictures fit for a paper: drawings of tensors in memory, one file per kind of [`View`].
+//!
+//! A picture is drawn once, as a [`Drawing`], whose SVG becomes the file that the path's extension names: `.png`, `.svg`
+//! or `.pdf` ([`save`]), and light in flight also an animation, `.gif` or `.apng` ([`save_animation`]). Data are embedded
+//! images with sharp pixels; axes, lines and texts are vectors, and texts can be selected.
 //!
 //! Every picture has a white background, DejaVu Sans text, axes with units and the scale stated on the picture. The
 //! tensor may have more axes than the picture: what a picture does not show is summed, a Mueller element and a
-//! wavelength are picked. Values that are not finite are drawn in one grey ([`colour::UNDEFINED`]), and so is a
-//! normalized element where M00 is not positive. The same input gives the same pixels.
+//! wavelength are picked. Sizes have a perceptually even colour map, numbers of either sign a diverging one, angles a
+//! cyclic one ([`colour`]). Values that are not finite are drawn in one grey ([`colour::UNDEFINED`]), and so is a
+//! normalized element where M00 is not positive. The same input gives the same bytes.
 
-use base::whole_file;
-use std::path::Path;
+#![warn(missing_docs)]
 
-use image::RgbImage;
-
-use crate::spec::View;
+use crate::spec::{FlightView, View};
 use tensor::array::Tensor;
+
+pub use drawing::Drawing;
+pub use output::{Animation, Format, save, save_animation};
 
 pub mod angles;
 pub mod chart;
 pub mod colour;
 pub mod components;
-pub mod error_maps;
+mod drawing;
 mod flight;
 mod layout;
 mod map;
+pub mod maps;
+mod marker;
 mod mueller;
+mod output;
 mod photo;
 mod profile;
 mod raster;
 mod reduce;
 pub mod sheet;
 pub mod spec;
-mod stroke;
 mod text;
 mod ticks;
 
@@ -99,12 +106,17 @@ pub enum FigureError {
         /// What it must be.
         must: &'static str,
     },
-    /// The built-in font could not be read.
-    #[error("the built-in font could not be used: {0}")]
-    Font(String),
+    /// The path does not say how to write the picture.
+    #[error("{path}: pictures are written as {known}; name the file so")]
+    Extension {
+        /// Where it should have gone.
+        path: String,
+        /// Extensions that name a format.
+        known: &'static str,
+    },
     /// The picture could not be encoded.
-    #[error("the picture could not be encoded as PNG")]
-    Encode(#[from] image::ImageError),
+    #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
+    Encode(String),
     /// The picture could not be written.
     #[error("cannot write picture {path}")]
     Write {
@@ -119,12 +131,7 @@ pub enum FigureError {
 ///
 /// # Errors
 /// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or an option is out of range.
-pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<RgbImage, FigureError> {
-    Ok(draw_with_plot(view, title, panel)?.0)
-}
-
-/// As [`draw`], together with the rectangle that holds the data.
-fn draw_with_plot(view: &View, title: &str, panel: &Panel) -> Result<(RgbImage, layout::Rect), FigureError> {
+pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     match view {
         View::Photo(v) => photo::draw(v, title, panel),
         View::Mueller(v) => mueller::draw(v, title, panel),
@@ -135,16 +142,10 @@ fn draw_with_plot(view: &View, title: &str, panel: &Panel) -> Result<(RgbImage, 
     }
 }
 
-/// Writes a picture as PNG, whole or not at all.
+/// Draws the frames of a view of light in flight under a title, one page each, to be shown one after another.
 ///
 /// # Errors
-/// [`FigureError::Encode`] or [`FigureError::Write`].
-pub fn save_png(img: &RgbImage, path: &Path) -> Result<(), FigureError> {
-    let failed = |source| FigureError::Write {
-        path: path.display().to_string(),
-        source,
-    };
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    img.write_to(&mut bytes, image::ImageFormat::Png)?;
-    whole_file::write(path, bytes.get_ref()).map_err(failed)
+/// As [`draw`].
+pub fn animate(view: &FlightView, title: &str, panel: &Panel) -> Result<Vec<Drawing>, FigureError> {
+    flight::animate(view, title, panel)
 }

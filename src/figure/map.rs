@@ -4,10 +4,11 @@
 //! logarithmic one where the values above zero span more than [`LOG_FROM`]; the colour bar says which. Any other
 //! element is drawn signed and divided by M00 (sums first, then the quotient).
 
-use image::{Rgb, RgbImage};
+use image::Rgb;
 
 use super::colour::{UNDEFINED, percentile, rgb_weights, sequential, signed};
-use super::layout::{Axis, Bar, CAMERA_UNIT, Page, Rect};
+use super::drawing::Drawing;
+use super::layout::{Axis, Bar, CAMERA_UNIT, Page};
 use super::photo::channels;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
@@ -80,8 +81,14 @@ impl Scale {
         }
     }
 
-    fn label(self, ticks: &Ticks) -> String {
-        format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT))
+    /// The colour bar of M00.
+    fn bar(self, colour: &dyn Fn(f32) -> Rgb<u8>) -> Bar<'_> {
+        let ticks = self.ticks();
+        Bar {
+            label: format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT)),
+            ticks,
+            colour,
+        }
     }
 
     /// A colour as bright as its largest channel's place on the scale.
@@ -102,7 +109,7 @@ impl Scale {
 }
 
 /// Draws camera scanline against projector column, or row where only rows are resolved.
-pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
+pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);
     let (u, v) = (len(AxisKind::U), len(AxisKind::V));
@@ -115,7 +122,7 @@ pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<(R
 }
 
 /// Draws camera scanline against travel time.
-pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
+pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     draw_map(view, title, source, AxisKind::T, "travel time [ps]")
 }
@@ -126,130 +133,90 @@ fn draw_map(
     source: Source,
     upward: AxisKind,
     label: &str,
-) -> Result<(RgbImage, Rect), FigureError> {
+) -> Result<Drawing, FigureError> {
     let (ups, xs) = (source.need(upward)?, source.need(AxisKind::X)?);
     let rows = source.coords(AxisKind::Y);
     source.index("camera rows", view.row, rows.map_or(1, <[f64]>::len))?;
     let element = source.element(view.element)?;
     let nm = source.wavelengths();
-    let in_colour = view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1;
     let lane = source.wavelength(view.wavelength_nm);
+    let row = rows.map_or(String::new(), |ys| format!("Camera row {}. ", ys[view.row]));
 
-    let (fx, fy) = (
-        Factor::new(xs.len(), 900, 1600),
-        Factor::new(ups.len(), 640, 1600),
-    );
-    let fy = Factor {
-        up: fy.up * 40_usize.div_ceil(fy.length(ups.len())),
-        ..fy
-    };
-    let fx = Factor {
-        up: fx.up * 40_usize.div_ceil(fx.length(xs.len())),
-        ..fx
-    };
+    let fx = Factor::new(xs.len(), 900, 1600).at_least(40, xs.len());
+    let fy = Factor::new(ups.len(), 640, 1600).at_least(40, ups.len());
     let (w, h) = (fx.length(xs.len()), fy.length(ups.len()));
     let mut page = Page {
         title,
         x: Axis {
             label: "camera column [pixel]".into(),
-            ticks: Ticks::coordinates(xs, w, true)?,
+            ticks: Ticks::coordinates(xs, w, true),
             downward: false,
         },
         y: Axis {
             label: label.into(),
-            ticks: Ticks::coordinates(ups, h, false)?,
+            ticks: Ticks::coordinates(ups, h, false),
             downward: false,
         },
         ..Page::default()
     };
-    let row = match rows {
-        Some(ys) => format!("Camera row {}. ", ys[view.row]),
-        None => String::new(),
+    let one = |[out, inn]: [(AxisKind, usize); 2]| {
+        let pick = [(AxisKind::Y, view.row), out, inn, (AxisKind::Wavelength, lane)];
+        source.sum(&[upward, AxisKind::X], &pick, f64::from).data
     };
-    let mut pick = vec![(AxisKind::Y, view.row), element[0], element[1]];
-    if in_colour {
-        let values = source.sum(&[upward, AxisKind::X, AxisKind::Wavelength], &pick, f64::from);
+    if view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1 {
+        let keep = [upward, AxisKind::X, AxisKind::Wavelength];
+        let values = source.sum(
+            &keep,
+            &[(AxisKind::Y, view.row), element[0], element[1]],
+            f64::from,
+        );
         let raster = Raster::colour(xs.len(), ups.len(), &values, &rgb_weights(nm));
-        drop(values);
         let scale = Scale::of(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)));
         page.notes.push(format!(
             "{row}{}; the colour bar is for the brightest of them.",
             channels(nm)
         ));
-        let grey = |v: f32| Rgb([(v * 255.0).round() as u8; 3]);
-        let ticks = scale.ticks();
-        page.bar = Some(Bar {
-            label: scale.label(&ticks),
-            ticks,
-            colour: &grey,
-        });
-        return paint(&page, raster, (fx, fy), (w, h), |rgb| scale.colour(rgb));
+        page.bar = Some(scale.bar(&|v| Rgb([(v * 255.0).round() as u8; 3])));
+        return Ok(paint(&page, raster, (fx, fy), |rgb| scale.colour(rgb)));
     }
-    pick.push((AxisKind::Wavelength, lane));
     let at = nm.get(lane).map_or(String::new(), |nm| format!("{nm} nm."));
     page.notes.push(format!("{row}{at}"));
-    let intensity = |pick: &[(AxisKind, usize)]| source.sum(&[upward, AxisKind::X], pick, f64::from).data;
     if view.element == [0, 0] {
-        let data = intensity(&pick).into_iter().map(|v| [v]).collect();
-        let raster = Raster {
-            w: xs.len(),
-            h: ups.len(),
-            data,
-        };
+        let data = one(element).into_iter().map(|v| [v]).collect();
+        let raster = Raster::new(&view.slice, xs.len(), data)?;
         let scale = Scale::of(raster.data.iter().map(|v| v[0]));
-        let ticks = scale.ticks();
-        page.bar = Some(Bar {
-            label: scale.label(&ticks),
-            ticks,
-            colour: &sequential,
-        });
-        return paint(&page, raster, (fx, fy), (w, h), |[v]| sequential(scale.place(v)));
+        page.bar = Some(scale.bar(&sequential));
+        return Ok(paint(&page, raster, (fx, fy), |[v]| sequential(scale.place(v))));
     }
-    let signed_values = intensity(&pick);
-    for p in &mut pick {
-        if matches!(p.0, AxisKind::StokesOut | AxisKind::StokesIn) {
-            p.1 = 0;
-        }
-    }
-    let data = signed_values
-        .into_iter()
-        .zip(intensity(&pick))
-        .map(|(m, m00)| [m, m00])
-        .collect();
-    let raster: Raster<2> = Raster {
-        w: xs.len(),
-        h: ups.len(),
-        data,
-    };
+    let m00 = one(element.map(|(kind, _)| (kind, 0)));
+    let data = one(element).into_iter().zip(m00).map(|(m, m00)| [m, m00]);
+    let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
     page.bar = Some(Bar {
         label: format!("M{}{} / M00", view.element[0], view.element[1]),
         ticks: Ticks::linear(-1.0, 1.0, 8),
         colour: &|v| signed(2.0 * v - 1.0),
     });
     page.notes[0].push_str(" Grey: not defined (M00 is not positive).");
-    paint(&page, raster, (fx, fy), (w, h), |[m, m00]| {
+    Ok(paint(&page, raster, (fx, fy), |[m, m00]| {
         if m00 > 0.0 && m00.is_finite() {
             signed(m / m00)
         } else {
             UNDEFINED
         }
-    })
+    }))
 }
 
-/// Lays out the page and paints the raster, whose rows rise, into it.
+/// Lays out the page and draws the raster, whose rows rise, into it.
 fn paint<const C: usize>(
     page: &Page,
     raster: Raster<C>,
     (fx, fy): (Factor, Factor),
-    (w, h): (usize, usize),
     colour: impl Fn([f32; C]) -> Rgb<u8>,
-) -> Result<(RgbImage, Rect), FigureError> {
-    let (mut img, plot) = page.draw(w as u32, h as u32)?;
-    raster
-        .shrink(fx, fy)
-        .flipped()
-        .paint(&mut img, (plot.x, plot.y), (fx, fy), colour);
-    Ok((img, plot))
+) -> Drawing {
+    let mut page = page.draw(fx.length(raster.w), fy.length(raster.h));
+    let raster = raster.shrink((fx, fy)).flipped();
+    raster.paint(&mut page, (0.0, 0.0), (fx, fy), colour);
+    page
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! Colour photograph of M00: everything but camera pixels and wavelengths is summed.
 
-use image::RgbImage;
-
 use super::colour::{exposure, photo, rgb_weights};
-use super::layout::{Axis, CAMERA_UNIT, Page, Rect};
+use super::drawing::Drawing;
+use super::layout::{Axis, CAMERA_UNIT, Page};
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::ticks::{Ticks, brief};
@@ -12,7 +11,7 @@ use crate::spec::PhotoView;
 use tensor::axes::AxisKind;
 
 /// Draws the photograph.
-pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<(RgbImage, Rect), FigureError> {
+pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
@@ -31,21 +30,13 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<(RgbImage, R
         }
         None => exposure(raster.data.iter().flatten().copied()),
     };
-    let (fx, fy) = Factor::square(raster.w, raster.h, 900, 1600, 40);
-    let raster = raster.shrink(fx, fy);
-    let (w, h) = (fx.length(xs.len()), fy.length(ys.len()));
+    let factors = Factor::square(raster.w, raster.h, 900, 1600, 40);
+    let raster = raster.shrink(factors);
+    let (x, y) = axes(xs, ys, factors);
     let page = Page {
         title,
-        x: Axis {
-            label: "camera column [pixel]".into(),
-            ticks: Ticks::coordinates(xs, w, true)?,
-            downward: false,
-        },
-        y: Axis {
-            label: "camera row [pixel]".into(),
-            ticks: Ticks::coordinates(ys, h, false)?,
-            downward: true,
-        },
+        x,
+        y,
         notes: vec![format!(
             "{}. White: {} {CAMERA_UNIT}{}.",
             channels(source.wavelengths()),
@@ -58,9 +49,24 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<(RgbImage, R
         )],
         ..Page::default()
     };
-    let (mut img, plot) = page.draw(w as u32, h as u32)?;
-    raster.paint(&mut img, (plot.x, plot.y), (fx, fy), |rgb| photo(rgb, white));
-    Ok((img, plot))
+    let mut page = page.draw(factors.0.length(xs.len()), factors.1.length(ys.len()));
+    raster.paint(&mut page, (0.0, 0.0), factors, |rgb| photo(rgb, white));
+    Ok(page)
+}
+
+/// The axes of a camera's image.
+pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) {
+    let x = Axis {
+        label: "camera column [pixel]".into(),
+        ticks: Ticks::coordinates(xs, fx.length(xs.len()), true),
+        downward: false,
+    };
+    let y = Axis {
+        label: "camera row [pixel]".into(),
+        ticks: Ticks::coordinates(ys, fy.length(ys.len()), false),
+        downward: true,
+    };
+    (x, y)
 }
 
 /// Which wavelengths are shown in which primary, in words.

@@ -2,6 +2,8 @@
 
 use image::{Rgb, RgbImage};
 
+use super::FigureError;
+use super::drawing::{Drawing, Point};
 use super::reduce::Reduced;
 
 /// `w` × `h` pixels of `C` values, row-major from the top.
@@ -45,8 +47,18 @@ impl Factor {
 
     /// Picture pixels of `n` data pixels.
     #[must_use]
-    pub fn length(self, n: usize) -> usize {
-        n.div_ceil(self.down) * self.up
+    pub fn length(self, n: usize) -> f64 {
+        (n.div_ceil(self.down) * self.up) as f64
+    }
+
+    /// The factor, stretched until `n` data pixels are at least `least` picture pixels.
+    #[must_use]
+    pub fn at_least(self, least: usize, n: usize) -> Self {
+        let length = n.div_ceil(self.down) * self.up;
+        Self {
+            up: self.up * least.div_ceil(length.max(1)),
+            ..self
+        }
     }
 
     /// Factors that keep pixels square, so that the longer side comes to `target`; a strip thinner than `least` is
@@ -55,13 +67,10 @@ impl Factor {
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
-            if f.length(n) >= least {
+            if f.length(n) >= least as f64 {
                 f
             } else {
-                Self {
-                    down: 1,
-                    up: least.div_ceil(n.max(1)),
-                }
+                Self { down: 1, up: 1 }.at_least(least, n)
             }
         };
         (widen(w), widen(h))
@@ -82,25 +91,34 @@ impl Raster<3> {
                 .map(|(v, w)| v * w)
                 .sum(),
         };
-        let data = values
-            .data
-            .chunks_exact(lanes)
-            .map(|lane| {
-                [
-                    mix(lane, &weights[0]),
-                    mix(lane, &weights[1]),
-                    mix(lane, &weights[2]),
-                ]
-            })
+        let pixels = values.data.chunks_exact(lanes);
+        let data = pixels
+            .map(|lane| weights.each_ref().map(|row| mix(lane, row)))
             .collect();
         Self { w, h, data }
     }
 }
 
 impl<const C: usize> Raster<C> {
+    /// A raster of `w` columns.
+    ///
+    /// # Errors
+    /// [`FigureError::Damaged`] under a name if there is no value, or the values do not fill the rows.
+    pub fn new(name: &str, w: usize, data: Vec<[f32; C]>) -> Result<Self, FigureError> {
+        let h = data.len() / w.max(1);
+        if h == 0 || h * w != data.len() {
+            return Err(FigureError::Damaged {
+                slice: name.to_owned(),
+                found: data.len(),
+                axes: format!("{w} columns"),
+            });
+        }
+        Ok(Self { w, h, data })
+    }
+
     /// Means over boxes; a box with a value that is not finite has none.
     #[must_use]
-    pub fn shrink(self, fx: Factor, fy: Factor) -> Self {
+    pub fn shrink(self, (fx, fy): (Factor, Factor)) -> Self {
         if fx.down == 1 && fy.down == 1 {
             return self;
         }
@@ -125,31 +143,22 @@ impl<const C: usize> Raster<C> {
     /// The raster upside down: rows rise.
     #[must_use]
     pub fn flipped(mut self) -> Self {
-        let rows: Vec<[f32; C]> = self.data.chunks_exact(self.w).rev().flatten().copied().collect();
-        self.data = rows;
+        self.data = self.data.chunks_exact(self.w).rev().flatten().copied().collect();
         self
     }
 
-    /// Paints the (shrunk) raster with its upper left corner at `(left, top)`.
+    /// Draws the (shrunk) raster as an image with its upper left corner `from` that of the data of a page.
     pub fn paint(
         &self,
-        img: &mut RgbImage,
-        (left, top): (u32, u32),
+        page: &mut Drawing,
+        from: Point,
         (fx, fy): (Factor, Factor),
         colour: impl Fn([f32; C]) -> Rgb<u8>,
     ) {
-        for (i, &value) in self.data.iter().enumerate() {
-            let c = colour(value);
-            let (x, y) = (
-                (i % self.w * fx.up) as u32 + left,
-                (i / self.w * fy.up) as u32 + top,
-            );
-            for row in y..(y + fy.up as u32).min(img.height()) {
-                for column in x..(x + fx.up as u32).min(img.width()) {
-                    img.put_pixel(column, row, c);
-                }
-            }
-        }
+        let pixel = |x: u32, y: u32| colour(self.data[y as usize * self.w + x as usize]);
+        let image = RgbImage::from_fn(self.w as u32, self.h as u32, pixel);
+        let size = ((self.w * fx.up) as f64, (self.h * fy.up) as f64);
+        page.image(page.data.within(from, size), &image);
     }
 }
 
@@ -162,31 +171,23 @@ mod tests {
         assert_eq!(Factor::new(320, 900, 1600), Factor { down: 1, up: 2 });
         assert_eq!(Factor::new(1000, 900, 1600), Factor { down: 1, up: 1 });
         assert_eq!(Factor::new(4000, 900, 1600), Factor { down: 3, up: 1 });
-        assert_eq!(Factor::new(4000, 900, 1600).length(4000), 1334);
+        assert_eq!(Factor::new(4000, 900, 1600).length(4000), 1334.0);
         let (fx, fy) = Factor::square(300, 1, 900, 1600, 40);
-        assert_eq!((fx.length(300), fy.length(1)), (900, 40));
+        assert_eq!((fx.length(300), fy.length(1)), (900.0, 40.0));
     }
 
     #[test]
     fn shrinking_averages_and_keeps_what_is_undefined() {
-        let r = Raster {
-            w: 3,
-            h: 2,
-            data: vec![[1.0], [3.0], [f32::NAN], [5.0], [7.0], [1.0]],
-        };
+        let data = [1.0, 3.0, f32::NAN, 5.0, 7.0, 1.0].map(|v| [v]);
         let f = Factor { down: 2, up: 1 };
-        let s = r.shrink(f, f);
+        let s = Raster::new("", 3, data.to_vec()).unwrap().shrink((f, f));
         assert_eq!((s.w, s.h, s.data[0]), (2, 1, [4.0]));
         assert!(s.data[1][0].is_nan());
     }
 
     #[test]
     fn flipping_turns_rows_over() {
-        let r = Raster {
-            w: 2,
-            h: 2,
-            data: vec![[1.0], [2.0], [3.0], [4.0]],
-        };
+        let r = Raster::new("", 2, vec![[1.0], [2.0], [3.0], [4.0]]).unwrap();
         assert_eq!(r.flipped().data, [[3.0], [4.0], [1.0], [2.0]]);
     }
 }

@@ -1,13 +1,12 @@
 //! A contact sheet: many small 4×4 Mueller grids under their names, all on one scale.
 
-use image::RgbImage;
-
 use super::FigureError;
 use super::colour::{exposure, signed};
-use super::layout::{Bar, Page, Rect};
-use super::mueller::{corner, pixel};
+use super::drawing::Drawing;
+use super::layout::{Bar, Page, Panels};
+use super::mueller;
 use super::raster::{Factor, Raster};
-use super::text::{Align, INK, Style, fit, write};
+use super::text::NAME;
 use super::ticks::Ticks;
 
 /// One grid of the sheet.
@@ -22,48 +21,37 @@ pub struct Grid {
     pub data: Vec<[f32; 16]>,
 }
 
-/// Room for a label above a grid, and around it.
-const LABEL: u32 = 24;
-const GAP: u32 = 16;
 /// Pixels that one of the sixteen pictures is wide, about.
-const PICTURE: usize = 48;
+const PICTURE: usize = 72;
 
 /// Draws the sheet, `columns` grids a row.
 ///
 /// # Errors
 /// [`FigureError`] if there is no grid, or the data of one do not fill its rows.
-pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Result<RgbImage, FigureError> {
-    let columns = columns.clamp(1, grids.len().max(1));
+pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Result<Drawing, FigureError> {
     let mut pictures = vec![];
+    let mut size = (0.0_f64, 0.0_f64);
     for grid in grids {
-        let rows = grid.data.len() / grid.width.max(1);
-        if rows == 0 || rows * grid.width != grid.data.len() {
-            return Err(FigureError::Damaged {
-                slice: grid.label.clone(),
-                found: grid.data.len(),
-                axes: format!("{} columns", grid.width),
-            });
-        }
-        let raster = Raster {
-            w: grid.width,
-            h: rows,
-            data: grid.data.clone(),
-        };
+        let raster = Raster::new(&grid.label, grid.width, grid.data.clone())?;
         let white = exposure(raster.data.iter().map(|m| m[0]));
-        let factors = Factor::square(raster.w, raster.h, PICTURE * 3 / 2, PICTURE * 2, 8);
-        pictures.push((grid, raster.shrink(factors.0, factors.1), factors, white));
+        let factors = Factor::square(raster.w, raster.h, PICTURE, PICTURE * 4 / 3, 8);
+        size.0 = size.0.max(factors.0.length(raster.w));
+        size.1 = size.1.max(factors.1.length(raster.h));
+        pictures.push((&grid.label, raster.shrink(factors), factors, white));
     }
-    let size = |raster: &Raster<16>, (fx, fy): (Factor, Factor)| (raster.w * fx.up, raster.h * fy.up);
-    let (w, h) = pictures
-        .iter()
-        .map(|(_, raster, factors, _)| size(raster, *factors))
-        .reduce(|a, b| (a.0.max(b.0), a.1.max(b.1)))
-        .ok_or(FigureError::Empty {
+    if grids.is_empty() {
+        return Err(FigureError::Empty {
             slice: title.to_owned(),
             axis: "grids",
-        })?;
-    let (last_x, last_y) = corner([3, 3], w, h);
-    let cell = (last_x + w as u32 + GAP, last_y + h as u32 + GAP + LABEL);
+        });
+    }
+    let elements = mueller::panels(size, 8.0);
+    let panels = Panels {
+        size: elements.extent(16),
+        head: 24.0,
+        gap: 16.0,
+        columns: columns.clamp(1, grids.len()),
+    };
     let page = Page {
         title,
         bar: Some(Bar {
@@ -75,36 +63,19 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
         frameless: true,
         ..Page::default()
     };
-    let rows = grids.len().div_ceil(columns);
-    let (mut img, plot) = page.draw(cell.0 * columns as u32 - GAP, cell.1 * rows as u32 - GAP)?;
-    let style = Style {
-        em: 16.0,
-        bold: true,
-        colour: INK,
-    };
-    for (i, (grid, raster, factors, white)) in pictures.iter().enumerate() {
-        let place = Rect {
-            x: plot.x + (i % columns) as u32 * cell.0,
-            y: plot.y + (i / columns) as u32 * cell.1,
-            w: cell.0 - GAP,
-            h: cell.1 - GAP,
-        };
-        let (text, style) = fit(&grid.label, style, place.w as f32)?;
-        let at = (place.x as f32, place.y as f32 + LABEL as f32 / 2.0);
-        write(&mut img, &text, at, Align::Start, style)?;
-        let (w, h) = size(raster, *factors);
+    let (w, h) = panels.extent(grids.len());
+    let mut page = page.draw(w, h);
+    for (i, (label, raster, factors, white)) in pictures.into_iter().enumerate() {
+        panels.name(&mut page, i, &[(label, NAME)]);
+        let from = panels.corner(i);
         for element in 0..16 {
-            let (dx, dy) = corner([element / 4, element % 4], w, h);
-            let up = |f: Factor| Factor { down: 1, ..f };
-            raster.paint(
-                &mut img,
-                (place.x + dx, place.y + LABEL + dy),
-                (up(factors.0), up(factors.1)),
-                |m| pixel(&m, element, true, *white, 1.0),
-            );
+            let (dx, dy) = elements.corner(element);
+            raster.paint(&mut page, (from.0 + dx, from.1 + dy), factors, |m| {
+                mueller::pixel(&m, element, true, white, 1.0)
+            });
         }
     }
-    Ok(img)
+    Ok(page)
 }
 
 #[cfg(test)]
@@ -127,6 +98,7 @@ mod tests {
         let mut m = [0.0; 16];
         (m[0], m[5], m[10]) = (2.0, 1.0, -2.0);
         let img = draw("two", &[grid("a", m), grid("b", [0.0; 16])], 2, &["a note"]).unwrap();
+        let img = img.pixels().unwrap();
         let count = |c: Rgb<u8>| img.pixels().filter(|p| **p == c).count();
         let area = count(signed(0.5));
         assert!(area >= 6, "half of M00 is shown as one half");

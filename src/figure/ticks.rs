@@ -1,6 +1,5 @@
 //! Round numbers for axes and colour bars.
 
-use super::FigureError;
 use super::reduce::ruler;
 use super::text::{TICK, width};
 
@@ -60,28 +59,28 @@ impl Ticks {
 
     /// Ticks of pixel or bin coordinates along `length` picture pixels, so that labels of an axis that runs
     /// horizontally do not touch. Axes that are not evenly spaced are labelled at some of their entries.
-    pub fn coordinates(coords: &[f64], length: usize, horizontal: bool) -> Result<Self, FigureError> {
-        let mut most = (length / if horizontal { 70 } else { 45 }).clamp(1, 10);
-        loop {
-            let ticks = match ruler(coords) {
-                Some((low, high)) if coords.len() > 1 => {
-                    let mut t = Self::linear(low, high, most);
-                    if coords.iter().all(|c| c.fract() == 0.0) {
-                        t.marks.retain(|m| !m.1.contains('.'));
-                    }
-                    t
-                }
-                _ => Self::listed(coords, most),
-            };
-            let mut needed = 0.0;
-            for (_, label) in &ticks.marks {
-                needed += width(label, TICK)? + 16.0;
+    #[must_use]
+    pub fn coordinates(coords: &[f64], length: f64, horizontal: bool) -> Self {
+        let ticks = |most: usize| match ruler(coords) {
+            // Whole numbers have no ticks between them.
+            Some((low, high)) if coords.len() > 1 && coords.iter().all(|c| c.fract() == 0.0) => {
+                Self::linear(low, high, most.min((high - low) as usize))
             }
-            if !horizontal || most == 1 || needed < length as f32 {
-                return Ok(ticks);
-            }
+            Some((low, high)) if coords.len() > 1 => Self::linear(low, high, most),
+            _ => Self::listed(coords, most),
+        };
+        let spacing = if horizontal { 70.0 } else { 45.0 };
+        let mut most = ((length / spacing) as usize).clamp(1, 10);
+        while horizontal && most > 1 && !ticks(most).fit_side_by_side(length) {
             most -= 1;
         }
+        ticks(most)
+    }
+
+    /// Whether the labels stand side by side on `length` pixels without touching.
+    #[must_use]
+    pub fn fit_side_by_side(&self, length: f64) -> bool {
+        self.marks.iter().map(|m| width(&m.1, TICK) + 16.0).sum::<f64>() <= length
     }
 
     /// Labels at about `most` entries of a list.
@@ -197,9 +196,9 @@ mod tests {
         }
         assert!(Ticks::linear(0.0, 0.0, 5).marks.is_empty());
         assert!(Ticks::decades(0.0, f64::NAN).marks.is_empty());
-        let t = Ticks::coordinates(&[3.0, 9.0, 40.0], 400, true).unwrap();
+        let t = Ticks::coordinates(&[3.0, 9.0, 40.0], 400.0, true);
         assert_eq!(labels(&t), ["3", "9", "40"]);
-        assert!(Ticks::coordinates(&[], 400, true).unwrap().marks.is_empty());
+        assert!(Ticks::coordinates(&[], 400.0, true).marks.is_empty());
     }
 
     #[test]

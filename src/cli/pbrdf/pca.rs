@@ -27,7 +27,7 @@ pub struct Arguments {
     #[command(flatten)]
     data: MaterialSource,
     /// Picture to write.
-    #[arg(short, long, default_value = "components.png")]
+    #[arg(short, long, default_value = "components.png", value_parser = crate::cli::figure::picture)]
     output: PathBuf,
     /// Also write arrays: mean (4, 4); spectrum (16), the singular values; share (16) of the variance; components
     /// (16, 4, 4), as drawn; vectors (16, 4, 4), the same in unit length.

@@ -17,7 +17,7 @@ pub struct Arguments {
     /// File of materials.
     material: PathBuf,
     /// Picture to write.
-    #[arg(short, long, default_value = "sheet.png")]
+    #[arg(short, long, default_value = "sheet.png", value_parser = crate::cli::figure::picture)]
     output: PathBuf,
     /// Wavelength to show, nanometres (the nearest there is).
     #[arg(short, long, default_value_t = 550.0)]

@@ -80,7 +80,7 @@ pub struct PlotArguments {
     #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
     phi_d: f32,
     /// Picture to write.
-    #[arg(short, long, default_value = "pbrdf.png")]
+    #[arg(short, long, default_value = "pbrdf.png", value_parser = crate::cli::figure::picture)]
     output: PathBuf,
 }
 

@@ -1,115 +1,118 @@
 //! Legend of a chart: in the corner of the plot that covers the least, or right of the plot.
 
-use image::{Rgb, RgbImage};
+use image::Rgb;
 
-use super::{HALF_LINE, HALO, RADIUS, Series, SeriesStyle};
-use crate::FigureError;
-use crate::layout::Rect;
-use crate::stroke::{Marker, Mask, palette};
-use crate::text::{Align, TICK, blend, fit, width, write};
+use super::{LINE as PEN, RADIUS, Scales, Series, SeriesStyle};
+use crate::drawing::{Drawing, Pen, Point, Rect};
+use crate::marker::Marker;
+use crate::text::{Align, TICK, fit, width};
 
 /// Height of an entry, width of its sample, and the room around and between them.
-const LINE: u32 = 24;
-const SAMPLE: u32 = 38;
-const SPACE: u32 = 8;
+const LINE: f64 = 24.0;
+const SAMPLE: f64 = 38.0;
+const SPACE: f64 = 8.0;
 /// Distance from the frame.
-const OFF: u32 = 12;
+const OFF: f64 = 12.0;
 /// Longest name in pixels.
-const NAME: f32 = 320.0;
+const NAME: f64 = 320.0;
 /// More entries than this go to the right of the plot.
 const MOST_INSIDE: usize = 9;
 /// A legend inside the plot covers lines and markers on less than this share of its pixels.
 const COVERED: f64 = 0.02;
+/// Distance of the places along a line that are looked at, and the most of one segment; how many pixels such a piece
+/// of line covers, and how many a marker.
+const STEP: f64 = 4.0;
+const MOST_STEPS: f64 = 20_000.0;
+const PIECE: f64 = STEP * PEN;
+const MARKER: f64 = 4.0 * (RADIUS + 1.0) * (RADIUS + 1.0);
 
-/// Draws the legend of all series with a name, on a wider picture if it goes to the right. `busy` is covered where
-/// there are lines or markers.
-pub fn draw(img: RgbImage, plot: Rect, series: &[Series], busy: &Mask) -> Result<RgbImage, FigureError> {
-    let mut entries = Vec::new();
-    let mut wide = 0.0_f32;
-    for s in series.iter().filter(|s| !s.name.trim().is_empty()) {
-        let (name, style) = fit(s.name.trim(), TICK, NAME)?;
-        wide = wide.max(width(&name, style)?);
-        entries.push((s, name, style));
-    }
-    if entries.is_empty() {
-        return Ok(img);
-    }
-    let column = SPACE + SAMPLE + SPACE + wide.ceil() as u32 + SPACE;
-    let size = (column, LINE * entries.len() as u32 + SPACE);
-    let rows = ((plot.h - SPACE) / LINE).max(1) as usize;
-    let (mut img, corner) = match corner(plot, size, busy).filter(|_| entries.len() <= MOST_INSIDE) {
-        Some(at) => {
-            let mut img = img;
-            for y in at.1..at.1 + size.1 {
-                for x in at.0..at.0 + size.0 {
-                    blend(&mut img, i64::from(x), i64::from(y), Rgb([255; 3]), 0.85);
-                }
-            }
-            (img, at)
-        }
-        None => {
-            let left = plot.x + plot.w + OFF;
-            let columns = entries.len().div_ceil(rows) as u32;
-            (widen(&img, left + columns * column + OFF), (left, plot.y))
-        }
+/// Draws the legend of all series with a name, on a wider page if it goes to the right.
+pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn Fn(usize) -> Rgb<u8>) {
+    let named = series.iter().filter(|s| !s.name.trim().is_empty());
+    let entries: Vec<_> = named.map(|s| (s, fit(s.name.trim(), TICK, NAME))).collect();
+    let wide = entries
+        .iter()
+        .map(|(_, (name, style))| width(name, *style).ceil());
+    let Some(wide) = wide.reduce(f64::max) else {
+        return;
     };
-    for (i, (s, name, style)) in entries.into_iter().enumerate() {
-        let x = corner.0 + SPACE + column * (i / rows) as u32;
-        let y = corner.1 + SPACE / 2 + LINE * (i % rows) as u32;
-        let place = Rect {
-            x,
-            y,
-            w: SAMPLE,
-            h: LINE,
-        };
-        sample(&mut img, place, s);
-        let at = ((x + SAMPLE + SPACE) as f32, (y + LINE / 2) as f32);
-        write(&mut img, &name, at, Align::Start, style)?;
+    let plot = page.data;
+    let column = 3.0 * SPACE + SAMPLE + wide;
+    let size = (column, LINE * entries.len() as f64 + SPACE);
+    let rows = ((plot.h - SPACE) / LINE) as usize;
+    let inside = (entries.len() <= MOST_INSIDE)
+        .then(|| corner(plot, size, &busy(series, scales)))
+        .flatten();
+    if let Some(ground) = inside {
+        page.fill(ground, Rgb([255; 3]), 0.85);
+    } else {
+        let columns = entries.len().div_ceil(rows) as f64;
+        page.widen(plot.x + plot.w + OFF + columns * column + OFF);
     }
-    Ok(img)
+    let corner = inside.map_or((plot.x + plot.w + OFF, plot.y), |r| (r.x, r.y));
+    for (i, (s, (name, style))) in entries.iter().enumerate() {
+        let x = corner.0 + SPACE + column * (i / rows) as f64;
+        let y = corner.1 + SPACE / 2.0 + LINE * ((i % rows) as f64 + 0.5);
+        sample(page, (x, y), s, palette(s.colour));
+        page.text(name, (x + SAMPLE + SPACE, y), Align::Start, *style);
+    }
+}
+
+/// Places on the lines and markers of series, each with the pixels that it covers.
+fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
+    let mut places = Vec::new();
+    for s in series {
+        let points: Vec<Option<Point>> = s.points.iter().map(|&p| scales.point(p)).collect();
+        if s.style.marked() {
+            places.extend(points.iter().flatten().map(|&p| (p, MARKER)));
+        }
+        if s.style == SeriesStyle::Markers {
+            continue;
+        }
+        for pair in points.windows(2) {
+            let (Some(a), Some(b)) = (pair[0], pair[1]) else {
+                continue;
+            };
+            let steps = ((b.0 - a.0).hypot(b.1 - a.1) / STEP).clamp(1.0, MOST_STEPS);
+            let along = (0..steps as usize).map(|i| i as f64 / steps);
+            let at = |t: f64| (a.0 + (b.0 - a.0) * t, a.1 + (b.1 - a.1) * t);
+            places.extend(
+                along
+                    .map(at)
+                    .filter(|p| scales.plot.holds(*p))
+                    .map(|p| (p, PIECE)),
+            );
+        }
+    }
+    places
 }
 
 /// The corner with the fewest covered pixels, upper right if there is a choice; `None` if all hold too many.
-fn corner(plot: Rect, (w, h): (u32, u32), busy: &Mask) -> Option<(u32, u32)> {
-    if w + 2 * OFF > plot.w / 2 || h + 2 * OFF > plot.h {
+fn corner(plot: Rect, (w, h): (f64, f64), busy: &[(Point, f64)]) -> Option<Rect> {
+    if w + 2.0 * OFF > plot.w / 2.0 || h + 2.0 * OFF > plot.h {
         return None;
     }
     let (right, bottom) = (plot.w - w - OFF, plot.h - h - OFF);
     [(right, OFF), (OFF, OFF), (right, bottom), (OFF, bottom)]
+        .map(|at| plot.within(at, (w, h)))
         .into_iter()
-        .map(|(x, y)| (busy.busy(Rect { x, y, w, h }), (plot.x + x, plot.y + y)))
-        .min_by_key(|c| c.0)
-        .filter(|c| (c.0 as f64) < COVERED * f64::from(w * h))
-        .map(|c| c.1)
+        .map(|r| (r, busy.iter().filter(|p| r.holds(p.0)).map(|p| p.1).sum::<f64>()))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .filter(|(_, covered)| *covered < COVERED * w * h)
+        .map(|c| c.0)
 }
 
-/// The picture with white added on its right.
-fn widen(img: &RgbImage, width: u32) -> RgbImage {
-    let size = (img.width().max(width), img.height());
-    let mut wider = RgbImage::from_pixel(size.0, size.1, Rgb([255; 3]));
-    for (x, y, p) in img.enumerate_pixels() {
-        wider.put_pixel(x, y, *p);
+/// A piece of a series, from its left end.
+fn sample(page: &mut Drawing, (x, y): Point, series: &Series, colour: Rgb<u8>) {
+    let pen = Pen {
+        colour,
+        width: PEN,
+        dashed: series.style == SeriesStyle::Dashed,
+    };
+    if series.style != SeriesStyle::Markers {
+        page.line(&[Some((x + 2.0, y)), Some((x + SAMPLE - 2.0, y))], pen);
     }
-    wider
-}
-
-/// A piece of a series.
-fn sample(img: &mut RgbImage, place: Rect, series: &Series) {
-    let y = place.h as f32 / 2.0 - 0.5;
-    let (a, b) = ((2.0, y), (place.w as f32 - 3.0, y));
-    let mut line = Mask::over(place);
-    match series.style {
-        SeriesStyle::Line | SeriesStyle::LineMarkers => line.segment(a, b, HALF_LINE),
-        SeriesStyle::Dashed => line.dashes(a, b, HALF_LINE, &mut 0.0),
-        SeriesStyle::Markers => {}
-    }
-    line.paint(img, palette(series.colour));
     if series.style.marked() {
-        let (mut rim, mut body) = (Mask::over(place), Mask::over(place));
-        let middle = (place.w as f32 / 2.0 - 0.5, y);
-        rim.rim(Marker::of(series.colour), middle, RADIUS, HALO);
-        body.marker(Marker::of(series.colour), middle, RADIUS);
-        rim.paint(img, Rgb([255; 3]));
-        body.paint(img, palette(series.colour));
+        page.marker(Marker::of(series.colour), (x + SAMPLE / 2.0, y), RADIUS, colour);
     }
 }

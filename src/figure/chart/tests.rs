@@ -1,6 +1,7 @@
 //! What is drawn where, from series whose points are known, and from series that hold nothing worth drawing. To look at
 //! the examples, name a folder in the environment variable `FIGURE_GALLERY` and run `cargo test --release chart`.
 
+use image::RgbImage;
 use proptest::prelude::*;
 
 use super::*;
@@ -34,16 +35,19 @@ fn square(series: Vec<Series>) -> Chart {
     }
 }
 
-/// Colours of the pixels nearest to points of the data.
+fn seen(chart: &Chart) -> (RgbImage, Scales) {
+    let (drawing, scales) = draw_in(chart, &palette).unwrap();
+    (drawing.pixels().unwrap(), scales)
+}
+
+/// Colours of the pixels at points of the data.
 fn colours(chart: &Chart, points: &[(f64, f64)]) -> Vec<Rgb<u8>> {
-    let (img, plot, scales) = draw_with_plot(chart).unwrap();
-    points
-        .iter()
-        .map(|&p| {
-            let (x, y) = scales.point(p).unwrap();
-            *img.get_pixel(plot.x + x.round() as u32, plot.y + y.round() as u32)
-        })
-        .collect()
+    let (img, scales) = seen(chart);
+    let pixel = |&p| {
+        let (x, y) = scales.point(p).unwrap();
+        *img.get_pixel(x as u32, y as u32)
+    };
+    points.iter().map(pixel).collect()
 }
 
 fn message(chart: &Chart) -> String {
@@ -74,8 +78,9 @@ fn log_axes_place_ten_between_one_and_a_hundred() {
     let mut chart = square(vec![series("", &[(10.0, 10.0)], SeriesStyle::Markers, 0)]);
     chart.x = axis("x", true, Some((1.0, 100.0)));
     chart.y = axis("y", true, Some((1.0, 100.0)));
-    let (img, r, _) = draw_with_plot(&chart).unwrap();
-    assert_eq!(*img.get_pixel(r.x + r.w / 2, r.y + r.h / 2), palette(0));
+    let (img, scales) = seen(&chart);
+    let (x, y) = scales.plot.centre();
+    assert_eq!(*img.get_pixel(x as u32, y as u32), palette(0));
 }
 
 #[test]
@@ -148,14 +153,15 @@ fn dashes_are_black_and_have_holes() {
 fn legends_keep_clear_of_the_data() {
     let across: Vec<(f64, f64)> = (0..40).map(|i| (f64::from(i) / 4.0, 9.5)).collect();
     let line = |k: usize| series("some name", &across, SeriesStyle::LineMarkers, k);
-    let bare = draw(&square(vec![series("", &across, SeriesStyle::LineMarkers, 0)])).unwrap();
-    let (named, plot, _) = draw_with_plot(&square(vec![line(0)])).unwrap();
+    let (bare, _) = seen(&square(vec![series("", &across, SeriesStyle::LineMarkers, 0)]));
+    let (named, scales) = seen(&square(vec![line(0)]));
+    let (x0, y0) = scales.plot.centre();
     assert_eq!(named.width(), bare.width());
     for (x, y, p) in named
         .enumerate_pixels()
         .filter(|(x, y, p)| *p != bare.get_pixel(*x, *y))
     {
-        let lower_right = x > plot.x + plot.w / 2 && y > plot.y + plot.h / 2;
+        let lower_right = f64::from(x) > x0 && f64::from(y) > y0;
         assert!(lower_right, "{x} {y} {p:?}");
     }
     let full: Vec<(f64, f64)> = (0..400)
@@ -273,7 +279,7 @@ fn examples_come_out_at_a_useful_size_and_the_same_again() {
         );
         assert_eq!(img, draw(&chart).unwrap());
         if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
-            crate::save_png(&img, &std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
+            crate::save(&img, &std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
         }
     }
 }
@@ -325,8 +331,10 @@ proptest! {
         series in prop::collection::vec(any_series(), 0..5),
         notes in prop::collection::vec(".{0,80}", 0..3),
     ) {
-        if let Ok(img) = draw(&Chart { title, x, y, series, notes }) {
-            prop_assert!((900..2300).contains(&img.width()) && img.height() < 2300, "{:?}", img.dimensions());
+        if let Ok(d) = draw(&Chart { title, x, y, series, notes }) {
+            let (w, h) = (d.width(), d.height());
+            prop_assert!((900..2300).contains(&w) && h < 2300, "{w} × {h}");
+            prop_assert!(d.pixels().is_ok() && crate::tests::numbers(&d.svg()));
         }
     }
 }

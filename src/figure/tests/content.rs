@@ -36,7 +36,7 @@ fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
         slice: "s".into(),
         white: Some(1.0),
     });
-    let (img, r) = draw_with_plot(&view, "t", &panel(&t)).unwrap();
+    let (img, r) = seen(&view, &panel(&t));
     let row = [0.125, 0.375, 0.625, 0.875].map(|x| colour(&img, r, x, 0.75));
     assert_eq!(row, [[0, 0, 255], [0, 255, 0], [255, 0, 0], [255, 255, 255]]);
     assert_eq!(colour(&img, r, 0.5, 0.25), [0, 0, 0]);
@@ -44,9 +44,9 @@ fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
         slice: "s".into(),
         white: Some(2.0),
     });
-    let (img, r) = draw_with_plot(&half, "t", &panel(&t)).unwrap();
+    let (img, r) = seen(&half, &panel(&t));
     assert_eq!(colour(&img, r, 0.875, 0.75), [188, 188, 188]);
-    assert!(r.w == 900 && r.h == 450 && img.get_pixel(0, 0).0 == [255; 3]);
+    assert!(r.w == 900.0 && r.h == 450.0 && img.get_pixel(0, 0).0 == [255; 3]);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn photo_is_exposed_to_the_99th_percentile() {
     let t = tensor(vec![counted(Y, 10), counted(X, 100)], |at| {
         if at.i(Y) == 0 && at.i(X) == 0 { 1e6 } else { 2.0 }
     });
-    let (img, r) = draw_with_plot(&photo_view(), "", &panel(&t)).unwrap();
+    let (img, r) = seen(&photo_view(), &panel(&t));
     assert_eq!(colour(&img, r, 0.5, 0.5), [255, 255, 255]);
 }
 
@@ -79,21 +79,11 @@ fn mueller_signs_have_their_colours_and_undefined_is_grey() {
             }
         },
     );
-    let (img, r) = draw_with_plot(&mueller_view(true), "t", &panel(&t)).unwrap();
-    let (w, h) = (400, 400);
-    let at = |e: [usize; 2], down: f64| {
-        let (dx, dy) = mueller::corner(e, w, h);
-        colour(
-            &img,
-            Rect {
-                x: r.x + dx,
-                y: r.y + dy,
-                w: w as u32,
-                h: h as u32,
-            },
-            0.9,
-            down,
-        )
+    let (img, r) = seen(&mueller_view(true), &panel(&t));
+    let grid = mueller::panels((400.0, 400.0), 8.0);
+    let at = |[out, inn]: [usize; 2], down: f64| {
+        let place = r.within(grid.corner(4 * out + inn), grid.size);
+        colour(&img, place, 0.9, down)
     };
     let (red, blue, zero) = (at([1, 1], 0.7), at([2, 3], 0.7), at([0, 1], 0.7));
     assert!(red[0] > 120 && red[1] < 60 && red[2] < 60, "{red:?}");
@@ -125,7 +115,7 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
             normalized: false,
             limit: Some(limit),
         });
-        let (img, r) = draw_with_plot(&view, "t", &panel(&t)).unwrap();
+        let (img, r) = seen(&view, &panel(&t));
         colour(&img, r, 0.12, 0.12)
     };
     assert_eq!(one(660.0, 0.5), crate::colour::signed(1.0).0);
@@ -158,8 +148,7 @@ fn scanlines() -> Tensor {
 #[test]
 fn bright_bin_of_a_space_time_map_is_in_its_place() {
     let t = scanlines();
-    let place =
-        |r: usize, nm| draw_with_plot(&View::SpaceTime(map_view(r, [0, 0], nm)), "t", &panel(&t)).unwrap();
+    let place = |r: usize, nm| seen(&View::SpaceTime(map_view(r, [0, 0], nm)), &panel(&t));
     let (img, r) = place(1, Some(550.0));
     // Time rises upward: bin 5 of 10 lies from 0.4 to 0.5 below the top.
     let bright = crate::colour::sequential(1.0).0;
@@ -193,13 +182,13 @@ fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
     let bright = crate::colour::sequential(1.0).0;
     for (rows, columns) in [(1, 8), (8, 1)] {
         let t = tensor(axes(rows, columns), value);
-        let (img, r) = draw_with_plot(&View::SpaceSpace(map_view(0, [0, 0], None)), "t", &panel(&t)).unwrap();
+        let (img, r) = seen(&View::SpaceSpace(map_view(0, [0, 0], None)), &panel(&t));
         assert_eq!(
             colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
             bright,
             "{rows} × {columns}"
         );
-        let (img, r) = draw_with_plot(&View::SpaceSpace(map_view(0, [1, 0], None)), "t", &panel(&t)).unwrap();
+        let (img, r) = seen(&View::SpaceSpace(map_view(0, [1, 0], None)), &panel(&t));
         assert_eq!(
             colour(&img, r, 5.5 / 8.0, 1.0 - 5.5 / 8.0),
             crate::colour::signed(-1.0).0
@@ -223,21 +212,28 @@ fn flight_frames_follow_the_light() {
             if at.i(X) + 2 == at.i(T) { 3.0 } else { 0.0 }
         },
     );
-    let (img, r) = draw_with_plot(&flight_view(3), "t", &panel(&t)).unwrap();
-    assert_eq!(
-        flight::chosen_bins(&[0., 0., 1., 1., 1., 1., 1., 1., 0., 0.], 3),
-        [2, 5, 7]
-    );
-    let white: Vec<u32> = (r.x..r.x + r.w)
-        .filter(|&x| img.get_pixel(x, r.y + 40).0 == [255; 3])
-        .collect();
-    let black = (r.x..r.x + r.w)
-        .filter(|&x| img.get_pixel(x, r.y + 40).0 == [0; 3])
-        .count();
-    assert!(!white.is_empty() && black > white.len());
-    // The first frame has its first column lit, its second dark.
-    assert_eq!(img.get_pixel(r.x + 5, r.y + 40).0, [255; 3]);
-    assert_eq!(img.get_pixel(r.x + 150, r.y + 40).0, [0; 3]);
+    // Three frames, of bins 2, 5 and 7: the lit column of each is at x = 0, 3 and 5 of 6.
+    let sheet = draw(&flight_view(3), "t", &panel(&t)).unwrap();
+    let (img, places) = (sheet.pixels().unwrap(), images(&sheet));
+    for (place, lit) in places.iter().zip([0, 3, 5]) {
+        for x in 0..6 {
+            let want = if x == lit { [255; 3] } else { [0; 3] };
+            assert_eq!(colour(&img, *place, (f64::from(x) + 0.5) / 6.0, 0.5), want);
+        }
+    }
+    assert_eq!(places.len(), 3);
+    // One after another they are the same frames, on pages of one size.
+    let View::Flight(view) = flight_view(3) else {
+        unreachable!()
+    };
+    let frames = animate(&view, "t", &panel(&t)).unwrap();
+    for (frame, column) in frames.iter().zip([0.0, 3.0, 5.0]) {
+        let img = frame.pixels().unwrap();
+        let at = |x: f64| colour(&img, frame.data, (x + 0.5) / 6.0, 0.5);
+        assert_eq!((at(column), at(4.0)), ([255; 3], [0; 3]));
+        assert_eq!((frame.width(), frame.data), (frames[0].width(), frames[0].data));
+    }
+    assert_eq!(frames.len(), 3);
 }
 
 fn steps() -> (Tensor, Tensor, Tensor) {
@@ -266,20 +262,21 @@ fn lines_and_bands_of_a_profile_pass_through_their_rows() {
         std_error: Some(&error),
         overflow: Some(&overflow),
     };
-    let (img, r) = draw_with_plot(&View::Profile(view.clone()), "t", &full).unwrap();
-    let source = crate::reduce::Source::new("s", &mean).unwrap();
-    let errors = crate::reduce::Source::new("s", &error).unwrap();
-    let scales = profile::read(&view, source, Some(errors)).unwrap().scales();
-    assert_eq!(scales.time, (0.0, 200.0));
-    assert!(
-        scales.value.0 == 0.0 && (3.2..3.5).contains(&scales.value.1),
-        "{scales:?}"
+    let (drawing, scales) = profile::draw_with_scales(&view, "t", &full).unwrap();
+    let img = drawing.pixels().unwrap();
+    let (corner, end) = (scales.point((0.0, 0.0)), scales.point((200.0, 0.0)));
+    let r = drawing.data;
+    assert_eq!(
+        (corner, end),
+        (Some((r.x, r.y + r.h)), Some((r.x + r.w, r.y + r.h)))
     );
+    let top = scales.point((0.0, 3.35)).unwrap().1;
+    assert!((r.y - 40.0..r.y + 40.0).contains(&top), "{top}");
     let colours = crate::colour::line_colours(&RGB_NM);
     for (lane, line) in colours.iter().enumerate() {
         let pixel = |value: f64| {
-            let (x, y) = scales.point(50.0, value);
-            img.get_pixel(r.x + x.round() as u32, r.y + y.round() as u32).0
+            let (x, y) = scales.point((47.0, value)).unwrap();
+            img.get_pixel(x as u32, y as u32).0
         };
         let value = 1.0 + lane as f64;
         let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) < 60);
@@ -293,49 +290,6 @@ fn lines_and_bands_of_a_profile_pass_through_their_rows() {
         assert_eq!(none, [255; 3]);
     }
     // Without errors there is no band.
-    let (img, r) = draw_with_plot(&View::Profile(view), "t", &panel(&mean)).unwrap();
-    assert_eq!(colour(&img, r, 0.3, 0.2), [255; 3]);
-}
-
-#[test]
-fn same_input_same_bytes() {
-    let t = tensor(
-        vec![
-            counted(Y, 3),
-            counted(X, 5),
-            counted(U, 4),
-            counted(T, 6),
-            counted(StokesOut, 4),
-            counted(StokesIn, 4),
-            wave(&RGB_NM),
-        ],
-        |at| {
-            (at.f(X) + 1.0)
-                * (at.f(T) + 0.5)
-                * if at.i(StokesOut) == at.i(StokesIn) {
-                    1.0
-                } else {
-                    -0.3
-                }
-        },
-    );
-    let folder = tempfile::tempdir().unwrap();
-    let bytes = |view: &View, name: &str| {
-        let path = folder.path().join(name);
-        save_png(&draw(view, "title", &panel(&t)).unwrap(), &path).unwrap();
-        std::fs::read(path).unwrap()
-    };
-    for view in all_views() {
-        assert_eq!(bytes(&view, "a.png"), bytes(&view, "b.png"), "{view:?}");
-    }
-    assert_eq!(
-        std::fs::read_dir(folder.path()).unwrap().count(),
-        2,
-        "temporary files are left"
-    );
-    let img = draw(&photo_view(), "", &panel(&t)).unwrap();
-    assert!(matches!(
-        save_png(&img, &folder.path().join("no/a.png")),
-        Err(FigureError::Write { .. })
-    ));
+    let (img, r) = seen(&View::Profile(view), &panel(&mean));
+    assert_eq!(colour(&img, r, 0.32, 0.2), [255; 3]);
 }

@@ -44,12 +44,14 @@ fn gallery() {
     std::fs::create_dir_all(&folder).unwrap();
     let save = |name: &str, view: &View, title: &str, p: &Panel| {
         let picture = draw(view, title, p).unwrap();
-        let (w, h) = picture.dimensions();
+        let (w, h) = (picture.width(), picture.height());
         assert!(
             (300..=2400).contains(&w) && (200..=2400).contains(&h),
             "{name}: {w} × {h}"
         );
-        save_png(&picture, &folder.join(format!("{name}.png"))).unwrap();
+        for format in ["png", "svg", "pdf"] {
+            super::save(&picture, &folder.join(format!("{name}.{format}"))).unwrap();
+        }
     };
     let t = tensor(
         join(vec![pixels(320, 240), vec![counted(Component, 2), wave()]]),

@@ -3,8 +3,10 @@
 use image::RgbImage;
 
 use super::colour::UNDEFINED;
-use super::layout::Rect;
-use super::{FigureError, Panel, draw, draw_with_plot, flight, mueller, profile, save_png};
+use super::drawing::Rect;
+use super::{
+    Animation, Drawing, FigureError, Format, Panel, animate, draw, mueller, profile, save, save_animation,
+};
 use crate::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
@@ -13,6 +15,7 @@ const RGB_NM: [f64; 3] = [450.0, 550.0, 660.0];
 
 mod content;
 mod degenerate;
+mod formats;
 mod gallery;
 mod refusals;
 
@@ -123,8 +126,33 @@ fn all_views() -> Vec<View> {
     ]
 }
 
+/// Whether a document is well formed, and all its places are numbers.
+pub fn numbers(svg: &str) -> bool {
+    let xml = roxmltree::Document::parse(svg).unwrap();
+    let mut values = xml.descendants().flat_map(|e| e.attributes()).map(|a| a.value());
+    values.all(|v| v.starts_with("data:") || !v.contains("NaN") && !v.contains("inf"))
+}
+
+/// Where the images of a drawing are.
+fn images(drawing: &Drawing) -> Vec<Rect> {
+    let svg = drawing.svg();
+    let xml = roxmltree::Document::parse(&svg).unwrap();
+    let images = xml.descendants().filter(|e| e.has_tag_name("image"));
+    let place = |e: roxmltree::Node| {
+        let [x, y, w, h] = ["x", "y", "width", "height"].map(|a| e.attribute(a).unwrap().parse().unwrap());
+        Rect { x, y, w, h }
+    };
+    images.map(place).collect()
+}
+
+/// A view in pixels, and the rectangle that holds the data.
+fn seen(view: &View, panel: &Panel) -> (RgbImage, Rect) {
+    let drawing = draw(view, "t", panel).unwrap();
+    (drawing.pixels().unwrap(), drawing.data)
+}
+
 /// Colour at a place (0..1 across and down) of a rectangle.
 fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
-    let (x, y) = (across * f64::from(r.w), down * f64::from(r.h));
-    img.get_pixel(r.x + x as u32, r.y + y as u32).0
+    img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32)
+        .0
 }

@@ -1,0 +1,346 @@
+//! A drawing: an SVG document of a few primitives, from which every format of picture is made.
+//!
+//! Lengths are in pixels of the PNG; x runs to the right, y down. Texts are text, data are embedded images shown with
+//! sharp pixels, and all else are paths. Images lie under everything, which is how [`super::output`] rasterizes them.
+
+use std::fmt::Write as _;
+use std::io::Cursor;
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use image::{ImageFormat, Rgb, RgbImage};
+
+use super::marker::Marker;
+use super::text::{Align, CAP_PER_EM, INK, Style};
+
+/// A point in pixels.
+pub type Point = (f64, f64);
+
+/// A rectangle in pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rect {
+    /// Left edge.
+    pub x: f64,
+    /// Upper edge.
+    pub y: f64,
+    /// Width.
+    pub w: f64,
+    /// Height.
+    pub h: f64,
+}
+
+impl Rect {
+    /// The rectangle of this size whose upper left corner lies `(dx, dy)` from that of `self`.
+    #[must_use]
+    pub fn within(self, (dx, dy): Point, (w, h): (f64, f64)) -> Self {
+        let (x, y) = (self.x + dx, self.y + dy);
+        Self { x, y, w, h }
+    }
+
+    /// The middle of the rectangle.
+    #[must_use]
+    pub fn centre(self) -> Point {
+        (self.x + self.w / 2.0, self.y + self.h / 2.0)
+    }
+
+    /// Whether a point is inside or on the edge.
+    #[must_use]
+    pub fn holds(self, (x, y): Point) -> bool {
+        (self.x..=self.x + self.w).contains(&x) && (self.y..=self.y + self.h).contains(&y)
+    }
+}
+
+/// How a path is stroked.
+#[derive(Clone, Copy, Debug)]
+pub struct Pen {
+    /// Colour.
+    pub colour: Rgb<u8>,
+    /// Width in pixels.
+    pub width: f64,
+    /// Dashes instead of a whole line.
+    pub dashed: bool,
+}
+
+/// A picture made of paths, texts and embedded images: the SVG of it is [`Drawing::svg`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    width: f64,
+    height: f64,
+    title: String,
+    body: String,
+    clips: usize,
+    /// Where the data are.
+    pub(crate) data: Rect,
+}
+
+/// A length to a thousandth of a pixel, without needless digits.
+fn n(v: f64) -> f64 {
+    (v * 1000.0).round() / 1000.0
+}
+
+fn hex(Rgb([r, g, b]): Rgb<u8>) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// A text as it stands in XML: marks of the syntax escaped, what XML does not allow and line breaks as spaces.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\u{fffe}' | '\u{ffff}' => out.push(' '),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+impl Drawing {
+    /// A white page.
+    #[must_use]
+    pub(crate) fn new(width: f64, height: f64, title: &str) -> Self {
+        Self {
+            width,
+            height,
+            title: escaped(title),
+            body: String::new(),
+            clips: 0,
+            data: Rect::default(),
+        }
+    }
+
+    /// Width in pixels, a whole number.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        self.width.ceil() as u32
+    }
+
+    /// Height in pixels, a whole number.
+    #[must_use]
+    pub fn height(&self) -> u32 {
+        self.height.ceil() as u32
+    }
+
+    /// The whole document. Its texts ask for DejaVu Sans, and for fonts of nearly the same widths where there is none.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let (w, h) = (self.width(), self.height());
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
+             style=\"background:#fff\" font-family=\"'DejaVu Sans', 'Bitstream Vera Sans', Verdana, sans-serif\">\n\
+             <title>{}</title>\n{}</svg>\n",
+            self.title, self.body
+        )
+    }
+
+    /// Makes the page at least this wide.
+    pub(crate) fn widen(&mut self, width: f64) {
+        self.width = self.width.max(width);
+    }
+
+    /// One element; writing to a string does not fail.
+    fn put(&mut self, element: std::fmt::Arguments) {
+        let _ = writeln!(self.body, "{element}");
+    }
+
+    /// A filled rectangle.
+    pub(crate) fn fill(&mut self, r: Rect, colour: Rgb<u8>, opacity: f64) {
+        self.put(format_args!(
+            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\" fill-opacity=\"{opacity}\"/>",
+            n(r.x),
+            n(r.y),
+            n(r.w),
+            n(r.h),
+            hex(colour)
+        ));
+    }
+
+    /// A frame of one pixel just outside a rectangle.
+    pub(crate) fn frame(&mut self, r: Rect, colour: Rgb<u8>) {
+        self.put(format_args!(
+            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"{}\"/>",
+            n(r.x - 0.5),
+            n(r.y - 0.5),
+            n(r.w + 1.0),
+            n(r.h + 1.0),
+            hex(colour)
+        ));
+    }
+
+    /// A line of one pixel in the ink of frames, from a point by `(dx, dy)`.
+    pub(crate) fn tick(&mut self, (x, y): Point, (dx, dy): Point, colour: Rgb<u8>) {
+        // The middle of a pixel makes a line sharp.
+        let sharp = |v: f64, along: f64| if along == 0.0 { (v - 0.5).round() + 0.5 } else { v };
+        let (x, y) = (sharp(x, dx), sharp(y, dy));
+        self.put(format_args!(
+            "<path d=\"M{} {}l{} {}\" stroke=\"{}\"/>",
+            n(x),
+            n(y),
+            n(dx),
+            n(dy),
+            hex(colour)
+        ));
+    }
+
+    /// Lines through points. A missing point leaves a gap, and one between two gaps is a dot.
+    pub(crate) fn line(&mut self, points: &[Option<Point>], pen: Pen) {
+        let mut path = String::new();
+        let mut joined = false;
+        for (i, point) in points.iter().enumerate() {
+            if let Some((x, y)) = point {
+                let _ = write!(path, "{}{} {}", if joined { 'L' } else { 'M' }, n(*x), n(*y));
+                if !joined && points.get(i + 1).copied().flatten().is_none() {
+                    path.push_str("h0.01");
+                }
+            }
+            joined = point.is_some();
+        }
+        let dashes = if pen.dashed {
+            "stroke-dasharray=\"7 9\" "
+        } else {
+            ""
+        };
+        if !path.is_empty() {
+            self.put(format_args!(
+                "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-linecap=\"round\" \
+                 {dashes}stroke-linejoin=\"round\"/>",
+                hex(pen.colour),
+                pen.width
+            ));
+        }
+    }
+
+    /// A filled area with these corners.
+    pub(crate) fn area(&mut self, corners: impl Iterator<Item = Point>, colour: Rgb<u8>, opacity: f64) {
+        let path: String = corners.map(|(x, y)| format!("L{} {}", n(x), n(y))).collect();
+        self.put(format_args!(
+            "<path d=\"M{}Z\" fill=\"{}\" fill-opacity=\"{opacity}\"/>",
+            path.trim_start_matches('L'),
+            hex(colour)
+        ));
+    }
+
+    /// A marker in a white rim that keeps it apart from lines and from other markers.
+    pub(crate) fn marker(&mut self, marker: Marker, (x, y): Point, radius: f64, colour: Rgb<u8>) {
+        self.put(format_args!(
+            "<g transform=\"translate({} {}) scale({})\"><path d=\"{}\" fill=\"#fff\" stroke=\"#fff\" \
+             stroke-width=\"{}\"/><path d=\"{}\" fill=\"{}\"/></g>",
+            n(x),
+            n(y),
+            n(radius),
+            marker.rim(),
+            n(2.0 / radius),
+            marker.path(),
+            hex(colour)
+        ));
+    }
+
+    /// A text at the height of its capitals' middle.
+    pub(crate) fn text(&mut self, text: &str, (x, y): Point, align: Align, style: Style) {
+        let baseline = y + CAP_PER_EM * style.em / 2.0;
+        let place = format!("x=\"{}\" y=\"{}\"", n(x), n(baseline));
+        self.put_text(text, &place, align, style);
+    }
+
+    /// A text in the middle of a point, written upward.
+    pub(crate) fn text_up(&mut self, text: &str, (x, y): Point, style: Style) {
+        let baseline = x + CAP_PER_EM * style.em / 2.0;
+        let place = format!("transform=\"translate({} {}) rotate(-90)\"", n(baseline), n(y));
+        self.put_text(text, &place, Align::Middle, style);
+    }
+
+    fn put_text(&mut self, text: &str, place: &str, align: Align, style: Style) {
+        let anchor = match align {
+            Align::Start => "start",
+            Align::Middle => "middle",
+            Align::End => "end",
+        };
+        if text.trim().is_empty() {
+            return;
+        }
+        self.put(format_args!(
+            "<text {place} font-size=\"{}\" text-anchor=\"{anchor}\" fill=\"{}\">{}</text>",
+            n(style.em),
+            hex(style.colour),
+            escaped(text)
+        ));
+    }
+
+    /// An image that fills a rectangle, its pixels sharp.
+    pub(crate) fn image(&mut self, r: Rect, image: &RgbImage) {
+        let mut png = Cursor::new(Vec::new());
+        image
+            .write_to(&mut png, ImageFormat::Png)
+            .expect("memory takes every PNG of at least one pixel");
+        self.put(format_args!(
+            "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
+             style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{}\"/>",
+            n(r.x),
+            n(r.y),
+            n(r.w),
+            n(r.h),
+            BASE64_STANDARD.encode(png.get_ref())
+        ));
+    }
+
+    /// Draws with what lies outside a rectangle left out.
+    pub(crate) fn clipped(&mut self, r: Rect, paint: impl FnOnce(&mut Self)) {
+        self.clips += 1;
+        let id = self.clips;
+        self.put(format_args!(
+            "<clipPath id=\"clip{id}\"><rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/></clipPath>\n\
+             <g clip-path=\"url(#clip{id})\">",
+            n(r.x),
+            n(r.y),
+            n(r.w),
+            n(r.h)
+        ));
+        paint(self);
+        self.put(format_args!("</g>"));
+    }
+
+    /// The frame of the data in ink.
+    pub(crate) fn frame_data(&mut self) {
+        self.frame(self.data, INK);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::text::LABEL;
+    use proptest::prelude::*;
+
+    #[test]
+    fn gaps_part_a_line_and_lone_points_are_dots() {
+        let mut d = Drawing::new(9.0, 9.0, "");
+        let pen = Pen {
+            colour: INK,
+            width: 1.0,
+            dashed: false,
+        };
+        d.line(&[Some((1.0, 2.0)), None, Some((3.0, 4.0)), Some((5.0, 6.0))], pen);
+        assert!(d.svg().contains("M1 2h0.01M3 4L5 6"), "{}", d.svg());
+        let before = d.clone();
+        d.line(&[None, None], pen);
+        assert_eq!(d, before);
+    }
+
+    proptest! {
+        /// Whatever a text holds, the document is XML, and says the text.
+        #[test]
+        fn any_text_is_escaped(text in "\\PC{0,30}", odd in ".{0,30}") {
+            let mut d = Drawing::new(90.0, 90.0, &odd);
+            d.text(&text, (1.0, 2.0), Align::Start, LABEL);
+            d.text_up(&odd, (1.0, 2.0), LABEL);
+            let svg = d.svg();
+            let xml = roxmltree::Document::parse(&svg).unwrap();
+            let said = xml.descendants().find(|e| e.attribute("x") == Some("1"));
+            prop_assert_eq!(said.and_then(|e| e.text()).unwrap_or("").trim(), text.trim());
+        }
+    }
+}

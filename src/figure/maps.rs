@@ -1,0 +1,248 @@
+//! Maps of one number a pixel beside one another, under their names, on one scale: errors of several methods, signed
+//! quantities, or angles such as the axis of a retarder.
+
+use image::Rgb;
+
+use super::FigureError;
+use super::colour::{cyclic, sequential, signed};
+use super::drawing::Drawing;
+use super::layout::{Bar, Page, Panels};
+use super::map::Scale;
+use super::raster::{Factor, Raster};
+use super::text::{NAME, NOTE};
+use super::ticks::{Ticks, brief};
+
+/// One map of the page.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// Name written above it.
+    pub label: String,
+    /// Second line of the name, in smaller letters; may be empty.
+    pub caption: String,
+    /// Columns.
+    pub width: usize,
+    /// Values, rows from the top, `width` columns; those that are not finite are grey.
+    pub data: Vec<f32>,
+}
+
+/// What the values are, which decides on their colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quantity {
+    /// Sizes above zero, on a square-root scale, or on a logarithmic one where the values of all maps span much.
+    Size,
+    /// Numbers of either sign between ± `limit`, on a map that is pale at zero.
+    Signed {
+        /// Value at the upper end, above zero.
+        limit: f32,
+    },
+    /// Angles that are the same a period later, such as 180 for an axis in degrees, on a map that closes.
+    Angle {
+        /// Period in the unit of the values, above zero.
+        period: f32,
+    },
+}
+
+/// Span of the values from which the scale is logarithmic: methods differ by tens, and each is to show its structure.
+const LOG_FROM: f32 = 30.0;
+/// Pixels that the longer side of a map has, about; and the most.
+const SIDE: (usize, usize) = (420, 640);
+/// Names need room even above a narrow map.
+const LEAST: f64 = 180.0;
+
+/// How the values of a quantity become colours.
+struct Shades {
+    /// What is averaged where there are too many pixels: a value, or the vector of an angle.
+    vector: Box<dyn Fn(f32) -> [f32; 2]>,
+    /// Place on the colour bar, 0 to 1.
+    place: Box<dyn Fn([f32; 2]) -> f32>,
+    colour: fn(f32) -> Rgb<u8>,
+    ticks: Ticks,
+    /// What is said of the scale after the name of the quantity.
+    remark: String,
+}
+
+impl Shades {
+    fn of(quantity: Quantity, maps: &[Map]) -> Result<Self, FigureError> {
+        let plain = Box::new(|v| [v, 0.0]);
+        Ok(match quantity {
+            Quantity::Size => {
+                let scale = Scale::log_from(maps.iter().flat_map(|m| m.data.iter().copied()), LOG_FROM);
+                let ticks = scale.ticks();
+                Self {
+                    vector: plain,
+                    place: Box::new(move |[v, _]| scale.place(v)),
+                    colour: sequential,
+                    remark: format!(", {} scale{}", scale.name(), ticks.unit(" ").trim_end()),
+                    ticks,
+                }
+            }
+            Quantity::Signed { limit } => Self {
+                vector: plain,
+                place: Box::new(move |[v, _]| 0.5 + 0.5 * v / limit),
+                colour: |v| signed(2.0 * v - 1.0),
+                ticks: Ticks::linear(-positive("limit", limit)?, limit.into(), 8),
+                remark: String::new(),
+            },
+            Quantity::Angle { period } => {
+                let whole = positive("period", period)?;
+                let turn = std::f32::consts::TAU / period;
+                Self {
+                    vector: Box::new(move |v| [(v * turn).cos(), (v * turn).sin()]),
+                    place: Box::new(|[x, y]| y.atan2(x) / std::f32::consts::TAU),
+                    colour: cyclic,
+                    ticks: Ticks {
+                        marks: [0.0, 0.25, 0.5, 0.75, 1.0]
+                            .map(|at| (at, brief(at * whole)))
+                            .into(),
+                        exponent: 0,
+                    },
+                    remark: String::new(),
+                }
+            }
+        })
+    }
+}
+
+fn positive(option: &'static str, value: f32) -> Result<f64, FigureError> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(value.into());
+    }
+    Err(FigureError::Option {
+        option,
+        value: value.to_string(),
+        must: "a finite number above zero",
+    })
+}
+
+/// Draws maps, `columns` a row, on one scale for all of them, which is named `name` beside the bar.
+///
+/// # Errors
+/// [`FigureError::Empty`] if there is no map, [`FigureError::Damaged`] if the values of one do not fill its rows,
+/// [`FigureError::Option`] if a limit or a period is no number above zero.
+pub fn draw(
+    title: &str,
+    maps: &[Map],
+    columns: usize,
+    name: &str,
+    quantity: Quantity,
+    notes: &[String],
+) -> Result<Drawing, FigureError> {
+    let shades = Shades::of(quantity, maps)?;
+    let mut pictures = vec![];
+    let mut size = (LEAST, 0.0_f64);
+    for map in maps {
+        let data = map.data.iter().map(|v| (shades.vector)(*v)).collect();
+        let raster = Raster::new(&map.label, map.width, data)?;
+        let factors = Factor::square(raster.w, raster.h, SIDE.0, SIDE.1, 40);
+        size.0 = size.0.max(factors.0.length(raster.w));
+        size.1 = size.1.max(factors.1.length(raster.h));
+        pictures.push((map, raster.shrink(factors), factors));
+    }
+    if maps.is_empty() {
+        return Err(FigureError::Empty {
+            slice: title.to_owned(),
+            axis: "maps",
+        });
+    }
+    let panels = Panels {
+        size,
+        head: 48.0,
+        gap: 24.0,
+        columns: columns.clamp(1, maps.len()),
+    };
+    let page = Page {
+        title,
+        bar: Some(Bar {
+            label: format!("{name}{}", shades.remark),
+            ticks: shades.ticks,
+            colour: &shades.colour,
+        }),
+        notes: notes.to_vec(),
+        frameless: true,
+        ..Page::default()
+    };
+    let (w, h) = panels.extent(maps.len());
+    let mut page = page.draw(w, h);
+    for (i, (map, raster, factors)) in pictures.into_iter().enumerate() {
+        panels.name(&mut page, i, &[(&map.label, NAME), (&map.caption, NOTE)]);
+        raster.paint(&mut page, panels.corner(i), factors, |v| {
+            (shades.colour)((shades.place)(v))
+        });
+    }
+    Ok(page)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::colour::UNDEFINED;
+
+    fn map(data: Vec<f32>) -> Map {
+        Map {
+            label: "a".into(),
+            caption: "b".into(),
+            width: 4,
+            data,
+        }
+    }
+
+    fn picture(maps: &[Map], quantity: Quantity) -> image::RgbImage {
+        draw("two", maps, 2, "error", quantity, &[])
+            .unwrap()
+            .pixels()
+            .unwrap()
+    }
+
+    fn count(img: &image::RgbImage, c: Rgb<u8>) -> usize {
+        img.pixels().filter(|p| **p == c).count()
+    }
+
+    /// One scale for all maps: the largest value of all is bright, and only where it is; lost pixels are grey.
+    #[test]
+    fn maps_share_a_scale() {
+        let mut low = vec![0.25; 12];
+        low[5] = f32::NAN;
+        let img = picture(&[map(low), map(vec![1.0; 12])], Quantity::Size);
+        let area = count(&img, sequential(1.0));
+        assert!(area >= 12 * 100 * 100, "{area}");
+        assert!(
+            count(&img, sequential(0.5)) * 12 >= area * 11,
+            "the square root of a quarter"
+        );
+        assert!(count(&img, UNDEFINED) * 12 >= area * 9 / 10);
+    }
+
+    /// An angle and the same a period on or back have one colour, and half a period on another; signs have theirs.
+    #[test]
+    fn angles_close_and_signs_part() {
+        let angles = [10.0, 190.0, -170.0, 370.0].repeat(3);
+        let img = picture(&[map(angles)], Quantity::Angle { period: 180.0 });
+        let seen = img.get_pixel(img.width() / 4, img.height() / 2);
+        let area = img
+            .pixels()
+            .filter(|p| p.0.iter().zip(seen.0).all(|(a, b)| a.abs_diff(b) < 3));
+        assert!(area.count() >= 12 * 100 * 100, "{seen:?}");
+        let img = picture(&[map([-2.0, 2.0].repeat(6))], Quantity::Signed { limit: 2.0 });
+        assert!(count(&img, signed(1.0)) >= 6 * 100 * 100 && count(&img, signed(-1.0)) >= 6 * 100 * 100);
+    }
+
+    #[test]
+    fn damage_is_refused() {
+        let draw = |maps: &[Map], quantity| draw("t", maps, 3, "e", quantity, &[]);
+        assert!(matches!(
+            draw(&[], Quantity::Size),
+            Err(FigureError::Empty { .. })
+        ));
+        let bad = draw(&[map(vec![1.0; 5])], Quantity::Size);
+        assert!(matches!(bad, Err(FigureError::Damaged { .. })));
+        let none = draw(&[map(vec![1.0; 4])], Quantity::Angle { period: 0.0 });
+        assert!(matches!(none, Err(FigureError::Option { option: "period", .. })));
+        for quantity in [
+            Quantity::Size,
+            Quantity::Signed { limit: 1.0 },
+            Quantity::Angle { period: 1.0 },
+        ] {
+            assert!(draw(&[map(vec![f32::NAN; 8])], quantity).is_ok());
+        }
+    }
+}

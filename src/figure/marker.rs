@@ -1,0 +1,64 @@
+//! Markers of data points, and the colours that tell series apart.
+
+use image::Rgb;
+
+/// Index of black in the palette, for bounds and reference lines.
+pub const BLACK: usize = 6;
+
+/// Okabe and Ito's colours, which colour-blind readers tell apart, without the yellow that is too pale on white.
+const PALETTE: [[u8; 3]; 7] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [230, 159, 0],
+    [204, 121, 167],
+    [86, 180, 233],
+    [0, 0, 0],
+];
+
+/// Outlines within a radius of about 1, all of about the area that makes them look equally large: disc, square, triangle
+/// up, diamond, triangle down, ring, cross and plus.
+const OUTLINES: [&str; 8] = [
+    "M1 0A1 1 0 1 1-1 0A1 1 0 1 1 1 0Z",
+    "M-.88-.88H.88V.88H-.88Z",
+    "M0-1.24L1.07 .62H-1.07Z",
+    "M0-1.24L1.24 0L0 1.24L-1.24 0Z",
+    "M0 1.24L1.07-.62H-1.07Z",
+    "M1.09 0A1.09 1.09 0 1 1-1.09 0A1.09 1.09 0 1 1 1.09 0ZM.61 0A.61 .61 0 1 0-.61 0A.61 .61 0 1 0 .61 0Z",
+    "M0-.37L.63-1L1-.63L.37 0L1 .63L.63 1L0 .37L-.63 1L-1 .63L-.37 0L-1-.63L-.63-1Z",
+    "M-.26-1.15H.26V-.26H1.15V.26H.26V1.15H-.26V.26H-1.15V-.26H-.26Z",
+];
+
+/// So many series differ in colour, in marker or in both.
+pub const DISTINCT: usize = PALETTE.len() * OUTLINES.len();
+
+/// A colour of the palette, which repeats.
+#[must_use]
+pub fn palette(index: usize) -> Rgb<u8> {
+    Rgb(PALETTE[index % PALETTE.len()])
+}
+
+/// Shape of a data point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Marker(usize);
+
+impl Marker {
+    /// The marker that goes with a colour of the palette; their numbers have no common factor, so that the pair of both
+    /// repeats only after [`DISTINCT`].
+    #[must_use]
+    pub fn of(index: usize) -> Self {
+        Self(index % OUTLINES.len())
+    }
+
+    /// The outer edge of [`Marker::path`].
+    #[must_use]
+    pub fn rim(self) -> &'static str {
+        self.path().split_inclusive('Z').next().unwrap_or_default()
+    }
+
+    /// Its outline as the data of an SVG path, for a radius of 1.
+    #[must_use]
+    pub fn path(self) -> &'static str {
+        OUTLINES[self.0]
+    }
+}

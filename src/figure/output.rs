@@ -1,0 +1,254 @@
+//! Pictures as files: PNG, SVG and PDF of a drawing; GIF and APNG of several.
+//!
+//! Every format comes from the drawing's SVG and from fonts that are built in, so that the same drawing gives the same
+//! bytes on every machine.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Cursor, Write as _};
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+use base::whole_file;
+use image::codecs::gif::{GifEncoder, Repeat};
+use image::{Delay, Frame, ImageFormat, RgbImage, RgbaImage};
+use resvg::tiny_skia::{Color, FilterQuality, Paint, Pattern, Pixmap, Rect, SpreadMode, Transform};
+use resvg::usvg::fontdb::Database;
+use resvg::usvg::{Group, ImageKind, Node, Options, Tree};
+
+use super::FigureError;
+use super::drawing::Drawing;
+use super::text::font;
+
+/// Pixels of a drawing per inch of a PDF page: tick labels come to 7.5 points.
+const PER_INCH: f32 = 144.0;
+/// How long a frame of an animation is shown, in milliseconds.
+const FRAME_MS: u16 = 150;
+/// The speed of choosing a frame's 256 colours, from 1 (best) to 30.
+const GIF_SPEED: i32 = 10;
+
+/// Formats of a picture that stands still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Pixels.
+    Png,
+    /// Vectors, with data as embedded images.
+    Svg,
+    /// Vectors on a page made to measure, with its fonts.
+    Pdf,
+}
+
+impl Format {
+    /// The format that a file's extension names, in letters of either case.
+    ///
+    /// # Errors
+    /// [`FigureError::Extension`] for any other.
+    pub fn of(path: &Path) -> Result<Self, FigureError> {
+        match extension(path).as_str() {
+            "png" => Ok(Self::Png),
+            "svg" => Ok(Self::Svg),
+            "pdf" => Ok(Self::Pdf),
+            _ => Err(FigureError::Extension {
+                path: path.display().to_string(),
+                known: ".png, .svg or .pdf, light in flight also as .gif or .apng",
+            }),
+        }
+    }
+}
+
+/// Formats of several pictures in turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Animation {
+    /// At most 256 colours a frame; shown everywhere.
+    Gif,
+    /// PNG with all colours.
+    Apng,
+}
+
+impl Animation {
+    /// The format that a file's extension names, in letters of either case; `None` for any other.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        match extension(path).as_str() {
+            "gif" => Some(Self::Gif),
+            "apng" => Some(Self::Apng),
+            _ => None,
+        }
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase()
+}
+
+/// Writes a drawing in the format that the path's extension names, whole or not at all. Makes missing folders.
+///
+/// # Errors
+/// [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`].
+pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
+    let bytes = match Format::of(path)? {
+        Format::Png => drawing.png()?,
+        Format::Svg => drawing.svg().into_bytes(),
+        Format::Pdf => drawing.pdf()?,
+    };
+    write(path, |file| file.write_all(&bytes))
+}
+
+/// Writes drawings of one size as an endless animation, whole or not at all. Makes missing folders.
+///
+/// # Errors
+/// [`FigureError::Encode`] if there is no frame or one is too large; [`FigureError::Write`].
+pub fn save_animation(frames: &[Drawing], format: Animation, path: &Path) -> Result<(), FigureError> {
+    let first = frames.first().ok_or_else(|| encode("it has no frames"))?;
+    let mut bytes = Cursor::new(Vec::new());
+    match format {
+        Animation::Gif => {
+            let mut gif = GifEncoder::new_with_speed(&mut bytes, GIF_SPEED);
+            gif.set_repeat(Repeat::Infinite).map_err(encode)?;
+            for drawing in frames {
+                let picture = image::DynamicImage::from(drawing.pixels()?).into_rgba8();
+                gif.encode_frame(still(picture)).map_err(encode)?;
+            }
+        }
+        Animation::Apng => {
+            let mut png = png::Encoder::new(&mut bytes, first.width(), first.height());
+            png.set_color(png::ColorType::Rgb);
+            png.set_animated(frames.len() as u32, 0).map_err(encode)?;
+            png.set_frame_delay(FRAME_MS, 1000).map_err(encode)?;
+            let mut png = png.write_header().map_err(encode)?;
+            for drawing in frames {
+                png.write_image_data(&drawing.pixels()?).map_err(encode)?;
+            }
+            png.finish().map_err(encode)?;
+        }
+    }
+    write(path, |file| file.write_all(bytes.get_ref()))
+}
+
+fn still(picture: RgbaImage) -> Frame {
+    Frame::from_parts(picture, 0, 0, Delay::from_numer_denom_ms(FRAME_MS.into(), 1))
+}
+
+fn encode(e: impl std::fmt::Display) -> FigureError {
+    FigureError::Encode(e.to_string())
+}
+
+fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), FigureError> {
+    whole_file::write_with(path, fill).map_err(|source| FigureError::Write {
+        path: path.display().to_string(),
+        source,
+    })
+}
+
+impl Drawing {
+    /// The drawing as it is understood by the programs that paint it.
+    fn tree(&self) -> Result<Tree, FigureError> {
+        static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
+        let fonts = FONTS.get_or_init(|| {
+            let mut fonts = Database::new();
+            fonts.load_font_data(font().to_vec());
+            Arc::new(fonts)
+        });
+        let options = Options {
+            fontdb: Arc::clone(fonts),
+            ..Options::default()
+        };
+        Tree::from_str(&self.svg(), &options).map_err(encode)
+    }
+
+    /// The drawing in pixels.
+    ///
+    /// # Errors
+    /// [`FigureError::Encode`] if it is too large.
+    pub fn pixels(&self) -> Result<RgbImage, FigureError> {
+        let tree = self.tree()?;
+        let (w, h) = (self.width(), self.height());
+        let mut page = Pixmap::new(w, h).ok_or_else(|| encode(format!("{w} × {h} pixels are too many")))?;
+        page.fill(Color::WHITE);
+        paint_images(tree.root(), &mut page)?;
+        resvg::render(&tree, Transform::identity(), &mut page.as_mut());
+        // The page is white, so that no pixel is transparent.
+        let rgb = page.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]);
+        Ok(RgbImage::from_raw(w, h, rgb.collect()).expect("three bytes a pixel"))
+    }
+
+    /// The drawing as a PNG file.
+    ///
+    /// # Errors
+    /// [`FigureError::Encode`] if it is too large.
+    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
+        let mut bytes = Cursor::new(Vec::new());
+        self.pixels()?
+            .write_to(&mut bytes, ImageFormat::Png)
+            .map_err(encode)?;
+        Ok(bytes.into_inner())
+    }
+
+    /// The drawing as a PDF file of one page, whose texts can be searched and copied.
+    ///
+    /// # Errors
+    /// [`FigureError::Encode`] if it is too large.
+    pub fn pdf(&self) -> Result<Vec<u8>, FigureError> {
+        self.pdf_with(true)
+    }
+
+    pub(crate) fn pdf_with(&self, compress: bool) -> Result<Vec<u8>, FigureError> {
+        let options = svg2pdf::ConversionOptions {
+            compress,
+            ..svg2pdf::ConversionOptions::default()
+        };
+        let page = svg2pdf::PageOptions { dpi: PER_INCH };
+        let pdf = svg2pdf::to_pdf(&self.tree()?, options, page).map_err(encode)?;
+        Ok(in_order(&pdf))
+    }
+}
+
+/// A PDF with the entries of its resources in order of their names: svg2pdf writes them in the order of a hash map.
+fn in_order(pdf: &[u8]) -> Vec<u8> {
+    // Entries are lines such as `/xo12 34 0 R`; all that move stay between the same bytes of the file.
+    let is_entry = |line: &&[u8]| {
+        let line = line.trim_ascii();
+        let named = line.first() == Some(&b'/') && line.get(1).is_some_and(u8::is_ascii_lowercase);
+        named && (line.ends_with(b" 0 R") || line.ends_with(b" R]"))
+    };
+    let mut lines: Vec<&[u8]> = pdf.split_inclusive(|b| *b == b'\n').collect();
+    for run in lines.chunk_by_mut(|a, b| is_entry(a) && is_entry(b)) {
+        run.sort_unstable();
+    }
+    lines.concat()
+}
+
+/// Paints the embedded images, under everything else. By ourselves, because resvg's own painting of images comes with
+/// decoders of three formats that no drawing holds.
+fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
+    for node in group.children() {
+        match node {
+            Node::Group(inner) => paint_images(inner, page)?,
+            Node::Image(image) => {
+                let ImageKind::PNG(bytes) = image.kind() else {
+                    continue;
+                };
+                let picture = Pixmap::decode_png(bytes).map_err(encode)?;
+                let size = Rect::from_xywh(0.0, 0.0, picture.width() as f32, picture.height() as f32);
+                let paint = Paint {
+                    shader: Pattern::new(
+                        picture.as_ref(),
+                        SpreadMode::Pad,
+                        FilterQuality::Nearest,
+                        1.0,
+                        Transform::identity(),
+                    ),
+                    anti_alias: false,
+                    ..Paint::default()
+                };
+                if let Some(size) = size {
+                    page.fill_rect(size, &paint, image.abs_transform(), None);
+                }
+            }
+            Node::Path(_) | Node::Text(_) => {}
+        }
+    }
+    Ok(())
+}
