@@ -67,7 +67,7 @@ impl BandedMaterials {
     #[must_use]
     pub fn is_smooth(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
-        set.names.get(name).map(|id| set.materials.is_smooth(*id))
+        set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
     /// Names of the materials that light from a point can show, which alone a table can hold.
