@@ -4,6 +4,8 @@
 
 #![warn(missing_docs)]
 
-pub mod polarization;
-pub mod sampling;
 pub mod spectrum;
+
+pub mod polarization;
+
+pub mod sampling;
