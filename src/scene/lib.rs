@@ -2,10 +2,29 @@
 //!
 //! `syntax` (values of a file) → `build` (meaning, errors with places) → [`transport::scene::Scene`].
 
+#![warn(missing_docs)]
+
 mod build;
+mod builder;
 pub mod import;
 pub mod mitsuba;
 pub mod syntax;
 
 pub use build::assemble::{from_text, load, read};
 pub use build::{materials, media};
+pub use builder::SceneBuilder;
+
+/// The camera of a [`SceneBuilder`].
+pub type Camera = syntax::device::PinholeFile;
+/// The projector of a [`SceneBuilder`].
+pub type Projector = syntax::device::ProjectorFile;
+/// A further emitter of a [`SceneBuilder`].
+pub type Emitter = syntax::device::EmitterFile;
+/// A material of a [`SceneBuilder`].
+pub type Material = syntax::material::MaterialFile;
+/// A medium of a [`SceneBuilder`].
+pub type Medium = syntax::medium::MediumFile;
+/// An object of a [`SceneBuilder`].
+pub type Object = syntax::shape::ObjectFile;
+/// A slice of a [`SceneBuilder`].
+pub type Slice = syntax::slice::SliceFile;

@@ -2,9 +2,11 @@
 
 use crate::cli::failure::Failure;
 use std::path::{Path, PathBuf};
+use sunstone::base::spectral_table;
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::render::{Target, Unwatched, render};
 use sunstone::scene::materials::MaterialSet;
+use sunstone::scene::{Camera, Emitter, Material, Object, Projector, SceneBuilder, Slice};
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
@@ -53,37 +55,36 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 /// Lane of the wavelength nearest to the wanted one.
 fn nearest(nm: &[f64], wanted: f64) -> usize {
-    let distance = |lane: &usize| (nm[*lane] - wanted).abs();
-    (0..nm.len())
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .unwrap_or(0)
+    spectral_table::nearest(nm, wanted).unwrap_or(0)
+}
+
+/// Name of the material that holds a place; names sort as numbers do.
+fn place(id: u32) -> String {
+    format!("m{id:06}")
 }
 
 /// Renders one material. The scene's own materials only hold the places, so that those of the file, which may be large
 /// tables, are read once.
 fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid, Failure> {
-    let (light, depth) = if set.materials.has_extended_lobe(id) {
-        let projector = "[projector]\nresolution = [8, 8]\nfov_x_deg = 60\nirradiance = 41\n\
-                         pose.look_at = { origin = [4.2, 2.4, 4.2], target = [0, 0, 0] }";
-        (projector, 2)
+    let camera = Camera::look_at([0.0, 0.0, 6.0], [0.0; 3]);
+    let mut builder = SceneBuilder::new()
+        .wavelengths_nm(set.wavelengths.nm())
+        .spp(a.spp)
+        .tile(16)
+        .camera(camera.resolution(a.size, a.size).fov_x_deg(20.0))
+        .object(Object::sphere([0.0; 3], 1.0).material(place(id)))
+        .slice(Slice::new("mueller").mueller());
+    for i in 0..set.materials.list.len() as u32 {
+        builder = builder.material(place(i), Material::diffuse(0.0));
+    }
+    let light = Camera::look_at([4.2, 2.4, 4.2], [0.0; 3]);
+    let light = Projector::new(light.resolution(8, 8).fov_x_deg(60.0));
+    let builder = if set.materials.has_extended_lobe(id) {
+        builder.projector(light.irradiance(41.0)).max_depth(2)
     } else {
-        ("[[emitters]]\nenvironment.radiance = 1", 8)
+        builder.emitter(Emitter::environment(1.0)).max_depth(8)
     };
-    let places: String = (0..set.materials.list.len())
-        .map(|i| format!("m{i:06}.diffuse.albedo = 0\n"))
-        .collect();
-    let text = format!(
-        "wavelengths_nm = {nm:?}\n[materials]\n{places}\
-         [render]\nspp = {spp}\nmax_depth = {depth}\ntile = 16\n\
-         [camera]\nresolution = [{size}, {size}]\nfov_x_deg = 20\n\
-         pose.look_at = {{ origin = [0, 0, 6], target = [0, 0, 0] }}\n{light}\n\
-         [[objects]]\nshape.sphere = {{}}\nmaterial = \"m{id:06}\"\n\
-         [[slices]]\nname = \"mueller\"\npolarization = \"mueller\"\n",
-        nm = set.wavelengths.nm(),
-        spp = a.spp,
-        size = a.size,
-    );
-    let mut scene = sunstone::scene::from_text(&a.material, &text)?;
+    let mut scene = builder.build()?;
     scene.set_materials(set.materials.clone());
     let folder = tempfile::tempdir().map_err(Failure::failed)?;
     let target = Target {

@@ -1,10 +1,12 @@
 //! What every step from syntax to tables needs: where messages point to, and what has been read.
 
-use crate::syntax::values::{SpectrumFile, interpolate};
+use crate::syntax::values::SpectrumFile;
 use base::document;
 use base::locate::{InputError, Located};
+use base::spectral_table::SpectralTable;
 use optics::spectrum::{Spectral, Wavelengths};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
@@ -16,6 +18,8 @@ pub(crate) struct Context {
     pub text: Arc<str>,
     /// Where relative paths begin.
     pub folder: PathBuf,
+    /// Files that are only in memory, by the names under which the scene knows them.
+    pub memory: BTreeMap<String, Vec<u8>>,
     /// Wavelengths to build for.
     pub wavelengths: Wavelengths,
     /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
@@ -30,6 +34,7 @@ impl Context {
             file: path.to_owned(),
             text: text.into(),
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+            memory: BTreeMap::new(),
             wavelengths: Wavelengths::default(),
             listed: Wavelengths::default(),
             hash: Sha256::new(),
@@ -52,6 +57,11 @@ impl Context {
             folder: folder.to_owned(),
             ..self
         }
+    }
+
+    /// The same where some of the files are only in memory.
+    pub fn with_files(self, memory: BTreeMap<String, Vec<u8>>) -> Self {
+        Self { memory, ..self }
     }
 
     /// An error at a place, with its mend.
@@ -78,13 +88,16 @@ impl Context {
     /// Reads a file that the scene names, and counts it into the scene's hash.
     pub fn read(&mut self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let path = self.path(name);
-        let bytes = std::fs::read(&path).map_err(|e| {
-            self.error(
-                span,
-                format!("cannot read {}: {e}", path.display()),
-                "paths are relative to the scene file; correct the name or put the file there",
-            )
-        })?;
+        let bytes = match self.memory.get(name) {
+            Some(bytes) => bytes.clone(),
+            None => std::fs::read(&path).map_err(|e| {
+                self.error(
+                    span,
+                    format!("cannot read {}: {e}", path.display()),
+                    "paths are relative to the scene file; correct the name or put the file there",
+                )
+            })?,
+        };
         self.hash.update((bytes.len() as u64).to_le_bytes());
         self.hash.update(&bytes);
         Ok(bytes)
@@ -99,14 +112,15 @@ impl Context {
         range: RangeInclusive<f64>,
     ) -> Result<Vec<f64>, InputError> {
         let n = self.listed.count();
-        let at = |nm: &[f64], values: &[f64]| {
+        let at = |table: SpectralTable| {
             let wanted = self.wavelengths.nm().iter();
-            wanted.map(|w| interpolate(nm, values, *w)).collect()
+            wanted.map(|nm| table.at(*nm)).collect()
         };
+        let nm = self.listed.nm();
         let list = match s {
             SpectrumFile::Scalar(v) => vec![*v; self.wavelengths.count()],
-            SpectrumFile::PerWavelength(list) if list.len() == n => at(self.listed.nm(), list),
-            SpectrumFile::Table(table) if table.is_sound() => at(&table.nm, &table.values),
+            SpectrumFile::PerWavelength(list) if list.len() == n => at(SpectralTable { nm, values: list }),
+            SpectrumFile::Table(table) if table.table().is_sound() => at(table.table()),
             SpectrumFile::Table(_) => {
                 return Err(self.error(
                     span,

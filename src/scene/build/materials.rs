@@ -1,30 +1,33 @@
 //! Materials of a file → the flat table of [`Materials`].
 
 use super::context::{Context, parse, read};
+use super::indices::{complex_index, index};
+use super::polarizing;
 use crate::syntax::material::{MaterialFile, MaterialSetFile, MeasuredFile};
 use crate::syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
-use optics::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths, max_lane};
+use optics::spectrum::{Spectral, Wavelengths};
 use sha2::Digest;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 use std::path::Path;
-use transport::material::constants::ConstantsError;
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
 use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::texture::{Scalar, Spectrum};
 use transport::material::{
-    Lanes, Material, Materials, blend, conductor, constants, diffuse, measured, normal_map,
-    partial_depolarizer, plastic, rough_conductor, rough_dielectric, thin_dielectric, two_sided, varies,
+    Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
+    plastic, rough_conductor, rough_dielectric, thin_dielectric, two_sided, varies,
 };
 
 /// A file of materials, built.
 pub struct MaterialSet {
+    /// What it is built for.
     pub wavelengths: Wavelengths,
+    /// All of them, with their images and tables.
     pub materials: Materials,
     /// Number of each material by name.
     pub names: BTreeMap<String, u32>,
@@ -87,8 +90,8 @@ fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
 type Named = BTreeMap<String, Located<MaterialFile>>;
 
 /// The state of building: materials that others name are built before them.
-pub(crate) struct Builder<'c, 'a> {
-    pub(crate) ctx: &'c mut Context,
+struct Builder<'c, 'a> {
+    ctx: &'c mut Context,
     files: &'a Named,
     table: Materials,
     done: BTreeMap<&'a str, u32>,
@@ -156,11 +159,11 @@ impl<'a> Builder<'_, 'a> {
                 albedo: self.albedo(&d.albedo)?,
             }),
             MaterialFile::Conductor(c) => {
-                let (n, k) = self.complex_index(m, &c.metal, &c.n, &c.k)?;
+                let (n, k) = complex_index(self.ctx, m, &c.metal, &c.n, &c.k)?;
                 Material::Conductor(conductor::Conductor { n, k })
             }
             MaterialFile::RoughConductor(c) => {
-                let (n, k) = self.complex_index(m, &c.metal, &c.n, &c.k)?;
+                let (n, k) = complex_index(self.ctx, m, &c.metal, &c.n, &c.k)?;
                 Material::RoughConductor(rough_conductor::RoughConductor {
                     n,
                     k,
@@ -220,13 +223,15 @@ impl<'a> Builder<'_, 'a> {
                     fraction: self.scalar(&p.fraction, "fraction", 0.0..=1.0)?,
                 })
             }
-            MaterialFile::CoatedConductor(c) => Material::CoatedConductor(self.coated(m, c)?),
-            MaterialFile::Polarizer(p) => Material::Polarizer(self.polarizer(p)?),
+            MaterialFile::CoatedConductor(c) => {
+                Material::CoatedConductor(polarizing::coated(self.ctx, m, c)?)
+            }
+            MaterialFile::Polarizer(p) => Material::Polarizer(polarizing::polarizer(self.ctx, p)?),
             MaterialFile::ThinDielectric(d) => Material::ThinDielectric(thin_dielectric::ThinDielectric {
                 interface: self.interface(&d.ior, &d.exterior_ior)?,
             }),
-            MaterialFile::Retarder(r) => Material::Retarder(self.retarder(m, r)?),
-            MaterialFile::Crystal(c) => Material::Crystal(self.crystal(m, c)?),
+            MaterialFile::Retarder(r) => Material::Retarder(polarizing::retarder(self.ctx, m, r)?),
+            MaterialFile::Crystal(c) => Material::Crystal(polarizing::crystal(self.ctx, m, c)?),
             MaterialFile::Measured(m) => Material::Measured(measured::Measured {
                 table: self.measured(m)?,
             }),
@@ -316,94 +321,14 @@ impl<'a> Builder<'_, 'a> {
         exterior: &Located<IndexFile>,
     ) -> Result<Dielectric, InputError> {
         let unused = Spectral::ONE - self.ctx.wavelengths.ones();
-        let interior = self.index(interior, "ior")? + unused;
-        let exterior = self.index(exterior, "exterior_ior")? + unused;
+        let interior = index(self.ctx, interior, "ior")? + unused;
+        let exterior = index(self.ctx, exterior, "exterior_ior")? + unused;
         let count = self.ctx.wavelengths.count();
         Ok(Dielectric {
             interior,
             exterior,
             dispersive: varies(interior, count) || varies(exterior, count),
         })
-    }
-
-    /// Refractive index of something transparent; 0 in unused lanes.
-    pub(crate) fn index(&mut self, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
-        let name = match &**index {
-            IndexFile::Values(s) => return self.ctx.spectrum(s, index.span(), what, 1.0..=10.0),
-            IndexFile::Named(name) => name,
-        };
-        let (n, k) = self.constants(name, index.span())?;
-        if max_lane(k) > 1e-3 {
-            return Err(self.ctx.error(
-                index.span(),
-                format!(
-                    "`{name}` absorbs (k up to {}), so it is not transparent",
-                    max_lane(k)
-                ),
-                "use a conductor, or give the refractive index as a number",
-            ));
-        }
-        Ok(n)
-    }
-
-    /// n and k of something that absorbs, by name or by value; n is 1 in unused lanes.
-    pub(crate) fn complex_index(
-        &mut self,
-        place: &Located<MaterialFile>,
-        metal: &Option<Located<String>>,
-        n: &Option<Located<SpectrumFile>>,
-        k: &Option<Located<SpectrumFile>>,
-    ) -> Result<(Spectral, Spectral), InputError> {
-        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
-        match (metal, n, k) {
-            (None, Some(n), Some(k)) => Ok((
-                self.ctx.located(n, "n", 1e-3..=100.0)? + unused,
-                self.ctx.located(k, "k", 0.0..=100.0)?,
-            )),
-            (Some(name), None, None) => {
-                let (n, k) = self.constants(name, name.span())?;
-                Ok((n + unused, k))
-            }
-            _ => Err(self.ctx.error(
-                place.span(),
-                "the refractive index is missing, or given twice",
-                "give metal = \"NAME\", or both n and k",
-            )),
-        }
-    }
-
-    /// n and k of a named substance on the scene's wavelengths, in full precision; rows past their count are zero.
-    pub(crate) fn constants_f64(
-        &self,
-        name: &str,
-        span: Range<usize>,
-    ) -> Result<[[f64; 2]; MAX_WAVELENGTHS], InputError> {
-        let mut rows = [[0.0; 2]; MAX_WAVELENGTHS];
-        for (row, nm) in rows.iter_mut().zip(self.ctx.wavelengths.nm()) {
-            let (n, k) = constants::lookup(name, *nm).map_err(|e| {
-                self.ctx.error(
-                    span.clone(),
-                    e.to_string(),
-                    match e {
-                        ConstantsError::Unknown { .. } => "use one of these names, or give numbers",
-                        ConstantsError::Range { .. } => "give numbers, or change wavelengths_nm",
-                    },
-                )
-            })?;
-            *row = [n, k];
-        }
-        Ok(rows)
-    }
-
-    /// n and k of a named substance; 0 in unused lanes.
-    pub(crate) fn constants(
-        &self,
-        name: &str,
-        span: Range<usize>,
-    ) -> Result<(Spectral, Spectral), InputError> {
-        let rows = self.constants_f64(name, span)?;
-        let column = |i: usize| Spectral::new(rows.map(|row| row[i] as f32));
-        Ok((column(0), column(1)))
     }
 
     /// Reads an image of colours: sRGB to linear, red, green or blue for each wavelength.

@@ -21,7 +21,9 @@ use transport::medium::{Media, presets, water};
 
 /// A file of media, built.
 pub struct MediumSet {
+    /// What it is built for.
     pub wavelengths: Wavelengths,
+    /// All of them, with their tables.
     pub media: Media,
     /// Number of each medium by name.
     pub names: BTreeMap<String, u32>,

@@ -3,6 +3,7 @@
 pub(crate) mod assemble;
 pub(crate) mod context;
 pub(crate) mod devices;
+mod indices;
 pub mod materials;
 pub mod media;
 mod polarizing;

@@ -1,6 +1,7 @@
 //! Polarizing materials of a file → their tables: coated mirrors, polarizer and retarder sheets, crystals.
 
-use super::materials::Builder;
+use super::context::Context;
+use super::indices::{complex_index, constants, constants_f64, index};
 use crate::syntax::material::{
     CoatedConductorFile, CrystalFile, FilmFile, MaterialFile, PolarizerFile, RetarderFile, TiltFile,
 };
@@ -20,233 +21,222 @@ use transport::material::varies;
 /// Uniaxial crystals that the optical constants know: their name there ends in `_o` and `_e`.
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
 
-impl Builder<'_, '_> {
-    pub(crate) fn coated(
-        &mut self,
-        place: &Located<MaterialFile>,
-        file: &CoatedConductorFile,
-    ) -> Result<CoatedConductor, InputError> {
-        let (n, k) = self.complex_index(place, &file.metal, &file.n, &file.k)?;
-        if file.films.len() > MAX_FILMS {
-            return Err(self.ctx.error(
-                file.films.span(),
-                format!("there are {} films", file.films.len()),
-                format!("a mirror can have up to {MAX_FILMS}"),
+pub(super) fn coated(
+    ctx: &Context,
+    place: &Located<MaterialFile>,
+    file: &CoatedConductorFile,
+) -> Result<CoatedConductor, InputError> {
+    let (n, k) = complex_index(ctx, place, &file.metal, &file.n, &file.k)?;
+    if file.films.len() > MAX_FILMS {
+        return Err(ctx.error(
+            file.films.span(),
+            format!("there are {} films", file.films.len()),
+            format!("a mirror can have up to {MAX_FILMS}"),
+        ));
+    }
+    let mut films = [Film::NONE; MAX_FILMS];
+    for (slot, file) in films.iter_mut().zip(file.films.iter()) {
+        *slot = film(ctx, file)?;
+    }
+    Ok(CoatedConductor {
+        n,
+        k,
+        films,
+        count: file.films.len(),
+    })
+}
+
+fn film(ctx: &Context, film: &FilmFile) -> Result<Film, InputError> {
+    let unused = Spectral::ONE - ctx.wavelengths.ones();
+    let (n, k) = match (&*film.ior, &film.k) {
+        (IndexFile::Named(name), None) => constants(ctx, name, film.ior.span())?,
+        (IndexFile::Named(name), Some(k)) => {
+            return Err(ctx.error(
+                k.span(),
+                format!("`{name}` has its k from the optical constants"),
+                "take k away, or give ior as a number",
             ));
         }
-        let mut films = [Film::NONE; MAX_FILMS];
-        for (slot, film) in films.iter_mut().zip(file.films.iter()) {
-            *slot = self.film(film)?;
+        (IndexFile::Values(n), k) => (
+            ctx.spectrum(n, film.ior.span(), "ior", 1e-3..=100.0)?,
+            k.as_ref()
+                .map_or(Ok(Spectral::ZERO), |k| ctx.located(k, "k", 0.0..=100.0))?,
+        ),
+    };
+    let thickness = ctx.number(&film.thickness_nm, "thickness_nm", 0.0..=100_000.0)?;
+    Ok(Film {
+        n: n + unused,
+        k,
+        waves: ctx.wavelengths.map(|nm| (thickness / nm) as f32),
+    })
+}
+
+pub(super) fn polarizer(ctx: &Context, file: &PolarizerFile) -> Result<Polarizer, InputError> {
+    Ok(Polarizer {
+        axis: sheet_axis(ctx, &file.angle_deg, &file.axis)?,
+        transmittance: ctx.located(&file.transmittance, "transmittance", 0.0..=1.0)?,
+        extinction: ctx.located(&file.extinction, "extinction", 0.0..=1.0)?,
+    })
+}
+
+pub(super) fn retarder(
+    ctx: &Context,
+    place: &Located<MaterialFile>,
+    file: &RetarderFile,
+) -> Result<Retarder, InputError> {
+    let retardance = match (&file.retardance_deg, &file.retardance_nm) {
+        (Some(deg), None) => {
+            ctx.located(deg, "retardance_deg", 0.0..=36_000.0)? * Spectral::splat(1_f32.to_radians())
         }
-        Ok(CoatedConductor {
-            n,
-            k,
-            films,
-            count: file.films.len(),
-        })
-    }
-
-    fn film(&mut self, film: &FilmFile) -> Result<Film, InputError> {
-        let unused = Spectral::ONE - self.ctx.wavelengths.ones();
-        let (n, k) = match (&*film.ior, &film.k) {
-            (IndexFile::Named(name), None) => self.constants(name, film.ior.span())?,
-            (IndexFile::Named(name), Some(k)) => {
-                return Err(self.ctx.error(
-                    k.span(),
-                    format!("`{name}` has its k from the optical constants"),
-                    "take k away, or give ior as a number",
-                ));
-            }
-            (IndexFile::Values(n), k) => (
-                self.ctx.spectrum(n, film.ior.span(), "ior", 1e-3..=100.0)?,
-                k.as_ref()
-                    .map_or(Ok(Spectral::ZERO), |k| self.ctx.located(k, "k", 0.0..=100.0))?,
-            ),
-        };
-        let thickness = self
-            .ctx
-            .number(&film.thickness_nm, "thickness_nm", 0.0..=100_000.0)?;
-        Ok(Film {
-            n: n + unused,
-            k,
-            waves: self.ctx.wavelengths.map(|nm| (thickness / nm) as f32),
-        })
-    }
-
-    pub(crate) fn polarizer(&mut self, file: &PolarizerFile) -> Result<Polarizer, InputError> {
-        Ok(Polarizer {
-            axis: self.sheet_axis(&file.angle_deg, &file.axis)?,
-            transmittance: self
-                .ctx
-                .located(&file.transmittance, "transmittance", 0.0..=1.0)?,
-            extinction: self.ctx.located(&file.extinction, "extinction", 0.0..=1.0)?,
-        })
-    }
-
-    pub(crate) fn retarder(
-        &mut self,
-        place: &Located<MaterialFile>,
-        file: &RetarderFile,
-    ) -> Result<Retarder, InputError> {
-        let retardance = match (&file.retardance_deg, &file.retardance_nm) {
-            (Some(deg), None) => {
-                self.ctx.located(deg, "retardance_deg", 0.0..=36_000.0)? * Spectral::splat(1_f32.to_radians())
-            }
-            (None, Some(nm)) => {
-                let waves_per_nm = self.ctx.wavelengths.map(|nm| (std::f64::consts::TAU / nm) as f32);
-                self.ctx.located(nm, "retardance_nm", 0.0..=100_000.0)? * waves_per_nm
-            }
-            _ => {
-                return Err(self.ctx.error(
-                    place.span(),
-                    "the retardance is missing, or given twice",
-                    "give retardance_deg = 90 (a quarter wave), or retardance_nm",
-                ));
-            }
-        };
-        let tilt = match (file.tilt, &file.ior) {
-            (TiltFile::Plate, ior) => {
-                let ior = ior
-                    .as_ref()
-                    .map_or(Ok(1.55), |ior| self.ctx.number(ior, "ior", 1.0..=10.0))?;
-                Tilt::Plate(ior as f32)
-            }
-            (_, Some(ior)) => {
-                return Err(self.ctx.error(
-                    ior.span(),
-                    "ior means something for tilt = \"plate\" alone",
-                    "take it away",
-                ));
-            }
-            (TiltFile::Constant, None) => Tilt::Constant,
-            (TiltFile::Cosine, None) => Tilt::Cosine,
-        };
-        Ok(Retarder {
-            axis: self.sheet_axis(&file.angle_deg, &file.axis)?,
-            retardance,
-            transmittance: self
-                .ctx
-                .located(&file.transmittance, "transmittance", 0.0..=1.0)?,
-            tilt,
-        })
-    }
-
-    pub(crate) fn crystal(
-        &mut self,
-        place: &Located<MaterialFile>,
-        file: &CrystalFile,
-    ) -> Result<Crystal, InputError> {
-        let (n_o, n_e) = self.crystal_indices(place, file)?;
-        let exterior =
-            self.index(&file.exterior_ior, "exterior_ior")? + Spectral::ONE - self.ctx.wavelengths.ones();
-        let mut interior = [1.0; MAX_WAVELENGTHS];
-        let (mut waves_per_m, mut bandwidth) = ([0.0; MAX_WAVELENGTHS], [0.0; MAX_WAVELENGTHS]);
-        let width = self
-            .ctx
-            .number(&file.bandwidth_nm, "bandwidth_nm", 0.0..=1000.0)?;
-        for (i, nm) in self.ctx.wavelengths.nm().iter().enumerate() {
-            interior[i] = f64::midpoint(n_o[i], n_e[i]) as f32;
-            waves_per_m[i] = 1e9 / nm;
-            bandwidth[i] = width / nm;
+        (None, Some(nm)) => {
+            let waves_per_nm = ctx.wavelengths.map(|nm| (std::f64::consts::TAU / nm) as f32);
+            ctx.located(nm, "retardance_nm", 0.0..=100_000.0)? * waves_per_nm
         }
-        if *file.split && width > 0.0 {
-            return Err(self.ctx.error(
-                file.bandwidth_nm.span(),
-                "bandwidth_nm means nothing with split = true, whose rays are incoherent",
-                "take one of them away",
-            ));
-        }
-        let interior = Spectral::new(interior);
-        let count = self.ctx.wavelengths.count();
-        Ok(Crystal {
-            faces: Dielectric {
-                interior,
-                exterior,
-                dispersive: varies(interior, count) || varies(exterior, count),
-            },
-            axis: self.direction(&file.axis)?,
-            n_o,
-            n_e,
-            waves_per_m,
-            bandwidth,
-            split: *file.split,
-        })
-    }
-
-    /// n_o and n_e per wavelength, 1 in unused lanes.
-    fn crystal_indices(
-        &mut self,
-        place: &Located<MaterialFile>,
-        file: &CrystalFile,
-    ) -> Result<([f64; MAX_WAVELENGTHS], [f64; MAX_WAVELENGTHS]), InputError> {
-        let count = self.ctx.wavelengths.count();
-        let used = |column: [f64; MAX_WAVELENGTHS]| {
-            std::array::from_fn(|lane| if lane < count { column[lane] } else { 1.0 })
-        };
-        match (&file.name, &file.n_o, &file.n_e) {
-            (Some(name), None, None) => {
-                let plain = name.trim().to_lowercase();
-                if !CRYSTALS.contains(&plain.as_str()) {
-                    return Err(self.ctx.error(
-                        name.span(),
-                        format!("there are no constants of a crystal `{}`", **name),
-                        format!("use one of {}, or give n_o and n_e", CRYSTALS.join(", ")),
-                    ));
-                }
-                let n = |ray: &str| {
-                    let rows = self.constants_f64(&format!("{plain}_{ray}"), name.span())?;
-                    Ok(used(rows.map(|[n, _]| n)))
-                };
-                Ok((n("o")?, n("e")?))
-            }
-            (None, Some(n_o), Some(n_e)) => {
-                let n = |s: &Located<SpectrumFile>, what| {
-                    // In full precision: retardances are differences times thousands of waves.
-                    let list = self.ctx.values(s, s.span(), what, 1.0..=10.0)?;
-                    Ok(std::array::from_fn(|i| list.get(i).copied().unwrap_or(1.0)))
-                };
-                Ok((n(n_o, "n_o")?, n(n_e, "n_e")?))
-            }
-            _ => Err(self.ctx.error(
+        _ => {
+            return Err(ctx.error(
                 place.span(),
-                "the crystal's refractive indices are missing, or given twice",
-                "give name = \"calcite\", or both n_o and n_e",
-            )),
+                "the retardance is missing, or given twice",
+                "give retardance_deg = 90 (a quarter wave), or retardance_nm",
+            ));
         }
-    }
+    };
+    let tilt = match (file.tilt, &file.ior) {
+        (TiltFile::Plate, ior) => {
+            let ior = ior
+                .as_ref()
+                .map_or(Ok(1.55), |ior| ctx.number(ior, "ior", 1.0..=10.0))?;
+            Tilt::Plate(ior as f32)
+        }
+        (_, Some(ior)) => {
+            return Err(ctx.error(
+                ior.span(),
+                "ior means something for tilt = \"plate\" alone",
+                "take it away",
+            ));
+        }
+        (TiltFile::Constant, None) => Tilt::Constant,
+        (TiltFile::Cosine, None) => Tilt::Cosine,
+    };
+    Ok(Retarder {
+        axis: sheet_axis(ctx, &file.angle_deg, &file.axis)?,
+        retardance,
+        transmittance: ctx.located(&file.transmittance, "transmittance", 0.0..=1.0)?,
+        tilt,
+    })
+}
 
-    /// An axis in a sheet: an angle or a direction, 0° if neither is given.
-    fn sheet_axis(
-        &self,
-        angle_deg: &Option<Located<f64>>,
-        axis: &Option<Located<[f64; 3]>>,
-    ) -> Result<SheetAxis, InputError> {
-        match (angle_deg, axis) {
-            (None, None) => Ok(SheetAxis::Angle(0.0)),
-            (Some(angle), None) => {
-                let angle = self.ctx.number(angle, "angle_deg", -36_000.0..=36_000.0)?;
-                Ok(SheetAxis::Angle(angle.to_radians() as f32))
+pub(super) fn crystal(
+    ctx: &Context,
+    place: &Located<MaterialFile>,
+    file: &CrystalFile,
+) -> Result<Crystal, InputError> {
+    let (n_o, n_e) = crystal_indices(ctx, place, file)?;
+    let exterior = index(ctx, &file.exterior_ior, "exterior_ior")? + Spectral::ONE - ctx.wavelengths.ones();
+    let mut interior = [1.0; MAX_WAVELENGTHS];
+    let (mut waves_per_m, mut bandwidth) = ([0.0; MAX_WAVELENGTHS], [0.0; MAX_WAVELENGTHS]);
+    let width = ctx.number(&file.bandwidth_nm, "bandwidth_nm", 0.0..=1000.0)?;
+    for (i, nm) in ctx.wavelengths.nm().iter().enumerate() {
+        interior[i] = f64::midpoint(n_o[i], n_e[i]) as f32;
+        waves_per_m[i] = 1e9 / nm;
+        bandwidth[i] = width / nm;
+    }
+    if *file.split && width > 0.0 {
+        return Err(ctx.error(
+            file.bandwidth_nm.span(),
+            "bandwidth_nm means nothing with split = true, whose rays are incoherent",
+            "take one of them away",
+        ));
+    }
+    let interior = Spectral::new(interior);
+    let count = ctx.wavelengths.count();
+    Ok(Crystal {
+        faces: Dielectric {
+            interior,
+            exterior,
+            dispersive: varies(interior, count) || varies(exterior, count),
+        },
+        axis: direction(ctx, &file.axis)?,
+        n_o,
+        n_e,
+        waves_per_m,
+        bandwidth,
+        split: *file.split,
+    })
+}
+
+/// n_o and n_e per wavelength, 1 in unused lanes.
+fn crystal_indices(
+    ctx: &Context,
+    place: &Located<MaterialFile>,
+    file: &CrystalFile,
+) -> Result<([f64; MAX_WAVELENGTHS], [f64; MAX_WAVELENGTHS]), InputError> {
+    let count = ctx.wavelengths.count();
+    let used = |column: [f64; MAX_WAVELENGTHS]| {
+        std::array::from_fn(|lane| if lane < count { column[lane] } else { 1.0 })
+    };
+    match (&file.name, &file.n_o, &file.n_e) {
+        (Some(name), None, None) => {
+            let plain = name.trim().to_lowercase();
+            if !CRYSTALS.contains(&plain.as_str()) {
+                return Err(ctx.error(
+                    name.span(),
+                    format!("there are no constants of a crystal `{}`", **name),
+                    format!("use one of {}, or give n_o and n_e", CRYSTALS.join(", ")),
+                ));
             }
-            (None, Some(axis)) => Ok(SheetAxis::World(self.direction(axis)?)),
-            (Some(_), Some(axis)) => Err(self.ctx.error(
-                axis.span(),
-                "the axis is given twice, by angle_deg and by axis",
-                "take one of them away",
-            )),
+            let n = |ray: &str| {
+                let rows = constants_f64(ctx, &format!("{plain}_{ray}"), name.span())?;
+                Ok(used(rows.map(|[n, _]| n)))
+            };
+            Ok((n("o")?, n("e")?))
         }
+        (None, Some(n_o), Some(n_e)) => {
+            let n = |s: &Located<SpectrumFile>, what| {
+                // In full precision: retardances are differences times thousands of waves.
+                let list = ctx.values(s, s.span(), what, 1.0..=10.0)?;
+                Ok(std::array::from_fn(|i| list.get(i).copied().unwrap_or(1.0)))
+            };
+            Ok((n(n_o, "n_o")?, n(n_e, "n_e")?))
+        }
+        _ => Err(ctx.error(
+            place.span(),
+            "the crystal's refractive indices are missing, or given twice",
+            "give name = \"calcite\", or both n_o and n_e",
+        )),
     }
+}
 
-    /// A unit vector.
-    fn direction(&self, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
-        DVec3::from_array(**axis)
-            .try_normalize()
-            .map(|d| d.as_vec3a())
-            .ok_or_else(|| {
-                self.ctx.error(
-                    axis.span(),
-                    format!("axis is {:?}, which is no direction", **axis),
-                    "give three numbers that are not all zero",
-                )
-            })
+/// An axis in a sheet: an angle or a direction, 0° if neither is given.
+fn sheet_axis(
+    ctx: &Context,
+    angle_deg: &Option<Located<f64>>,
+    axis: &Option<Located<[f64; 3]>>,
+) -> Result<SheetAxis, InputError> {
+    match (angle_deg, axis) {
+        (None, None) => Ok(SheetAxis::Angle(0.0)),
+        (Some(angle), None) => {
+            let angle = ctx.number(angle, "angle_deg", -36_000.0..=36_000.0)?;
+            Ok(SheetAxis::Angle(angle.to_radians() as f32))
+        }
+        (None, Some(axis)) => Ok(SheetAxis::World(direction(ctx, axis)?)),
+        (Some(_), Some(axis)) => Err(ctx.error(
+            axis.span(),
+            "the axis is given twice, by angle_deg and by axis",
+            "take one of them away",
+        )),
     }
+}
+
+/// A unit vector.
+fn direction(ctx: &Context, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
+    DVec3::from_array(**axis)
+        .try_normalize()
+        .map(|d| d.as_vec3a())
+        .ok_or_else(|| {
+            ctx.error(
+                axis.span(),
+                format!("axis is {:?}, which is no direction", **axis),
+                "give three numbers that are not all zero",
+            )
+        })
 }

@@ -12,7 +12,7 @@ use gltf::json::Root;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 
-use super::{ImportError, ImportProblem};
+use super::error::{ImportError, ImportProblem};
 
 pub(super) const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
 

@@ -13,7 +13,8 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, Value};
 
 use super::accessor::{Data, broken};
-use super::{ImportError, ImportProblem, MeshPart, finish};
+use super::error::{ImportError, ImportProblem};
+use super::part::{MeshPart, finish};
 use transport::geometry::mesh::Mesh;
 
 /// The most triangles that instancing may blow one file up to (about 2 GB of tables).

@@ -6,8 +6,10 @@
 //! normals are made unit length (or dropped where one has no length), and the result is validated.
 
 mod accessor;
+mod error;
 mod gltf;
 mod obj;
+mod part;
 mod ply;
 pub(crate) mod write_ply;
 
@@ -16,127 +18,13 @@ mod fuzz;
 #[cfg(test)]
 mod gltf_tests;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use glam::Vec3;
-use transport::geometry::mesh::{Mesh, MeshError};
-
+pub use self::error::{ImportError, ImportProblem};
 pub use self::gltf::parse_gltf;
 pub use self::obj::parse_obj;
+pub use self::part::MeshPart;
 pub use self::ply::parse_ply;
-
-/// One mesh of a file with what the file says about it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MeshPart {
-    /// The object's name in the file; the file's own name (without extension) where it gives none.
-    pub name: String,
-    /// The material's name in the file (`usemtl`, glTF material), if any.
-    pub material: Option<String>,
-    /// The triangles, in metres, in the file's world space.
-    pub mesh: Mesh,
-}
-
-/// Why a file could not be imported; prints as one line: `file:line: what is wrong; how to mend it`.
-#[derive(Debug)]
-pub struct ImportError {
-    /// The file, where it is known.
-    pub file: Option<PathBuf>,
-    /// The line, from 1, in text formats, where it is known.
-    pub line: Option<usize>,
-    /// What is wrong.
-    pub problem: ImportProblem,
-}
-
-/// What can be wrong with a file.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ImportProblem {
-    /// The file or a file it refers to cannot be read.
-    #[error("{what} cannot be read ({cause}); check that it exists and may be read")]
-    Read {
-        /// What was being read.
-        what: String,
-        /// The system's answer.
-        cause: std::io::Error,
-    },
-    /// The extension is not one of those known.
-    #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf or .glb")]
-    Extension(String),
-    /// The file has no bytes.
-    #[error("the file is empty; export it again")]
-    EmptyFile,
-    /// The file breaks its format.
-    #[error("{what}; {mend}")]
-    Malformed {
-        /// What is wrong.
-        what: String,
-        /// What to do about it.
-        mend: &'static str,
-    },
-    /// The file is sound but uses something that Sunstone does not read.
-    #[error("{what}; {mend}")]
-    Unsupported {
-        /// What is not supported.
-        what: String,
-        /// What to do about it.
-        mend: &'static str,
-    },
-    /// A mesh in the file cannot be used.
-    #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
-    Mesh {
-        /// The mesh's name.
-        name: String,
-        /// What is wrong with it.
-        #[source]
-        cause: MeshError,
-    },
-}
-
-impl std::fmt::Display for ImportError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match &self.file {
-            Some(file) => write!(f, "{}", file.display())?,
-            None => write!(f, "mesh data")?,
-        }
-        if let Some(line) = self.line {
-            write!(f, ":{line}")?;
-        }
-        write!(f, ": {}", self.problem)
-    }
-}
-
-impl std::error::Error for ImportError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        std::error::Error::source(&self.problem)
-    }
-}
-
-impl From<ImportProblem> for ImportError {
-    fn from(problem: ImportProblem) -> Self {
-        Self {
-            file: None,
-            line: None,
-            problem,
-        }
-    }
-}
-
-impl ImportError {
-    fn malformed(what: impl Into<String>, mend: &'static str) -> Self {
-        let what = what.into();
-        ImportProblem::Malformed { what, mend }.into()
-    }
-
-    fn unsupported(what: impl Into<String>, mend: &'static str) -> Self {
-        let what = what.into();
-        ImportProblem::Unsupported { what, mend }.into()
-    }
-
-    fn at_line(mut self, line: usize) -> Self {
-        self.line = Some(line);
-        self
-    }
-}
 
 /// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, in any case).
 ///
@@ -172,31 +60,6 @@ fn load_unnamed(path: &Path) -> Result<Vec<MeshPart>, ImportError> {
         "obj" => parse_obj(&bytes),
         "ply" => parse_ply(&bytes),
         _ => parse_gltf(&bytes, Some(path.parent().unwrap_or(Path::new("")))),
-    }
-}
-
-/// Brings a freshly read mesh into order and checks it; see the head of this file.
-fn finish(name: String, material: Option<String>, mut mesh: Mesh) -> Result<MeshPart, ImportError> {
-    if mesh.normals.iter().all(|n| n.is_finite()) {
-        for n in &mut mesh.normals {
-            *n = n.as_dvec3().try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
-        }
-        if mesh.normals.contains(&Vec3::ZERO) {
-            mesh.normals.clear();
-        }
-    }
-    let checked = mesh.validate().and_then(|()| {
-        mesh.drop_degenerate();
-        mesh.compact();
-        if mesh.indices.is_empty() {
-            Err(MeshError::Empty)
-        } else {
-            Ok(())
-        }
-    });
-    match checked {
-        Ok(()) => Ok(MeshPart { name, material, mesh }),
-        Err(cause) => Err(ImportProblem::Mesh { name, cause }.into()),
     }
 }
 
@@ -237,16 +100,5 @@ mod tests {
         ] {
             assert!(matches!(error.problem, ImportProblem::EmptyFile), "{error}");
         }
-    }
-
-    #[test]
-    fn finishing_drops_bad_normals_but_not_the_mesh() {
-        let mut mesh = Mesh::rectangle();
-        mesh.normals[3] = Vec3::ZERO;
-        let part = finish("r".into(), None, mesh).unwrap();
-        assert!(part.mesh.normals.is_empty());
-        let mut mesh = Mesh::rectangle();
-        mesh.normals = vec![Vec3::Z * 7.0; 4];
-        assert_eq!(finish("r".into(), None, mesh).unwrap().mesh, Mesh::rectangle());
     }
 }

@@ -11,7 +11,8 @@ use std::fmt::Write as _;
 
 use glam::{Vec2, Vec3};
 
-use super::{ImportError, ImportProblem, MeshPart, finish};
+use super::error::{ImportError, ImportProblem};
+use super::part::{MeshPart, finish};
 use transport::geometry::mesh::Mesh;
 
 const MEND_NUMBER: &str = "every coordinate must be a finite decimal number";

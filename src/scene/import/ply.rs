@@ -11,7 +11,8 @@ use glam::{Vec2, Vec3};
 use serde::Deserialize;
 use serde_ply::{ElementDef, PlyFormat, PlyReader, PropertyType, ScalarType};
 
-use super::{ImportError, ImportProblem, MeshPart, finish};
+use super::error::{ImportError, ImportProblem};
+use super::part::{MeshPart, finish};
 use transport::geometry::mesh::Mesh;
 
 const MEND: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";

@@ -10,14 +10,14 @@
 use super::export_materials::MaterialWriter;
 use super::export_output::{Needs, Output, bitmap, is_even, png, spectrum};
 use super::files::{Contents, WriteError, write};
-use super::xml::{Element, number, single};
 use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
-use crate::import::write_ply;
+use super::xml::{Element, number, single};
 use crate::build::assemble::settings;
 use crate::build::context::{Context, parse, read};
 use crate::build::devices::{emitters, pinhole, projector};
 use crate::build::shapes::{Form, Placed, moved, place};
 use crate::build::{materials, slices};
+use crate::import::write_ply;
 use crate::syntax::scene::SceneFile;
 use crate::syntax::shape::ObjectFile;
 use base::locate::{InputError, Located};
@@ -326,7 +326,8 @@ fn shape(
 
 fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     let name = format!("mesh_{index:03}.ply");
-    out.files.push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
+    out.files
+        .push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
     let shape = Element::plugin("shape", "ply").string("filename", &name);
     if mesh.normals.is_empty() {
         // Mitsuba would make up normals.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 /// What a file of an exported scene holds.
 #[derive(Clone, Debug)]
 pub enum Contents {
+    /// These bytes.
     Bytes(Vec<u8>),
     /// The same as another file, which may be too large to pass through memory.
     CopyOf(PathBuf),

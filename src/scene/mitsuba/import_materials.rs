@@ -3,15 +3,14 @@
 //! Opaque BSDFs are black from behind unless `twosided` stands round them; what is bare becomes `two_sided` with a front
 //! alone.
 
-use super::import_surfaces::{
-    Upright, albedo, angle, bitmap, facets, indices, metal, one, scalar,
-};
+use super::import_surfaces::{Upright, albedo, angle, bitmap, facets, indices, metal, one, scalar};
 use super::importer::Importer;
 use super::names::plain;
 use super::tree::Node;
 use crate::syntax::material::{
     BlendFile, ConductorFile, DielectricFile, DiffuseFile, MaterialFile, MeasuredFile, NormalMapFile,
-    PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile, TwoSidedFile,
+    PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
+    TwoSidedFile,
 };
 use crate::syntax::values::{AlbedoFile, IndexFile};
 use base::locate::{InputError, Located};

@@ -5,7 +5,8 @@ use super::import_surfaces::Upright;
 use super::importer::{Importer, rows};
 use super::tree::Node;
 use crate::syntax::shape::{
-    CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile, TransformFile,
+    CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
+    TransformFile,
 };
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DVec3};

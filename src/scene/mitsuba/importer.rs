@@ -95,7 +95,9 @@ impl<'a> Importer<'a> {
 
     /// The same as the scene file names it.
     pub fn file(&self, name: &str) -> String {
-        relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
+        relative(&self.to, &self.path(name))
+            .to_string_lossy()
+            .into_owned()
     }
 
     /// A whole number that a scene file can hold.

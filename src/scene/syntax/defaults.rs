@@ -1,6 +1,7 @@
 //! What keys stand for that a scene file leaves out, and which values are those, so that they are left out again.
 
 use super::values::{IndexFile, SpectrumFile, TimeFile};
+pub(super) use super::values::{is_default, is_one, one};
 use base::locate::Located;
 
 /// Makes of each line a function that gives the value, and one that tells whether a value is that.
@@ -23,7 +24,6 @@ defaults! {
     rr_depth, is_rr_depth: u32 = 5;
     tile, is_tile: Located<u32> = Located::nowhere(32);
     time, is_time: TimeFile = TimeFile::Sum;
-    one, is_one: f64 = 1.0;
     unit, is_unit: Located<f64> = Located::nowhere(1.0);
     unit_index, is_unit_index: Located<IndexFile> =
         Located::nowhere(IndexFile::Values(SpectrumFile::Scalar(1.0)));
@@ -41,9 +41,4 @@ defaults! {
     protein_percent, is_protein_percent: Located<f64> = Located::nowhere(3.4);
     homogenization_mpa, is_homogenization_mpa: Located<f64> = Located::nowhere(20.0);
     skin_g, is_skin_g: Located<f64> = Located::nowhere(0.8);
-}
-
-/// True of the value that the type itself has by default: `false`, 0, nothing.
-pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
 }

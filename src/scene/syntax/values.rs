@@ -2,8 +2,8 @@
 //!
 //! Each has a visitor of its own, so that errors keep their place in the file (serde's untagged enums lose it).
 
-use super::defaults;
 use base::locate::Located;
+use base::spectral_table::SpectralTable;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
@@ -34,25 +34,13 @@ pub struct SpectrumTable {
 }
 
 impl SpectrumTable {
-    /// True if there are as many values as wavelengths, at least one, and wavelengths rise.
+    /// The same to look values up in.
     #[must_use]
-    pub fn is_sound(&self) -> bool {
-        let finite = self.nm.iter().chain(&self.values).all(|v| v.is_finite());
-        finite
-            && !self.nm.is_empty()
-            && self.nm.len() == self.values.len()
-            && self.nm.is_sorted_by(|a, b| a < b)
-    }
-}
-
-/// The value at a wavelength: linear between entries, constant beyond them, 0 where there are none. `nm` rises.
-pub(crate) fn interpolate(nm: &[f64], values: &[f64], at: f64) -> f64 {
-    let right = nm.partition_point(|w| *w <= at);
-    let entry = |i: usize| Some((*nm.get(i)?, *values.get(i)?));
-    match (right.checked_sub(1).and_then(entry), entry(right)) {
-        (Some((w0, v0)), Some((w1, v1))) => v0 + (v1 - v0) * (at - w0) / (w1 - w0),
-        (Some((_, v)), None) | (None, Some((_, v))) => v,
-        (None, None) => 0.0,
+    pub fn table(&self) -> SpectralTable<'_> {
+        SpectralTable {
+            nm: &self.nm,
+            values: &self.values,
+        }
     }
 }
 
@@ -93,7 +81,7 @@ pub struct ImageAlbedo {
     /// PNG or JPEG file, relative to the scene file; colours are sRGB-encoded, numbers (roughness, weights) linear.
     pub image: Located<String>,
     /// Multiplies the image.
-    #[serde(default = "defaults::one", skip_serializing_if = "defaults::is_one")]
+    #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f64,
 }
 
@@ -111,7 +99,7 @@ pub enum TimeFile {
 #[serde(deny_unknown_fields)]
 pub struct TimeBins {
     /// First edge, picoseconds.
-    #[serde(default, skip_serializing_if = "defaults::is_default")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub start_ps: f64,
     /// Bin width, picoseconds.
     pub bin_ps: Located<f64>,
@@ -122,6 +110,19 @@ pub struct TimeBins {
 /// A bin size: `n` or `[n_x, n_y]` pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BinSize(pub [u32; 2]);
+
+pub(super) fn one() -> f64 {
+    1.0
+}
+
+pub(super) fn is_one(value: &f64) -> bool {
+    *value == 1.0
+}
+
+/// True of the value that the type itself has by default: `false`, 0, nothing.
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
 
 impl From<f64> for SpectrumFile {
     fn from(value: f64) -> Self {
@@ -255,7 +256,7 @@ impl AlbedoMap {
                 values: None,
             } => Ok(AlbedoFile::Image(ImageAlbedo {
                 image,
-                scale: scale.unwrap_or_else(defaults::one),
+                scale: scale.unwrap_or_else(one),
             })),
             Self {
                 image: None,

@@ -194,13 +194,17 @@ fn one_sided_is_black_behind() {
     )
     .unwrap();
     assert!(
-        import.toml.contains("[materials.gold.two_sided]\nfront = \"gold_front\""),
+        import
+            .toml
+            .contains("[materials.gold.two_sided]\nfront = \"gold_front\""),
         "{}",
         import.toml
     );
     let import = imported(folder.path(), &HAND.replace("<ref id=\"wall\"/>", "")).unwrap();
     assert!(
-        import.toml.contains("[materials.mitsuba_default.two_sided]\nfront"),
+        import
+            .toml
+            .contains("[materials.mitsuba_default.two_sided]\nfront"),
         "{}",
         import.toml
     );

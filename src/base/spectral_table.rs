@@ -1,0 +1,111 @@
+//! Tables over wavelengths: linear between entries, constant beyond them.
+
+/// Values at vacuum wavelengths in nanometres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpectralTable<'a> {
+    /// Wavelengths in nanometres, which must rise.
+    pub nm: &'a [f64],
+    /// One value for each.
+    pub values: &'a [f64],
+}
+
+impl SpectralTable<'_> {
+    /// True if there are as many values as wavelengths, at least one, all are finite, and wavelengths rise.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
+        finite
+            && !self.nm.is_empty()
+            && self.nm.len() == self.values.len()
+            && self.nm.is_sorted_by(|a, b| a < b)
+    }
+
+    /// The value at a wavelength: linear between entries, constant beyond them, 0 where there are none.
+    #[must_use]
+    pub fn at(&self, nm: f64) -> f64 {
+        let right = self.nm.partition_point(|w| *w <= nm);
+        let entry = |i: usize| Some((*self.nm.get(i)?, *self.values.get(i)?));
+        match (right.checked_sub(1).and_then(entry), entry(right)) {
+            (Some((w0, v0)), Some((w1, v1))) => v0 + (v1 - v0) * (nm - w0) / (w1 - w0),
+            (Some((_, v)), None) | (None, Some((_, v))) => v,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+/// Number of the entry nearest to a wanted one, the first of two that are as near; `None` of an empty list.
+#[must_use]
+pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
+    let distance = |i: &usize| (nm[*i] - wanted).abs();
+    (0..nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn table<'a>(nm: &'a [f64], values: &'a [f64]) -> SpectralTable<'a> {
+        SpectralTable { nm, values }
+    }
+
+    #[test]
+    fn linear_between_and_constant_beyond() {
+        let t = table(&[400.0, 500.0, 700.0], &[1.0, 3.0, 2.0]);
+        assert!(t.is_sound());
+        let found = [0.0, 400.0, 450.0, 500.0, 600.0, 700.0, 1e9].map(|nm| t.at(nm));
+        assert_eq!(found, [1.0, 1.0, 2.0, 3.0, 2.5, 2.0, 2.0]);
+        assert_eq!(table(&[], &[]).at(500.0), 0.0);
+    }
+
+    #[test]
+    fn what_is_no_table_is_told() {
+        let values = [1.0, 2.0];
+        let nan = [1.0, f64::NAN];
+        for (nm, values) in [
+            (&[][..], &[][..]),
+            (&[500.0], &values),
+            (&[500.0, 500.0], &values),
+            (&[600.0, 500.0], &values),
+            (&[500.0, 600.0], &nan),
+            (&nan, &values),
+        ] {
+            assert!(!table(nm, values).is_sound(), "{nm:?} {values:?}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_entry() {
+        let nm = [450.0, 550.0, 650.0];
+        let found = [0.0, 499.0, 500.0, 501.0, 1e9].map(|w| nearest(&nm, w));
+        assert_eq!(found, [Some(0), Some(0), Some(0), Some(1), Some(2)]);
+        assert_eq!(nearest(&[], 500.0), None);
+    }
+
+    proptest! {
+        #[test]
+        fn values_lie_between_their_neighbours(
+            steps in prop::collection::vec((0.1..100.0_f64, -10.0..10.0_f64), 1..20),
+            at in -100.0..2500.0_f64,
+        ) {
+            let mut nm = 0.0;
+            let (nm, values): (Vec<f64>, Vec<f64>) = steps
+                .iter()
+                .map(|(step, v)| {
+                    nm += step;
+                    (nm, *v)
+                })
+                .unzip();
+            let t = table(&nm, &values);
+            prop_assert!(t.is_sound());
+            let found = t.at(at);
+            let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            // Rounding of one product, one quotient and one sum of numbers up to 20.
+            prop_assert!((low - 1e-13..=high + 1e-13).contains(&found));
+            for (nm, v) in nm.iter().zip(&values) {
+                prop_assert_eq!(t.at(*nm), *v);
+            }
+        }
+    }
+}

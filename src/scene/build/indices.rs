@@ -1,0 +1,90 @@
+//! Refractive indices of a file → numbers on its wavelengths, by value or by name of the optical constants.
+
+use super::context::Context;
+use crate::syntax::material::MaterialFile;
+use crate::syntax::values::{IndexFile, SpectrumFile};
+use base::locate::{InputError, Located};
+use optics::spectrum::{MAX_WAVELENGTHS, Spectral, max_lane};
+use std::ops::Range;
+use transport::material;
+use transport::material::constants::ConstantsError;
+
+/// Refractive index of something transparent; 0 in unused lanes.
+pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
+    let name = match &**index {
+        IndexFile::Values(s) => return ctx.spectrum(s, index.span(), what, 1.0..=10.0),
+        IndexFile::Named(name) => name,
+    };
+    let (n, k) = constants(ctx, name, index.span())?;
+    if max_lane(k) > 1e-3 {
+        return Err(ctx.error(
+            index.span(),
+            format!(
+                "`{name}` absorbs (k up to {}), so it is not transparent",
+                max_lane(k)
+            ),
+            "use a conductor, or give the refractive index as a number",
+        ));
+    }
+    Ok(n)
+}
+
+/// n and k of something that absorbs, by name or by value; n is 1 in unused lanes.
+pub(super) fn complex_index(
+    ctx: &Context,
+    place: &Located<MaterialFile>,
+    metal: &Option<Located<String>>,
+    n: &Option<Located<SpectrumFile>>,
+    k: &Option<Located<SpectrumFile>>,
+) -> Result<(Spectral, Spectral), InputError> {
+    let unused = Spectral::ONE - ctx.wavelengths.ones();
+    match (metal, n, k) {
+        (None, Some(n), Some(k)) => Ok((
+            ctx.located(n, "n", 1e-3..=100.0)? + unused,
+            ctx.located(k, "k", 0.0..=100.0)?,
+        )),
+        (Some(name), None, None) => {
+            let (n, k) = constants(ctx, name, name.span())?;
+            Ok((n + unused, k))
+        }
+        _ => Err(ctx.error(
+            place.span(),
+            "the refractive index is missing, or given twice",
+            "give metal = \"NAME\", or both n and k",
+        )),
+    }
+}
+
+/// n and k of a named substance on the scene's wavelengths, in full precision; rows past their count are zero.
+pub(super) fn constants_f64(
+    ctx: &Context,
+    name: &str,
+    span: Range<usize>,
+) -> Result<[[f64; 2]; MAX_WAVELENGTHS], InputError> {
+    let mut rows = [[0.0; 2]; MAX_WAVELENGTHS];
+    for (row, nm) in rows.iter_mut().zip(ctx.wavelengths.nm()) {
+        let (n, k) = material::constants::lookup(name, *nm).map_err(|e| {
+            ctx.error(
+                span.clone(),
+                e.to_string(),
+                match e {
+                    ConstantsError::Unknown { .. } => "use one of these names, or give numbers",
+                    ConstantsError::Range { .. } => "give numbers, or change wavelengths_nm",
+                },
+            )
+        })?;
+        *row = [n, k];
+    }
+    Ok(rows)
+}
+
+/// n and k of a named substance; 0 in unused lanes.
+pub(super) fn constants(
+    ctx: &Context,
+    name: &str,
+    span: Range<usize>,
+) -> Result<(Spectral, Spectral), InputError> {
+    let rows = constants_f64(ctx, name, span)?;
+    let column = |i: usize| Spectral::new(rows.map(|row| row[i] as f32));
+    Ok((column(0), column(1)))
+}

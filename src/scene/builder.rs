@@ -1,0 +1,558 @@
+//! Scenes built in code: the same values, and the same way to tables, as those of a scene file.
+
+use crate::build::assemble;
+use crate::build::context::{Context, parse};
+use crate::import::write_ply;
+use crate::syntax::device::{EmitterFile, PinholeFile, ProjectorFile};
+use crate::syntax::material::MaterialFile;
+use crate::syntax::medium::MediumFile;
+use crate::syntax::scene::{RenderFile, SceneFile};
+use crate::syntax::shape::{ObjectFile, ShapeFile};
+use crate::syntax::slice::SliceFile;
+use base::locate::InputError;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use transport::geometry::mesh::Mesh;
+use transport::scene::{Integrator, Scene};
+
+/// What the places of errors begin with, where there is no file.
+const IN_CODE: &str = "scene in code";
+
+/// Builds a [`Scene`] in code.
+///
+/// What is given becomes the value of a scene file, which is then built as one: the checks and the defaults are those
+/// of files, and a scene built in code is the same as one built from the file that says so.
+///
+/// ```
+/// use sunstone_scene::{Camera, Material, Object, Projector, SceneBuilder, Slice};
+///
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_x_deg(40.0).resolution(128, 96);
+/// let light = Camera::look_at([1.0, 1.0, 4.0], [0.0; 3]).fov_x_deg(45.0).resolution(64, 64);
+/// let scene = SceneBuilder::new()
+///     .camera(camera)
+///     .projector(Projector::new(light).irradiance(2.0))
+///     .material("gold", Material::rough_metal("Au", 0.2))
+///     .object(Object::sphere([0.0; 3], 1.0).material("gold"))
+///     .slice(Slice::new("all").mueller().time(0.0, 100.0, 400))
+///     .spp(16)
+///     .build()?;
+/// assert_eq!(scene.geometry.counts().1, 1);
+///
+/// let error = SceneBuilder::from(scene_without_its_material()).build().err().expect("refused");
+/// assert_eq!(
+///     error.to_string().lines().next(),
+///     Some("scene in code: objects[0].material: there is no material `silver`")
+/// );
+/// # fn scene_without_its_material() -> sunstone_scene::syntax::scene::SceneFile {
+/// #     use sunstone_scene::{Emitter, syntax::scene::SceneFile};
+/// #     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_x_deg(40.0).resolution(4, 4);
+/// #     let mut file = SceneFile::new(camera);
+/// #     file.emitters.push(Emitter::environment(1.0).into());
+/// #     file.objects.push(Object::sphere([0.0; 3], 1.0).material("silver").into());
+/// #     file
+/// # }
+/// # Ok::<(), base::locate::InputError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct SceneBuilder {
+    file: SceneFile,
+    has_camera: bool,
+    /// Files that are only in memory, by the names under which the scene knows them.
+    memory: BTreeMap<String, Vec<u8>>,
+    folder: PathBuf,
+    /// The first thing that cannot be built.
+    fault: Option<InputError>,
+}
+
+impl Default for SceneBuilder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl From<SceneFile> for SceneBuilder {
+    /// Begins with all that a scene file says.
+    fn from(file: SceneFile) -> Self {
+        Self {
+            file,
+            has_camera: true,
+            memory: BTreeMap::new(),
+            folder: PathBuf::new(),
+            fault: None,
+        }
+    }
+}
+
+impl SceneBuilder {
+    /// An empty scene, which needs a camera and a light at least.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            has_camera: false,
+            ..Self::from(SceneFile::new(PinholeFile::look_at([0.0; 3], [0.0; 3])))
+        }
+    }
+
+    /// Short name, for titles.
+    #[must_use]
+    pub fn name(mut self, name: impl Into<String>) -> Self {
+        self.file.name = Some(name.into());
+        self
+    }
+
+    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    #[must_use]
+    pub fn wavelengths_nm(mut self, nm: impl Into<Vec<f64>>) -> Self {
+        self.file.wavelengths_nm = nm.into().into();
+        self
+    }
+
+    /// The camera.
+    #[must_use]
+    pub fn camera(mut self, camera: PinholeFile) -> Self {
+        self.file.camera = camera.into();
+        self.has_camera = true;
+        self
+    }
+
+    /// The projector; a camera that is given as one shines with the irradiance 1 W/(m² nm) at 1 m on its axis.
+    #[must_use]
+    pub fn projector(mut self, projector: impl Into<ProjectorFile>) -> Self {
+        self.file.projector = Some(projector.into().into());
+        self
+    }
+
+    /// Adds a further emitter.
+    #[must_use]
+    pub fn emitter(mut self, emitter: EmitterFile) -> Self {
+        self.file.emitters.push(emitter.into());
+        self
+    }
+
+    /// Adds a material under a name of its own.
+    #[must_use]
+    pub fn material(mut self, name: impl Into<String>, material: MaterialFile) -> Self {
+        let name = name.into();
+        if self
+            .file
+            .materials
+            .insert(name.clone(), material.into())
+            .is_some()
+        {
+            self.twice(format!("materials.{name}"));
+        }
+        self
+    }
+
+    /// Adds a medium under a name of its own.
+    #[must_use]
+    pub fn medium(mut self, name: impl Into<String>, medium: MediumFile) -> Self {
+        let name = name.into();
+        if self.file.media.insert(name.clone(), medium.into()).is_some() {
+            self.twice(format!("media.{name}"));
+        }
+        self
+    }
+
+    /// Adds a mesh (metres) under a name of its own, which [`ObjectFile::mesh`] takes for that of a file.
+    #[must_use]
+    pub fn mesh(mut self, name: impl Into<String>, mesh: &Mesh) -> Self {
+        let name = name.into();
+        let place = format!("mesh(\"{name}\")");
+        if let Err(e) = mesh.validate() {
+            self.refuse(fault(&place, format!("the mesh {e}"), "mend the mesh"));
+            return self;
+        }
+        if !matches!(ShapeFile::mesh(name.as_str()), ShapeFile::Ply(_)) {
+            self.refuse(fault(
+                &place,
+                "a mesh in memory has the name of a file in another format".into(),
+                "give it a name without .obj, .gltf or .glb",
+            ));
+            return self;
+        }
+        self.file_in_memory(name, write_ply::write(mesh))
+    }
+
+    /// Adds a file (an image, a mesh) that is only in memory, under the name that materials, objects and slices have for
+    /// it. Tables of measured materials stay on disk.
+    #[must_use]
+    pub fn file_in_memory(mut self, name: impl Into<String>, bytes: Vec<u8>) -> Self {
+        let name = name.into();
+        if self.memory.insert(name.clone(), bytes).is_some() {
+            self.twice(format!("file_in_memory(\"{name}\")"));
+        }
+        self
+    }
+
+    /// Where the relative paths of files begin; if nothing is said, in the current folder.
+    #[must_use]
+    pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.folder = folder.into();
+        self
+    }
+
+    /// Adds an object.
+    #[must_use]
+    pub fn object(mut self, object: ObjectFile) -> Self {
+        self.file.objects.push(object.into());
+        self
+    }
+
+    /// Adds a slice.
+    #[must_use]
+    pub fn slice(mut self, slice: SliceFile) -> Self {
+        self.file.slices.push(slice.into());
+        self
+    }
+
+    /// How to render, all of it.
+    #[must_use]
+    pub fn render(mut self, render: RenderFile) -> Self {
+        self.file.render = render;
+        self
+    }
+
+    /// Samples per camera pixel.
+    #[must_use]
+    pub fn spp(mut self, spp: u32) -> Self {
+        self.file.render.spp = spp.into();
+        self
+    }
+
+    /// Longest path: 2 is direct light alone, n allows n - 1 surface interactions.
+    #[must_use]
+    pub fn max_depth(mut self, max_depth: u32) -> Self {
+        self.file.render.max_depth = max_depth.into();
+        self
+    }
+
+    /// Which paths are traced.
+    #[must_use]
+    pub fn integrator(mut self, integrator: Integrator) -> Self {
+        self.file.render.integrator = integrator;
+        self
+    }
+
+    /// Key of the random streams.
+    #[must_use]
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.file.render.seed = seed;
+        self
+    }
+
+    /// Edge of a tile in camera pixels.
+    #[must_use]
+    pub fn tile(mut self, tile: u32) -> Self {
+        self.file.render.tile = tile.into();
+        self
+    }
+
+    /// The value of the scene file that says what was given so far.
+    #[must_use]
+    pub fn scene_file(&self) -> &SceneFile {
+        &self.file
+    }
+
+    /// The scene.
+    ///
+    /// # Errors
+    /// [`InputError`] as for a scene file; where that names line and column, its `file` names what was given:
+    /// `scene in code: objects[0].material`.
+    pub fn build(self) -> Result<Scene, InputError> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        if !self.has_camera {
+            return Err(fault(
+                "camera",
+                "the scene has no camera".into(),
+                "give one: .camera(Camera::look_at(origin, target).fov_x_deg(40.0).resolution(640, 480))",
+            ));
+        }
+        let text = self.file.to_toml().map_err(|e| {
+            fault(
+                "render",
+                format!("the scene has no text: {e}"),
+                "keep seeds below 2^63",
+            )
+        })?;
+        // The value is read back from its text, so that everything in it has a place there for errors to name.
+        let path = Path::new(IN_CODE);
+        let built = parse(path, &text).and_then(|file: SceneFile| {
+            let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?
+                .in_folder(&self.folder)
+                .with_files(self.memory);
+            assemble::build(&mut ctx, &file)
+        });
+        built.map_err(|e| match &e.span {
+            Some(span) => InputError {
+                file: format!("{IN_CODE}: {}", place(&text, span.start)).into(),
+                text: "".into(),
+                span: None,
+                ..e
+            },
+            None => InputError { text: "".into(), ..e },
+        })
+    }
+
+    fn refuse(&mut self, fault: InputError) {
+        self.fault.get_or_insert(fault);
+    }
+
+    fn twice(&mut self, place: String) {
+        self.refuse(fault(
+            &place,
+            "the name is given twice".into(),
+            "give each a name of its own",
+        ));
+    }
+}
+
+/// An error about what was given at a place.
+fn fault(place: &str, message: String, mend: &str) -> InputError {
+    InputError {
+        file: format!("{IN_CODE}: {place}").into(),
+        text: "".into(),
+        span: None,
+        message,
+        help: Some(mend.to_owned()),
+    }
+}
+
+/// The keys that lead to a byte of a scene's text, as in `objects[1].shape.ply.file`; entries of lists count from 0.
+fn place(text: &str, at: usize) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    let (mut table, mut key) = ("", "");
+    let mut start = 0;
+    for line in text.split_inclusive('\n') {
+        if start > at {
+            break;
+        }
+        start += line.len();
+        let line = line.trim_end();
+        if let Some(name) = line.strip_prefix("[[").and_then(|l| l.strip_suffix("]]")) {
+            *counts.entry(name).or_default() += 1;
+            (table, key) = (name, "");
+        } else if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
+            (table, key) = (name, "");
+        } else if let Some((name, _)) = line.split_once(" = ") {
+            key = name;
+        }
+    }
+    let mut out = String::new();
+    for (i, part) in table.split('.').chain([key]).enumerate() {
+        if part.is_empty() {
+            continue;
+        }
+        if !out.is_empty() {
+            out.push('.');
+        }
+        out += part;
+        let end: usize = table.split('.').take(i + 1).map(|p| p.len() + 1).sum();
+        if let Some(count) = table
+            .get(..end.saturating_sub(1))
+            .and_then(|prefix| counts.get(prefix))
+            && part != key
+        {
+            out += &format!("[{}]", count - 1);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::syntax::medium::PhaseFile;
+    use crate::syntax::values::ImageAlbedo;
+    use crate::{Camera, Emitter, Material, Medium, Object, Projector, Slice};
+    use glam::{Vec2, Vec3};
+    use tensor::field::Field;
+    use tensor::memory::Arrays;
+    use transport::render::schedule::{Unwatched, render};
+
+    /// A tent of two triangles with normals and texture coordinates.
+    fn tent() -> Mesh {
+        let point = |x, y, z| Vec3::new(x, y, z);
+        Mesh {
+            positions: vec![
+                point(-0.4, 0.0, 0.0),
+                point(0.4, 0.0, 0.0),
+                point(0.4, 0.5, 0.2),
+                point(-0.4, 0.5, 0.1),
+            ],
+            normals: vec![Vec3::Z, Vec3::Z, point(0.0, 0.6, 0.8), Vec3::Z],
+            uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+            indices: vec![[0, 1, 2], [0, 2, 3]],
+        }
+    }
+
+    fn checks() -> Vec<u8> {
+        let image = image::RgbImage::from_fn(4, 4, |x, y| image::Rgb([(60 * x) as u8, 200, (50 * y) as u8]));
+        let mut bytes = std::io::Cursor::new(vec![]);
+        image
+            .write_to(&mut bytes, image::ImageFormat::Png)
+            .expect("a picture");
+        bytes.into_inner()
+    }
+
+    const FILE: &str = r#"
+wavelengths_nm = [450, 650]
+[render]
+spp = 3
+seed = 7
+tile = 8
+[camera]
+resolution = [16, 12]
+fov_x_deg = 40
+pose.look_at = { origin = [0, 0.2, 4], target = [0, 0, 0] }
+[projector]
+resolution = [8, 8]
+fov_x_deg = 45
+irradiance = [2, 3]
+pose.look_at = { origin = [1, 1, 4], target = [0, 0, 0] }
+[[emitters]]
+environment.radiance = 0.1
+[materials]
+gold.rough_conductor = { metal = "Au", alpha = 0.3 }
+cloth.diffuse.albedo.image = "checks.png"
+edge.null = {}
+[media.fog]
+homogeneous = { absorption = 0.1, scattering = [0.5, 0.7], phase = "isotropic" }
+[[objects]]
+shape.sphere = { radius = 0.5 }
+material = "gold"
+[[objects]]
+shape.ply.file = "tent.ply"
+material = "cloth"
+transform.translate = [-0.5, -0.6, 0.5]
+[[objects]]
+shape.sphere = { center = [0.6, 0.5, 0.6], radius = 0.3 }
+material = "edge"
+interior = "fog"
+[[slices]]
+name = "flight"
+polarization = "mueller"
+time = { bin_ps = 500, bins = 80 }
+projector = { columns = [2, 3] }
+"#;
+
+    fn in_code() -> SceneBuilder {
+        SceneBuilder::new()
+            .name("file")
+            .wavelengths_nm([450.0, 650.0])
+            .spp(3)
+            .seed(7)
+            .tile(8)
+            .camera(
+                Camera::look_at([0.0, 0.2, 4.0], [0.0; 3])
+                    .fov_x_deg(40.0)
+                    .resolution(16, 12),
+            )
+            .projector(
+                Projector::new(
+                    Camera::look_at([1.0, 1.0, 4.0], [0.0; 3])
+                        .fov_x_deg(45.0)
+                        .resolution(8, 8),
+                )
+                .irradiance([2.0, 3.0]),
+            )
+            .emitter(Emitter::environment(0.1))
+            .mesh("tent", &tent())
+            .file_in_memory("checks.png", checks())
+            .material("gold", Material::rough_metal("Au", 0.3))
+            .material("cloth", Material::diffuse(ImageAlbedo::new("checks.png")))
+            .material("edge", Material::Null(Default::default()))
+            .medium("fog", Medium::homogeneous(0.1, [0.5, 0.7], PhaseFile::Isotropic))
+            .object(Object::sphere([0.0; 3], 0.5).material("gold"))
+            .object(
+                Object::mesh("tent")
+                    .material("cloth")
+                    .translate([-0.5, -0.6, 0.5]),
+            )
+            .object(
+                Object::sphere([0.6, 0.5, 0.6], 0.3)
+                    .material("edge")
+                    .interior("fog", 0),
+            )
+            .slice(
+                Slice::new("flight")
+                    .mueller()
+                    .time(0.0, 500.0, 80)
+                    .projector(crate::syntax::slice::ProjectorSelectFile::Columns(vec![2, 3])),
+            )
+    }
+
+    fn rendered(scene: &Scene) -> Vec<Vec<u32>> {
+        let mut arrays = Arrays::default();
+        render(scene, &[], &mut arrays, &Unwatched).expect("a render");
+        let fields = Field::ALL.iter().filter_map(|f| arrays.get("flight", *f));
+        fields
+            .map(|t| t.data.iter().map(|v| v.to_bits()).collect())
+            .collect()
+    }
+
+    #[test]
+    fn a_scene_in_code_is_the_scene_of_its_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("tent.ply"), write_ply::write(&tent())).expect("a mesh");
+        std::fs::write(folder.path().join("checks.png"), checks()).expect("an image");
+        let file = crate::from_text(&folder.path().join("file.toml"), FILE).expect("a scene");
+        let code = in_code().build().expect("a scene");
+        assert_eq!(file.name, code.name);
+        let (a, b) = (rendered(&file), rendered(&code));
+        assert!(!a.is_empty() && a[0].iter().any(|v| *v != 0));
+        assert!(a == b, "the renders differ");
+    }
+
+    /// The place and the message of what is wrong with a scene.
+    fn refusal(scene: SceneBuilder, words: &str) -> String {
+        let error = scene
+            .build()
+            .err()
+            .unwrap_or_else(|| panic!("not refused: {words}"));
+        assert!(error.help.is_some() && error.span.is_none(), "{error}");
+        error.to_string().lines().next().unwrap_or_default().to_owned()
+    }
+
+    #[test]
+    fn faults_name_what_was_given() {
+        let said = |scene: SceneBuilder, words: &str| {
+            let message = refusal(scene, words);
+            assert!(message.contains(words), "{message}");
+        };
+        said(
+            SceneBuilder::new(),
+            "scene in code: camera: the scene has no camera",
+        );
+        said(
+            in_code().material("red", Material::diffuse(1.5)),
+            "scene in code: materials.red.diffuse.albedo: albedo is 1.5",
+        );
+        said(
+            in_code().object(Object::sphere([0.0; 3], 1.0).material("wood")),
+            "scene in code: objects[3].material: there is no material `wood`",
+        );
+        said(
+            in_code().object(Object::mesh("roof").material("gold")),
+            "scene in code: objects[3].shape.ply.file: cannot read roof",
+        );
+        said(
+            in_code().slice(Slice::new("flight")),
+            "scene in code: slices[1].name: a second slice `flight`",
+        );
+        said(in_code().spp(0), "scene in code: render.spp: spp is 0");
+        said(
+            in_code().material("gold", Material::diffuse(0.5)),
+            "scene in code: materials.gold: the name is given twice",
+        );
+        let mut mesh = tent();
+        mesh.normals.pop();
+        said(
+            in_code().mesh("roof", &mesh),
+            "scene in code: mesh(\"roof\"): the mesh has 3 normals for 4 vertices",
+        );
+        said(in_code().mesh("roof.obj", &tent()), "another format");
+    }
+}
