@@ -143,6 +143,7 @@ fn the_writer_refuses_axes_that_the_reader_would() {
         "{refused:?}"
     );
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
+    std::fs::write(folder.path().join("no"), "a file, no folder").expect("a file");
     let nowhere = write(&folder.path().join("no/t.pbsdf"), &axes(), |_, _| {});
     assert!(matches!(nowhere, Err(PbsdfError::Write(_))), "{nowhere:?}");
 }

@@ -96,13 +96,15 @@ struct Input {
     samples_per_pixel: Option<f64>,
 }
 
+/// First and last pixel of every entry of an axis.
+type Ranges = Vec<(u32, u32)>;
+
 /// One slice of one store to merge.
 struct Part<'a> {
     slice: StoredSlice,
     input: &'a Input,
-    /// First and last row and column of the pixels of every entry of the axes y and x, where sample counts per pixel
-    /// tell how many samples an element has.
-    pixels: Option<[Vec<(u32, u32)>; 2]>,
+    /// Pixels of the entries of the axes y and x, where sample counts per pixel tell how many samples an element has.
+    pixels: Option<[Ranges; 2]>,
 }
 
 /// One slice of all stores.
@@ -211,11 +213,7 @@ fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
 }
 
 /// See [`Part::pixels`].
-fn pixels(
-    input: &Input,
-    slice: &StoredSlice,
-    alike: bool,
-) -> Result<Option<[Vec<(u32, u32)>; 2]>, MergeError> {
+fn pixels(input: &Input, slice: &StoredSlice, alike: bool) -> Result<Option<[Ranges; 2]>, MergeError> {
     let layout = slice.layout();
     let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
     let (Some((shape, _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {

@@ -10,6 +10,9 @@ use tensor::axes::{Axis, AxisKind};
 use tensor::field::Field;
 use tensor::region;
 
+/// Room for more sums than this is tried first.
+const LARGE: usize = 1 << 25;
+
 /// Half-open ranges of entries, one per axis.
 type Ranges = Vec<(usize, usize)>;
 
@@ -43,8 +46,7 @@ pub(super) fn run(
     let mut blocks = boxes(blocks);
     let rest: usize = plan.axes[camera..].iter().map(|a| a.slots).product();
     let total: usize = plan.axes.iter().map(|a| a.slots).product();
-    let mut sum = vec![0.0_f64; total];
-    let mut variance = vec![0.0_f64; total];
+    let (mut sum, mut variance) = (zeros(1, total)?, zeros(1, total)?);
     loop {
         let batch: Vec<Ranges> = blocks
             .by_ref()
@@ -77,6 +79,18 @@ pub(super) fn run(
     Ok((mean, finish(plan, slice.name(), &std_error).0, shifted))
 }
 
+/// Room for `pixels` times `rest` sums. Too much of it is an error, where it would end the process.
+fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
+    let refused = || ProbeError::TooLarge {
+        elements: pixels as u128 * rest as u128,
+    };
+    let elements = pixels.checked_mul(rest).ok_or_else(refused)?;
+    if elements > LARGE && Vec::<f64>::new().try_reserve_exact(elements).is_err() {
+        return Err(refused());
+    }
+    Ok(vec![0.0; elements])
+}
+
 /// The range of an axis cut at the boundaries of chunks.
 fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     let mut pieces = Vec::new();
@@ -106,8 +120,8 @@ fn gather(
 ) -> Result<Partial, ProbeError> {
     let pixels: usize = block.iter().map(|r| r.1 - r.0).product();
     let mut partial = Partial {
-        mean: vec![0.0; pixels * rest],
-        bound: vec![0.0; pixels * rest],
+        mean: zeros(pixels, rest)?,
+        bound: zeros(pixels, rest)?,
     };
     for part in boxes(inner) {
         let ranges: Ranges = block.iter().chain(&part).copied().collect();

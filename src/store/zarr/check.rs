@@ -52,7 +52,7 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     }
     // Bins of a part of a slice begin at a sum, which rounds.
     let off = |(i, c): (usize, &f64)| (start + (i as f64 + 0.5) * bin - c).abs() > 1e-6 * (bin + c.abs());
-    axis.coords.iter().enumerate().any(|at| off(at)).then(|| {
+    axis.coords.iter().enumerate().any(off).then(|| {
         format!("the coordinates of axis `t` are not the centres of bins of {bin} ps from {start} ps")
     })
 }
