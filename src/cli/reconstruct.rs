@@ -9,7 +9,7 @@ use sunstone::base::whole_file;
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
-use sunstone::polarimetry::reconstruct::pixels::{Options, Reconstruction, Tally};
+use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::store::numpy;
 use sunstone::store::numpy::NumpyReader;
@@ -130,7 +130,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
 /// read is still there when it is used.
 const AT_ONCE: usize = 2_000_000;
 
-fn go<T: Number + npyz::AutoSerialize>(
+fn go<T: PixelNumber + npyz::AutoSerialize>(
     a: &Arguments,
     scheme: &Scheme,
     mut reader: NumpyReader,

@@ -10,19 +10,39 @@ use tensor::number::Number;
 /// Matrices that one piece of work holds; a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
-/// A number that arrays hold.
+/// A number that arrays hold. Its loops over matrices are compiled here, in one unit with what they call, and not where they
+/// are called from.
 pub trait Real: Number {
     /// Relative rounding of matrices of such numbers.
     const ROUNDING: f64;
+
+    /// See [`maps`].
+    fn maps(elements: &[Self], quantities: &[Quantity]) -> (Vec<Vec<Self>>, usize);
+
+    /// See [`errors`].
+    fn errors(elements: &[Self], sigmas: &[Self]) -> Vec<Vec<Self>>;
 }
 
-impl Real for f32 {
-    const ROUNDING: f64 = SINGLE;
+macro_rules! real {
+    ($number:ty, $rounding:expr) => {
+        impl Real for $number {
+            const ROUNDING: f64 = $rounding;
+
+            #[inline(never)]
+            fn maps(elements: &[Self], quantities: &[Quantity]) -> (Vec<Vec<Self>>, usize) {
+                all_maps(elements, quantities)
+            }
+
+            #[inline(never)]
+            fn errors(elements: &[Self], sigmas: &[Self]) -> Vec<Vec<Self>> {
+                all_errors(elements, sigmas)
+            }
+        }
+    };
 }
 
-impl Real for f64 {
-    const ROUNDING: f64 = DOUBLE;
-}
+real!(f32, SINGLE);
+real!(f64, DOUBLE);
 
 /// What a map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,6 +194,10 @@ fn matrix<T: Real>(values: &[T]) -> Matrix {
 /// If the number of elements is not a multiple of 16.
 #[must_use]
 pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, usize) {
+    T::maps(elements, quantities)
+}
+
+fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, usize) {
     assert_eq!(elements.len() % 16, 0, "whole matrices");
     let n = elements.len() / 16;
     let mut out: Vec<Vec<T>> = quantities
@@ -245,6 +269,10 @@ pub const WITH_ERRORS: [Quantity; 4] = [
 /// If there are not as many errors as elements, or not a multiple of 16.
 #[must_use]
 pub fn errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
+    T::errors(elements, sigmas)
+}
+
+fn all_errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     assert_eq!(
         (elements.len(), elements.len() % 16),
         (sigmas.len(), 0),

@@ -80,6 +80,38 @@ struct Solved {
     partial: bool,
 }
 
+/// A number that images are made of. Its loops over pixels are compiled here, in one unit with the product that they call, and
+/// not where they are called from: there they would not become one loop.
+pub trait PixelNumber: Number {
+    /// See [`Reconstruction::apply`].
+    fn reconstruct(
+        estimates: &Reconstruction<Self>,
+        intensities: &[Self],
+        variances: Option<&[Self]>,
+        out: &mut [Self],
+        errors: Option<&mut [Self]>,
+    ) -> Tally;
+}
+
+macro_rules! pixel_number {
+    ($($number:ty),*) => {$(
+        impl PixelNumber for $number {
+            #[inline(never)]
+            fn reconstruct(
+                estimates: &Reconstruction<Self>,
+                intensities: &[Self],
+                variances: Option<&[Self]>,
+                out: &mut [Self],
+                errors: Option<&mut [Self]>,
+            ) -> Tally {
+                estimates.reconstruct(intensities, variances, out, errors)
+            }
+        }
+    )*};
+}
+
+pixel_number!(f32, f64);
+
 impl<T: Number> Reconstruction<T> {
     /// Prepares the estimates, one for each ray.
     ///
@@ -128,7 +160,9 @@ impl<T: Number> Reconstruction<T> {
     pub fn measurements(&self) -> usize {
         self.lanes.first().map_or(0, |lane| lane.a.a.nrows())
     }
+}
 
+impl<T: PixelNumber> Reconstruction<T> {
     /// Reconstructs pixels, the first of which has the first wavelength. `intensities`, and `variances` if there are any, hold
     /// the measurements one after the other, each for all pixels; `out` gets 16 elements a pixel, and `errors` their
     /// standard errors.
@@ -136,6 +170,18 @@ impl<T: Number> Reconstruction<T> {
     /// # Panics
     /// If lengths do not agree.
     pub fn apply(
+        &self,
+        intensities: &[T],
+        variances: Option<&[T]>,
+        out: &mut [T],
+        errors: Option<&mut [T]>,
+    ) -> Tally {
+        T::reconstruct(self, intensities, variances, out, errors)
+    }
+}
+
+impl<T: Number> Reconstruction<T> {
+    fn reconstruct(
         &self,
         intensities: &[T],
         variances: Option<&[T]>,
