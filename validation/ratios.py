@@ -163,13 +163,15 @@ class Rays:
 
     made = {}
 
-    def __init__(self, folder, kind):
+    def __init__(self, _, kind):
         import rays
 
+        # Both kinds are rays on the same mesh.
+        folder = CACHE / "rays"
+        folder.mkdir(exist_ok=True)
         # It takes NumPy only as a program of its own.
-        rays.np = np
+        rays.np, rays.OUT = np, folder
         if not Rays.made:
-            rays.OUT = folder
             vertices, triangles = rays.mesh()
             rays.write_ply(folder / "mesh.ply", vertices, triangles)
             embree, primary = rays.Embree(vertices, triangles), rays.primary()
@@ -178,9 +180,6 @@ class Rays:
                          "bounce": rays.bounce(*primary, embree.hits)}
         self.embree, self.rays = Rays.made["embree"], Rays.made[kind]
         self.program = rays.Sunstone(Rays.made["program"], folder / "mesh.ply", kind)
-        self.program.rays, self.program.out = folder / f"{kind}.f32", folder / f"{kind}_hits.f32"
-        command = [Rays.made["program"], folder / "mesh.ply", self.program.rays, self.program.out]
-        self.program.command = [str(c) for c in command]
 
     def ours(self, _):
         return self.program.trace(*self.rays, 1)
@@ -249,13 +248,18 @@ def found(name, peer):
     return False
 
 
+def origin():
+    """What a result was measured with: commit, machine, date."""
+    from speed import machine
+
+    git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
+    return {"commit": git.stdout.strip(), "machine": machine(), "date": datetime.date.today().isoformat()}
+
+
 def write(peers):
     """The file of what is written down."""
     from importlib import metadata
 
-    from speed import machine
-
-    git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
     packages = ["mitsuba", "mitransient", "polanalyser", "muellerkit", "embreex"]
     entries = {}
     for name, peer in peers.items():
@@ -264,8 +268,7 @@ def write(peers):
         digits = lambda value: float(f"{value:.4g}")
         entries[name] = {"ratio_median": digits(middle), "ratio_quartiles": [digits(low), digits(high)], "rounds": len(peer.rounds),
                          "ours_s_median": digits(own), "theirs_s_median": digits(other)}
-    head = {"commit": git.stdout.strip(), "machine": machine(), "date": datetime.date.today().isoformat(),
-            "versions": {name: metadata.version(name) for name in packages}}
+    head = origin() | {"versions": {name: metadata.version(name) for name in packages}}
     RESULTS.write_text(json.dumps(entries | head, indent=1) + "\n")
 
 
