@@ -348,7 +348,8 @@ def check(case, options):
     pairs, worst = len(answers.ours), answers.off(answers.ours, answers.theirs)
     good = bool(worst <= case.bound)
     verdict = "" if good else "  FAILED"
-    print(f"{case.name:44} | {elements(case):20} | {pairs:6} | {worst:12.2e} | {case.bound:8.0e} | {case.note}{verdict}", flush=True)
+    row = f"{case.name:44} | {elements(case):20} | {pairs:6} | {worst:12.2e} | {case.bound:8.0e} | {case.note}{verdict}"
+    print(row, flush=True)
     return {"material": case.name, "elements": elements(case), "theta_in_deg": case.theta,
             "theta_out_deg": case.theta_out if case.lobe == "brdf" else None, "pairs": pairs, "worst": float(f"{worst:.2e}"),
             "bound": case.bound, "note": case.note, "good": good}
