@@ -6,7 +6,8 @@ evaluate the same model in the same directions, so this is no statistics: what i
 differences of the models that are named in the last column. The materials are listed in materials.py. Where Mitsuba's BSDF is
 not polarized (rough and thin dielectrics), its other elements come from Mitsuba's own Fresnel matrices, `mi.mueller`.
 
-A full run writes results/bsdf_coverage.json: of each material what is compared, at which incidences, and what is not.
+`--record` writes results/bsdf_coverage.json: of each material what is compared, at which incidences, and what is not. Every
+full run must compare what that file says.
 
 `--power` plants errors in our matrices, one at a time: each element off by twice the bound, all brighter by 1 %, the frame of
 light or of the camera turned by 0.5°, two wavelengths exchanged. Every row must notice every error that changes Mitsuba's own
@@ -317,6 +318,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", help="rows whose name contains this")
     parser.add_argument("--power", action="store_true", help="check that planted errors are found in every row")
+    parser.add_argument("--record", action="store_true", help="write results/bsdf_coverage.json")
     options = parser.parse_args()
     mi.set_variant("scalar_spectral_polarized")
     print(f"Mitsuba {mi.__version__}, {mi.variant()}")
@@ -332,8 +334,12 @@ def main():
     failed = sum(not row["good"] for row in rows)
     if failed:
         sys.exit(f"{failed} rows failed")
-    if not options.only:
+    if options.record and not options.only:
         record(rows)
+    elif not options.only:
+        compares = lambda table: [(row["material"], row["elements"], list(row["theta_in_deg"])) for row in table]
+        if compares(rows) != compares(json.loads(RESULTS.read_text())["rows"]):
+            sys.exit(f"what is compared is not what {RESULTS.name} says: --record")
 
 
 def check(case, options):
@@ -342,7 +348,8 @@ def check(case, options):
     pairs, worst = len(answers.ours), answers.off(answers.ours, answers.theirs)
     good = bool(worst <= case.bound)
     verdict = "" if good else "  FAILED"
-    print(f"{case.name:44} | {elements(case):20} | {pairs:6} | {worst:12.2e} | {case.bound:8.0e} | {case.note}{verdict}", flush=True)
+    row = f"{case.name:44} | {elements(case):20} | {pairs:6} | {worst:12.2e} | {case.bound:8.0e} | {case.note}{verdict}"
+    print(row, flush=True)
     return {"material": case.name, "elements": elements(case), "theta_in_deg": case.theta,
             "theta_out_deg": case.theta_out if case.lobe == "brdf" else None, "pairs": pairs, "worst": float(f"{worst:.2e}"),
             "bound": case.bound, "note": case.note, "good": good}
@@ -377,12 +384,13 @@ def power(cases, options):
 
 
 def record(rows):
-    """What is compared, for the page that says so."""
+    """What is compared, for the page that says so, and what it was found by."""
+    from ratios import origin
+
     kept = [{key: value for key, value in row.items() if key != "good"} for row in rows]
+    head = origin() | {"mitsuba": mi.__version__, "not_compared": WITHOUT}
     lines = ",\n  ".join(json.dumps(row, ensure_ascii=False) for row in kept)
-    without = json.dumps(WITHOUT)
-    text = f'{{\n "mitsuba": "{mi.__version__}",\n "not_compared": {without},\n "rows": [\n  {lines}\n ]\n}}\n'
-    RESULTS.write_text(text)
+    RESULTS.write_text(json.dumps(head, indent=1)[:-2] + f',\n "rows": [\n  {lines}\n ]\n}}\n')
 
 
 if __name__ == "__main__":

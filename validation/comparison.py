@@ -8,7 +8,8 @@ their own, so a difference over its error follows Student's t there, which `gaus
 3. gain: (ours / theirs) - 1 fitted to the whole image; finds wrong factors and signs far below a pixel's noise.
 
 The p-value of a comparison is three times the smallest of the three (Bonferroni), and the cross-check as a whole fails
-if any of its m comparisons has p < SIGNIFICANCE / m.
+if any of its m comparisons has p < SIGNIFICANCE / m. (planted.py fits named errors to all elements of a pair together, over
+which, with the comparisons, the same probability is spread.)
 """
 
 import math

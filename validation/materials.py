@@ -108,6 +108,7 @@ def cases(folder):
             microfacet={**plastic, "diffuse_reflectance": 0.0} if exact else None,
             note=masking,
         )
+        unpolarized = "M00 of Mitsuba, which is not polarized; the others over it by mi.mueller"
         rough_glass = {"type": "roughdielectric", "int_ior": 1.5, "ext_ior": 1.0, **rough_mi}
         for what, theta, theta_out in (
             ("reflection", (0, 89), (0, 89)),
@@ -121,7 +122,7 @@ def cases(folder):
                 rough_glass,
                 theta=theta,
                 theta_out=theta_out,
-                note="M00 of Mitsuba, which is not polarized; the others over it by mi.mueller" + ("; " + masking if masking else ""),
+                note=unpolarized + ("; " + masking if masking else ""),
                 completed="facet",
                 microfacet=rough_glass if exact else None,
                 # Near the critical angle of a facet Mitsuba's single precision is off by up to its whole value.
@@ -139,7 +140,8 @@ def cases(folder):
     yield Case("polarizer", "polarizer = { angle_deg = 30 }", {"type": "polarizer", "theta": -30.0}, "refract")
     yield Case("polarizer, from behind", "polarizer = { angle_deg = 30 }", {"type": "polarizer", "theta": -30.0}, "refract",
                theta=(91, 180))
-    retarder = "retarder = { retardance_deg = 100, angle_deg = 30, tilt = 'cosine' }", {"type": "retarder", "theta": 30.0, "delta": 100.0}
+    plate_mi = {"type": "retarder", "theta": 30.0, "delta": 100.0}
+    retarder = "retarder = { retardance_deg = 100, angle_deg = 30, tilt = 'cosine' }", plate_mi
     tilted = "Mitsuba's tilted axis is no line in space"
     yield Case("retarder", *retarder, "refract", theta=(0, 0.001), note=f"normal incidence: {tilted}")
     yield Case("retarder, from behind", *retarder, "refract", theta=(179.999, 180), note=f"normal incidence: {tilted}")

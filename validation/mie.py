@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Scattering by spheres against independent programs: cross sections and all matrix elements over the angle.
 
-`particles` and `polystyrene` against PyPI `miepython`, the sizes averaged here by other quadratures; and a large gold
-sphere against Mitsuba's reflection by gold, which ties every sign to the program whose conventions we keep. Prints a table and exits with 1 if a row is above its bound: the bounds are 1e-6 of the coefficients, 1e-6 of the
-mean cosine and 1e-4 of S11 at the same angle for the elements, 3e-4 for the largest spheres (what `sunstone phase eval` prints is the renderer's
-table, interpolated, in single precision).
+`particles` and `polystyrene` against PyPI `miepython`, the sizes averaged here by other quadratures; and a large gold sphere
+against Mitsuba's reflection by gold, which ties every sign to the program whose conventions we keep. Prints a table and exits
+with 1 if a row is above its bound: the bounds are 1e-6 of the coefficients, 1e-6 of the mean cosine and 1e-4 of S11 at the
+same angle for the elements, 3e-4 for the largest spheres (what `sunstone phase eval` prints is the renderer's table,
+interpolated, in single precision).
 
 `miepython` takes n - i k and fields exp(+i w t), so its amplitudes are the conjugates of ours: S34 = M23 = Im S1* S2 of
 Bohren & Huffman's amplitudes is Im S1 S2* of its. (Its own `phase_matrix` has S34 with the other sign.)

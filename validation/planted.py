@@ -1,7 +1,7 @@
 """Errors that a comparison of images must find, how small they may be, and which comparison can show them.
 
 Every error is a linear change of our image: x becomes x + D. How much of it there is, is fitted to the whole pair, all
-elements together: with P = D of the noise-free image (its estimate is the inverse-variance mean of both sides, whose noise is
+elements together: with P = D of the noise-free image (estimated by the inverse-variance mean of both sides, whose noise is
 uncorrelated with that of their difference d),
 
     amount = sum(w P d) / S,   S = sum(w P^2) - the noise's share of it,   error = sqrt(Var sum(w P d)) / S,
@@ -142,7 +142,7 @@ class Detector:
 
     def __init__(self, pair, name, change):
         self.name, self.change = name, change
-        images = ours, ours_error, theirs, theirs_error = pair.images()
+        ours, ours_error, theirs, theirs_error = pair.images()
         a, b = ours_error**2, theirs_error**2
         best = share(a, b) * ours + (1 - share(a, b)) * theirs
         plain = change(best) - best

@@ -2,12 +2,13 @@
 """Speed against other programs, at a small size: is Sunstone still as many times as fast as was written down?
 
 Every round times both programs one after the other on the same task, and its ratio is their time over ours, so that what
-slows the machine slows both; what counts is the median over the rounds. A ratio fails if it is more than 20 % below that of
-results/ratios.json. One that would fail is measured again with more rounds before it does.
+slows the machine slows both (but the number of cores matters: Sunstone takes all of them, some of the others one). What
+counts is the median over the rounds. A ratio fails if it is more than 20 % below that of results/ratios.json. One that would
+fail is measured again with more rounds before it does.
 
 - "Mitsuba, full-Mueller": the Cornell box of speed.py by the integrator of mueller_integrator.py, 16 elements over 256 bins of
   time; Sunstone's time is that of the whole command with its files;
-- "mitransient": the same scene by its `transient_path`, Stokes vectors over 256 bins; Sunstone as above;
+- "mitransient": the same scene by its `transient_path`, Stokes vectors over 256 bins; Sunstone as above (16 elements for 4);
 - "polanalyser": Mueller images from 36 captures, computing alone;
 - "muellerkit": Lu-Chipman decomposition, computing alone;
 - "Embree, primary" and "Embree, bounce": nearest hits of rays.py's rays on 708,000 triangles, one thread.
@@ -61,9 +62,9 @@ def seconds_said(pattern, text):
 
 
 class Cornell:
-    """The Cornell box of speed.py, at one wavelength for Mitsuba."""
+    """The Cornell box of speed.py at fewer pixels, at one wavelength for Mitsuba."""
 
-    SPP, BINS = 16, (10000.0, 117.2, 256)
+    RESOLUTION, SPP, BINS = 96, 64, (10000.0, 117.2, 256)
 
     def __init__(self, folder):
         environment.need_llvm("llvm_ad_mono_polarized", "")
@@ -73,7 +74,11 @@ class Cornell:
 
         mi.set_log_level(mi.LogLevel.Error)
         self.mi, self.integrator, self.folder = mi, mueller_integrator, folder
-        self.file = environment.HERE / "speed/cornell.toml"
+        text = (environment.HERE / "speed/cornell.toml").read_text()
+        size = f"resolution = [{self.RESOLUTION}, {self.RESOLUTION}]"
+        text = text.replace("resolution = [256, 256]", size, 1).replace("rows = [150]", f"rows = [{self.RESOLUTION // 2}]")
+        self.file = folder / "cornell.toml"
+        self.file.write_text(text)
         ours("export", self.file, "--mitsuba", folder / "mitsuba", "--force", "--wavelength", 550)
         self.xml = (folder / "mitsuba/scene.xml").read_text()
         self.scene = mi.load_file(str(folder / "mitsuba/scene.xml"))
@@ -163,13 +168,15 @@ class Rays:
 
     made = {}
 
-    def __init__(self, folder, kind):
+    def __init__(self, _, kind):
         import rays
 
+        # Both kinds are rays on the same mesh.
+        folder = CACHE / "rays"
+        folder.mkdir(exist_ok=True)
         # It takes NumPy only as a program of its own.
-        rays.np = np
+        rays.np, rays.OUT = np, folder
         if not Rays.made:
-            rays.OUT = folder
             vertices, triangles = rays.mesh()
             rays.write_ply(folder / "mesh.ply", vertices, triangles)
             embree, primary = rays.Embree(vertices, triangles), rays.primary()
@@ -178,9 +185,6 @@ class Rays:
                          "bounce": rays.bounce(*primary, embree.hits)}
         self.embree, self.rays = Rays.made["embree"], Rays.made[kind]
         self.program = rays.Sunstone(Rays.made["program"], folder / "mesh.ply", kind)
-        self.program.rays, self.program.out = folder / f"{kind}.f32", folder / f"{kind}_hits.f32"
-        command = [Rays.made["program"], folder / "mesh.ply", self.program.rays, self.program.out]
-        self.program.command = [str(c) for c in command]
 
     def ours(self, _):
         return self.program.trace(*self.rays, 1)
@@ -249,13 +253,18 @@ def found(name, peer):
     return False
 
 
+def origin():
+    """What a result was measured with: commit, machine, date."""
+    from speed import machine
+
+    git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
+    return {"commit": git.stdout.strip(), "machine": machine(), "date": datetime.date.today().isoformat()}
+
+
 def write(peers):
     """The file of what is written down."""
     from importlib import metadata
 
-    from speed import machine
-
-    git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
     packages = ["mitsuba", "mitransient", "polanalyser", "muellerkit", "embreex"]
     entries = {}
     for name, peer in peers.items():
@@ -264,8 +273,7 @@ def write(peers):
         digits = lambda value: float(f"{value:.4g}")
         entries[name] = {"ratio_median": digits(middle), "ratio_quartiles": [digits(low), digits(high)], "rounds": len(peer.rounds),
                          "ours_s_median": digits(own), "theirs_s_median": digits(other)}
-    head = {"commit": git.stdout.strip(), "machine": machine(), "date": datetime.date.today().isoformat(),
-            "versions": {name: metadata.version(name) for name in packages}}
+    head = origin() | {"versions": {name: metadata.version(name) for name in packages}}
     RESULTS.write_text(json.dumps(entries | head, indent=1) + "\n")
 
 
