@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use figure::spec::{Figure, View};
-use figure::{Animation, Drawing, FigureError, Panel};
+use figure::{Drawing, FigureError, Panel};
 use store::zarr::{AccessError, OpenError, TensorStore};
 use tensor::field::Field;
 
@@ -64,9 +64,11 @@ pub fn draw(store: &TensorStore, figure: &Figure) -> Result<Drawing, FiguresErro
 /// # Errors
 /// As [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`] of the file.
 pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), FiguresError> {
-    if let (View::Flight(view), Some(format)) = (&figure.view, Animation::of(path)) {
+    if let View::Flight(view) = &figure.view
+        && figure::is_animation(path)
+    {
         let frames = with_panel(store, figure, |title, panel| figure::animate(view, title, panel))?;
-        return Ok(figure::save_animation(&frames, format, path)?);
+        return Ok(figure::save_animation(&frames, path)?);
     }
     // Before anything is read and drawn.
     figure::Format::of(path)?;

@@ -146,10 +146,9 @@ pub(crate) fn draw_in(
 ) -> Result<(Drawing, Scales), FigureError> {
     let (x, y) = ranges(chart)?;
     let (across, up) = (x.marks_across(WIDTH), y.marks(8));
-    let axis = |axis: &ChartAxis, marks: &Marks, room: f64| Axis {
-        label: fit(&scale::label(&axis.label, &marks.major), LABEL, room).0,
-        ticks: marks.major.clone(),
-        downward: false,
+    let axis = |axis: &ChartAxis, marks: &Marks, room: f64| {
+        let label = fit(&scale::label(&axis.label, &marks.major), LABEL, room).0;
+        Axis::new(label, marks.major.clone())
     };
     let page = Page {
         title: &chart.title,
@@ -182,28 +181,28 @@ pub(crate) fn draw_in(
     Ok((page, scales))
 }
 
-fn refusal(option: &'static str, value: String, must: &'static str) -> FigureError {
-    FigureError::Option { option, value, must }
-}
-
 fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
         let must = "1 to 56, which is as many as can be told apart";
-        return Err(refusal("number of series", chart.series.len().to_string(), must));
+        return Err(FigureError::option("number of series", chart.series.len(), must));
     }
     for s in &chart.series {
         if s.points.is_empty() {
             let value = format!("without points for `{}`", s.name);
-            return Err(refusal("series", value, "at least one point long"));
+            return Err(FigureError::option("series", value, "at least one point long"));
         }
         if let Some(errors) = s.errors.as_ref().filter(|e| e.len() != s.points.len()) {
             let value = format!("{} values long for `{}`", errors.len(), s.name);
-            return Err(refusal("errors", value, "as long as the points of the series"));
+            return Err(FigureError::option(
+                "errors",
+                value,
+                "as long as the points of the series",
+            ));
         }
     }
     if shown(chart).next().is_none() {
         let must = "finite, and above zero on logarithmic axes, at one point at least";
-        return Err(refusal("series", "nowhere to be drawn".into(), must));
+        return Err(FigureError::option("series", "nowhere to be drawn", must));
     }
     Ok(())
 }

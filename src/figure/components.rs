@@ -7,9 +7,8 @@ use image::Rgb;
 use super::FigureError;
 use super::colour::signed;
 use super::drawing::{Drawing, Rect};
-use super::layout::{Bar, Page, Panels};
+use super::layout::{Bar, Panels};
 use super::text::{Align, INK, NAME, NOTE, Style, TICK, fit};
-use super::ticks::Ticks;
 
 /// One map of the page.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,10 +37,7 @@ pub fn draw(
     notes: &[String],
 ) -> Result<Drawing, FigureError> {
     if maps.is_empty() {
-        return Err(FigureError::Empty {
-            slice: title.to_owned(),
-            axis: "maps",
-        });
+        return Err(FigureError::nothing(title, "maps"));
     }
     let panels = Panels {
         size: (4.0 * CELL.0, 4.0 * CELL.1),
@@ -52,19 +48,8 @@ pub fn draw(
     let finite = maps.iter().flat_map(|m| m.values).filter(|v| v.is_finite());
     let largest = finite.fold(0.0, |a: f64, v| a.max(v.abs()));
     let limit = if largest > 0.0 { largest } else { 1.0 };
-    let page = Page {
-        title,
-        bar: Some(Bar {
-            label: quantity.to_owned(),
-            ticks: Ticks::linear(-limit, limit, 8),
-            colour: &|v| signed(2.0 * v - 1.0),
-        }),
-        notes: notes.to_vec(),
-        frameless: true,
-        ..Page::default()
-    };
-    let (w, h) = panels.extent(maps.len());
-    let mut page = page.draw(w, h);
+    let bar = Bar::signed(limit, |_| quantity.to_owned());
+    let mut page = panels.page(maps.len(), title, Some(bar), notes.to_vec());
     for (i, map) in maps.iter().enumerate() {
         panels.name(&mut page, i, &[(&map.label, NAME), (&map.caption, NOTE)]);
         let place = panels.place(&page, i);

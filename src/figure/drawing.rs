@@ -3,7 +3,7 @@
 //! Lengths are in pixels of the PNG; x runs to the right, y down. Texts are text, data are embedded images shown with
 //! sharp pixels, and all else are paths. Images lie under everything, which is how [`super::output`] rasterizes them.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::io::Cursor;
 
 use base64::Engine as _;
@@ -47,6 +47,14 @@ impl Rect {
     #[must_use]
     pub fn holds(self, (x, y): Point) -> bool {
         (self.x..=self.x + self.w).contains(&x) && (self.y..=self.y + self.h).contains(&y)
+    }
+}
+
+impl fmt::Display for Rect {
+    /// As attributes of an element.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [x, y, w, h] = [self.x, self.y, self.w, self.h].map(n);
+        write!(f, "x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"")
     }
 }
 
@@ -143,46 +151,32 @@ impl Drawing {
     }
 
     /// One element; writing to a string does not fail.
-    fn put(&mut self, element: std::fmt::Arguments) {
+    fn put(&mut self, element: fmt::Arguments) {
         let _ = writeln!(self.body, "{element}");
     }
 
     /// A filled rectangle.
     pub(crate) fn fill(&mut self, r: Rect, colour: Rgb<u8>, opacity: f64) {
+        let colour = hex(colour);
         self.put(format_args!(
-            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\" fill-opacity=\"{opacity}\"/>",
-            n(r.x),
-            n(r.y),
-            n(r.w),
-            n(r.h),
-            hex(colour)
+            "<rect {r} fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"
         ));
     }
 
     /// A frame of one pixel just outside a rectangle.
     pub(crate) fn frame(&mut self, r: Rect, colour: Rgb<u8>) {
-        self.put(format_args!(
-            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"{}\"/>",
-            n(r.x - 0.5),
-            n(r.y - 0.5),
-            n(r.w + 1.0),
-            n(r.h + 1.0),
-            hex(colour)
-        ));
+        let (r, colour) = (r.within((-0.5, -0.5), (r.w + 1.0, r.h + 1.0)), hex(colour));
+        self.put(format_args!("<rect {r} fill=\"none\" stroke=\"{colour}\"/>"));
     }
 
     /// A line of one pixel in the ink of frames, from a point by `(dx, dy)`.
     pub(crate) fn tick(&mut self, (x, y): Point, (dx, dy): Point, colour: Rgb<u8>) {
         // The middle of a pixel makes a line sharp.
         let sharp = |v: f64, along: f64| if along == 0.0 { (v - 0.5).round() + 0.5 } else { v };
-        let (x, y) = (sharp(x, dx), sharp(y, dy));
+        let (x, y, dx, dy) = (n(sharp(x, dx)), n(sharp(y, dy)), n(dx), n(dy));
+        let colour = hex(colour);
         self.put(format_args!(
-            "<path d=\"M{} {}l{} {}\" stroke=\"{}\"/>",
-            n(x),
-            n(y),
-            n(dx),
-            n(dy),
-            hex(colour)
+            "<path d=\"M{x} {y}l{dx} {dy}\" stroke=\"{colour}\"/>"
         ));
     }
 
@@ -199,17 +193,12 @@ impl Drawing {
             }
             joined = point.is_some();
         }
-        let dashes = if pen.dashed {
-            "stroke-dasharray=\"7 9\" "
-        } else {
-            ""
-        };
         if !path.is_empty() {
+            let dashes = if pen.dashed { "7 9" } else { "none" };
+            let (colour, width) = (hex(pen.colour), pen.width);
             self.put(format_args!(
-                "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-linecap=\"round\" \
-                 {dashes}stroke-linejoin=\"round\"/>",
-                hex(pen.colour),
-                pen.width
+                "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+                 stroke-linecap=\"round\" stroke-linejoin=\"round\" stroke-dasharray=\"{dashes}\"/>"
             ));
         }
     }
@@ -217,25 +206,19 @@ impl Drawing {
     /// A filled area with these corners.
     pub(crate) fn area(&mut self, corners: impl Iterator<Item = Point>, colour: Rgb<u8>, opacity: f64) {
         let path: String = corners.map(|(x, y)| format!("L{} {}", n(x), n(y))).collect();
+        let (path, colour) = (path.trim_start_matches('L'), hex(colour));
         self.put(format_args!(
-            "<path d=\"M{}Z\" fill=\"{}\" fill-opacity=\"{opacity}\"/>",
-            path.trim_start_matches('L'),
-            hex(colour)
+            "<path d=\"M{path}Z\" fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"
         ));
     }
 
     /// A marker in a white rim that keeps it apart from lines and from other markers.
     pub(crate) fn marker(&mut self, marker: Marker, (x, y): Point, radius: f64, colour: Rgb<u8>) {
+        let (x, y, radius, white) = (n(x), n(y), n(radius), n(2.0 / radius));
+        let (rim, path, colour) = (marker.rim(), marker.path(), hex(colour));
         self.put(format_args!(
-            "<g transform=\"translate({} {}) scale({})\"><path d=\"{}\" fill=\"#fff\" stroke=\"#fff\" \
-             stroke-width=\"{}\"/><path d=\"{}\" fill=\"{}\"/></g>",
-            n(x),
-            n(y),
-            n(radius),
-            marker.rim(),
-            n(2.0 / radius),
-            marker.path(),
-            hex(colour)
+            "<g transform=\"translate({x} {y}) scale({radius})\"><path d=\"{rim}\" fill=\"#fff\" stroke=\"#fff\" \
+             stroke-width=\"{white}\"/><path d=\"{path}\" fill=\"{colour}\"/></g>"
         ));
     }
 
@@ -262,11 +245,9 @@ impl Drawing {
         if text.trim().is_empty() {
             return;
         }
+        let (em, colour, text) = (n(style.em), hex(style.colour), escaped(text));
         self.put(format_args!(
-            "<text {place} font-size=\"{}\" text-anchor=\"{anchor}\" fill=\"{}\">{}</text>",
-            n(style.em),
-            hex(style.colour),
-            escaped(text)
+            "<text {place} font-size=\"{em}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{text}</text>"
         ));
     }
 
@@ -276,14 +257,10 @@ impl Drawing {
         image
             .write_to(&mut png, ImageFormat::Png)
             .expect("memory takes every PNG of at least one pixel");
+        let png = BASE64_STANDARD.encode(png.get_ref());
         self.put(format_args!(
-            "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
-             style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{}\"/>",
-            n(r.x),
-            n(r.y),
-            n(r.w),
-            n(r.h),
-            BASE64_STANDARD.encode(png.get_ref())
+            "<image {r} preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" \
+             href=\"data:image/png;base64,{png}\"/>"
         ));
     }
 
@@ -292,12 +269,7 @@ impl Drawing {
         self.clips += 1;
         let id = self.clips;
         self.put(format_args!(
-            "<clipPath id=\"clip{id}\"><rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/></clipPath>\n\
-             <g clip-path=\"url(#clip{id})\">",
-            n(r.x),
-            n(r.y),
-            n(r.w),
-            n(r.h)
+            "<clipPath id=\"clip{id}\"><rect {r}/></clipPath>\n<g clip-path=\"url(#clip{id})\">"
         ));
         paint(self);
         self.put(format_args!("</g>"));

@@ -77,12 +77,7 @@ struct Frames<'a> {
 
 fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames<'a>, FigureError> {
     if !(1..=MOST).contains(&view.frames) {
-        let value = view.frames.to_string();
-        return Err(FigureError::Option {
-            option: "frames",
-            value,
-            must: "1 to 400",
-        });
+        return Err(FigureError::option("frames", view.frames, "1 to 400"));
     }
     let source = Source::new(&view.slice, panel.mean)?;
     let times = source.need(AxisKind::T)?;
@@ -146,14 +141,7 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<Drawing, Fi
         gap: 8.0,
         columns,
     };
-    let extent = panels.extent(frames.shown.len());
-    let page = Page {
-        title,
-        notes: vec![frames.note],
-        frameless: true,
-        ..Page::default()
-    };
-    let mut page = page.draw(extent.0, extent.1);
+    let mut page = panels.page(frames.shown.len(), title, None, vec![frames.note]);
     for (i, (time, raster)) in frames.shown.into_iter().enumerate() {
         panels.name(&mut page, i, &[(&time, style)]);
         let raster = raster.shrink(factors);

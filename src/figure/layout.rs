@@ -2,6 +2,7 @@
 
 use image::{Rgb, RgbImage};
 
+use super::colour::signed;
 use super::drawing::{Drawing, Point, Rect};
 use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap};
 use super::ticks::Ticks;
@@ -35,6 +36,19 @@ pub struct Axis {
     pub ticks: Ticks,
     /// Places count from the top instead.
     pub downward: bool,
+}
+
+impl Axis {
+    /// An axis to the right or upward.
+    #[must_use]
+    pub fn new(label: impl Into<String>, ticks: Ticks) -> Self {
+        let label = label.into();
+        Self {
+            label,
+            ticks,
+            downward: false,
+        }
+    }
 }
 
 /// A colour bar right of the plot.
@@ -208,7 +222,19 @@ impl Page<'_> {
     }
 }
 
-impl Bar<'_> {
+impl<'a> Bar<'a> {
+    /// A bar of sizes or of angles.
+    pub fn new(label: impl Into<String>, ticks: Ticks, colour: &'a dyn Fn(f32) -> Rgb<u8>) -> Self {
+        let label = label.into();
+        Self { label, ticks, colour }
+    }
+
+    /// A bar of numbers between ± `limit`, whose label may need the ticks.
+    pub fn signed(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
+        let ticks = Ticks::linear(-limit, limit, 8);
+        Self::new(label(&ticks), ticks, &|v| signed(2.0 * v - 1.0))
+    }
+
     /// Draws the bar into its rectangle, ticks and label right of it.
     fn draw(&self, page: &mut Drawing, r: Rect, m: &Measure) {
         let steps = (r.h as u32).clamp(1, BAR_STEPS);
@@ -263,6 +289,20 @@ impl Panels {
     #[must_use]
     pub fn place(&self, page: &Drawing, i: usize) -> Rect {
         page.data.within(self.corner(i), self.size)
+    }
+
+    /// A page for `count` panels, of which there is at least one, beside a bar and above notes.
+    #[must_use]
+    pub fn page(&self, count: usize, title: &str, bar: Option<Bar>, notes: Vec<String>) -> Drawing {
+        let page = Page {
+            title,
+            bar,
+            notes,
+            frameless: true,
+            ..Page::default()
+        };
+        let (w, h) = self.extent(count);
+        page.draw(w, h)
     }
 
     /// Writes the lines of a panel's name above it, each with its style.

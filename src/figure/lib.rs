@@ -16,7 +16,7 @@ use crate::spec::{FlightView, View};
 use tensor::array::Tensor;
 
 pub use drawing::Drawing;
-pub use output::{Animation, Format, save, save_animation};
+pub use output::{Format, is_animation, save, save_animation};
 
 pub mod angles;
 pub mod chart;
@@ -125,6 +125,19 @@ pub enum FigureError {
         /// Why not.
         source: std::io::Error,
     },
+}
+
+impl FigureError {
+    fn option(option: &'static str, value: impl ToString, must: &'static str) -> Self {
+        let value = value.to_string();
+        Self::Option { option, value, must }
+    }
+
+    /// There is nothing to draw under a title.
+    fn nothing(title: &str, axis: &'static str) -> Self {
+        let slice = title.to_owned();
+        Self::Empty { slice, axis }
+    }
 }
 
 /// Draws one view of a slice under a title.

@@ -84,11 +84,8 @@ impl Scale {
     /// The colour bar of M00.
     fn bar(self, colour: &dyn Fn(f32) -> Rgb<u8>) -> Bar<'_> {
         let ticks = self.ticks();
-        Bar {
-            label: format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT)),
-            ticks,
-            colour,
-        }
+        let label = format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT));
+        Bar::new(label, ticks, colour)
     }
 
     /// A colour as bright as its largest channel's place on the scale.
@@ -147,16 +144,8 @@ fn draw_map(
     let (w, h) = (fx.length(xs.len()), fy.length(ups.len()));
     let mut page = Page {
         title,
-        x: Axis {
-            label: "camera column [pixel]".into(),
-            ticks: Ticks::coordinates(xs, w, true),
-            downward: false,
-        },
-        y: Axis {
-            label: label.into(),
-            ticks: Ticks::coordinates(ups, h, false),
-            downward: false,
-        },
+        x: Axis::new("camera column [pixel]", Ticks::coordinates(xs, w, true)),
+        y: Axis::new(label, Ticks::coordinates(ups, h, false)),
         ..Page::default()
     };
     let one = |[out, inn]: [(AxisKind, usize); 2]| {
@@ -191,11 +180,8 @@ fn draw_map(
     let m00 = one(element.map(|(kind, _)| (kind, 0)));
     let data = one(element).into_iter().zip(m00).map(|(m, m00)| [m, m00]);
     let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
-    page.bar = Some(Bar {
-        label: format!("M{}{} / M00", view.element[0], view.element[1]),
-        ticks: Ticks::linear(-1.0, 1.0, 8),
-        colour: &|v| signed(2.0 * v - 1.0),
-    });
+    let [out, inn] = view.element;
+    page.bar = Some(Bar::signed(1.0, |_| format!("M{out}{inn} / M00")));
     page.notes[0].push_str(" Grey: not defined (M00 is not positive).");
     Ok(paint(&page, raster, (fx, fy), |[m, m00]| {
         if m00 > 0.0 && m00.is_finite() {

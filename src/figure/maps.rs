@@ -6,7 +6,7 @@ use image::Rgb;
 use super::FigureError;
 use super::colour::{cyclic, sequential, signed};
 use super::drawing::Drawing;
-use super::layout::{Bar, Page, Panels};
+use super::layout::{Bar, Panels};
 use super::map::Scale;
 use super::raster::{Factor, Raster};
 use super::text::{NAME, NOTE};
@@ -107,11 +107,7 @@ fn positive(option: &'static str, value: f32) -> Result<f64, FigureError> {
     if value > 0.0 && value.is_finite() {
         return Ok(value.into());
     }
-    Err(FigureError::Option {
-        option,
-        value: value.to_string(),
-        must: "a finite number above zero",
-    })
+    Err(FigureError::option(option, value, "a finite number above zero"))
 }
 
 /// Draws maps, `columns` a row, on one scale for all of them, which is named `name` beside the bar.
@@ -139,10 +135,7 @@ pub fn draw(
         pictures.push((map, raster.shrink(factors), factors));
     }
     if maps.is_empty() {
-        return Err(FigureError::Empty {
-            slice: title.to_owned(),
-            axis: "maps",
-        });
+        return Err(FigureError::nothing(title, "maps"));
     }
     let panels = Panels {
         size,
@@ -150,19 +143,8 @@ pub fn draw(
         gap: 24.0,
         columns: columns.clamp(1, maps.len()),
     };
-    let page = Page {
-        title,
-        bar: Some(Bar {
-            label: format!("{name}{}", shades.remark),
-            ticks: shades.ticks,
-            colour: &shades.colour,
-        }),
-        notes: notes.to_vec(),
-        frameless: true,
-        ..Page::default()
-    };
-    let (w, h) = panels.extent(maps.len());
-    let mut page = page.draw(w, h);
+    let bar = Bar::new(format!("{name}{}", shades.remark), shades.ticks, &shades.colour);
+    let mut page = panels.page(maps.len(), title, Some(bar), notes.to_vec());
     for (i, (map, raster, factors)) in pictures.into_iter().enumerate() {
         panels.name(&mut page, i, &[(&map.label, NAME), (&map.caption, NOTE)]);
         raster.paint(&mut page, panels.corner(i), factors, |v| {

@@ -7,11 +7,11 @@ use image::Rgb;
 
 use super::colour::{UNDEFINED, exposure, percentile, signed, srgb};
 use super::drawing::{Drawing, Rect};
-use super::layout::{Bar, CAMERA_UNIT, Page, Panels, growth};
+use super::layout::{Bar, CAMERA_UNIT, Panels, growth};
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{Align, NAME, Style, width};
-use super::ticks::{Ticks, brief};
+use super::ticks::brief;
 use super::{FigureError, Panel};
 use crate::spec::MuellerView;
 use tensor::axes::AxisKind;
@@ -50,13 +50,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     let sizes = || raster.data.iter().flatten().map(|v| v.abs());
     let limit = match view.limit {
         Some(l) if l > 0.0 && l.is_finite() => l,
-        Some(l) => {
-            return Err(FigureError::Option {
-                option: "limit",
-                value: l.to_string(),
-                must: "a positive number",
-            });
-        }
+        Some(l) => return Err(FigureError::option("limit", l, "a positive number")),
         None if view.normalized => 1.0,
         None => percentile(sizes(), 0.99)
             .filter(|l| *l > 0.0)
@@ -70,12 +64,13 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
         Some(nm) => format!(" at {nm} nm"),
         None => String::new(),
     };
-    let ticks = Ticks::linear(-f64::from(limit), f64::from(limit), 8);
-    let label = if view.normalized {
-        "Mij / M00".to_owned()
-    } else {
-        format!("Mij [{}]", ticks.unit(CAMERA_UNIT))
-    };
+    let bar = Bar::signed(limit.into(), |ticks| {
+        if view.normalized {
+            "Mij / M00".to_owned()
+        } else {
+            format!("Mij [{}]", ticks.unit(CAMERA_UNIT))
+        }
+    });
     let mut notes = vec![format!(
         "Mueller elements{at}; row i: Stokes out, column j: Stokes in."
     )];
@@ -85,20 +80,8 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
             brief(f64::from(white))
         ));
     }
-    let page = Page {
-        title,
-        bar: Some(Bar {
-            label,
-            ticks,
-            colour: &|v| signed(2.0 * v - 1.0),
-        }),
-        notes,
-        frameless: true,
-        ..Page::default()
-    };
-    let extent = grid.extent(16);
-    let mut page = page.draw(extent.0, extent.1);
-    let style = NAME.scaled(growth(extent.0));
+    let mut page = grid.page(16, title, Some(bar), notes);
+    let style = NAME.scaled(growth(page.data.w));
     for i in 0..16 {
         raster.paint(&mut page, grid.corner(i), factors, |m| {
             pixel(&m, i, view.normalized, white, limit)

@@ -3,14 +3,13 @@
 //! Every format comes from the drawing's SVG and from fonts that are built in, so that the same drawing gives the same
 //! bytes on every machine.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Cursor, Write as _};
+use std::io::{Cursor, Write as _};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use base::whole_file;
 use image::codecs::gif::{GifEncoder, Repeat};
-use image::{Delay, Frame, ImageFormat, RgbImage, RgbaImage};
+use image::{Delay, DynamicImage, Frame, ImageFormat, RgbImage};
 use resvg::tiny_skia::{Color, FilterQuality, Paint, Pattern, Pixmap, Rect, SpreadMode, Transform};
 use resvg::usvg::fontdb::Database;
 use resvg::usvg::{Group, ImageKind, Node, Options, Tree};
@@ -47,33 +46,18 @@ impl Format {
             "png" => Ok(Self::Png),
             "svg" => Ok(Self::Svg),
             "pdf" => Ok(Self::Pdf),
-            _ => Err(FigureError::Extension {
-                path: path.display().to_string(),
-                known: ".png, .svg or .pdf, light in flight also as .gif or .apng",
-            }),
+            _ => Err(unknown(
+                path,
+                ".png, .svg or .pdf, light in flight also as .gif or .apng",
+            )),
         }
     }
 }
 
-/// Formats of several pictures in turn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Animation {
-    /// At most 256 colours a frame; shown everywhere.
-    Gif,
-    /// PNG with all colours.
-    Apng,
-}
-
-impl Animation {
-    /// The format that a file's extension names, in letters of either case; `None` for any other.
-    #[must_use]
-    pub fn of(path: &Path) -> Option<Self> {
-        match extension(path).as_str() {
-            "gif" => Some(Self::Gif),
-            "apng" => Some(Self::Apng),
-            _ => None,
-        }
-    }
+/// Whether a file's extension names a format of an animation, `.gif` or `.apng`.
+#[must_use]
+pub fn is_animation(path: &Path) -> bool {
+    matches!(extension(path).as_str(), "gif" | "apng")
 }
 
 fn extension(path: &Path) -> String {
@@ -93,26 +77,29 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
         Format::Svg => drawing.svg().into_bytes(),
         Format::Pdf => drawing.pdf()?,
     };
-    write(path, |file| file.write_all(&bytes))
+    write(path, &bytes)
 }
 
-/// Writes drawings of one size as an endless animation, whole or not at all. Makes missing folders.
+/// Writes drawings of one size as an endless animation, whole or not at all: `.apng` has all colours, `.gif` at most 256
+/// a frame. Makes missing folders.
 ///
 /// # Errors
-/// [`FigureError::Encode`] if there is no frame or one is too large; [`FigureError::Write`].
-pub fn save_animation(frames: &[Drawing], format: Animation, path: &Path) -> Result<(), FigureError> {
+/// [`FigureError::Extension`], [`FigureError::Encode`] if there is no frame or one is too large, [`FigureError::Write`].
+pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError> {
     let first = frames.first().ok_or_else(|| encode("it has no frames"))?;
     let mut bytes = Cursor::new(Vec::new());
-    match format {
-        Animation::Gif => {
+    match extension(path).as_str() {
+        "gif" => {
             let mut gif = GifEncoder::new_with_speed(&mut bytes, GIF_SPEED);
             gif.set_repeat(Repeat::Infinite).map_err(encode)?;
             for drawing in frames {
-                let picture = image::DynamicImage::from(drawing.pixels()?).into_rgba8();
-                gif.encode_frame(still(picture)).map_err(encode)?;
+                let picture = DynamicImage::from(drawing.pixels()?).into_rgba8();
+                let delay = Delay::from_numer_denom_ms(FRAME_MS.into(), 1);
+                gif.encode_frame(Frame::from_parts(picture, 0, 0, delay))
+                    .map_err(encode)?;
             }
         }
-        Animation::Apng => {
+        "apng" => {
             let mut png = png::Encoder::new(&mut bytes, first.width(), first.height());
             png.set_color(png::ColorType::Rgb);
             png.set_animated(frames.len() as u32, 0).map_err(encode)?;
@@ -123,20 +110,22 @@ pub fn save_animation(frames: &[Drawing], format: Animation, path: &Path) -> Res
             }
             png.finish().map_err(encode)?;
         }
+        _ => return Err(unknown(path, ".gif or .apng")),
     }
-    write(path, |file| file.write_all(bytes.get_ref()))
+    write(path, bytes.get_ref())
 }
 
-fn still(picture: RgbaImage) -> Frame {
-    Frame::from_parts(picture, 0, 0, Delay::from_numer_denom_ms(FRAME_MS.into(), 1))
+fn unknown(path: &Path, known: &'static str) -> FigureError {
+    let path = path.display().to_string();
+    FigureError::Extension { path, known }
 }
 
 fn encode(e: impl std::fmt::Display) -> FigureError {
     FigureError::Encode(e.to_string())
 }
 
-fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), FigureError> {
-    whole_file::write_with(path, fill).map_err(|source| FigureError::Write {
+fn write(path: &Path, bytes: &[u8]) -> Result<(), FigureError> {
+    whole_file::write_with(path, |file| file.write_all(bytes)).map_err(|source| FigureError::Write {
         path: path.display().to_string(),
         source,
     })

@@ -21,13 +21,7 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
     drop(values);
     let white = match view.white {
         Some(w) if w > 0.0 && w.is_finite() => w,
-        Some(w) => {
-            return Err(FigureError::Option {
-                option: "white",
-                value: w.to_string(),
-                must: "a positive number",
-            });
-        }
+        Some(w) => return Err(FigureError::option("white", w, "a positive number")),
         None => exposure(raster.data.iter().flatten().copied()),
     };
     let factors = Factor::square(raster.w, raster.h, 900, 1600, 40);
@@ -56,17 +50,13 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
 
 /// The axes of a camera's image.
 pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) {
-    let x = Axis {
-        label: "camera column [pixel]".into(),
-        ticks: Ticks::coordinates(xs, fx.length(xs.len()), true),
-        downward: false,
-    };
+    let across = Ticks::coordinates(xs, fx.length(xs.len()), true);
+    let down = Ticks::coordinates(ys, fy.length(ys.len()), false);
     let y = Axis {
-        label: "camera row [pixel]".into(),
-        ticks: Ticks::coordinates(ys, fy.length(ys.len()), false),
         downward: true,
+        ..Axis::new("camera row [pixel]", down)
     };
-    (x, y)
+    (Axis::new("camera column [pixel]", across), y)
 }
 
 /// Which wavelengths are shown in which primary, in words.

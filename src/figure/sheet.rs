@@ -1,13 +1,12 @@
 //! A contact sheet: many small 4×4 Mueller grids under their names, all on one scale.
 
 use super::FigureError;
-use super::colour::{exposure, signed};
+use super::colour::exposure;
 use super::drawing::Drawing;
-use super::layout::{Bar, Page, Panels};
+use super::layout::{Bar, Panels};
 use super::mueller;
 use super::raster::{Factor, Raster};
 use super::text::NAME;
-use super::ticks::Ticks;
 
 /// One grid of the sheet.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,10 +39,7 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
         pictures.push((&grid.label, raster.shrink(factors), factors, white));
     }
     if grids.is_empty() {
-        return Err(FigureError::Empty {
-            slice: title.to_owned(),
-            axis: "grids",
-        });
+        return Err(FigureError::nothing(title, "grids"));
     }
     let elements = mueller::panels(size, 8.0);
     let panels = Panels {
@@ -52,19 +48,9 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
         gap: 16.0,
         columns: columns.clamp(1, grids.len()),
     };
-    let page = Page {
-        title,
-        bar: Some(Bar {
-            label: "Mij / M00".into(),
-            ticks: Ticks::linear(-1.0, 1.0, 8),
-            colour: &|v| signed(2.0 * v - 1.0),
-        }),
-        notes: notes.iter().map(|n| (*n).to_owned()).collect(),
-        frameless: true,
-        ..Page::default()
-    };
-    let (w, h) = panels.extent(grids.len());
-    let mut page = page.draw(w, h);
+    let bar = Bar::signed(1.0, |_| "Mij / M00".to_owned());
+    let notes = notes.iter().map(|n| (*n).to_owned()).collect();
+    let mut page = panels.page(grids.len(), title, Some(bar), notes);
     for (i, (label, raster, factors, white)) in pictures.into_iter().enumerate() {
         panels.name(&mut page, i, &[(label, NAME)]);
         let from = panels.corner(i);
@@ -81,7 +67,7 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::colour::{UNDEFINED, srgb};
+    use crate::colour::{UNDEFINED, signed, srgb};
     use image::Rgb;
 
     fn grid(label: &str, m: [f32; 16]) -> Grid {

@@ -46,15 +46,12 @@ impl Scale {
             let (a, b) = (along(low), along(high));
             let wide = (b - a).is_finite() && b - a > NARROWEST * a.abs().max(b.abs()).max(1e-290);
             if !wide {
-                return Err(FigureError::Option {
-                    option,
-                    value: format!("{low:e} to {high:e}"),
-                    must: if log {
-                        "two finite numbers above zero, the smaller one first"
-                    } else {
-                        "two finite numbers, the smaller one first"
-                    },
-                });
+                let must = if log {
+                    "two finite numbers above zero, the smaller one first"
+                } else {
+                    "two finite numbers, the smaller one first"
+                };
+                return Err(FigureError::option(option, format!("{low:e} to {high:e}"), must));
             }
             return Ok(Self { log, low: a, high: b });
         }

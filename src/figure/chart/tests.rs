@@ -1,5 +1,5 @@
-//! What is drawn where, from series whose points are known, and from series that hold nothing worth drawing. To look at
-//! the examples, name a folder in the environment variable `FIGURE_GALLERY` and run `cargo test --release chart`.
+//! What is drawn where, from series whose points are known, and from series that hold nothing worth drawing.
+//! `FIGURE_GALLERY` names a folder for pictures to look at.
 
 use image::RgbImage;
 use proptest::prelude::*;
@@ -193,93 +193,49 @@ fn what_cannot_be_drawn_is_refused() {
     assert!(message(&chart).contains("above zero"));
 }
 
-/// Loss over captures of six schemes with a bound, as a paper shows it.
-fn losses() -> Chart {
-    let names = [
-        "optimized, noise-aware",
-        "optimized",
-        "dual rotating retarder",
-        "ellipsometry 4 × 4",
-        "rotating polarizers",
-        "random angles",
-    ];
-    let captures = || (4..=36).step_by(2).map(f64::from);
-    let mut list = vec![Series {
-        colour: BLACK,
-        ..series(
-            "lower bound",
-            &captures().map(|k| (k, 0.09 / k)).collect::<Vec<_>>(),
-            SeriesStyle::Dashed,
-            BLACK,
-        )
-    }];
-    for (i, name) in names.into_iter().enumerate() {
-        let points: Vec<(f64, f64)> = captures()
-            .filter(|k| i != 3 || *k >= 16.0)
-            .map(|k| {
-                let rank = 1.0 + 40.0 * f64::exp(-(k - 4.0) / (2.5 + i as f64));
-                (
-                    k,
-                    0.1 / k * 1.35_f64.powi(i as i32) * rank * (1.0 + 0.06 * (k * (i + 2) as f64).sin()),
-                )
-            })
-            .collect();
-        let errors = points.iter().map(|p| 0.08 * p.1).collect();
-        list.push(Series {
-            errors: Some(errors),
-            ..series(name, &points, SeriesStyle::LineMarkers, i)
-        });
-    }
-    Chart {
-        title: "Reconstruction loss over the number of captures".into(),
-        x: axis("captures K", false, Some((2.0, 38.0))),
-        y: axis("mean squared error of M / M00", true, None),
-        series: list,
-        notes: vec![
-            "Bars: ±1 standard error over 16 scenes. The bound is that of 16 unknowns at the same light."
-                .into(),
-        ],
-    }
-}
-
+/// A chart of every style on either kind of axis comes out at a useful size, the same again, with its words.
 #[test]
-fn examples_come_out_at_a_useful_size_and_the_same_again() {
-    let linear = Chart {
-        title: "Linear".into(),
-        x: axis("travel time [ps]", false, None),
-        y: axis("camera value [W/(m² sr nm)]", false, None),
-        series: (0..8)
-            .map(|k| {
-                let p: Vec<(f64, f64)> = (0..12)
-                    .map(|i| {
-                        (
-                            f64::from(i) * 7.0,
-                            1e-6 * (f64::from(i) * 0.5 + f64::from(k)).sin(),
-                        )
-                    })
-                    .collect();
-                series(&format!("series {k}"), &p, SeriesStyle::LineMarkers, k as usize)
-            })
-            .collect(),
-        notes: vec![],
-    };
-    let mut narrow = losses();
-    narrow.x = axis("captures K", true, None);
-    narrow.y = axis("loss", true, Some((0.002, 0.1)));
-    narrow.series.truncate(3);
-    for (name, chart) in [
-        ("chart_losses", losses()),
-        ("chart_linear", linear),
-        ("chart_narrow", narrow),
-    ] {
-        let img = draw(&chart).unwrap();
-        assert!(
-            (900..1400).contains(&img.width()) && (540..720).contains(&img.height()),
-            "{name}"
-        );
-        assert_eq!(img, draw(&chart).unwrap());
+fn charts_come_out_at_a_useful_size_and_the_same_again() {
+    let styles = [
+        SeriesStyle::Dashed,
+        SeriesStyle::Band,
+        SeriesStyle::LineMarkers,
+        SeriesStyle::Line,
+    ];
+    for (log, name) in [(false, "chart_linear"), (true, "chart_log")] {
+        let chart = Chart {
+            title: "Loss over captures".into(),
+            x: axis("captures K", false, None),
+            y: axis("loss [W]", log, None),
+            series: (0..8)
+                .map(|k| {
+                    let loss = |i: usize| 1e-6 * (0.3 * k as f64 - 0.2 * i as f64).exp();
+                    let points: Vec<(f64, f64)> = (4..20).map(|i| (i as f64, loss(i))).collect();
+                    Series {
+                        errors: Some(points.iter().map(|p| 0.1 * p.1).collect()),
+                        ..series(&format!("series {k}"), &points, styles[k % 4], k)
+                    }
+                })
+                .collect(),
+            notes: vec!["Bars: ±1 standard error.".into()],
+        };
+        let drawing = draw(&chart).unwrap();
+        assert!((900..1400).contains(&drawing.width()) && (540..720).contains(&drawing.height()));
+        assert_eq!(drawing, draw(&chart).unwrap());
+        for text in [
+            "Loss over captures",
+            "captures K",
+            "series 7",
+            "Bars: ±1 standard error.",
+        ] {
+            assert!(drawing.svg().contains(&format!(">{text}<")), "{text}");
+        }
         if let Ok(folder) = std::env::var("FIGURE_GALLERY") {
-            crate::save(&img, &std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
+            crate::save(
+                &drawing,
+                &std::path::Path::new(&folder).join(format!("{name}.png")),
+            )
+            .unwrap();
         }
     }
 }
@@ -298,27 +254,18 @@ fn any_axis() -> impl Strategy<Value = ChartAxis> {
 }
 
 fn any_series() -> impl Strategy<Value = Series> {
-    let styles = vec![
-        SeriesStyle::Line,
-        SeriesStyle::Markers,
-        SeriesStyle::LineMarkers,
-        SeriesStyle::Dashed,
-    ];
+    use SeriesStyle::{Band, Dashed, Line, LineMarkers, Markers};
+    let style = prop::sample::select(vec![Line, Markers, LineMarkers, Dashed, Band]);
     let points = prop::collection::vec((number(), number(), number()), 0..20);
-    (
-        ".{0,40}",
-        points,
-        any::<bool>(),
-        prop::sample::select(styles),
-        any::<usize>(),
+    (".{0,40}", points, any::<bool>(), style, any::<usize>()).prop_map(
+        |(name, points, bars, style, colour)| {
+            let places: Vec<(f64, f64)> = points.iter().map(|p| (p.0, p.1)).collect();
+            Series {
+                errors: bars.then(|| points.iter().map(|p| p.2).collect()),
+                ..series(&name, &places, style, colour)
+            }
+        },
     )
-        .prop_map(|(name, points, bars, style, colour)| Series {
-            name,
-            errors: bars.then(|| points.iter().map(|p| p.2).collect()),
-            points: points.into_iter().map(|p| (p.0, p.1)).collect(),
-            style,
-            colour,
-        })
 }
 
 proptest! {

@@ -3,48 +3,31 @@
 use super::*;
 use AxisKind::{Bounces, Component, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
 
-fn wave(nm: &[f64]) -> Axis {
-    axis(Wavelength, nm.to_vec())
+fn wave<const N: usize>(nm: &[f64], lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
+    let mut all = axes(lengths);
+    all.push(axis(Wavelength, nm.to_vec()));
+    all
 }
 
 #[test]
 fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
     let t = tensor(
-        vec![
-            counted(Y, 2),
-            counted(X, 4),
-            counted(V, 2),
-            counted(T, 2),
-            counted(StokesOut, 4),
-            counted(StokesIn, 4),
-            wave(&RGB_NM),
-        ],
+        wave(
+            &RGB_NM,
+            [(Y, 2), (X, 4), (V, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)],
+        ),
         |at| {
             // 4 entries are summed, and elements other than M00 would spoil the picture.
             let m00 = at.i(StokesOut) == 0 && at.i(StokesIn) == 0;
             let on = at.i(Y) == 1 && (at.i(X) == 3 || at.i(X) == at.i(Wavelength));
-            if !m00 {
-                9.0
-            } else if on {
-                0.25
-            } else {
-                0.0
-            }
+            if m00 { f64::from(u8::from(on)) / 4.0 } else { 9.0 }
         },
     );
-    let view = View::Photo(PhotoView {
-        slice: "s".into(),
-        white: Some(1.0),
-    });
-    let (img, r) = seen(&view, &panel(&t));
+    let (img, r) = seen(&white_view(1.0), &panel(&t));
     let row = [0.125, 0.375, 0.625, 0.875].map(|x| colour(&img, r, x, 0.75));
     assert_eq!(row, [[0, 0, 255], [0, 255, 0], [255, 0, 0], [255, 255, 255]]);
     assert_eq!(colour(&img, r, 0.5, 0.25), [0, 0, 0]);
-    let half = View::Photo(PhotoView {
-        slice: "s".into(),
-        white: Some(2.0),
-    });
-    let (img, r) = seen(&half, &panel(&t));
+    let (img, r) = seen(&white_view(2.0), &panel(&t));
     assert_eq!(colour(&img, r, 0.875, 0.75), [188, 188, 188]);
     assert!(r.w == 900.0 && r.h == 450.0 && img.get_pixel(0, 0).0 == [255; 3]);
 }
@@ -61,13 +44,7 @@ fn photo_is_exposed_to_the_99th_percentile() {
 #[test]
 fn mueller_signs_have_their_colours_and_undefined_is_grey() {
     let t = tensor(
-        vec![
-            counted(Y, 2),
-            counted(X, 2),
-            counted(StokesOut, 4),
-            counted(StokesIn, 4),
-            wave(&[635.0]),
-        ],
+        wave(&[635.0], [(Y, 2), (X, 2), (StokesOut, 4), (StokesIn, 4)]),
         |at| {
             let m00 = if at.i(Y) == 0 { 0.0 } else { 4.0 };
             match (at.i(StokesOut), at.i(StokesIn)) {
@@ -99,13 +76,7 @@ fn mueller_signs_have_their_colours_and_undefined_is_grey() {
 #[test]
 fn mueller_limit_wavelength_and_raw_values_are_honoured() {
     let t = tensor(
-        vec![
-            counted(Y, 1),
-            counted(X, 1),
-            counted(StokesOut, 4),
-            counted(StokesIn, 4),
-            wave(&RGB_NM),
-        ],
+        wave(&RGB_NM, [(Y, 1), (X, 1), (StokesOut, 4), (StokesIn, 4)]),
         |at| [-1.0, 0.0, 1.0][at.i(Wavelength)] * 0.5,
     );
     let one = |nm: f64, limit: f32| {
@@ -133,7 +104,7 @@ fn scanlines() -> Tensor {
             counted(X, 8),
             axis(T, bins),
             counted(Bounces, 2),
-            wave(&RGB_NM),
+            axis(Wavelength, RGB_NM.to_vec()),
         ],
         |at| {
             if at.i(Y) == 1 && at.i(X) == 3 && at.i(T) == 5 && at.i(Wavelength) != 0 {
@@ -165,15 +136,7 @@ fn bright_bin_of_a_space_time_map_is_in_its_place() {
 
 #[test]
 fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
-    let axes = |rows, columns| {
-        vec![
-            counted(X, 8),
-            counted(V, rows),
-            counted(U, columns),
-            counted(StokesOut, 4),
-            counted(StokesIn, 4),
-        ]
-    };
+    let axes = |rows, columns| axes([(X, 8), (V, rows), (U, columns), (StokesOut, 4), (StokesIn, 4)]);
     let value = |at: &At| {
         let on = at.i(X) == at.i(U) || at.i(X) == at.i(V);
         let m = if at.i(StokesOut) == 0 { 2.0 } else { -2.0 };
@@ -200,18 +163,9 @@ fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
 #[test]
 fn flight_frames_follow_the_light() {
     // One pixel of a row of six lights up per bin, bins 2 to 7 of 10.
-    let t = tensor(
-        vec![
-            counted(Y, 4),
-            counted(X, 6),
-            counted(T, 10),
-            counted(Component, 2),
-            wave(&[635.0]),
-        ],
-        |at| {
-            if at.i(X) + 2 == at.i(T) { 3.0 } else { 0.0 }
-        },
-    );
+    let t = tensor(wave(&[635.0], [(Y, 4), (X, 6), (T, 10), (Component, 2)]), |at| {
+        if at.i(X) + 2 == at.i(T) { 3.0 } else { 0.0 }
+    });
     // Three frames, of bins 2, 5 and 7: the lit column of each is at x = 0, 3 and 5 of 6.
     let sheet = draw(&flight_view(3), "t", &panel(&t)).unwrap();
     let (img, places) = (sheet.pixels().unwrap(), images(&sheet));
@@ -238,7 +192,12 @@ fn flight_frames_follow_the_light() {
 
 fn steps() -> (Tensor, Tensor, Tensor) {
     let bins: Vec<f64> = (0..20).map(|i| 5.0 + 10.0 * f64::from(i)).collect();
-    let axes = vec![counted(Y, 2), counted(X, 4), axis(T, bins), wave(&RGB_NM)];
+    let axes = vec![
+        counted(Y, 2),
+        counted(X, 4),
+        axis(T, bins),
+        axis(Wavelength, RGB_NM.to_vec()),
+    ];
     let mean = tensor(axes.clone(), |at| {
         if at.i(X) == 3 && at.i(Y) == 1 {
             1.0 + at.f(Wavelength)

@@ -83,10 +83,17 @@ fn maps_have_images_and_profiles_have_paths() {
     }
 }
 
+/// To look at the pictures, name a folder in the environment variable `FIGURE_GALLERY`.
 #[test]
 fn same_input_same_bytes_in_every_format() {
     let (t, folder) = (full(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
+    if let Ok(gallery) = std::env::var("FIGURE_GALLERY") {
+        for (i, view) in all_views().iter().enumerate() {
+            let path = Path::new(&gallery).join(format!("view{i}.png"));
+            save(&draw(view, "title", &panel(&t)).unwrap(), &path).unwrap();
+        }
+    }
     let read = |name: &str| std::fs::read(at(name)).unwrap();
     for (i, view) in all_views().iter().enumerate() {
         for (format, head) in [("png", "\u{fffd}PNG"), ("svg", "<svg "), ("pdf", "%PDF-")] {
@@ -106,10 +113,10 @@ fn same_input_same_bytes_in_every_format() {
             );
         }
     }
-    for (name, format) in [("a.gif", Animation::Gif), ("a.apng", Animation::Apng)] {
-        save_animation(&frames(3), format, &at(name)).unwrap();
+    for name in ["a.gif", "a.apng"] {
+        save_animation(&frames(3), &at(name)).unwrap();
         let first = read(name);
-        save_animation(&frames(3), format, &at(name)).unwrap();
+        save_animation(&frames(3), &at(name)).unwrap();
         assert_eq!(first, read(name), "{name}");
     }
     assert_eq!(
@@ -124,9 +131,10 @@ fn extensions_name_formats() {
     assert_eq!(Format::of(Path::new("a/b.PNG")).unwrap(), Format::Png);
     assert_eq!(Format::of(Path::new("b.svg")).unwrap(), Format::Svg);
     assert_eq!(Format::of(Path::new("b.c.pdf")).unwrap(), Format::Pdf);
-    assert_eq!(Animation::of(Path::new("b.Gif")), Some(Animation::Gif));
-    assert_eq!(Animation::of(Path::new("b.apng")), Some(Animation::Apng));
-    assert_eq!(Animation::of(Path::new("b.png")), None);
+    let moving = ["b.Gif", "b.apng", "b.png", "gif"].map(|p| is_animation(Path::new(p)));
+    assert_eq!(moving, [true, true, false, false]);
+    let e = save_animation(&frames(1), Path::new("a.png")).unwrap_err();
+    assert!(e.to_string().contains(".gif or .apng"), "{e}");
     let drawing = draw(&photo_view(), "", &panel(&full())).unwrap();
     for name in ["a.jpg", "a.gif", "png", "a"] {
         let e = save(&drawing, Path::new(name)).unwrap_err().to_string();
@@ -183,7 +191,7 @@ fn animations_have_their_frames() {
     let folder = tempfile::tempdir().unwrap();
     let frames = frames(5);
     let gif = folder.path().join("a.gif");
-    save_animation(&frames, Animation::Gif, &gif).unwrap();
+    save_animation(&frames, &gif).unwrap();
     let decoder =
         image::codecs::gif::GifDecoder::new(std::io::BufReader::new(std::fs::File::open(&gif).unwrap()));
     let decoded = image::AnimationDecoder::into_frames(decoder.unwrap())
@@ -201,7 +209,7 @@ fn animations_have_their_frames() {
         assert_eq!(far.count(), 0);
     }
     let apng = folder.path().join("a.apng");
-    save_animation(&frames, Animation::Apng, &apng).unwrap();
+    save_animation(&frames, &apng).unwrap();
     let file = std::io::BufReader::new(std::fs::File::open(&apng).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
     assert_eq!(reader.info().animation_control().unwrap().num_frames, 5);
@@ -210,8 +218,5 @@ fn animations_have_their_frames() {
         reader.next_frame(&mut bytes).unwrap();
         assert_eq!(bytes, drawing.pixels().unwrap().into_raw());
     }
-    assert!(matches!(
-        save_animation(&[], Animation::Gif, &gif),
-        Err(FigureError::Encode(_))
-    ));
+    assert!(matches!(save_animation(&[], &gif), Err(FigureError::Encode(_))));
 }

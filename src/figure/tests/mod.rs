@@ -5,7 +5,7 @@ use image::RgbImage;
 use super::colour::UNDEFINED;
 use super::drawing::Rect;
 use super::{
-    Animation, Drawing, FigureError, Format, Panel, animate, draw, mueller, profile, save, save_animation,
+    Drawing, FigureError, Format, Panel, animate, draw, is_animation, mueller, profile, save, save_animation,
 };
 use crate::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use tensor::array::Tensor;
@@ -16,7 +16,6 @@ const RGB_NM: [f64; 3] = [450.0, 550.0, 660.0];
 mod content;
 mod degenerate;
 mod formats;
-mod gallery;
 mod refusals;
 
 fn axis(kind: AxisKind, coords: Vec<f64>) -> Axis {
@@ -29,6 +28,11 @@ fn axis(kind: AxisKind, coords: Vec<f64>) -> Axis {
 
 fn counted(kind: AxisKind, n: usize) -> Axis {
     axis(kind, (0..n).map(|i| i as f64).collect())
+}
+
+/// Axes that are counted from 0, of these lengths.
+fn axes<const N: usize>(lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
+    lengths.map(|(kind, n)| counted(kind, n)).into()
 }
 
 /// Indices of one entry, by axis.
@@ -71,10 +75,13 @@ fn panel(mean: &Tensor) -> Panel<'_> {
 }
 
 fn photo_view() -> View {
-    View::Photo(PhotoView {
-        slice: "s".into(),
-        white: None,
-    })
+    let slice = "s".into();
+    View::Photo(PhotoView { slice, white: None })
+}
+
+fn white_view(white: f32) -> View {
+    let (slice, white) = ("s".into(), Some(white));
+    View::Photo(PhotoView { slice, white })
 }
 
 fn mueller_view(normalized: bool) -> View {
@@ -96,10 +103,8 @@ fn map_view(row: usize, element: [usize; 2], wavelength_nm: Option<f64>) -> MapV
 }
 
 fn flight_view(frames: usize) -> View {
-    View::Flight(FlightView {
-        slice: "s".into(),
-        frames,
-    })
+    let slice = "s".into();
+    View::Flight(FlightView { slice, frames })
 }
 
 fn profile_view(pixel: [f64; 2], element: [usize; 2]) -> View {

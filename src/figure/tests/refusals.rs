@@ -9,9 +9,7 @@ fn message(view: &View, t: &Tensor) -> String {
 
 #[test]
 fn missing_axes_are_named_with_their_mend() {
-    let still = tensor(vec![counted(Y, 2), counted(X, 2), counted(Wavelength, 3)], |_| {
-        1.0
-    });
+    let still = tensor(axes([(Y, 2), (X, 2), (Wavelength, 3)]), |_| 1.0);
     let time = "slice `s` has no time axis; draw a slice with `time = {";
     for view in [
         View::SpaceTime(map_view(0, [0, 0], None)),
@@ -30,7 +28,7 @@ fn missing_axes_are_named_with_their_mend() {
         "{m}"
     );
     for view in [mueller_view(true), View::SpaceSpace(map_view(0, [2, 0], None))] {
-        let t = tensor(vec![counted(Y, 2), counted(X, 2), counted(U, 3)], |_| 1.0);
+        let t = tensor(axes([(Y, 2), (X, 2), (U, 3)]), |_| 1.0);
         let m = message(&view, &t);
         assert!(
             m.contains("no Stokes axis") && m.contains("polarization = \"mueller\""),
@@ -44,13 +42,7 @@ fn missing_axes_are_named_with_their_mend() {
 #[test]
 fn options_out_of_range_are_named() {
     let t = tensor(
-        vec![
-            counted(Y, 2),
-            counted(X, 2),
-            counted(T, 3),
-            counted(StokesOut, 4),
-            counted(StokesIn, 4),
-        ],
+        axes([(Y, 2), (X, 2), (T, 3), (StokesOut, 4), (StokesIn, 4)]),
         |_| 1.0,
     );
     let m = message(&View::SpaceTime(map_view(2, [0, 0], None)), &t);
@@ -59,11 +51,7 @@ fn options_out_of_range_are_named() {
     assert!(message(&flight_view(0), &t).contains("`frames`"));
     assert!(message(&profile_view([f64::NAN, 0.0], [0, 0]), &t).contains("`pixel`"));
     for white in [0.0, -1.0, f32::NAN] {
-        let view = View::Photo(PhotoView {
-            slice: "s".into(),
-            white: Some(white),
-        });
-        assert!(message(&view, &t).contains("`white`"));
+        assert!(message(&white_view(white), &t).contains("`white`"));
     }
     let limit = View::Mueller(MuellerView {
         slice: "s".into(),
