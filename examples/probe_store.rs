@@ -7,7 +7,8 @@ use sunstone::{Field, Pattern, Probe, Render, Store, scene};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut room = scene::load("scenes/mirror_room/scene.toml".as_ref())?;
-    room.slices.retain(|s| ["ss", "polarimetric"].contains(&s.name.as_str()));
+    room.slices
+        .retain(|s| ["ss", "polarimetric"].contains(&s.name.as_str()));
     room.settings.spp = 4;
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("room.zarr");
@@ -27,7 +28,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // I = T P: one column of the projector is on.
     let mut drive = Pattern::uniform(256, 256, 0.0);
-    drive.values.iter_mut().skip(100).step_by(256).for_each(|p| *p = 1.0);
+    drive
+        .values
+        .iter_mut()
+        .skip(100)
+        .step_by(256)
+        .for_each(|p| *p = 1.0);
     let stripe = Probe {
         pattern: Some(drive),
         ..Probe::default()

@@ -124,9 +124,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         save(path, &shape, variances)?;
     }
     save(&a.output, &shape, &captured.intensities)?;
-    super::print(summary(&scheme, &target, &noise, &captured, &shape).trim_end())?;
+    super::output::print(summary(&scheme, &target, &noise, &captured, &shape).trim_end())?;
     for path in [Some(&a.output), a.variance.as_ref()].into_iter().flatten() {
-        super::print(&path.display().to_string())?;
+        super::output::print(&path.display().to_string())?;
     }
     Ok(())
 }

@@ -80,7 +80,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         );
     }
     write_npz(&a.output, &out).map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    super::print(&a.output.display().to_string())
+    super::output::print(&a.output.display().to_string())
 }
 
 /// The arrays to write, the number of matrices that have no decomposition, and that of all.

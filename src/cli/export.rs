@@ -56,7 +56,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 fn image(a: &Arguments, slice: &str, output: &Path) -> Result<(), Failure> {
-    let source = super::Source {
+    let source = super::source::Source {
         store: a.source.clone(),
         slice: slice.to_owned(),
         select: a.select.clone(),
@@ -72,7 +72,7 @@ fn image(a: &Arguments, slice: &str, output: &Path) -> Result<(), Failure> {
         mueller: a.mueller,
     };
     export(&slice, &options, output).map_err(Failure::input)?;
-    super::print(&output.display().to_string())
+    super::output::print(&output.display().to_string())
 }
 
 fn scene(a: &Arguments, folder: &Path) -> Result<(), Failure> {
@@ -84,5 +84,5 @@ fn scene(a: &Arguments, folder: &Path) -> Result<(), Failure> {
     for note in &export.notes {
         eprintln!("note: {note}");
     }
-    super::print(&folder.join("scene.xml").display().to_string())
+    super::output::print(&folder.join("scene.xml").display().to_string())
 }

@@ -151,7 +151,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .clone()
         .unwrap_or_else(|| folder(&a.store).join(format!("{name}.png")));
     figures::draw_to(&store, &Figure { name, view }, &path)?;
-    super::print(&path.display().to_string())
+    super::output::print(&path.display().to_string())
 }
 
 /// Where the figures of a store go unless the user says otherwise.
@@ -167,7 +167,7 @@ pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {
         let file = out.join(format!("{}.{format}", figure.name));
         figures::draw_to(&store, &figure, &file)?;
-        super::print(&file.display().to_string())?;
+        super::output::print(&file.display().to_string())?;
     }
     Ok(())
 }

@@ -47,5 +47,5 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for note in &import.notes {
         eprintln!("note: {note}");
     }
-    super::print(&output.display().to_string())
+    super::output::print(&output.display().to_string())
 }

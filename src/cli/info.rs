@@ -21,7 +21,7 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.store.is_file() {
-        return super::print(scene(&sunstone::scene::load(&a.store)?).trim_end());
+        return super::output::print(scene(&sunstone::scene::load(&a.store)?).trim_end());
     }
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let attributes = store.attributes();
@@ -52,7 +52,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let slice = store.slice(name).map_err(Failure::input)?;
         line(describe(&slice)?);
     }
-    super::print(text.trim_end())
+    super::output::print(text.trim_end())
 }
 
 /// What a scene file describes.

@@ -168,7 +168,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 validated,
                 seconds: begun.elapsed().as_secs_f64(),
             };
-            super::print(&line(&row, a.noise))?;
+            super::output::print(&line(&row, a.noise))?;
             let path = if several {
                 let tail = if *estimator == EstimatorArgument::Prior {
                     "_prior"
@@ -189,7 +189,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let schemes: Vec<Scheme> = learned.iter().map(|(s, _)| s.clone()).collect();
     let rays = rays(a);
-    super::print(table(&schemes, &rays).trim_end())?;
+    super::output::print(table(&schemes, &rays).trim_end())?;
     if let (Some(path), Some((scheme, _))) = (&a.angles, learned.first()) {
         picture(scheme, path)?;
     }
@@ -209,7 +209,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .chain(&a.csv)
         .chain(&a.figure)
     {
-        super::print(&path.display().to_string())?;
+        super::output::print(&path.display().to_string())?;
     }
     Ok(())
 }

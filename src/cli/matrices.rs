@@ -35,7 +35,7 @@ impl MatrixSource {
     }
 
     fn stored(&self, slice: &str) -> Result<Matrices, Failure> {
-        let source = super::Source {
+        let source = super::source::Source {
             store: self.source.clone(),
             slice: slice.to_owned(),
             select: self.select.clone(),

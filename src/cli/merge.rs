@@ -21,5 +21,5 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     sunstone::store::merge::merge(&a.inputs, &a.output, a.force).map_err(Failure::input)?;
-    super::print(&a.output.display().to_string())
+    super::output::print(&a.output.display().to_string())
 }

@@ -10,21 +10,19 @@ mod info;
 mod learn;
 mod matrices;
 mod merge;
+mod output;
 mod pbrdf;
 mod phase;
 mod probe;
 mod reconstruct;
 mod render;
 mod scheme;
+mod source;
 mod trial;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
-use std::io::Write;
-use std::path::PathBuf;
 use std::process::ExitCode;
-use sunstone::store::probe::Selection;
-use sunstone::store::zarr::{StoredSlice, TensorStore};
 
 /// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
 ///
@@ -83,26 +81,6 @@ enum Command {
     Schema,
 }
 
-/// What `probe` and `export` read: a slice of a store, or a part of it.
-#[derive(clap::Args)]
-struct Source {
-    /// Store written by `render` or `merge`.
-    store: PathBuf,
-    /// Slice to read.
-    slice: String,
-    /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
-    #[arg(short = 'k', long = "select")]
-    select: Vec<Selection>,
-}
-
-impl Source {
-    fn open(&self) -> Result<(TensorStore, StoredSlice), Failure> {
-        let store = TensorStore::open(&self.store).map_err(Failure::input)?;
-        let slice = store.slice(&self.slice).map_err(Failure::input)?;
-        Ok((store, slice))
-    }
-}
-
 /// Parses, runs, reports; the only place that makes exit codes.
 pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
@@ -150,16 +128,5 @@ fn schema() -> Result<(), Failure> {
     let mut schema = schemars::schema_for!(sunstone::scene::syntax::scene::SceneFile);
     sunstone::figure::spec::describe_in(&mut schema);
     let text = serde_json::to_string_pretty(&schema).map_err(Failure::failed)?;
-    print(&text)
-}
-
-/// Writes a text and a line end to standard output. A closed pipe is no error: nobody wants to read on, but files that
-/// are still to be written are.
-fn print(text: &str) -> Result<(), Failure> {
-    match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Failure::failed(format!("cannot write to standard output: {e}")))
-        }
-        _ => Ok(()),
-    }
+    output::print(&text)
 }

@@ -124,11 +124,11 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
     }
     let text = format!("{head}angle_deg,wavelength_nm,S11,S12,S22,S33,S34,S44\n{rows}");
     let Some(path) = &a.output else {
-        return super::print(text.trim_end());
+        return super::output::print(text.trim_end());
     };
     whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
         .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
-    super::print(&path.display().to_string())
+    super::output::print(&path.display().to_string())
 }
 
 /// Appends the lines of a medium at one wavelength.

@@ -20,7 +20,7 @@ Examples:
   sunstone probe room.zarr ss --pattern stripes.png -o lit.zarr")]
 pub struct Arguments {
     #[command(flatten)]
-    source: super::Source,
+    source: super::source::Source,
     /// Sum over axes (comma-separated names).
     #[arg(long, default_value = "")]
     sum: String,
@@ -85,12 +85,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let mut attributes = store.attributes();
         attributes.retain(|k, _| k != "figures" && k != "slices");
         result.write(path, &attributes, a.force).map_err(Failure::input)?;
-        return super::print(&path.display().to_string());
+        return super::output::print(&path.display().to_string());
     }
     if a.csv.is_some() {
-        return super::print(csv(&result).trim_end());
+        return super::output::print(csv(&result).trim_end());
     }
-    super::print(summary(&result).trim_end())
+    super::output::print(summary(&result).trim_end())
 }
 
 /// A drive image: its linear brightness, as for masks in a scene.

@@ -208,7 +208,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
         );
     }
     for path in [Some(&a.output), a.errors.as_ref()].into_iter().flatten() {
-        super::print(&path.display().to_string())?;
+        super::output::print(&path.display().to_string())?;
     }
     Ok(())
 }

@@ -181,9 +181,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )));
     }
     if summary.samples == 0 {
-        super::print(&format!("{store}: was complete already"))?;
+        super::output::print(&format!("{store}: was complete already"))?;
     } else {
-        super::print(&format!(
+        super::output::print(&format!(
             "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded",
             scene.slices.len(),
             scene.settings.spp,

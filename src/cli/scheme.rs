@@ -115,7 +115,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 schemes.push(load(path)?);
             }
             let rays: Vec<Ray> = show.wavelengths.iter().copied().map(Ray::axial).collect();
-            super::print(table(&schemes, &rays).trim_end())
+            super::output::print(table(&schemes, &rays).trim_end())
         }
         Command::Matrix(matrix) => write_matrix(matrix),
         Command::Plot(plot) => draw(plot),
@@ -134,8 +134,8 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
     }
     let scheme = of(new.captures, new.sensor == SensorArgument::PolarizerArray).map_err(Failure::input)?;
     save(&scheme, &new.output)?;
-    super::print(table(&[scheme], &[Ray::axial(550.0)]).trim_end())?;
-    super::print(&new.output.display().to_string())
+    super::output::print(table(&[scheme], &[Ray::axial(550.0)]).trim_end())?;
+    super::output::print(&new.output.display().to_string())
 }
 
 /// Writes a scheme file.
@@ -194,13 +194,13 @@ fn write_matrix(a: &Matrix) -> Result<(), Failure> {
     let values: Vec<f64> = matrix.transpose().iter().copied().collect();
     numpy::save(&a.output, &[matrix.nrows(), matrix.ncols()], &values)
         .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    super::print(&a.output.display().to_string())
+    super::output::print(&a.output.display().to_string())
 }
 
 fn draw(a: &Plot) -> Result<(), Failure> {
     let scheme = load(&a.scheme)?;
     picture(&scheme, &a.output)?;
-    super::print(&a.output.display().to_string())
+    super::output::print(&a.output.display().to_string())
 }
 
 /// Draws the settings of a scheme.

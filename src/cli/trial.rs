@@ -80,7 +80,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for scheme in &schemes {
         rows.push(trial.run(scheme).map_err(failure)?);
     }
-    super::print(table(&rows).trim_end())?;
+    super::output::print(table(&rows).trim_end())?;
     if let Some(path) = &a.output {
         let text = csv(&rows).map_err(Failure::failed)?;
         whole_file::write_with(path, |file| file.write_all(&text))
@@ -113,7 +113,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         super::figure::save(&image, path)?;
     }
     for path in [&a.output, &a.figure, &a.curve].into_iter().flatten() {
-        super::print(&path.display().to_string())?;
+        super::output::print(&path.display().to_string())?;
     }
     Ok(())
 }

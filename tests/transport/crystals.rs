@@ -14,7 +14,7 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::tensor::axes::AxisKind::{Bounces, Wavelength};
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::constants::lookup;
-use sunstone::transport::material::{Lanes, Lobe, Filling};
+use sunstone::transport::material::{Filling, Lanes, Lobe};
 
 /// n_o and n_e of quartz at 550 nm (Ghosh 1999).
 const QUARTZ: [f64; 2] = [1.54595, 1.55511];

@@ -161,7 +161,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
         subject.eval(incoming, what)?
     };
-    crate::cli::print(&readable(&value, 0))
+    crate::cli::output::print(&readable(&value, 0))
 }
 
 /// JSON with short values on one line: a matrix stands there row by row.

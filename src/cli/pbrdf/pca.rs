@@ -94,12 +94,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )
         .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
-    crate::cli::print(table(&data, &components, &quantity).trim_end())?;
+    crate::cli::output::print(table(&data, &components, &quantity).trim_end())?;
     for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()]
         .into_iter()
         .flatten()
     {
-        crate::cli::print(&path.display().to_string())?;
+        crate::cli::output::print(&path.display().to_string())?;
     }
     Ok(())
 }

@@ -50,7 +50,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     ];
     let image = draw(&title, &grids?, a.columns, &notes).map_err(Failure::input)?;
     crate::cli::figure::save(&image, &a.output)?;
-    crate::cli::print(&a.output.display().to_string())
+    crate::cli::output::print(&a.output.display().to_string())
 }
 
 /// Lane of the wavelength nearest to the wanted one.

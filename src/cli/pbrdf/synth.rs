@@ -58,7 +58,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     bar.finish_and_clear();
     let list = synth::list(&a.output, &a.bands)
         .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    crate::cli::print(&list.display().to_string())
+    crate::cli::output::print(&list.display().to_string())
 }
 
 /// The materials to make: those asked for, or all that light from a point can show.

@@ -66,7 +66,7 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
             band.low, band.high
         );
     }
-    crate::cli::print(text.trim_end())
+    crate::cli::output::print(text.trim_end())
 }
 
 /// Draw a table's Mueller matrices over half angle and difference angle.
@@ -113,7 +113,7 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
     ];
     let image = draw(&title, &grids, 3, &notes).map_err(Failure::input)?;
     crate::cli::figure::save(&image, &a.output)?;
-    crate::cli::print(&a.output.display().to_string())
+    crate::cli::output::print(&a.output.display().to_string())
 }
 
 /// Write part of a table: angles and wavelength that are given are fixed (at their nearest entry), the others stay.
@@ -150,7 +150,7 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
         _ => return Err(Failure::input("the output must end in .npy or .csv")),
     }
     .map_err(|e| Failure::failed(format!("cannot write {}: {e}", a.output.display())))?;
-    crate::cli::print(&a.output.display().to_string())
+    crate::cli::output::print(&a.output.display().to_string())
 }
 
 fn npy(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {

@@ -8,8 +8,8 @@ use crate::syntax::scene::SceneFile;
 use base::locate::{InputError, Located};
 use glam::{DVec2, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
-use transport::device::emitter::{Environment, PointEmitter};
 use transport::device::distortion::Distortion;
+use transport::device::emitter::{Environment, PointEmitter};
 use transport::device::pinhole::{Lens, Pinhole};
 use transport::device::projector::Projector;
 
