@@ -33,14 +33,7 @@ fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
 fn tables(s: &Scene) -> String {
     let materials = (&s.materials.list, &s.materials.textures.images, &s.boundaries);
     let devices = (&s.wavelengths, &s.camera, &s.projector, &s.points, &s.environment);
-    let rest = (
-        &s.name,
-        &s.settings,
-        s.sheets,
-        s.filled,
-        s.geometry.counts(),
-        s.geometry.textured,
-    );
+    let rest = (&s.name, &s.settings, s.geometry.counts());
     format!("{materials:?} {devices:?} {rest:?} {:?} {:?}", s.media, s.slices)
 }
 
