@@ -138,7 +138,7 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
         image.save(made.path().join(name)).expect("an image");
     }
     let axes = Axes::even([4, 3, 3], vec![450, 550]);
-    let element = |i: usize| if i % 16 == 0 { 0.2 } else { 0.01 };
+    let element = |i: usize| if i.is_multiple_of(16) { 0.2 } else { 0.01 };
     write(&made.path().join("table.pbsdf"), &axes, |_, slab| {
         slab.iter_mut().enumerate().for_each(|(i, x)| *x = element(i));
     })
