@@ -314,14 +314,16 @@ mod tests {
             masking: Masking::default(),
             alpha: Scalar::uniform(0.2),
         };
-        let mut materials = Materials::default();
-        materials.list = vec![
-            Material::Diffuse(Diffuse {
-                albedo: Spectrum::uniform(Spectral::splat(0.5)),
-            }),
-            Material::Conductor(Conductor { n, k }),
-            Material::RoughConductor(RoughConductor { n, k, roughness }),
-        ];
+        let materials = Materials {
+            list: vec![
+                Material::Diffuse(Diffuse {
+                    albedo: Spectrum::uniform(Spectral::splat(0.5)),
+                }),
+                Material::Conductor(Conductor { n, k }),
+                Material::RoughConductor(RoughConductor { n, k, roughness }),
+            ],
+            ..Materials::default()
+        };
         let mut geometry = GeometryBuilder::default();
         for shape in shapes {
             match shape {

@@ -35,14 +35,16 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
         masking: Masking::default(),
         alpha: Scalar::uniform(0.3),
     };
-    let mut materials = Materials::default();
-    materials.list = vec![
-        Material::Diffuse(Diffuse {
-            albedo: Spectrum::uniform(Spectral::new([0.3, 0.5, 0.7, 0.0])),
-        }),
-        Material::Conductor(Conductor { n, k }),
-        Material::RoughConductor(RoughConductor { n, k, roughness }),
-    ];
+    let materials = Materials {
+        list: vec![
+            Material::Diffuse(Diffuse {
+                albedo: Spectrum::uniform(Spectral::new([0.3, 0.5, 0.7, 0.0])),
+            }),
+            Material::Conductor(Conductor { n, k }),
+            Material::RoughConductor(RoughConductor { n, k, roughness }),
+        ],
+        ..Materials::default()
+    };
     let mut builder = GeometryBuilder::default();
     for turn in [0.0, 0.5, -0.5] {
         let mut wall = Mesh::rectangle();
