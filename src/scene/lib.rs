@@ -1,6 +1,7 @@
 //! Scene files, the meshes and images that they name, and the flat tables that they become.
 //!
-//! `syntax` (values of a file) → `build` (meaning, errors with places) → [`transport::scene::Scene`].
+//! `syntax` (values of a file, or of a [`SceneBuilder`]) → `build` (meaning, errors with places) →
+//! [`transport::scene::Scene`].
 
 #![warn(missing_docs)]
 

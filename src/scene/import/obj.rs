@@ -1,10 +1,10 @@
 //! Wavefront OBJ, read by the crate `tobj` (one index per vertex, polygons cut into fans).
 //!
-//! The text is checked and tidied line by line before `tobj` sees it, because `tobj` 4.0.5 does not say on which line
-//! it stopped, knows a `usemtl` name only if the .mtl file defines it, returns misaligned tables when only some faces
-//! of an object have normals or uvs, refuses objects of which only some vertices are coloured, and panics on indices
-//! whose threefold overflows (`f 1//6148914691236517206 …`). What it gets here has in-range positive indices, finite
-//! numbers, no vertex colours, no lines or points, and a material library made of the `usemtl` names.
+//! A guard goes over the text line by line before `tobj` sees it, because `tobj` 4.0.5 does not say on which line it
+//! stopped, knows a `usemtl` name only if the .mtl file defines it and a space precedes it, joins no lines at a
+//! backslash, refuses objects of which only some vertices are coloured, and panics on indices whose threefold overflows
+//! (`f 1//6148914691236517206 …`). Lines that it would misread are mended, those that mean nothing here left out. Where
+//! only some faces of an object have normals or uvs, `tobj` returns tables of uneven length, which are dropped.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -29,21 +29,21 @@ pub fn parse_obj(bytes: &[u8]) -> Result<Vec<MeshPart>, ImportError> {
         return Err(ImportProblem::EmptyFile.into());
     }
     let text = String::from_utf8_lossy(bytes);
-    let tidy = Tidy::read(&text)?;
+    let guard = Guard::read(&text)?;
     let options = tobj::LoadOptions {
         triangulate: true,
         single_index: true,
         ignore_points: true,
         ignore_lines: true,
     };
-    let (models, _) = tobj::load_obj_buf(&mut tidy.to_obj().as_bytes(), &options, |_| tidy.library())
+    let (models, _) = tobj::load_obj_buf(&mut guard.mended.as_bytes(), &options, |_| guard.library())
         .map_err(|e| ImportError::malformed(e.to_string(), "export the file again"))?;
     let parts = models
         .into_iter()
         .filter(|m| !m.mesh.indices.is_empty())
         .map(|m| {
             let name = if m.name == UNNAMED { String::new() } else { m.name };
-            let material = m.mesh.material_id.and_then(|i| tidy.materials.get(i).cloned());
+            let material = m.mesh.material_id.and_then(|i| guard.materials.get(i).cloned());
             finish(name, material, from_tobj(&m.mesh))
         })
         .collect::<Result<Vec<_>, _>>()?;
@@ -60,8 +60,9 @@ pub fn parse_obj(bytes: &[u8]) -> Result<Vec<MeshPart>, ImportError> {
 const UNNAMED: &str = "unnamed_object";
 
 fn from_tobj(m: &tobj::Mesh) -> Mesh {
+    let vertices = m.positions.len() / 3;
     let vec3 = |table: &[f32]| table.as_chunks().0.iter().map(|&c| Vec3::from_array(c)).collect();
-    Mesh {
+    let mut mesh = Mesh {
         positions: vec3(&m.positions),
         normals: vec3(&m.normals),
         uvs: m
@@ -72,151 +73,132 @@ fn from_tobj(m: &tobj::Mesh) -> Mesh {
             .map(|&c| Vec2::from_array(c))
             .collect(),
         indices: m.indices.as_chunks().0.to_vec(),
+    };
+    // Attributes of only some of the vertices do not say of which.
+    if mesh.normals.len() != vertices {
+        mesh.normals.clear();
     }
+    if mesh.uvs.len() != vertices {
+        mesh.uvs.clear();
+    }
+    mesh
 }
 
 /// Corner of a face: position, uv and normal, counted from 1; 0 where absent.
 type Corner = [usize; 3];
 
-/// Faces between two of `o`, `g` and `usemtl`.
-#[derive(Default)]
-struct Segment {
+/// What has been checked so far.
+struct Guard {
+    /// Lines as `tobj` reads them rightly.
+    mended: String,
+    /// How many `v`, `vt` and `vn` there are so far.
+    counts: [usize; 3],
+    /// The largest index that faces use of each, and the line.
+    largest: [(usize, usize); 3],
+    /// Name of the object or group.
     name: String,
-    material: Option<usize>,
-    faces: Vec<Vec<Corner>>,
-}
-
-/// The file's content, checked.
-#[derive(Default)]
-struct Tidy {
-    /// `v`, `vt` and `vn` lines, as text of numbers.
-    tables: [Vec<String>; 3],
-    segments: Vec<Segment>,
     materials: Vec<String>,
+    material_ids: HashMap<String, usize>,
 }
 
-impl Tidy {
+impl Guard {
     fn read(text: &str) -> Result<Self, ImportError> {
-        let mut tidy = Self {
-            segments: vec![Segment::default()],
-            ..Self::default()
+        let mut guard = Self {
+            mended: "mtllib all\n".into(),
+            counts: [0; 3],
+            largest: [(0, 0); 3],
+            name: String::new(),
+            materials: vec![],
+            material_ids: HashMap::new(),
         };
-        let mut material_ids = HashMap::new();
-        // Forward references are legal as long as the whole file defines the vertex, so ranges are checked at the end.
-        let mut largest = [(0, 0); 3];
         for (number, line) in logical_lines(text) {
-            tidy.line(&line, &mut material_ids, number, &mut largest)
-                .map_err(|e| e.at_line(number))?;
+            guard.line(&line, number).map_err(|e| e.at_line(number))?;
         }
-        for ((table, (index, line)), what) in
-            tidy.tables.iter().zip(largest).zip(["position", "uv", "normal"])
+        // Forward references are legal as long as the whole file defines the vertex, so ranges are checked at the end.
+        for ((count, (index, line)), what) in guard
+            .counts
+            .iter()
+            .zip(guard.largest)
+            .zip(["position", "uv", "normal"])
         {
-            if index > table.len() {
-                let what = format!(
-                    "the face uses {what} {index}, but the file has only {}",
-                    table.len()
-                );
+            if index > *count {
+                let what = format!("the face uses {what} {index}, but the file has only {count}");
                 return Err(ImportError::malformed(what, MEND_FACE).at_line(line));
             }
         }
-        Ok(tidy)
+        Ok(guard)
     }
 
-    fn line(
-        &mut self,
-        line: &str,
-        material_ids: &mut HashMap<String, usize>,
-        number: usize,
-        largest: &mut [(usize, usize); 3],
-    ) -> Result<(), ImportError> {
+    fn line(&mut self, line: &str, number: usize) -> Result<(), ImportError> {
         let line = line.trim();
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let numbers = rest.split('#').next().unwrap_or("");
         match keyword {
-            "v" => self.tables[0].push(position(numbers)?),
-            "vt" => self.tables[1].push(coordinates(numbers, 1, 2)?),
-            "vn" => self.tables[2].push(coordinates(numbers, 3, 3)?),
+            "v" => self.vertex(0, keyword, &position(numbers)?),
+            "vt" => self.vertex(1, keyword, &coordinates(numbers, 1, 2)?),
+            "vn" => self.vertex(2, keyword, &coordinates(numbers, 3, 3)?),
             "f" => {
-                let counts = [0, 1, 2].map(|i: usize| self.tables[i].len());
-                let face = face(numbers, counts)?;
-                for corner in &face {
-                    for (max, &index) in largest.iter_mut().zip(corner) {
+                self.mended.push('f');
+                for corner in face(numbers, self.counts)? {
+                    for (max, index) in self.largest.iter_mut().zip(corner) {
                         if index > max.0 {
                             *max = (index, number);
                         }
                     }
+                    self.corner(corner);
                 }
-                if let Some(segment) = self.segments.last_mut() {
-                    segment.faces.push(face);
-                }
+                self.mended.push('\n');
             }
-            "o" | "g" => self.begin(|s| s.name = rest.trim().to_owned()),
+            "o" | "g" => {
+                rest.trim().clone_into(&mut self.name);
+                self.begin();
+            }
             "usemtl" => {
-                let name = rest.trim().to_owned();
-                let id = (!name.is_empty()).then(|| {
-                    let materials = &mut self.materials;
-                    *material_ids.entry(name).or_insert_with_key(|name| {
-                        materials.push(name.clone());
-                        materials.len() - 1
-                    })
-                });
-                self.begin(|s| s.material = id);
+                // Each begins a part, even if the material stays.
+                self.begin();
+                let id = self.material(rest.trim());
+                // "none" is not in the library, so `tobj` forgets the material before.
+                let id = id.map_or_else(|| "none".into(), |id| id.to_string());
+                self.mended.extend(["usemtl ", &id, "\n"]);
             }
             _ => {}
         }
         Ok(())
     }
 
-    /// Starts a segment that differs from the last by `change`.
-    fn begin(&mut self, change: impl FnOnce(&mut Segment)) {
-        match self.segments.last_mut() {
-            Some(last) if !last.faces.is_empty() => {
-                let (name, material) = (last.name.clone(), last.material);
-                let mut next = Segment {
-                    name,
-                    material,
-                    faces: Vec::new(),
-                };
-                change(&mut next);
-                self.segments.push(next);
-            }
-            Some(last) => change(last),
-            None => {}
-        }
+    fn vertex(&mut self, table: usize, keyword: &str, numbers: &str) {
+        self.counts[table] += 1;
+        self.mended.extend([keyword, numbers, "\n"]);
     }
 
-    /// The tidy OBJ text for `tobj`.
-    fn to_obj(&self) -> String {
-        let mut out = String::from("mtllib all\n");
-        for (keyword, table) in ["v", "vt", "vn"].into_iter().zip(&self.tables) {
-            for line in table {
-                out.extend([keyword, line, "\n"]);
-            }
+    /// Writes a corner with the attributes that it has.
+    fn corner(&mut self, [v, vt, vn]: Corner) {
+        // Writing to a String cannot fail.
+        let _ = match (vt, vn) {
+            (0, 0) => write!(self.mended, " {v}"),
+            (_, 0) => write!(self.mended, " {v}/{vt}"),
+            (0, _) => write!(self.mended, " {v}//{vn}"),
+            _ => write!(self.mended, " {v}/{vt}/{vn}"),
+        };
+    }
+
+    /// Begins a part of the current name.
+    fn begin(&mut self) {
+        self.mended.extend(["g ", &self.name, "\n"]);
+    }
+
+    /// Number of a material by its name.
+    fn material(&mut self, name: &str) -> Option<usize> {
+        if name.is_empty() {
+            return None;
         }
-        for s in self.segments.iter().filter(|s| !s.faces.is_empty()) {
-            // Writing to a String cannot fail.
-            let _ = writeln!(out, "g {}", s.name);
-            match s.material {
-                Some(id) => _ = writeln!(out, "usemtl {id}"),
-                // Not in the library, so `tobj` forgets the material before.
-                None => out.push_str("usemtl none\n"),
-            }
-            let has = |k: usize| s.faces.iter().flatten().all(|c| c[k] > 0);
-            let (uvs, normals) = (has(1), has(2));
-            for face in &s.faces {
-                out.push('f');
-                for [v, vt, vn] in face {
-                    let _ = match (uvs, normals) {
-                        (false, false) => write!(out, " {v}"),
-                        (true, false) => write!(out, " {v}/{vt}"),
-                        (false, true) => write!(out, " {v}//{vn}"),
-                        (true, true) => write!(out, " {v}/{vt}/{vn}"),
-                    };
-                }
-                out.push('\n');
-            }
+        if let Some(id) = self.material_ids.get(name) {
+            return Some(*id);
         }
-        out
+        let id = self.materials.len();
+        self.materials.push(name.to_owned());
+        self.material_ids.insert(name.to_owned(), id);
+        Some(id)
     }
 
     /// A material library in which material `i` is called "i".
