@@ -324,7 +324,7 @@ mod tests {
             let elements = 16 * axes.iter().map(|a| a.coords.len()).product::<usize>();
             MuellerImage::of_slice(vec![1.0; elements], axes, vec![550.0], Some(25.0))
         };
-        let timed = of(&[axis(AxisKind::X, 4), axis(AxisKind::Time, 3)]).expect("an image");
+        let timed = of(&[axis(AxisKind::X, 4), axis(AxisKind::T, 3)]).expect("an image");
         assert_eq!(
             (timed.layout.width, timed.layout.times, timed.bin_ps),
             (4, 3, Some(25.0))

@@ -12,4 +12,4 @@ pub mod folds;
 pub mod gather;
 pub mod moments;
 #[cfg(test)]
-mod testing;
+pub(super) mod testing;
