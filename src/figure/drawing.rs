@@ -4,11 +4,11 @@
 //! sharp pixels, and all else are paths. Images lie under everything, which is how [`super::output`] rasterizes them.
 
 use std::fmt::{self, Write as _};
-use std::io::Cursor;
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use image::{ImageFormat, Rgb, RgbImage};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
 
 use super::marker::Marker;
 use super::text::{Align, CAP_PER_EM, INK, Style};
@@ -253,11 +253,12 @@ impl Drawing {
 
     /// An image that fills a rectangle, its pixels sharp.
     pub(crate) fn image(&mut self, r: Rect, image: &RgbImage) {
-        let mut png = Cursor::new(Vec::new());
-        image
-            .write_to(&mut png, ImageFormat::Png)
+        let mut png = Vec::new();
+        // Filters that are tried row by row would take longer than all else of a drawing.
+        PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
+            .write_image(image, image.width(), image.height(), ExtendedColorType::Rgb8)
             .expect("memory takes every PNG of at least one pixel");
-        let png = BASE64_STANDARD.encode(png.get_ref());
+        let png = BASE64_STANDARD.encode(&png);
         self.put(format_args!(
             "<image {r} preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" \
              href=\"data:image/png;base64,{png}\"/>"

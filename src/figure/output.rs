@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 use base::whole_file;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, DynamicImage, Frame, ImageFormat, RgbImage};
-use resvg::tiny_skia::{Color, FilterQuality, Paint, Pattern, Pixmap, Rect, SpreadMode, Transform};
+use resvg::tiny_skia::{Color, ColorU8, Pixmap, Transform};
 use resvg::usvg::fontdb::Database;
 use resvg::usvg::{Group, ImageKind, Node, Options, Tree};
 
@@ -209,8 +209,8 @@ fn in_order(pdf: &[u8]) -> Vec<u8> {
     lines.concat()
 }
 
-/// Paints the embedded images, under everything else. By ourselves, because resvg's own painting of images comes with
-/// decoders of three formats that no drawing holds.
+/// Paints the embedded images, under everything else: every pixel of the page shows the one pixel under its middle. By
+/// ourselves, because resvg's own painting of images comes with decoders of three formats that no drawing holds.
 fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
     for node in group.children() {
         match node {
@@ -219,21 +219,22 @@ fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
                 let ImageKind::PNG(bytes) = image.kind() else {
                     continue;
                 };
-                let picture = Pixmap::decode_png(bytes).map_err(encode)?;
-                let size = Rect::from_xywh(0.0, 0.0, picture.width() as f32, picture.height() as f32);
-                let paint = Paint {
-                    shader: Pattern::new(
-                        picture.as_ref(),
-                        SpreadMode::Pad,
-                        FilterQuality::Nearest,
-                        1.0,
-                        Transform::identity(),
-                    ),
-                    anti_alias: false,
-                    ..Paint::default()
+                let picture = image::load_from_memory_with_format(bytes, ImageFormat::Png).map_err(encode)?;
+                let (picture, to_page) = (picture.into_rgb8(), image.abs_transform());
+                // First and last pixel of the page along one direction, and the one of the picture under each.
+                let along = |n: u32, scale: f32, first: f32, most: u32| {
+                    let last = (first + scale * n as f32).round().min(most as f32);
+                    let under = move |at: u32| (((at as f32 + 0.5 - first) / scale) as u32).min(n - 1);
+                    (first.round() as u32..last as u32).map(move |at| (at, under(at)))
                 };
-                if let Some(size) = size {
-                    page.fill_rect(size, &paint, image.abs_transform(), None);
+                let width = page.width();
+                let columns = along(picture.width(), to_page.sx, to_page.tx, width);
+                for (y, row) in along(picture.height(), to_page.sy, to_page.ty, page.height()) {
+                    for (x, column) in columns.clone() {
+                        let [r, g, b] = picture.get_pixel(column, row).0;
+                        let colour = ColorU8::from_rgba(r, g, b, u8::MAX).premultiply();
+                        page.pixels_mut()[(y * width + x) as usize] = colour;
+                    }
                 }
             }
             Node::Path(_) | Node::Text(_) => {}

@@ -240,6 +240,46 @@ fn a_chain_of_commands() {
         ],
     );
     assert!(d.join("p.png").exists());
+    // The extension is the format, and so is the option for the scene's figures.
+    let view = [
+        "figure",
+        "out/room.zarr",
+        "--view",
+        "profile",
+        "--slice",
+        "xt",
+        "--pixel",
+        "8,6",
+        "-o",
+    ];
+    for (name, head) in [("p.svg", "<svg "), ("p.pdf", "%PDF-")] {
+        run(d, &[&view[..], &[name]].concat());
+        let bytes = std::fs::read(d.join(name)).unwrap();
+        assert!(bytes.starts_with(head.as_bytes()), "{name}");
+    }
+    let drawn = run(
+        d,
+        &[
+            "figure",
+            "out/room.zarr",
+            "photo",
+            "--format",
+            "svg",
+            "-o",
+            "drawn",
+        ],
+    );
+    assert!(
+        drawn.contains("photo.svg") && d.join("drawn/photo.svg").exists(),
+        "{drawn}"
+    );
+    for name in ["p.jpg", "p.gif"] {
+        let message = refused(d, &[&view[..], &[name]].concat());
+        assert!(
+            message.contains(".png, .svg or .pdf") && !d.join(name).exists(),
+            "{message}"
+        );
+    }
 
     run(
         d,
