@@ -3,8 +3,8 @@
 //!
 //! Angles are drawn modulo the period of their element: 180° for polarizers and retarders.
 
-use super::FigureError;
 use super::drawing::{Drawing, Point, Rect};
+use super::error::FigureError;
 use super::layout::{Axis, GRID, Page, Panels};
 use super::marker::{Marker, palette};
 use super::text::{INK, LABEL, NAME, TICK, fit, width};

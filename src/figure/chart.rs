@@ -6,27 +6,29 @@
 
 use image::Rgb;
 
-use super::FigureError;
-use super::drawing::{Drawing, Pen, Point, Rect};
+use super::drawing::{Drawing, Pen, Point};
+use super::error::FigureError;
 use super::layout::{Axis, GRID, Page};
 use super::marker::{DISTINCT, Marker, palette};
 use super::text::{INK, LABEL, fit};
+pub(crate) use scale::Scales;
 use scale::{Marks, Scale};
+use series::{LINE, RADIUS};
 
 pub use super::marker::BLACK;
+pub use series::{ChartAxis, Series, SeriesStyle};
 
 mod legend;
 mod scale;
+mod series;
 #[cfg(test)]
 mod tests;
 
 /// Size of the plot in pixels.
 pub(crate) const WIDTH: f64 = 900.0;
 pub(crate) const HEIGHT: f64 = 520.0;
-/// Width of lines and of error bars, and the radius of markers, in pixels.
-const LINE: f64 = 2.2;
+/// Width of error bars, pixels.
 const BAR: f64 = 1.4;
-const RADIUS: f64 = 5.2;
 /// Opacity of the bands of two standard errors and of one.
 const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
@@ -43,72 +45,6 @@ pub struct Chart {
     pub series: Vec<Series>,
     /// Notes under the chart, one paragraph each.
     pub notes: Vec<String>,
-}
-
-/// An axis of a chart.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ChartAxis {
-    /// Label with unit; empty for none.
-    pub label: String,
-    /// Logarithmic to base ten instead of linear.
-    pub log: bool,
-    /// Values at the low and at the high end, in the unit of the label; without one the axis holds all points.
-    pub range: Option<(f64, f64)>,
-}
-
-/// Points that belong together.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Series {
-    /// Name in the legend; empty for none.
-    pub name: String,
-    /// Points (x, y) in the units of the axes, joined in this order.
-    pub points: Vec<(f64, f64)>,
-    /// Standard error of every y, drawn as a bar of one standard error to either side. One that is not finite and above
-    /// zero has no bar.
-    pub errors: Option<Vec<f64>>,
-    /// How it is drawn.
-    pub style: SeriesStyle,
-    /// Index of the colour in a palette for colour-blind readers ([`BLACK`] is 6), and of the marker.
-    pub colour: usize,
-}
-
-/// How a series is drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SeriesStyle {
-    /// A line through the points.
-    Line,
-    /// A marker at every point.
-    Markers,
-    /// Both.
-    #[default]
-    LineMarkers,
-    /// A dashed line through the points.
-    Dashed,
-    /// A line through the points, with bands of one and two standard errors instead of bars.
-    Band,
-}
-
-impl SeriesStyle {
-    fn marked(self) -> bool {
-        matches!(self, Self::Markers | Self::LineMarkers)
-    }
-}
-
-/// From data to pixels of the page.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Scales {
-    x: Scale,
-    y: Scale,
-    plot: Rect,
-}
-
-impl Scales {
-    /// Pixel of a point; it may lie far outside the plot.
-    pub(crate) fn point(&self, (x, y): (f64, f64)) -> Option<Point> {
-        let (x, y) = (self.x.place(x)?, self.y.place(y)?);
-        let r = self.plot;
-        Some((r.x + x * r.w, r.y + (1.0 - y) * r.h))
-    }
 }
 
 /// Adds a point, with its standard error, to the series of this name, which is begun where there is none yet.

@@ -4,9 +4,9 @@
 
 use image::Rgb;
 
-use super::FigureError;
 use super::colour::signed;
 use super::drawing::{Drawing, Rect};
+use super::error::FigureError;
 use super::layout::{Bar, Panels};
 use super::text::{Align, INK, NAME, NOTE, Style, TICK, fit};
 

@@ -5,13 +5,14 @@
 
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::layout::{CAMERA_UNIT, Page, Panels, growth};
+use super::panel::Panel;
 use super::photo::{self, channels};
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{INK, TICK, width};
 use super::ticks::brief;
-use super::{FigureError, Panel};
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 

@@ -8,12 +8,13 @@ use image::Rgb;
 
 use super::colour::{UNDEFINED, percentile, rgb_weights, sequential, signed};
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::layout::{Axis, Bar, CAMERA_UNIT, Page};
+use super::panel::Panel;
 use super::photo::channels;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::ticks::Ticks;
-use super::{FigureError, Panel};
 use crate::spec::MapView;
 use tensor::axes::AxisKind;
 

@@ -3,9 +3,9 @@
 
 use image::Rgb;
 
-use super::FigureError;
 use super::colour::{cyclic, sequential, signed};
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::layout::{Bar, Panels};
 use super::map::Scale;
 use super::raster::{Factor, Raster};

@@ -7,12 +7,13 @@ use image::Rgb;
 
 use super::colour::{UNDEFINED, exposure, percentile, signed, srgb};
 use super::drawing::{Drawing, Rect};
+use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT, Panels, growth};
+use super::panel::Panel;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{Align, NAME, Style, width};
 use super::ticks::brief;
-use super::{FigureError, Panel};
 use crate::spec::MuellerView;
 use tensor::axes::AxisKind;
 

@@ -14,8 +14,8 @@ use resvg::tiny_skia::{Color, ColorU8, Pixmap, Transform};
 use resvg::usvg::fontdb::Database;
 use resvg::usvg::{Group, ImageKind, Node, Options, Tree};
 
-use super::FigureError;
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::text::font;
 
 /// Pixels of a drawing per inch of a PDF page: tick labels come to 7.5 points.

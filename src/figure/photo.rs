@@ -2,11 +2,12 @@
 
 use super::colour::{exposure, photo, rgb_weights};
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::layout::{Axis, CAMERA_UNIT, Page};
+use super::panel::Panel;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::ticks::{Ticks, brief};
-use super::{FigureError, Panel};
 use crate::spec::PhotoView;
 use tensor::axes::AxisKind;
 

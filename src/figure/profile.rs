@@ -5,10 +5,11 @@
 use super::chart::{self, Chart, ChartAxis, Scales, Series, SeriesStyle};
 use super::colour::{line_colours, nearest};
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::layout::CAMERA_UNIT;
+use super::panel::Panel;
 use super::reduce::{Reduced, Source, ruler};
 use super::ticks::brief;
-use super::{FigureError, Panel};
 use crate::spec::ProfileView;
 use tensor::axes::AxisKind;
 

@@ -2,8 +2,8 @@
 
 use image::{Rgb, RgbImage};
 
-use super::FigureError;
 use super::drawing::{Drawing, Point};
+use super::error::FigureError;
 use super::reduce::Reduced;
 
 /// `w` × `h` pixels of `C` values, row-major from the top.

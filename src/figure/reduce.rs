@@ -1,7 +1,7 @@
 //! From a tensor of any axes to the few that a picture shows: pick, sum and check in one pass.
 
-use super::FigureError;
 use super::colour::nearest;
+use super::error::FigureError;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 

@@ -1,8 +1,8 @@
 //! A contact sheet: many small 4×4 Mueller grids under their names, all on one scale.
 
-use super::FigureError;
 use super::colour::exposure;
 use super::drawing::Drawing;
+use super::error::FigureError;
 use super::layout::{Bar, Panels};
 use super::mueller;
 use super::raster::{Factor, Raster};

@@ -204,7 +204,7 @@ pub struct Crate {
     /// File of each module by its path from the crate's root.
     pub modules: BTreeMap<Vec<String>, PathBuf>,
     /// Modules that each module's shipped code uses, itself left out.
-    pub uses: BTreeMap<Vec<String>, BTreeSet<Vec<String>>>,
+    pub uses: Uses,
 }
 
 /// Files that hold tests alone: those below a module declared `#[cfg(test)] mod NAME;`.
@@ -269,36 +269,57 @@ impl Crate {
 
     /// Groups of two or more modules each of which uses, in the end, every other.
     pub fn circles(&self) -> Vec<Vec<String>> {
-        let reach = |from: &Vec<String>| {
-            let mut seen = BTreeSet::new();
-            let mut next: Vec<&Vec<String>> = self.uses[from].iter().collect();
-            while let Some(module) = next.pop() {
-                if seen.insert(module.clone()) {
-                    next.extend(&self.uses[module]);
-                }
-            }
-            seen
-        };
-        let reached: BTreeMap<_, _> = self.modules.keys().map(|m| (m.clone(), reach(m))).collect();
-        let mut out = BTreeSet::new();
-        for (module, from) in &reached {
-            if from.contains(module) {
-                let circle: Vec<String> = from
-                    .iter()
-                    .filter(|other| reached[*other].contains(module))
-                    .map(|m| {
-                        if m.is_empty() {
-                            "the root".to_owned()
-                        } else {
-                            m.join("::")
-                        }
-                    })
-                    .collect();
-                out.insert(circle);
+        circles(&self.uses)
+    }
+
+    /// The same of rooms, the first parts of modules' paths, and how many uses cross from one to another. The crate's root
+    /// gathers rooms; what rooms use of it counts as a circle of files.
+    pub fn circles_of_rooms(&self) -> (Vec<Vec<String>>, usize) {
+        let (mut rooms, mut crossings) = (Uses::new(), 0);
+        for (module, used) in self.uses.iter().filter(|(m, _)| !m.is_empty()) {
+            let room = &module[..1];
+            let others = used.iter().filter(|u| !u.is_empty() && u[..1] != *room);
+            let entry = rooms.entry(room.to_vec()).or_default();
+            for other in others {
+                crossings += 1;
+                entry.insert(other[..1].to_vec());
             }
         }
-        out.into_iter().collect()
+        (circles(&rooms), crossings)
     }
+}
+
+/// Which module uses which.
+type Uses = BTreeMap<Vec<String>, BTreeSet<Vec<String>>>;
+
+fn circles(uses: &Uses) -> Vec<Vec<String>> {
+    let reach = |from: &Vec<String>| {
+        let mut seen = BTreeSet::new();
+        let mut next: Vec<&Vec<String>> = uses[from].iter().collect();
+        while let Some(module) = next.pop() {
+            if seen.insert(module.clone()) {
+                next.extend(&uses[module]);
+            }
+        }
+        seen
+    };
+    let reached: BTreeMap<_, _> = uses.keys().map(|m| (m.clone(), reach(m))).collect();
+    let mut out = BTreeSet::new();
+    for (module, from) in reached.iter().filter(|(m, from)| from.contains(*m)) {
+        let circle: Vec<String> = from
+            .iter()
+            .filter(|other| reached[*other].contains(module))
+            .map(|m| {
+                if m.is_empty() {
+                    "the root".to_owned()
+                } else {
+                    m.join("::")
+                }
+            })
+            .collect();
+        out.insert(circle);
+    }
+    out.into_iter().collect()
 }
 
 /// A path from the crate's root, as `module` means it.

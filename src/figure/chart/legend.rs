@@ -2,7 +2,8 @@
 
 use image::Rgb;
 
-use super::{LINE as PEN, RADIUS, Scales, Series, SeriesStyle};
+use super::scale::Scales;
+use super::series::{LINE as PEN, RADIUS, Series, SeriesStyle};
 use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::marker::Marker;
 use crate::text::{Align, TICK, fit, width};

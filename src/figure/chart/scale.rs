@@ -1,7 +1,8 @@
 //! Scale of a chart's axis: its range, places of values along it and its ticks.
 
-use super::ChartAxis;
-use crate::FigureError;
+use super::series::ChartAxis;
+use crate::drawing::{Point, Rect};
+use crate::error::FigureError;
 use crate::ticks::{Ticks, brief};
 
 /// Automatic ranges go no further than this, so that differences stay finite.
@@ -18,6 +19,23 @@ pub struct Scale {
     /// Ends of the axis, as powers of ten where it is logarithmic.
     low: f64,
     high: f64,
+}
+
+/// From data to pixels of the page.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Scales {
+    pub(super) x: Scale,
+    pub(super) y: Scale,
+    pub(super) plot: Rect,
+}
+
+impl Scales {
+    /// Pixel of a point; it may lie far outside the plot.
+    pub(crate) fn point(&self, (x, y): (f64, f64)) -> Option<Point> {
+        let (x, y) = (self.x.place(x)?, self.y.place(y)?);
+        let r = self.plot;
+        Some((r.x + x * r.w, r.y + (1.0 - y) * r.h))
+    }
 }
 
 /// Labelled ticks, and places of those without label.

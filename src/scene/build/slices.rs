@@ -20,6 +20,9 @@ const MAX_ELEMENTS: u128 = 1 << 40;
 /// The largest number of elements of one chunk, which is held in memory: 2^28 is 1 GiB of f32.
 const MAX_CHUNK: u128 = 1 << 28;
 
+/// A time bin is no shorter than this part of its time: f64 tells centres of bins apart to 2^-53.
+const LEAST_BIN: f64 = 1e-12;
+
 /// The largest projector with epipolar slices, which keep 24 bytes a pixel: 2^24 pixels is 4096 × 4096.
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
@@ -314,6 +317,19 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
             b.bins.span(),
             format!("bins is {}", *b.bins),
             "give 1 to 1048576 bins",
+        ));
+    }
+    // A bin's width must count beside its time: then bins are finite and rise, and their centres are told apart.
+    let end = b.start_ps + f64::from(*b.bins) * *b.bin_ps;
+    let latest = b.start_ps.abs().max(end.abs());
+    if !(latest.is_finite() && latest * LEAST_BIN < *b.bin_ps) {
+        return Err(ctx.error(
+            b.bin_ps.span(),
+            format!(
+                "bins of {} ps from {} to {end} ps cannot be told apart",
+                *b.bin_ps, b.start_ps
+            ),
+            "give wider bins, or earlier ones",
         ));
     }
     Ok(TimeSelect::Bins {
