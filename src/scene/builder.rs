@@ -1,17 +1,18 @@
 //! Scenes built in code: the same values, and the same way to tables, as those of a scene file.
 
 use crate::build::assemble;
-use crate::build::context::{Context, parse};
+use crate::build::context::Context;
 use crate::import::write_ply;
-use crate::syntax::device::{EmitterFile, PinholeFile, ProjectorFile};
-use crate::syntax::material::MaterialFile;
-use crate::syntax::medium::MediumFile;
-use crate::syntax::scene::{RenderFile, SceneFile};
-use crate::syntax::shape::{ObjectFile, ShapeFile};
-use crate::syntax::slice::SliceFile;
 use base::locate::InputError;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use syntax::Syntax;
+use syntax::device::{EmitterFile, PinholeFile, ProjectorFile};
+use syntax::material::MaterialFile;
+use syntax::medium::MediumFile;
+use syntax::scene::{RenderFile, SceneFile};
+use syntax::shape::{ObjectFile, ShapeFile};
+use syntax::slice::SliceFile;
 use transport::geometry::mesh::Mesh;
 use transport::scene::{Integrator, Scene};
 
@@ -279,7 +280,7 @@ impl SceneBuilder {
         })?;
         // The value is read back from its text, so that everything in it has a place there for errors to name.
         let path = Path::new(IN_CODE);
-        let built = parse(path, &text).and_then(|file: SceneFile| {
+        let built = SceneFile::read(path, &text).and_then(|file| {
             let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?
                 .in_folder(&self.folder)
                 .with_files(self.memory);

@@ -9,7 +9,8 @@ mod build;
 mod builder;
 pub mod import;
 pub mod mitsuba;
-pub mod syntax;
+
+pub use syntax;
 
 pub use build::assemble::{from_text, load, read};
 pub use build::{materials, media};
@@ -29,3 +30,6 @@ pub type Medium = syntax::medium::MediumFile;
 pub type Object = syntax::shape::ObjectFile;
 /// A slice of a [`SceneBuilder`].
 pub type Slice = syntax::slice::SliceFile;
+
+#[cfg(test)]
+mod round_trip;

@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Rooms that are crates, top to bottom; the front door uses them all.
-pub const CRATES: [&str; 9] = [
+pub const CRATES: [&str; 10] = [
     "base",
     "optics",
     "tensor",
     "store",
     "transport",
+    "syntax",
     "scene",
     "polarimetry",
     "pbrdf",

@@ -1,14 +1,15 @@
 //! From the syntax of a scene file to the flat tables of a [`Scene`], checking meaning on the way.
 
-use super::context::{self, Context, parse};
+use super::context::{self, Context};
 use super::devices::{emitters, pinhole, projector};
 use super::{materials, media, shapes, slices};
-use crate::syntax::scene::SceneFile;
-use crate::syntax::shape::ObjectFile;
 use base::locate::InputError;
 use sha2::Digest;
 use std::collections::BTreeMap;
 use std::path::Path;
+use syntax::Syntax;
+use syntax::scene::SceneFile;
+use syntax::shape::ObjectFile;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
 use transport::geometry::builder::GeometryBuilder;
@@ -36,7 +37,7 @@ pub fn load(path: &Path) -> Result<Scene, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
-    let file: SceneFile = parse(path, text)?;
+    let file = SceneFile::read(path, text)?;
     let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
     build(&mut ctx, &file)
 }

@@ -1,6 +1,5 @@
 //! What every step from syntax to tables needs: where messages point to, and what has been read.
 
-use crate::syntax::values::SpectrumFile;
 use base::document;
 use base::locate::{InputError, Located};
 use base::spectral_table::SpectralTable;
@@ -11,6 +10,7 @@ use std::fmt::Display;
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use syntax::values::SpectrumFile;
 
 /// A file being built.
 pub(crate) struct Context {
@@ -202,19 +202,4 @@ pub(crate) const HUGE: f64 = 1e12;
 /// Reads the text of a scene or material file.
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, InputError> {
     document::read(path, what, "give the path of a TOML file")
-}
-
-/// Reads the syntax of a file.
-pub(crate) fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, InputError> {
-    document::parse(path, text, syntax_help)
-}
-
-fn syntax_help(message: &str) -> String {
-    if message.contains("unknown field") || message.contains("unknown variant") {
-        "use one of the names listed; `sunstone schema` prints all of them".into()
-    } else if message.contains("missing field") {
-        "add the missing key; `sunstone schema` describes it".into()
-    } else {
-        "correct the value; `sunstone schema` describes every key".into()
-    }
 }

@@ -1,13 +1,11 @@
 //! Cameras, projectors and other emitters of a scene file → calibrated devices.
 
 use super::context::{Context, HUGE};
-use crate::syntax::device::{
-    ApertureFile, DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile,
-};
-use crate::syntax::scene::SceneFile;
 use base::locate::{InputError, Located};
 use glam::{DVec2, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
+use syntax::device::{ApertureFile, DistortionFile, EmitterFile, PinholeFile, PoseFile, ProjectorFile};
+use syntax::scene::SceneFile;
 use transport::device::distortion::Distortion;
 use transport::device::emitter::{Environment, PointEmitter};
 use transport::device::pinhole::{Lens, Pinhole};

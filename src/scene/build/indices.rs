@@ -1,11 +1,11 @@
 //! Refractive indices of a file → numbers on its wavelengths, by value or by name of the optical constants.
 
 use super::context::Context;
-use crate::syntax::material::MaterialFile;
-use crate::syntax::values::{IndexFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral, max_lane};
 use std::ops::Range;
+use syntax::material::MaterialFile;
+use syntax::values::{IndexFile, SpectrumFile};
 use transport::material;
 use transport::material::constants::ConstantsError;
 

@@ -1,10 +1,8 @@
 //! Materials of a file → the flat table of [`Materials`].
 
-use super::context::{Context, parse, read};
+use super::context::{Context, read};
 use super::indices::{complex_index, index};
 use super::polarizing;
-use crate::syntax::material::{MaterialFile, MaterialSetFile, MeasuredFile};
-use crate::syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
 use optics::spectrum::{Spectral, Wavelengths};
@@ -13,6 +11,9 @@ use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::RangeInclusive;
 use std::path::Path;
+use syntax::Syntax;
+use syntax::material::{MaterialFile, MaterialSetFile, MeasuredFile};
+use syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
 use transport::material::measured::error::PbsdfError;
@@ -47,7 +48,7 @@ impl MaterialSet {
     /// # Errors
     /// As [`Self::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, InputError> {
-        let file: MaterialSetFile = parse(path, text)?;
+        let file = MaterialSetFile::read(path, text)?;
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
     }
 
@@ -56,7 +57,7 @@ impl MaterialSet {
     /// # Errors
     /// As [`Self::load`].
     pub fn at(path: &Path, text: &str, wavelengths: Wavelengths) -> Result<Self, InputError> {
-        let file: MaterialSetFile = parse(path, text)?;
+        let file = MaterialSetFile::read(path, text)?;
         let ctx = Context {
             wavelengths,
             ..Context::new(path, text, &file.wavelengths_nm)?

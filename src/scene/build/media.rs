@@ -1,16 +1,17 @@
 //! Media of a file → the flat table of [`Media`].
 
-use super::context::{Context, parse, read};
-use crate::syntax::medium::{
-    AmountFile, HomogeneousFile, KindFile, MediumFile, MediumSetFile, MilkFile, ParticlesFile, PhaseFile,
-    PolystyreneFile, SizesFile,
-};
-use crate::syntax::values::IndexFile;
+use super::context::{Context, read};
 use base::locate::{InputError, Located};
 use optics::spectrum::Wavelengths;
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
+use syntax::Syntax;
+use syntax::medium::{
+    AmountFile, HomogeneousFile, KindFile, MediumFile, MediumSetFile, MilkFile, ParticlesFile, PhaseFile,
+    PolystyreneFile, SizesFile,
+};
+use syntax::values::IndexFile;
 use transport::material::constants;
 use transport::material::constants::ConstantsError;
 use transport::medium::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
@@ -44,7 +45,7 @@ impl MediumSet {
         wavelengths: Option<Wavelengths>,
     ) -> Result<Self, InputError> {
         let text = read(path, "file of media")?;
-        let file: MediumSetFile = parse(path, &text)?;
+        let file = MediumSetFile::read(path, &text)?;
         let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?;
         if let Some(wavelengths) = wavelengths {
             ctx.wavelengths = wavelengths;
@@ -66,7 +67,7 @@ impl MediumSet {
 /// # Errors
 /// As [`MediumSet::load`].
 pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
-    let file: MediumSetFile = parse(path, &read(path, "file of media")?)?;
+    let file = MediumSetFile::read(path, &read(path, "file of media")?)?;
     Ok(file.media.into_keys().collect())
 }
 

@@ -2,14 +2,14 @@
 
 use super::context::Context;
 use super::indices::{complex_index, constants, constants_f64, index};
-use crate::syntax::material::{
-    CoatedConductorFile, CrystalFile, FilmFile, MaterialFile, PolarizerFile, RetarderFile, TiltFile,
-};
-use crate::syntax::values::{IndexFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use glam::{DVec3, Vec3A};
 use optics::polarization::thin_film::Film;
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral};
+use syntax::material::{
+    CoatedConductorFile, CrystalFile, FilmFile, MaterialFile, PolarizerFile, RetarderFile, TiltFile,
+};
+use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::coated_conductor::{CoatedConductor, MAX_FILMS};
 use transport::material::crystal::Crystal;
 use transport::material::dielectric::Dielectric;

@@ -3,11 +3,11 @@
 use super::context::{Context, HUGE};
 use super::devices::vector;
 use crate::import;
-use crate::syntax::shape::{MeshFile, ObjectFile, ShapeFile, TransformFile};
-use crate::syntax::values::SpectrumFile;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
+use syntax::shape::{MeshFile, ObjectFile, ShapeFile, TransformFile};
+use syntax::values::SpectrumFile;
 use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};

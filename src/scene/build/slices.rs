@@ -1,11 +1,11 @@
 //! Slices of a scene file → [`Slice`]s, checked against camera and projector.
 
 use super::context::Context;
-use crate::syntax::scene::SceneFile;
-use crate::syntax::slice::{CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SliceFile};
-use crate::syntax::values::TimeFile;
 use base::locate::{InputError, Located};
 use std::ops::Range;
+use syntax::scene::SceneFile;
+use syntax::slice::{CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SliceFile};
+use syntax::values::TimeFile;
 use tensor::axes::SliceLayout;
 use tensor::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 use transport::device::pinhole::Pinhole;

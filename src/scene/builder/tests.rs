@@ -1,10 +1,10 @@
 //! Scenes in code are the scenes of files, and their faults have places.
 
 use super::*;
-use crate::syntax::medium::PhaseFile;
-use crate::syntax::values::ImageAlbedo;
 use crate::{Camera, Emitter, Material, Medium, Object, Projector, Slice};
 use glam::{Vec2, Vec3};
+use syntax::medium::PhaseFile;
+use syntax::values::ImageAlbedo;
 use tensor::field::Field;
 use tensor::memory::Arrays;
 use transport::render::schedule::{Unwatched, render};
@@ -117,7 +117,7 @@ fn in_code() -> SceneBuilder {
             Slice::new("flight")
                 .mueller()
                 .time(0.0, 500.0, 80)
-                .projector(crate::syntax::slice::ProjectorSelectFile::Columns(vec![2, 3])),
+                .projector(syntax::slice::ProjectorSelectFile::Columns(vec![2, 3])),
         )
 }
 

@@ -13,19 +13,20 @@ use super::files::{Contents, WriteError, write};
 use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
 use super::xml::{Element, number, single};
 use crate::build::assemble::settings;
-use crate::build::context::{Context, parse, read};
+use crate::build::context::{Context, read};
 use crate::build::devices::{emitters, pinhole, projector};
 use crate::build::shapes::{Form, Placed, moved, place};
 use crate::build::{materials, slices};
 use crate::import::write_ply;
-use crate::syntax::scene::SceneFile;
-use crate::syntax::shape::ObjectFile;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
 use optics::spectrum::Wavelengths;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::Path;
+use syntax::Syntax;
+use syntax::scene::SceneFile;
+use syntax::shape::ObjectFile;
 use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 use transport::geometry::mesh::Mesh;
@@ -58,7 +59,7 @@ impl Export {
     /// # Errors
     /// [`InputError`] as for a render, or naming what Mitsuba cannot express.
     pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
-        let file: SceneFile = parse(path, text)?;
+        let file = SceneFile::read(path, text)?;
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
         if let Some(nm) = wavelength_nm {
             ctx.wavelengths = Wavelengths::new(vec![nm])

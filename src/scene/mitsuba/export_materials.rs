@@ -7,12 +7,12 @@ use super::export_output::{Needs, Output, bitmap, is_even, plain_id, png, spectr
 use super::files::Contents;
 use super::xml::{Element, single};
 use crate::build::context::Context;
-use crate::syntax::material::MaterialFile;
 use base::locate::{InputError, Located};
 use image::{DynamicImage, ImageBuffer, Luma, Rgb};
 use optics::sampling::microfacet::{Distribution, Masking};
 use optics::spectrum::Spectral;
 use std::collections::BTreeMap;
+use syntax::material::MaterialFile;
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
 use transport::material::plastic::Plastic;

@@ -12,12 +12,12 @@ use super::tree::{Inside, Node, Source};
 use super::{import_devices, import_shapes};
 use crate::build::assemble;
 use crate::build::context::Context;
-use crate::syntax::device::EmitterFile;
-use crate::syntax::scene::{RenderFile, SceneFile};
-use crate::syntax::slice::SliceFile;
 use base::locate::{InputError, Located};
 use std::collections::BTreeMap;
 use std::path::Path;
+use syntax::device::EmitterFile;
+use syntax::scene::{RenderFile, SceneFile};
+use syntax::slice::SliceFile;
 
 /// A scene in our language.
 #[derive(Clone, Debug)]

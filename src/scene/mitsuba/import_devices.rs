@@ -3,12 +3,12 @@
 use super::importer::{Importer, rows};
 use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, number, numbers};
-use crate::syntax::device::{EmitterFile, PinholeFile, PoseFile, ProjectorFile};
-use crate::syntax::scene::SceneFile;
-use crate::syntax::values::SpectrumFile;
 use base::locate::{InputError, Located};
 use glam::DAffine3;
 use std::f64::consts::PI;
+use syntax::device::{EmitterFile, PinholeFile, PoseFile, ProjectorFile};
+use syntax::scene::SceneFile;
+use syntax::values::SpectrumFile;
 
 /// The camera, and the samples per pixel.
 pub(super) fn sensor<'a>(

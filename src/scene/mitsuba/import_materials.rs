@@ -7,14 +7,14 @@ use super::import_surfaces::{Upright, albedo, angle, bitmap, facets, indices, me
 use super::importer::Importer;
 use super::names::plain;
 use super::tree::Node;
-use crate::syntax::material::{
+use base::locate::{InputError, Located};
+use std::collections::{BTreeMap, BTreeSet};
+use syntax::material::{
     BlendFile, ConductorFile, DielectricFile, DiffuseFile, MaterialFile, MeasuredFile, NormalMapFile,
     PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
     TwoSidedFile,
 };
-use crate::syntax::values::{AlbedoFile, IndexFile};
-use base::locate::{InputError, Located};
-use std::collections::{BTreeMap, BTreeSet};
+use syntax::values::{AlbedoFile, IndexFile};
 
 /// Reads BSDFs, each once.
 #[derive(Default)]

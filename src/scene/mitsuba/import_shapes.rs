@@ -4,12 +4,12 @@ use super::import_materials::MaterialReader;
 use super::import_surfaces::Upright;
 use super::importer::{Importer, rows};
 use super::tree::Node;
-use crate::syntax::shape::{
+use base::locate::{InputError, Located};
+use glam::{DAffine3, DVec3};
+use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
     TransformFile,
 };
-use base::locate::{InputError, Located};
-use glam::{DAffine3, DVec3};
 
 /// One object.
 pub(super) fn object<'a>(

@@ -2,9 +2,9 @@
 
 use super::importer::Importer;
 use super::tree::{Node, Value};
-use crate::syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
+use syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
 use transport::material::constants;
 
 /// Which way up the images of a material are, on coordinates that count v from the image's lower edge.

@@ -4,12 +4,12 @@ use super::names::WAVELENGTHS;
 use super::reader::Document;
 use super::relative_path::relative;
 use super::tree::{Child, Inside, Node, Source, Value, numbers};
-use crate::syntax::values::{SpectrumFile, SpectrumTable};
 use base::locate::{InputError, Located};
 use glam::DAffine3;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use syntax::values::{SpectrumFile, SpectrumTable};
 
 /// What all parts of the translation share.
 pub(super) struct Importer<'a> {

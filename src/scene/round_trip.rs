@@ -1,17 +1,17 @@
 //! What is written is read again as the same: shipped scenes, and whatever values there may be.
 
-use super::device::*;
-use super::material::*;
-use super::medium::*;
-use super::scene::{RenderFile, SceneFile};
-use super::shape::*;
-use super::slice::*;
-use super::values::*;
 use base::locate::Located;
 use optics::sampling::microfacet::{Distribution, Masking};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use syntax::device::*;
+use syntax::material::*;
+use syntax::medium::*;
+use syntax::scene::{RenderFile, SceneFile};
+use syntax::shape::*;
+use syntax::slice::*;
+use syntax::values::*;
 use transport::scene::{Integrator, Scene};
 
 /// Scene files below a folder.
