@@ -411,7 +411,7 @@ fn damaged_stores_answer_or_say_why() {
     // The image has no axes t, v, u, and no overflow.
     assert!(answers > 25 && errors < 8, "{answers} answers, {errors} errors");
     let config = Config {
-        cases: 300,
+        cases: 120,
         failure_persistence: None,
         max_shrink_iters: 100,
         ..Config::default()
