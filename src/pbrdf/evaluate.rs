@@ -68,7 +68,7 @@ pub struct NotSpecular(pub Lobe);
 /// A BRDF's value between two directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrdfValue {
-    /// [wavelength][out][in], 1/sr, without the cosine.
+    /// `[wavelength][out][in]`, 1/sr, without the cosine.
     pub mueller: Vec<[[f32; 4]; 4]>,
     /// Density per steradian with which the renderer samples the incoming direction for the outgoing one.
     pub pdf: f32,
@@ -77,7 +77,7 @@ pub struct BrdfValue {
 /// What a smooth surface reflects or transmits at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularValue {
-    /// [out][in], of power: radiance changes besides by the squared ratio of the refractive indices.
+    /// `[out][in]`, of power: radiance changes besides by the squared ratio of the refractive indices.
     pub mueller: [[f32; 4]; 4],
     /// Where the light goes; nowhere under total reflection, where the matrix of transmission is zero.
     pub outgoing: Option<Direction>,

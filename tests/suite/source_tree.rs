@@ -202,8 +202,6 @@ pub fn declared(code: &str) -> Vec<String> {
 
 /// The modules of one crate, and which uses which.
 pub struct Crate {
-    /// File of each module by its path from the crate's root.
-    pub modules: BTreeMap<Vec<String>, PathBuf>,
     /// Modules that each module's shipped code uses, itself left out.
     pub uses: Uses,
 }
@@ -265,7 +263,7 @@ impl Crate {
             }
             uses.insert(module.clone(), used);
         }
-        Self { modules, uses }
+        Self { uses }
     }
 
     /// Groups of two or more modules each of which uses, in the end, every other.

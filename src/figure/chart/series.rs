@@ -27,7 +27,7 @@ pub struct Series {
     pub errors: Option<Vec<f64>>,
     /// How it is drawn.
     pub style: SeriesStyle,
-    /// Index of the colour in a palette for colour-blind readers ([`BLACK`] is 6), and of the marker.
+    /// Index of the colour in a palette for colour-blind readers (`BLACK` is 6), and of the marker.
     pub colour: usize,
 }
 

@@ -6,7 +6,7 @@ use std::ops::{Add, Mul};
 /// A Mueller matrix per wavelength lane, `m[out][in]`. The frames it maps between are stated where it is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mueller {
-    /// Element [out][in], each for all wavelengths.
+    /// Element `[out][in]`, each for all wavelengths.
     pub m: [[Spectral; 4]; 4],
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Row (k, c) of the design matrix A is the analyzer's row a of channel c times the generator's state g of capture k,
 //! A[(k, c), 4i + j] = a_i g_j, so that A vec(T) are the intensities a·T·g of Baek & Heide 2021, eqs. 3 and 6, for a
-//! Mueller matrix T with elements T[i][j] (Stokes out i, in j) in row-major order. It simulates captures, plans angles, and
+//! Mueller matrix T with elements `T[i][j]` (Stokes out i, in j) in row-major order. It simulates captures, plans angles, and
 //! is what reconstruction inverts.
 
 use super::element::Ray;

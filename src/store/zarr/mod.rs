@@ -1,10 +1,10 @@
 //! Slices on disk: a Zarr v3 directory that `xarray.open_zarr(path, group=NAME)` opens as it is.
 //!
-//! See [`describe`] for the layout. Chunks follow the camera tiles of the renderer, so that a finished tile is a
-//! finished chunk wherever the slice keeps whole pixels. Files are replaced atomically ([`atomic`]); the bytes of a
+//! See `describe` for the layout. Chunks follow the camera tiles of the renderer, so that a finished tile is a
+//! finished chunk wherever the slice keeps whole pixels. Files are replaced atomically (`atomic`); the bytes of a
 //! chunk depend on its values alone, so a store is identical for any number and order of writing threads.
 //!
-//! What is open has been checked ([`check`]): axes have as many coordinates as the arrays have entries, which are finite
+//! What is open has been checked (`check`): axes have as many coordinates as the arrays have entries, which are finite
 //! and rise; chunks lie within their arrays; attributes that programs read are of their type. Whoever reads relies on it.
 
 mod atomic;

@@ -5,7 +5,7 @@
 pub struct Filling {
     /// Refractive index, which sets the optical path length.
     pub index: f32,
-    /// Number of the [`crystal`] that fills it, or [`NO_CRYSTAL`].
+    /// Number of the [crystal](super::crystal) that fills it, or [`NO_CRYSTAL`].
     pub crystal: u32,
 }
 

@@ -18,7 +18,7 @@ const COLUMNS: [&str; 6] = [
 /// A scheme from a CSV table of angles.
 ///
 /// # Errors
-/// As [`load`].
+/// As [`load`](super::load).
 pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let place = Text {
         path,

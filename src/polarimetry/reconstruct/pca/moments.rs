@@ -1,6 +1,6 @@
 //! Mean and second moments of sets of Mueller matrices, put together in any number of parts.
 //!
-//! A matrix is a row v of 16 elements, v[4 i + j] = m[i][j], i = Stokes out, j = Stokes in. Kept are the number of rows n,
+//! A matrix is a row v of 16 elements, `v[4 i + j] = m[i][j]`, i = Stokes out, j = Stokes in. Kept are the number of rows n,
 //! their mean μ and the co-moments C = Σ (v - μ)(v - μ)ᵀ. One row is added after Welford 1962; two sets are merged after
 //! Chan, Golub & LeVeque 1983, "Algorithms for computing the sample variance":
 //!
@@ -106,7 +106,7 @@ impl Moments {
         self.count
     }
 
-    /// E[v]: the mean matrix.
+    /// E\[v\]: the mean matrix.
     #[must_use]
     pub fn mean(&self) -> MatrixRow {
         self.mean

@@ -2,7 +2,7 @@
 //!
 //! The data are isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of polarimetric
 //! reflectance" (the KAIST set), or any file of the same layout. [`table`] says how values come from entries,
-//! [`rusinkiewicz`] what the angles and Stokes frames are, `importance` how directions are drawn, and [`write`] makes
+//! [`rusinkiewicz`] what the angles and Stokes frames are, `importance` how directions are drawn, and [`mod@write`] makes
 //! such files.
 
 pub mod axes;

@@ -81,7 +81,7 @@ pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) 
 const LEAST_COS: f32 = 1e-4;
 
 /// Evaluates a material over one φ_d: matrices row by row, [theta_d, theta_h, wavelength, 4, 4], BRDF values between s
-/// frames, as [`write`] takes them. NaN where light or viewer are below the horizon, and all over if there is no such φ_d;
+/// frames, as [`write()`] takes them. NaN where light or viewer are below the horizon, and all over if there is no such φ_d;
 /// 0 where the material reflects nothing. `sources` as in [`tabulate`]; bands without a source stay 0.
 pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut [f32]) {
     let Some(&phi_d) = axes.phi_d.get(phi_d) else {
@@ -138,7 +138,7 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
 /// number there: bands 0 to 3 from the lanes of the first, 4 to 7 from those of the second, and so on.
 ///
 /// # Errors
-/// As [`write`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
+/// As [`write()`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
 pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
     let bands = axes.wavelengths_nm.len();
     if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {
