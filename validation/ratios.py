@@ -255,7 +255,7 @@ def found(name, peer):
 
 def origin():
     """What a result was measured with: commit, machine, date."""
-    from speed import machine
+    from result_file import machine
 
     git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
     return {"commit": git.stdout.strip(), "machine": machine(), "date": datetime.date.today().isoformat()}
