@@ -177,7 +177,7 @@ ERRORS = {
     "0.1 %": (SAME, lambda m: 1.001 * m),
 }
 # Design matrices and reconstructions: of seven schemes, the four that are built in also from two kinds of files.
-ROWS = 7 + 7 + 2 * len(BUILT_IN)
+COMPARED = 7 + 7 + 2 * len(BUILT_IN)
 
 
 def rows(folder, rng):
@@ -229,9 +229,9 @@ def compare(folder, power):
             verdict = (" noticed" if wrong else " MISSED") if power else ""
             line += f" {f'{difference:.3e}{verdict}':>20}"
         print(line)
-    if count != ROWS:
-        print(f"{count} rows instead of {ROWS}")
-    return failed or count != ROWS
+    if count != COMPARED:
+        print(f"{count} rows instead of {COMPARED}")
+    return failed or count != COMPARED
 
 
 def timed(action):
