@@ -136,15 +136,14 @@ impl Matrices {
 
 /// The stored wavelength that was selected: the probe took its axis away.
 fn selected_nm(stored: &[Axis], select: &[Selection]) -> f64 {
-    let stored = stored.iter().filter(|a| a.kind == AxisKind::Wavelength);
-    let coords = stored.flat_map(|a| &a.coords).copied();
+    let axis = stored.iter().find(|a| a.kind == AxisKind::Wavelength);
     let wanted = select.iter().find_map(|s| match (s.axis, s.range) {
         (AxisKind::Wavelength, CoordRange::Nearest(nm)) => Some(nm),
         _ => None,
     });
     let wanted = wanted.unwrap_or(DEFAULT_NM);
-    let nearest = coords.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
-    nearest.unwrap_or(wanted)
+    let nearest = axis.and_then(|a| a.coords.get(a.nearest(wanted)));
+    nearest.copied().unwrap_or(wanted)
 }
 
 /// A tensor's values with the two Stokes axes last; only wavelengths stand behind them.

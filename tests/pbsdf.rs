@@ -407,7 +407,7 @@ fn scenes_know_tables_by_their_pieces() {
                     pose.look_at = { origin = [0, 0, 1], target = [0, 0, 0] }\n[[emitters]]\nenvironment.radiance = 1\n\
                     [materials]\nx.measured = { file = \"table.pbsdf\" }\n";
         let scene = sunstone::scene::from_text(&folder.path().join("scene.toml"), text);
-        scene.unwrap_or_else(|e| panic!("{e}")).sha256
+        scene.unwrap_or_else(|e| panic!("{e}")).sha256.clone()
     };
     let before = hash();
     let whole = std::fs::read(&small).expect("the file");

@@ -5,6 +5,7 @@
 //! it. Three wavelengths are shown in their order instead (lowest blue, middle green, highest red), and one is shown
 //! grey. Every rule's weights sum to 1 per primary, so a spectrally flat picture is grey.
 
+use base::spectral_table;
 use image::Rgb;
 
 /// Colour of what has no value: not finite, or normalized by an M00 that is not positive.
@@ -53,17 +54,7 @@ pub fn primary(nm: f64) -> usize {
 /// Index of the value nearest to `wanted`, the first of equals; 0 for an empty list.
 #[must_use]
 pub fn nearest(values: &[f64], wanted: f64) -> usize {
-    let distance = |v: f64| {
-        let d = (v - wanted).abs();
-        if d.is_nan() { f64::INFINITY } else { d }
-    };
-    (0..values.len()).fold(0, |best, i| {
-        if distance(values[i]) < distance(values[best]) {
-            i
-        } else {
-            best
-        }
-    })
+    spectral_table::nearest(values, wanted).unwrap_or(0)
 }
 
 /// Line colours that stay apart on white: by primary for several wavelengths (the second of one primary is darker),

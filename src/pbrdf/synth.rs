@@ -1,6 +1,7 @@
 //! Tables in the KAIST format of analytic materials: which can be made, and the list that goes beside them.
 
 use crate::stand_ins::BandedMaterials;
+use crate::table_part::nearest_band;
 use base::whole_file;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -55,7 +56,7 @@ pub fn list(folder: &Path, bands: &[u16]) -> std::io::Result<PathBuf> {
         .filter(|name| name.ends_with(".pbsdf") && !name.starts_with('.'))
         .collect();
     tables.sort();
-    let nearest = |nm: u16| bands.iter().copied().min_by_key(|b| b.abs_diff(nm)).unwrap_or(nm);
+    let nearest = |nm: u16| nearest_band(bands, f64::from(nm)).map_or(nm, |i| bands[i]);
     let mut shown = SHOWN_NM.map(nearest).to_vec();
     shown.dedup();
     let path = folder.join("materials.toml");

@@ -10,6 +10,7 @@ use crate::medium::nesting::Boundary;
 use optics::spectrum::Wavelengths;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::ops::{Deref, DerefMut};
 use tensor::{axes::Extents, slice::Slice};
 
 /// Everything that describes a scene, as plain tables: what [`Scene::new`] takes.
@@ -42,38 +43,28 @@ pub struct SceneTables {
     pub sha256: String,
 }
 
-/// Everything a render needs: the tables, and what is worked out from them.
+/// Everything a render needs: the tables, which it passes on, and what is worked out from them.
 pub struct Scene {
-    /// Short name, for titles and default output.
-    pub name: String,
-    /// Of all spectral numbers, lane by lane.
-    pub wavelengths: Wavelengths,
-    /// All surfaces.
-    pub geometry: Geometry,
-    /// Indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
-    pub materials: Materials,
-    /// Participating media, by number.
-    pub media: Media,
-    /// What each material's surfaces bound, by the material's number: [`Boundary::NONE`] where nothing fills the object.
-    pub boundaries: Vec<Boundary>,
-    /// The camera.
-    pub camera: Pinhole,
-    /// The projector, if there is one.
-    pub projector: Option<Projector>,
-    /// Point emitters.
-    pub points: Vec<PointEmitter>,
-    /// Light from outside of the scene.
-    pub environment: Option<Environment>,
-    /// What is kept of the light transport.
-    pub slices: Vec<Slice>,
-    /// How to render.
-    pub settings: Settings,
-    /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
-    pub sha256: String,
+    tables: SceneTables,
     /// Some material lets light straight through, so connections may pass sheets.
     pub(crate) sheets: bool,
     /// Some object is filled with a medium, or some boundary is null: paths must keep account of the media they are in.
     pub(crate) filled: bool,
+}
+
+impl Deref for Scene {
+    type Target = SceneTables;
+    #[inline(always)]
+    fn deref(&self) -> &SceneTables {
+        &self.tables
+    }
+}
+
+impl DerefMut for Scene {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut SceneTables {
+        &mut self.tables
+    }
 }
 
 /// Which paths are traced.
@@ -113,35 +104,8 @@ impl Scene {
     /// A scene of these tables.
     #[must_use]
     pub fn new(tables: SceneTables) -> Self {
-        let SceneTables {
-            name,
-            wavelengths,
-            geometry,
-            materials,
-            media,
-            boundaries,
-            camera,
-            projector,
-            points,
-            environment,
-            slices,
-            settings,
-            sha256,
-        } = tables;
         let mut scene = Self {
-            name,
-            wavelengths,
-            geometry,
-            materials,
-            media,
-            boundaries,
-            camera,
-            projector,
-            points,
-            environment,
-            slices,
-            settings,
-            sha256,
+            tables,
             sheets: false,
             filled: false,
         };

@@ -133,10 +133,8 @@ pub fn paths(code: &str, children: &[String]) -> BTreeSet<Vec<String>> {
         let qualified = at >= 2 && &bytes[at - 2..at] == b"::";
         if begins(&here[..length]) && !qualified && here[length..].starts_with("::") {
             at += tree(here, &[], &mut out);
-        } else if &here[..length] == "use" && here[length..].trim_start().starts_with('{') {
-            // `use {a::b, c}`: its branches are met on the way.
-            at += length;
         } else {
+            // `use {a::b, c}` as well: its branches are met on the way.
             at += length;
         }
     }

@@ -7,11 +7,9 @@ use serde_json::{Map, Value, json};
 use tensor::sink::{Job, JobSlice};
 use tensor::slice::Slice;
 
-/// The job of rendering all slices of a scene.
-#[must_use]
-pub fn job(scene: &Scene) -> Job {
-    let plans = plans(scene);
-    let slices = scene.slices.iter().zip(&plans).map(|(slice, plan)| JobSlice {
+/// The job of rendering all slices of a scene, whose plans are [`plans`].
+pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
+    let slices = scene.slices.iter().zip(plans).map(|(slice, plan)| JobSlice {
         layout: plan.layout().clone(),
         attributes: slice_attributes(scene, slice, plan),
     });

@@ -8,7 +8,7 @@ pub mod coverage;
 mod emission;
 mod environment;
 mod flight;
-pub mod job;
+mod job;
 mod join;
 mod join_manifold;
 mod manifold;

@@ -57,7 +57,7 @@ pub fn render<S: Sink>(
         return Err(RenderError::NoSlices);
     }
     let plans = plans(scene);
-    let mut job = job(scene);
+    let mut job = job(scene, &plans);
     let extra = extra
         .iter()
         .map(|(name, value)| ((*name).to_owned(), value.clone()));
