@@ -117,7 +117,8 @@ impl<T: Number> Weights<T> {
                     let x = [x[2 * pair], x[2 * pair + 1]];
                     for (e, sum) in sums.iter_mut().enumerate() {
                         let w = w[4 * quarter + e];
-                        *sum = [times_plus(w, &x[0], &sum[0]), times_plus(w, &x[1], &sum[1])];
+                        add_product(w, &x[0], &mut sum[0]);
+                        add_product(w, &x[1], &mut sum[1]);
                     }
                 }
                 for (e, sum) in sums.iter().enumerate() {
@@ -134,18 +135,21 @@ impl<T: Number> Weights<T> {
         }
         // Zero times anything finite is zero.
         let nothing = T::default();
-        let odd = all[..out.len().div_ceil(16 * LANES)]
-            .as_flattened()
-            .iter()
-            .fold(zero, |sum, v| times_plus(nothing, v, &sum));
+        let mut odd = zero;
+        for v in all[..out.len().div_ceil(16 * LANES)].as_flattened() {
+            add_product(nothing, v, &mut odd);
+        }
         odd.iter().all(|v| *v == nothing)
     }
 }
 
-/// w x + s, number by number.
+/// Adds w x to s, number by number. A loop, and no closure, which could be compiled apart from what calls it, for a
+/// processor without the instruction.
 #[inline(always)]
-fn times_plus<T: Number>(w: T, x: &[T; LANES], s: &[T; LANES]) -> [T; LANES] {
-    std::array::from_fn(|k| w.times_plus(x[k], s[k]))
+fn add_product<T: Number>(w: T, x: &[T; LANES], s: &mut [T; LANES]) {
+    for k in 0..LANES {
+        s[k] = w.times_plus(x[k], s[k]);
+    }
 }
 
 #[cfg(test)]
