@@ -24,11 +24,11 @@ fn whole(c: &mut Criterion) {
         .sample_size(10)
         .throughput(Throughput::Elements(64 * 64 * 16));
     group.bench_function("all slices", |b| {
-        b.iter(|| render(&scene, &target, &Unwatched).is_ok())
+        b.iter(|| render(&scene, &target, &Unwatched).is_ok());
     });
     scene.slices.retain(|s| s.name == "conventional");
     group.bench_function("conventional alone", |b| {
-        b.iter(|| render(&scene, &target, &Unwatched).is_ok())
+        b.iter(|| render(&scene, &target, &Unwatched).is_ok());
     });
     group.finish();
 }

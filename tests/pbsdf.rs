@@ -201,7 +201,7 @@ fn every_fault_is_named_with_its_mend() {
         ("`theta_h` as elements of type 200 (unknown)", |f| f[2].1 = 200),
         ("`M` in shape (4, 3, 3, 2, 16)", |f| f[4].2 = vec![4, 3, 3, 2, 16]),
         ("`M` in shape (4, 3, 3, 2, 2, 8)", |f| {
-            f[4].2 = vec![4, 3, 3, 2, 2, 8]
+            f[4].2 = vec![4, 3, 3, 2, 2, 8];
         }),
         ("`M` in shape (0, 3, 3, 2, 4, 4)", |f| f[4].2[0] = 0),
         ("`M` in shape ()", |f| f[4].2 = vec![]),
@@ -227,7 +227,7 @@ fn every_fault_is_named_with_its_mend() {
             f[4].2[0] = 1;
         }),
         ("NaN on axis `theta_h`", |f| {
-            f[2].3[4..8].copy_from_slice(&f32::NAN.to_le_bytes())
+            f[2].3[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
         }),
         ("2 on axis `theta_d`; angles are radians in 0.0000..1.5708", |f| {
             f[1].3[8..12].copy_from_slice(&2.0_f32.to_le_bytes());
@@ -235,15 +235,15 @@ fn every_fault_is_named_with_its_mend() {
         ("45 on axis `theta_d`", |f| f[1].3 = bytes(&[0.0, 45.0, 90.0])),
         ("must rise strictly", |f| f[1].3 = bytes(&[0.0, 0.5, 0.5])),
         ("550 followed by 450 on axis `wvls`", |f| {
-            f[3].3 = vec![38, 2, 194, 1]
+            f[3].3 = vec![38, 2, 194, 1];
         }),
         ("phi_d from 0 to 3 alone", |f| {
-            f[0].3 = bytes(&[0.0, 1.0, 2.0, 3.0])
+            f[0].3 = bytes(&[0.0, 1.0, 2.0, 3.0]);
         }),
         ("no valid entry", |f| {
             f[4].3
                 .chunks_exact_mut(4)
-                .for_each(|x| x.copy_from_slice(&f32::NAN.to_le_bytes()))
+                .for_each(|x| x.copy_from_slice(&f32::NAN.to_le_bytes()));
         }),
     ];
     let folder = folder();
@@ -484,7 +484,7 @@ fn mutated_files_load_or_say_why() {
     for case in 0..10_000 {
         let mut file = whole.clone();
         let mut below = |n: usize| ((stream.uniform() * n as f32) as usize).min(n - 1);
-        for _ in 0..1 + below(3) {
+        for _ in 0..=below(3) {
             let n = file.len();
             match below(6) {
                 0 => file.truncate(below(n) + 1),

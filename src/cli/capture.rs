@@ -66,11 +66,14 @@ pub struct NoiseArguments {
 impl NoiseArguments {
     /// What they mean for some matrices.
     pub fn resolve(&self, target: &MuellerImage) -> Result<Noise, Failure> {
-        let good = |name: &str, sigma: f64| match sigma >= 0.0 && sigma.is_finite() {
-            true => Ok(sigma),
-            false => Err(Failure::input(format!(
-                "{name} {sigma}: give zero or a positive number"
-            ))),
+        let good = |name: &str, sigma: f64| {
+            if sigma >= 0.0 && sigma.is_finite() {
+                Ok(sigma)
+            } else {
+                Err(Failure::input(format!(
+                    "{name} {sigma}: give zero or a positive number"
+                )))
+            }
         };
         if let Some(sigma) = self.noise {
             let sigma = good("--noise", sigma)?;

@@ -107,7 +107,7 @@ fn report_scene(e: &InputError) {
         .is_ok()
     {
         // The message has been printed; keep the picture of the place only.
-        let picture: Vec<&str> = out.lines().skip_while(|l| !l.contains("[")).collect();
+        let picture: Vec<&str> = out.lines().skip_while(|l| !l.contains('[')).collect();
         eprintln!("{}", picture.join("\n"));
     }
 }

@@ -66,7 +66,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Some(Preset::Temporal) => Probe::temporal(),
         Some(Preset::Polarimetric) => Probe::polarimetric(),
     };
-    probe.select.extend(a.source.select.iter().cloned());
+    probe.select.extend(a.source.select.iter().copied());
     if !a.sum.is_empty() {
         probe.sum.extend(parse_axes(&a.sum).map_err(Failure::input)?);
     }
@@ -76,7 +76,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(s) = &a.stokes {
         probe.stokes = Some(parse_stokes(s).map_err(Failure::input)?);
     }
-    probe.pulse = a.pulse.clone();
+    probe.pulse.clone_from(&a.pulse);
     let result = probe.run(&slice).map_err(Failure::input)?;
     for note in &result.notes {
         eprintln!("note: {note}");

@@ -130,9 +130,10 @@ pub struct Errors {
 /// [`TrialError::Dark`] if it is not positive.
 pub fn brightness(image: &MuellerImage) -> Result<f64, TrialError> {
     let mean = image.mean();
-    match mean > 0.0 && mean.is_finite() {
-        true => Ok(mean),
-        false => Err(TrialError::Dark),
+    if mean > 0.0 && mean.is_finite() {
+        Ok(mean)
+    } else {
+        Err(TrialError::Dark)
     }
 }
 

@@ -128,9 +128,9 @@ fn files(path: &Path) -> Vec<PathBuf> {
         for entry in std::fs::read_dir(next).unwrap() {
             let file = entry.unwrap().path();
             if file.is_dir() {
-                todo.push(file)
+                todo.push(file);
             } else {
-                all.push(file)
+                all.push(file);
             }
         }
     }

@@ -312,7 +312,7 @@ mod tests {
         })
     }
 
-    fn piece<'a>(slice: usize, data: &'a [f32]) -> Piece<'a> {
+    fn piece(slice: usize, data: &[f32]) -> Piece<'_> {
         Piece {
             slice,
             field: Field::Mean,

@@ -116,7 +116,7 @@ fn no_room_is_too_large() {
 #[test]
 fn no_room_is_a_lumber_room() {
     for path in sources(&root()) {
-        for part in path.strip_prefix(root()).expect("below src").iter() {
+        for part in path.strip_prefix(root()).expect("below src") {
             let name = part.to_str().expect("UTF-8").trim_end_matches(".rs");
             let lumber = ["util", "utils", "common", "helpers", "misc"];
             assert!(

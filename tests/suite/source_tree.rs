@@ -384,7 +384,7 @@ mod tests {
             "pub struct B;\n#[cfg(test)]\nmod tests {\n    use crate::a::A;\n}\n",
         );
         write("c.rs", "use crate::a::A;\npub struct C;\n");
-        let circles = |_: ()| Crate::read(folder.path(), "lib", &[]).circles();
+        let circles = |(): ()| Crate::read(folder.path(), "lib", &[]).circles();
         assert_eq!(circles(()), Vec::<Vec<String>>::new());
         write("b.rs", "pub struct B(super::super::x::Y, crate::c::C);\n");
         assert_eq!(circles(()), [["a", "b", "c"]]);

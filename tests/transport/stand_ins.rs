@@ -103,7 +103,7 @@ fn stand_ins_make_no_light() {
 #[test]
 fn a_table_renders_as_its_source() {
     let folder = tempfile::tempdir().unwrap();
-    let source = r#"{ rough_conductor = { n = 0.4242, k = 2.4721, alpha = 0.3 } }"#;
+    let source = r"{ rough_conductor = { n = 0.4242, k = 2.4721, alpha = 0.3 } }";
     let text = format!("wavelengths_nm = [550]\n[materials]\nball = {source}\n");
     let set = MaterialSet::from_text(Path::new("test.toml"), &text).unwrap_or_else(|e| panic!("{e}"));
     let path = folder.path().join("ball.pbsdf");

@@ -40,16 +40,13 @@ impl MaterialSource {
     /// As [`MaterialSource::load`], with the c of arctan(c M).
     pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
         let settings = Settings { c, samples };
-        match &self.folder {
-            Some(folder) => {
-                let bands: Vec<f64> = self.bands.iter().copied().map(f64::from).collect();
-                data_set::read(folder, &bands, &settings)
-            }
-            None => {
-                let banded = BandedMaterials::load(None, &self.bands).map_err(banded_failure)?;
-                let axes = Axes::even(self.resolution.0, self.bands.clone());
-                data_set::evaluate(&axes, &banded.analytic(), &settings)
-            }
+        if let Some(folder) = &self.folder {
+            let bands: Vec<f64> = self.bands.iter().copied().map(f64::from).collect();
+            data_set::read(folder, &bands, &settings)
+        } else {
+            let banded = BandedMaterials::load(None, &self.bands).map_err(banded_failure)?;
+            let axes = Axes::even(self.resolution.0, self.bands.clone());
+            data_set::evaluate(&axes, &banded.analytic(), &settings)
         }
         .map_err(Failure::input)
     }

@@ -92,7 +92,7 @@ mod tests {
             .collect();
         let mut s = Moment::zeros();
         for t in &data {
-            s += Moment::from_fn(|i, j| t[i] * t[j] / n as f64);
+            s += Moment::from_fn(|i, j| t[i] * t[j] / f64::from(n));
         }
         let (design, sigma) = (design(5), 0.01);
         let prior = LinearEstimate::prior(&design, &s, sigma);
@@ -109,11 +109,11 @@ mod tests {
             let found = &prior.w * intensities;
             errors.push((0..16).map(|e| (found[e] - t[e]).powi(2)).sum::<f64>());
         }
-        let mean = errors.iter().sum::<f64>() / n as f64;
-        let var = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
+        let mean = errors.iter().sum::<f64>() / f64::from(n);
+        let var = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / f64::from(n - 1);
         let want = prior.covariance.trace() * sigma.powi(2);
         assert!(
-            (mean - want).abs() < 5.0 * (var / n as f64).sqrt(),
+            (mean - want).abs() < 5.0 * (var / f64::from(n)).sqrt(),
             "{mean} is not {want}"
         );
         assert!(mean < 0.05 * s.trace(), "{mean} of {}", s.trace());

@@ -35,22 +35,19 @@ pub fn estimate(
         normal.ger(1.0 / variance, &row, &row, 1.0);
         right.axpy(intensity / variance, &row, 1.0);
     }
-    let covariance = match prior {
-        Some(root) => {
-            let inner = Moment::identity() + root.transpose() * normal * root;
-            root * Cholesky::new(inner)?.inverse() * root.transpose()
+    let covariance = if let Some(root) = prior {
+        let inner = Moment::identity() + root.transpose() * normal * root;
+        root * Cholesky::new(inner)?.inverse() * root.transpose()
+    } else {
+        // Scaled, so that what counts as singular does not depend on the unit.
+        let scale = normal.trace() / 16.0;
+        let inverse = Cholesky::new(normal / scale)?.inverse();
+        // Pivots do not show what an inverse is worth; that it inverts does.
+        let recovered = inverse * (normal / scale) - Moment::identity();
+        if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-5) {
+            return None;
         }
-        None => {
-            // Scaled, so that what counts as singular does not depend on the unit.
-            let scale = normal.trace() / 16.0;
-            let inverse = Cholesky::new(normal / scale)?.inverse();
-            // Pivots do not show what an inverse is worth; that it inverts does.
-            let recovered = inverse * (normal / scale) - Moment::identity();
-            if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-5) {
-                return None;
-            }
-            inverse / scale
-        }
+        inverse / scale
     };
     let t = covariance * right;
     let finite = t.iter().all(|v| v.is_finite());

@@ -231,7 +231,7 @@ fn sheet_axis(
 fn direction(ctx: &Context, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
     DVec3::from_array(**axis)
         .try_normalize()
-        .map(|d| d.as_vec3a())
+        .map(glam::DVec3::as_vec3a)
         .ok_or_else(|| {
             ctx.error(
                 axis.span(),

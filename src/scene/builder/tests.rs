@@ -100,7 +100,7 @@ fn in_code() -> SceneBuilder {
         .file_in_memory("checks.png", checks())
         .material("gold", Material::rough_metal("Au", 0.3))
         .material("cloth", Material::diffuse(ImageAlbedo::new("checks.png")))
-        .material("edge", Material::Null(Default::default()))
+        .material("edge", Material::Null(syntax::material::NullFile::default()))
         .medium("fog", Medium::homogeneous(0.1, [0.5, 0.7], PhaseFile::Isotropic))
         .object(Object::sphere([0.0; 3], 0.5).material("gold"))
         .object(

@@ -318,15 +318,12 @@ fn material(root: &Root, p: &Primitive) -> Result<Option<String>, ImportError> {
 }
 
 fn read_primitive(data: &Data, p: &Primitive, name: &str) -> Result<Mesh, ImportError> {
-    let mode = match p.mode {
-        Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
-        _ => {
-            let what = format!("mesh {name:?} is made of points or lines");
-            return Err(ImportError::unsupported(
-                what,
-                "export triangles, or leave it out",
-            ));
-        }
+    let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) = p.mode else {
+        let what = format!("mesh {name:?} is made of points or lines");
+        return Err(ImportError::unsupported(
+            what,
+            "export triangles, or leave it out",
+        ));
     };
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
     let positions = attribute(Semantic::Positions)

@@ -24,7 +24,10 @@ pub(super) fn finish(
 ) -> Result<MeshPart, ImportError> {
     if mesh.normals.iter().all(|n| n.is_finite()) {
         for n in &mut mesh.normals {
-            *n = n.as_dvec3().try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
+            *n = n
+                .as_dvec3()
+                .try_normalize()
+                .map_or(Vec3::ZERO, glam::DVec3::as_vec3);
         }
         if mesh.normals.contains(&Vec3::ZERO) {
             mesh.normals.clear();

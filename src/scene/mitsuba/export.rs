@@ -173,7 +173,7 @@ fn integrator(settings: &Settings) -> Element {
 
 /// Device axes to the world, in Mitsuba's order: left, up, forward.
 fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
-    let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| a.as_dvec3());
+    let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::Vec3A::as_dvec3);
     DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 

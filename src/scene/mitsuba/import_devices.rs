@@ -231,20 +231,19 @@ fn projector<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<ProjectorFil
         .transpose()?
         .filter(|t| t.tag == "texture");
     let one = || Located::at(node.span.clone(), SpectrumFile::Scalar(1.0));
-    let (size, irradiance) = match texture {
-        Some(texture) => (white(importer, texture)?, one()),
-        None => {
-            let [w, h] = given.unwrap_or([256.0; 2]);
-            // The film's largest size is the projector's too.
-            if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
-                return importer.error(
-                    &node.span,
-                    "a projector without an image is square",
-                    "give projector_resolution two equal whole numbers in 1..32768",
-                );
-            }
-            ([w as u32; 2], importer.spectrum_or(node, "irradiance", 1.0)?)
+    let (size, irradiance) = if let Some(texture) = texture {
+        (white(importer, texture)?, one())
+    } else {
+        let [w, h] = given.unwrap_or([256.0; 2]);
+        // The film's largest size is the projector's too.
+        if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
+            return importer.error(
+                &node.span,
+                "a projector without an image is square",
+                "give projector_resolution two equal whole numbers in 1..32768",
+            );
         }
+        ([w as u32; 2], importer.spectrum_or(node, "irradiance", 1.0)?)
     };
     let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
     let pose = pose(importer, node)?;

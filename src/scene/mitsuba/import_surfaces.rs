@@ -73,7 +73,7 @@ pub(super) fn metal(importer: &mut Importer, node: &Node) -> Result<Metal, Input
                     "`{name}` is taken from sunstone's own optical constants ({})",
                     found.source
                 ));
-                let name = Located::at(node.span.clone(), found.name.to_string());
+                let name = Located::at(node.span.clone(), found.name.clone());
                 Ok((Some(name), None, None))
             }
             Err(e) => importer.error(&node.span, e.to_string(), "give eta and k as spectra"),

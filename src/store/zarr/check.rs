@@ -17,8 +17,9 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
         return Some(format!("its coordinate {bad} is no number"));
     }
-    if let Some(w) = coords.windows(2).find(|w| w[0] >= w[1]) {
-        return Some(format!("its coordinates do not rise: {} follows {}", w[1], w[0]));
+    let falls = |pair: &[f64]| matches!(pair, [a, b] if a >= b);
+    if let Some([a, b]) = coords.windows(2).find(|pair| falls(pair)) {
+        return Some(format!("its coordinates do not rise: {b} follows {a}"));
     }
     let (least, most) = match axis.kind {
         AxisKind::Y | AxisKind::X | AxisKind::V | AxisKind::U | AxisKind::Bounces => {

@@ -145,6 +145,9 @@ impl StoredSlice {
 
     /// [`Self::write`] by one who knows where zeros are: `touched` has a bit for every [`tensor::sink::STRETCH`] bytes of the data, the
     /// first one lowest, unset where all are zero.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
     pub fn write_touched(
         &self,
         field: Field,

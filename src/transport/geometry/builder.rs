@@ -29,7 +29,7 @@ impl GeometryBuilder {
         let first_normal = self.normals.len() as u32;
         let first_uv = self.uvs.len() as u32;
         self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
-        self.uvs.extend(mesh.uvs.iter().map(|uv| uv.to_array()));
+        self.uvs.extend(mesh.uvs.iter().map(glam::Vec2::to_array));
         self.triangle_count += mesh.indices.len();
         let mut rest = &mesh.indices[..];
         while let [first, others @ ..] = rest {

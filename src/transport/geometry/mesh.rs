@@ -130,7 +130,7 @@ impl Mesh {
         let sign = if reflects { -1.0 } else { 1.0 };
         for n in &mut self.normals {
             let turned = sign * (cofactors * n.as_dvec3());
-            *n = turned.try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
+            *n = turned.try_normalize().map_or(Vec3::ZERO, glam::DVec3::as_vec3);
         }
         if self.normals.contains(&Vec3::ZERO) {
             self.normals.clear();

@@ -10,7 +10,7 @@ use optics::sampling::warp;
 
 /// Distance and the least barycentric coordinate of a ray in a triangle's plane.
 fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
-    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let [a, b, c] = corners.map(glam::Vec3::as_dvec3);
     let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
     let (e1, e2) = (b - a, c - a);
     let n = e1.cross(e2);

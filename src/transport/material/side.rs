@@ -5,6 +5,7 @@ use glam::Vec3A;
 
 /// The shading normal on the side of `wo`, or `None` if shading and geometry disagree about that side.
 #[inline(always)]
+#[must_use]
 pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
     let side = surface.ng.dot(wo);
     let n = if side < 0.0 { -surface.ns } else { surface.ns };

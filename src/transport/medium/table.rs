@@ -84,9 +84,12 @@ fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     let mut scratch = vec![];
     let mut matrices = |i: f64, cells: usize, backward: bool| -> Vec<[f64; 4]> {
         let cos = cos_at(i, cells, backward);
-        let of = |e: &Ensemble| match e.is_clear() {
-            true => [0.25 / PI, 0.0, 0.0, 0.0],
-            false => e.matrix(cos, &mut scratch),
+        let of = |e: &Ensemble| {
+            if e.is_clear() {
+                [0.25 / PI, 0.0, 0.0, 0.0]
+            } else {
+                e.matrix(cos, &mut scratch)
+            }
         };
         ensembles.iter().map(of).collect()
     };

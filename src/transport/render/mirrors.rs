@@ -379,7 +379,7 @@ mod tests {
         let ways = |a: [f32; 3], b: [f32; 3]| {
             let mut found = vec![];
             mirrors.flat_ways(Vec3A::from_array(a), Vec3A::from_array(b), |seeds| {
-                found.push(seeds[0].point)
+                found.push(seeds[0].point);
             });
             found
         };

@@ -16,7 +16,7 @@ impl Views {
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let view = |device: &Pinhole| {
-            let field = device.field().map(|v| v.as_vec2());
+            let field = device.field().map(glam::DVec2::as_vec2);
             View::new(
                 &scene.geometry,
                 device.origin,

@@ -306,7 +306,7 @@ mod tests {
                 prop_assert_eq!(demosaic(&raw, w, h, method).is_ok(), n == w * h);
             }
             prop_assert_eq!(split_bayer(&raw, w, h).is_ok(), n == w * h);
-            prop_assert_eq!(mosaic([&raw; 4].map(|v| v.as_slice()), w, h).is_ok(), n == w * h);
+            prop_assert_eq!(mosaic([&raw; 4].map(std::vec::Vec::as_slice), w, h).is_ok(), n == w * h);
         }
     }
 }

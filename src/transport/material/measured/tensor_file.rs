@@ -110,6 +110,7 @@ pub struct Field<'a> {
 
 impl Field<'_> {
     /// Extent along each dimension.
+    #[must_use]
     pub fn shape(&self) -> impl ExactSizeIterator<Item = u64> + '_ {
         let word = |w: &[u8]| w.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b));
         self.shape.chunks_exact(8).map(word)
