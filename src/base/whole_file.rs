@@ -27,6 +27,28 @@ pub fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".tmp")
 }
 
+/// Whether two paths name one file or folder that exists, by whatever links.
+#[must_use]
+pub fn is_same(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a_path), Ok(b_path)) => a_path == b_path || is_same_node(a, b),
+        _ => false,
+    }
+}
+
+/// Hard links have different names.
+#[cfg(unix)]
+fn is_same_node(a: &Path, b: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let node = |path: &Path| fs::metadata(path).map(|m| (m.dev(), m.ino())).ok();
+    node(a).is_some_and(|of_a| node(b) == Some(of_a))
+}
+
+#[cfg(not(unix))]
+fn is_same_node(_: &Path, _: &Path) -> bool {
+    false
+}
+
 /// Writes a file whole: temporary file in the same directory, then rename. Creates missing directories.
 ///
 /// # Errors

@@ -43,6 +43,9 @@ pub struct Arguments {
     /// Write into a folder that has files already, replacing those of the same names.
     #[arg(long, requires = "mitsuba")]
     force: bool,
+    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    #[arg(long, requires = "slice")]
+    partial: bool,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -60,6 +63,7 @@ fn image(a: &Arguments, slice: &str, output: &Path) -> Result<(), Failure> {
         store: a.source.clone(),
         slice: slice.to_owned(),
         select: a.select.clone(),
+        partial: a.partial,
     };
     let (_, slice) = source.open()?;
     let options = ExrOptions {

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use sunstone::figure::{Drawing, FigureError, Format};
 use sunstone::figures::{self, FiguresError};
-use sunstone::store::zarr::TensorStore;
 
 /// Draw pictures of a store's slices: PNG, or SVG or PDF whose texts and lines are vectors.
 ///
@@ -50,6 +49,9 @@ pub struct Arguments {
     /// `figures`].
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    #[arg(long)]
+    partial: bool,
 }
 
 /// Formats of a figure.
@@ -144,7 +146,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             element: a.element,
         }),
     };
-    let store = TensorStore::open(&a.store).map_err(Failure::input)?;
+    let store = super::source::store(&a.store, a.partial)?;
     let name = a.slice.clone().unwrap_or_default();
     let path = a
         .output
@@ -161,7 +163,7 @@ fn folder(store: &Path) -> PathBuf {
 
 /// Draws the figures that the scene lists, and prints where they are.
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
-    let store = TensorStore::open(path).map_err(Failure::input)?;
+    let store = super::source::store(path, a.is_some_and(|a| a.partial))?;
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
     let format = a.map_or("png", |a| a.format.name());
     for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {

@@ -17,6 +17,9 @@ pub struct MatrixSource {
     /// Keep part of the slice's axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
     #[arg(short = 'k', long = "select", requires = "slice")]
     select: Vec<Selection>,
+    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    #[arg(long, requires = "slice")]
+    partial: bool,
 }
 
 impl MatrixSource {
@@ -39,6 +42,7 @@ impl MatrixSource {
             store: self.source.clone(),
             slice: slice.to_owned(),
             select: self.select.clone(),
+            partial: self.partial,
         };
         let (_, stored) = source.open()?;
         Matrices::of_slice(&stored, &source.select).map_err(|e| match e {

@@ -2,10 +2,12 @@
 
 use super::failure::Failure;
 use std::path::PathBuf;
+use sunstone::store::merge::{Options, merge};
 
 /// Pool renders of the same scene with different seeds into one, exactly.
 ///
-/// Means, standard errors and sample counts become those of one render with all the samples.
+/// Means, standard errors and sample counts become those of one render with all the samples. Killed at any moment, it leaves
+/// no store; the same command goes on where it was.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Stores to pool, at least two.
@@ -17,9 +19,16 @@ pub struct Arguments {
     /// Replace an existing store.
     #[arg(long)]
     force: bool,
+    /// Take unfinished renders for what there is of them; what none of them has is NaN.
+    #[arg(long)]
+    partial: bool,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    sunstone::store::merge::merge(&a.inputs, &a.output, a.force).map_err(Failure::input)?;
+    let options = Options {
+        replace: a.force,
+        partial: a.partial,
+    };
+    merge(&a.inputs, &a.output, options).map_err(Failure::input)?;
     super::output::print(&a.output.display().to_string())
 }

@@ -19,6 +19,7 @@ mod render;
 mod scheme;
 mod source;
 mod trial;
+mod verify;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
@@ -39,6 +40,7 @@ Examples:
   sunstone render scene.toml --resume                    go on after Ctrl-C or a crash
   sunstone merge a.zarr b.zarr -o ab.zarr                pool renders of different seeds
   sunstone info out/mirror_room.zarr                     what a store holds
+  sunstone verify out/mirror_room.zarr                   whether it is what was written
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
@@ -64,6 +66,7 @@ enum Command {
     Probe(probe::Arguments),
     Figure(figure::Arguments),
     Merge(merge::Arguments),
+    Verify(verify::Arguments),
     Decompose(decompose::Arguments),
     Scheme(scheme::Arguments),
     Learn(learn::Arguments),
@@ -91,6 +94,7 @@ pub fn run() -> ExitCode {
         Command::Probe(a) => probe::run(&a),
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
+        Command::Verify(a) => verify::run(&a),
         Command::Decompose(a) => decompose::run(&a),
         Command::Scheme(a) => scheme::run(&a),
         Command::Learn(a) => learn::run(&a),

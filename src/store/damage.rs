@@ -332,9 +332,16 @@ fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
     let out = folder.join("out.zarr");
     for pair in [[damaged, sound], [sound, damaged]] {
         note(
-            merge(&pair.map(Path::to_owned), &out, true)
-                .err()
-                .map(|e| e.to_string()),
+            merge(
+                &pair.map(Path::to_owned),
+                &out,
+                crate::merge::Options {
+                    replace: true,
+                    partial: true,
+                },
+            )
+            .err()
+            .map(|e| e.to_string()),
         );
     }
     let store = match TensorStore::open(damaged) {
@@ -423,6 +430,10 @@ fn damaged_stores_answer_or_say_why() {
         let damaged = folder.path().join("damaged");
         copy(&a, &damaged);
         list.iter().for_each(|d| d.do_to(&damaged));
+        // Of two, one whose manifest was made after the damage, so that it is met at last where it matters.
+        if list.len() % 2 == 0 {
+            crate::zarr::reseal(&damaged);
+        }
         let begun = Instant::now();
         let counts = read_all(folder.path(), &damaged, &b);
         prop_assert!(begun.elapsed() < PATIENCE, "it took {:?}", begun.elapsed());

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::zarr::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
+use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
@@ -67,6 +68,12 @@ pub enum MergeError {
         path: PathBuf,
         /// The seed.
         seed: i128,
+    },
+    /// The output is an input.
+    #[error("{path} is to be merged and written at once: choose another `-o`")]
+    Itself {
+        /// The store.
+        path: PathBuf,
     },
     /// The stores keep different slices.
     #[error("{first} and {second} differ in slice `{slice}`: merge renders that keep the same slices")]
@@ -123,8 +130,11 @@ struct Parts<'a> {
 /// # Errors
 /// If the inputs are not renders of one scene (`scene_sha256`) with the same slices and different `seeds`, or
 /// anything cannot be read or written.
-pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeError> {
-    let inputs = open_inputs(inputs)?;
+pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
+    if let Some(input) = inputs.iter().find(|input| whole_file::is_same(input, out)) {
+        return Err(MergeError::Itself { path: input.clone() });
+    }
+    let inputs = open_inputs(inputs, options.partial)?;
     let names = inputs[0].store.slice_names();
     let slices: Vec<Parts> = names
         .iter()
@@ -150,12 +160,46 @@ pub fn merge(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeE
     let attributes = merged_attributes(&inputs);
     let fill = |merged: &TensorStore| {
         for parts in &slices {
-            merge_slice(parts, &merged.slice(parts.parts[0].slice.name())?)?;
+            merge_slice(
+                parts,
+                &merged.slice(parts.parts[0].slice.name())?,
+                options.partial,
+            )?;
         }
         merge_samples(&inputs, merged)?;
         Ok(merged.finish()?)
     };
-    TensorStore::create_filled(out, &layouts, &attributes, grid, replace, fill).map(drop)
+    let origin = origin(&inputs, options);
+    TensorStore::create_from(
+        out,
+        &layouts,
+        &attributes,
+        grid,
+        options.replace,
+        Some(&origin),
+        fill,
+    )
+    .map(drop)
+}
+
+/// How to merge.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Replace a store at the output.
+    pub replace: bool,
+    /// Take unfinished renders for what there is of them; what none of them has is NaN.
+    pub partial: bool,
+}
+
+/// All that the merged values depend on: the stores and what they hold.
+fn origin(inputs: &[Input], options: Options) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    let mut origin = format!("merge by {version}, partial: {}\n", options.partial);
+    for input in inputs {
+        let content = input.store.fingerprint();
+        origin += &format!("{} {content}\n", input.store.path().display());
+    }
+    origin
 }
 
 /// Adds up sample counts per pixel, where the merged store keeps them.
@@ -254,14 +298,18 @@ fn same_axes(a: &SliceLayout, b: &SliceLayout) -> bool {
     a.time == b.time && key(a) == key(b)
 }
 
-fn open_inputs(paths: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
+fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>, MergeError> {
     if paths.len() < 2 {
         return Err(MergeError::TooFew);
     }
     let mut inputs: Vec<Input> = Vec::new();
     let mut seen = BTreeSet::new();
     for path in paths {
-        let store = TensorStore::open(path)?;
+        let store = if partial {
+            TensorStore::open_partial(path)?
+        } else {
+            TensorStore::open(path)?
+        };
         let attributes = store.attributes();
         let missing = |key| MergeError::Attribute {
             path: path.clone(),
@@ -341,7 +389,7 @@ fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
     attributes
 }
 
-fn merge_slice(parts: &Parts, merged: &StoredSlice) -> Result<(), MergeError> {
+fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let alike = parts.alike;
     for (mean, error) in [
         (Field::Mean, Field::StdError),
@@ -354,6 +402,10 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice) -> Result<(), MergeError> {
         chunks
             .par_iter()
             .try_for_each(|(start, shape)| -> Result<(), MergeError> {
+                // A merge that was killed goes on: what has its files is whole. Errors are written last.
+                if merged.is_stored(mean, start)? && merged.is_stored(error, start)? {
+                    return Ok(());
+                }
                 let n = region::volume(shape).unwrap_or(0);
                 let mut pools = vec![Pool::default(); n];
                 for part in &parts.parts {
@@ -365,8 +417,10 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice) -> Result<(), MergeError> {
                         pool.add(counts[i / inner], f64::from(m[i]), f64::from(e[i]), alike);
                     }
                 }
-                let m: Vec<f32> = pools.iter().map(|p| p.mean as f32).collect();
-                let e: Vec<f32> = pools.iter().map(|p| p.std_error(alike) as f32).collect();
+                let nothing = |p: &Pool| partial && p.n == 0.0;
+                let value = |p: &Pool, value: f64| if nothing(p) { f32::NAN } else { value as f32 };
+                let m: Vec<f32> = pools.iter().map(|p| value(p, p.mean)).collect();
+                let e: Vec<f32> = pools.iter().map(|p| value(p, p.std_error(alike))).collect();
                 merged.write(mean, start, shape, &m)?;
                 Ok(merged.write(error, start, shape, &e)?)
             })?;

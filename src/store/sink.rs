@@ -195,20 +195,22 @@ impl Sink for ZarrSink {
         let status = store.attributes().get("status").cloned();
         let names = job.slices.iter().map(|s| s.layout.name.as_str());
         let slices = names.map(|n| store.slice(n)).collect::<Result<_, _>>()?;
-        let (journal, done) =
-            if self.target.resume && status == Some(json!("complete")) && !journal::exists(store.path()) {
-                let all = (0..job.tiles()).map(|tile| TileRecord {
-                    tile,
-                    samples: 0,
-                    discarded: 0,
-                    rays: 0,
-                    seconds: 0.0,
-                });
-                (None, all.collect())
-            } else {
-                let (journal, done) = Journal::open(store.path()).map_err(self.journal_error())?;
-                (Some(journal), done)
-            };
+        let finished =
+            status == Some(json!("complete")) && store.is_finished() && !journal::exists(store.path());
+        let (journal, done) = if self.target.resume && finished {
+            let all = (0..job.tiles()).map(|tile| TileRecord {
+                tile,
+                samples: 0,
+                discarded: 0,
+                rays: 0,
+                seconds: 0.0,
+            });
+            (None, all.collect())
+        } else {
+            store.unfinish()?;
+            let (journal, done) = Journal::open(store.path()).map_err(self.journal_error())?;
+            (Some(journal), done)
+        };
         self.open = Some(Open {
             store,
             slices,
@@ -244,6 +246,7 @@ impl Sink for ZarrSink {
             return Ok(());
         };
         let Some(journal) = open.journal.take() else {
+            open.store.unlock();
             return Ok(());
         };
         let mut attributes = open.store.attributes();
@@ -265,6 +268,7 @@ impl Sink for ZarrSink {
             open.store.finish()?;
             journal.remove().map_err(failed)?;
         }
+        open.store.unlock();
         Ok(())
     }
 }
@@ -272,7 +276,7 @@ impl Sink for ZarrSink {
 /// True if `path` holds an unfinished render.
 #[must_use]
 pub fn is_unfinished(path: &Path) -> bool {
-    journal::exists(path)
+    TensorStore::open(path).is_ok_and(|store| journal::exists(path) || !store.is_finished())
 }
 
 #[cfg(test)]
@@ -391,6 +395,7 @@ mod tests {
             ..piece(0, &[1.0, 0.0, 0.0, 0.0])
         };
         sound.put(&unsure).unwrap();
+        drop(sound);
         for (job, what) in [(job(2, 4), "seeds"), (job(1, 3), "layout of a slice")] {
             let text = message(sink(&path, true, false).begin(&job).map(drop));
             assert!(text.contains(what) && text.contains("another -o"), "{text}");

@@ -95,7 +95,7 @@ fn parts_merge_to_the_whole() {
             from += n;
         }
         part(&at("whole"), 9, 0, from, "a", counted);
-        merge(&inputs, &at("merged"), false).unwrap();
+        merge(&inputs, &at("merged"), Options::default()).unwrap();
         let whole = TensorStore::open(&at("whole")).unwrap();
         let merged = TensorStore::open(&at("merged")).unwrap();
         for field in Field::ALL {
@@ -162,13 +162,17 @@ fn strangers_and_twins_are_refused() {
     part(&at("a"), 1, 0, 4, "a", false);
     part(&at("b"), 2, 0, 4, "b", false);
     part(&at("c"), 1, 0, 4, "a", true);
-    let error = |x: &str, y: &str| merge(&[at(x), at(y)], &at("out"), false).unwrap_err().to_string();
+    let error = |x: &str, y: &str| {
+        merge(&[at(x), at(y)], &at("out"), Options::default())
+            .unwrap_err()
+            .to_string()
+    };
     assert!(error("a", "b").contains("different scenes"));
     assert!(error("a", "c").contains("seed 1"));
     assert!(error("a", "a").contains("seed 1"));
     assert!(error("a", "none").contains("does not exist"));
     assert!(matches!(
-        merge(&[at("a")], &at("out"), false),
+        merge(&[at("a")], &at("out"), Options::default()),
         Err(MergeError::TooFew)
     ));
     assert!(!at("out").exists());
@@ -186,10 +190,109 @@ fn rows_that_do_not_rise_are_refused() {
         let mut frame = zstd::bulk::compress(&bytes, 1).unwrap();
         frame.extend(crc32c::crc32c(&frame).to_le_bytes());
         std::fs::write(at(name).join("s/y/c.0"), frame).unwrap();
+        crate::zarr::reseal(&at(name));
     }
-    let error = merge(&[at("a"), at("b")], &at("out"), false)
+    let error = merge(&[at("a"), at("b")], &at("out"), Options::default())
         .unwrap_err()
         .to_string();
     assert!(error.contains("s/y") && error.contains("rise"), "{error}");
     assert!(!at("out").exists());
+}
+
+/// A merge that is cut off at any chunk leaves no store; the next one goes on and gives the same bytes.
+#[test]
+fn a_merge_that_was_cut_off_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    for (i, name) in ["a", "b"].into_iter().enumerate() {
+        part(&at(name), i as u64, 4 * i, 4, "a", true);
+    }
+    let inputs = [at("a"), at("b")];
+    merge(&inputs, &at("whole"), Options::default()).unwrap();
+    // What a process that was killed leaves: the part, with some of its files and without a manifest.
+    let rest = at(".out.part");
+    let left = |from: &Path| {
+        let _ = std::fs::remove_dir_all(&rest);
+        copy(from, &rest);
+        let _ = std::fs::remove_file(rest.join("manifest.txt"));
+    };
+    for missing in ["s/mean/c.0.0.0", "s/std_error/c.0.0.0"] {
+        left(&at("whole"));
+        let _ = std::fs::remove_file(rest.join(missing));
+        let opened = open_inputs(&inputs, false).unwrap();
+        std::fs::write(rest.join(".sunstone-origin"), origin(&opened, Options::default())).unwrap();
+        merge(
+            &inputs,
+            &at("out"),
+            Options {
+                replace: true,
+                ..Options::default()
+            },
+        )
+        .unwrap();
+        assert!(!rest.exists());
+        assert_eq!(contents(&at("out")), contents(&at("whole")));
+        assert!(crate::zarr::verify(&at("out")).unwrap().faults.is_empty());
+    }
+    // Of another origin it is made anew: damage in it does not matter.
+    left(&at("a"));
+    std::fs::write(rest.join(".sunstone-origin"), "another").unwrap();
+    merge(
+        &inputs,
+        &at("out"),
+        Options {
+            replace: true,
+            ..Options::default()
+        },
+    )
+    .unwrap();
+    assert_eq!(contents(&at("out")), contents(&at("whole")));
+    // An output that is an input, under whatever name.
+    std::os::unix::fs::symlink(at("a"), at("link")).unwrap();
+    for out in ["a", "link"] {
+        let error = merge(
+            &inputs,
+            &at(out),
+            Options {
+                replace: true,
+                ..Options::default()
+            },
+        )
+        .unwrap_err();
+        assert!(matches!(error, MergeError::Itself { .. }), "{error}");
+    }
+    assert!(crate::zarr::verify(&at("a")).unwrap().faults.is_empty());
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// Files below a store with their bytes.
+fn contents(root: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                all.insert(
+                    path.strip_prefix(root).unwrap().to_owned(),
+                    std::fs::read(path).unwrap(),
+                );
+            }
+        }
+    }
+    all
 }

@@ -3,6 +3,7 @@
 //! Values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
 //! never see and [`AtomicDirectory::remove_leftovers`] deletes.
 
+use super::manifest::{Entry, Manifest};
 use base::whole_file;
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -18,6 +19,8 @@ use zarrs::storage::{
 #[derive(Debug)]
 pub(super) struct AtomicDirectory {
     root: PathBuf,
+    /// What the files of a finished store are; every file that is read must be as it says.
+    manifest: Option<Manifest>,
 }
 
 impl AtomicDirectory {
@@ -25,7 +28,31 @@ impl AtomicDirectory {
     pub(super) fn new(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
+            manifest: None,
         }
+    }
+
+    /// Storage of a finished store, whose files are to be those of its manifest.
+    pub(super) fn finished(root: &Path, manifest: Manifest) -> Self {
+        Self {
+            root: root.to_owned(),
+            manifest: Some(manifest),
+        }
+    }
+
+    /// Refuses a file that is not what the manifest says, `None` being no file.
+    fn check(&self, path: &str, bytes: Option<&[u8]>) -> Result<(), StorageError> {
+        let Some(manifest) = &self.manifest else {
+            return Ok(());
+        };
+        let reason = match (manifest.0.get(path), bytes) {
+            (None, None) => return Ok(()),
+            (Some(entry), Some(bytes)) if *entry == Entry::of(path, bytes) => return Ok(()),
+            (Some(_), Some(_)) => "it is not what was written when the store was finished",
+            (Some(_), None) => "it is lost: its file is missing",
+            (None, Some(_)) => "it was not there when the store was finished",
+        };
+        Err(io::Error::other(reason).into())
     }
 
     /// The directory.
@@ -64,11 +91,13 @@ fn remove_if_present(path: &Path) -> io::Result<()> {
 
 impl ReadableStorageTraits for AtomicDirectory {
     fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        match fs::read(self.file(key)) {
-            Ok(bytes) => Ok(Some(Bytes::from(bytes))),
-            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(e.into()),
-        }
+        let bytes = match fs::read(self.file(key)) {
+            Ok(bytes) => Some(bytes),
+            Err(e) if e.kind() == ErrorKind::NotFound => None,
+            Err(e) => return Err(e.into()),
+        };
+        self.check(key.as_str(), bytes.as_deref())?;
+        Ok(bytes.map(Bytes::from))
     }
 
     fn get_partial_many<'a>(

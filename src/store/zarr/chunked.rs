@@ -293,6 +293,13 @@ impl<T: Number> ChunkedArray<T> {
         Ok(())
     }
 
+    /// Whether the chunk that begins at `start` has a file.
+    pub(super) fn is_stored(&self, start: &[u64]) -> bool {
+        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let key = self.array.chunk_key(&index);
+        self.array.storage().root().join(key.as_str()).is_file()
+    }
+
     /// The values of a region, row-major.
     pub(super) fn read(&self, start: &[u64], shape: &[u64]) -> Result<Vec<T>, AccessError> {
         let mut values = self.zeros(self.check(start, shape)?)?;

@@ -1,6 +1,7 @@
 //! What can go wrong with a store, one enum per kind of operation. Every message names the path and the mend.
 
-use std::path::PathBuf;
+use base::lock::LockError;
+use std::path::{Path, PathBuf};
 
 /// A store could not be created.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,14 @@ pub enum CreateError {
         /// What is wrong and how to mend it.
         reason: String,
     },
+    /// Another process writes there.
+    #[error("{path} is being written by {holder}: wait for it to end, or choose another `-o`")]
+    Locked {
+        /// Where the store should go.
+        path: PathBuf,
+        /// Who holds its lock.
+        holder: String,
+    },
     /// The file system or the Zarr library refused.
     #[error("cannot create {path}: {cause}; check that the directory is writable and the disk has room")]
     Write {
@@ -35,6 +44,32 @@ pub enum CreateError {
         /// The refusal.
         cause: String,
     },
+}
+
+impl CreateError {
+    pub(super) fn locked(path: &Path, error: LockError) -> Self {
+        let path = path.to_owned();
+        match error {
+            LockError::Held(holder) => Self::Locked { path, holder },
+            LockError::Io(e) => Self::Write {
+                path,
+                cause: e.to_string(),
+            },
+        }
+    }
+}
+
+impl OpenError {
+    pub(super) fn locked(path: &Path, error: LockError) -> Self {
+        let path = path.to_owned();
+        match error {
+            LockError::Held(holder) => Self::Locked { path, holder },
+            LockError::Io(e) => Self::Io {
+                path,
+                cause: e.to_string(),
+            },
+        }
+    }
 }
 
 /// A store could not be opened.
@@ -72,6 +107,20 @@ pub enum OpenError {
         /// What was found.
         reason: String,
     },
+    /// Another process writes the store.
+    #[error("{path} is being written by {holder}: wait for it to end")]
+    Locked {
+        /// The store.
+        path: PathBuf,
+        /// Who holds its lock.
+        holder: String,
+    },
+    /// The store is not finished.
+    #[error("{path} is not finished: go on with `sunstone render --resume`, or render it again")]
+    Unfinished {
+        /// The store.
+        path: PathBuf,
+    },
     /// A file could not be read, or a leftover could not be removed.
     #[error("cannot open {path}: {cause}; check its permissions")]
     Io {
@@ -97,6 +146,15 @@ pub enum AccessError {
     #[error("{path} keeps no sample counts per pixel: create it with a sample grid")]
     NoSamples {
         /// The store.
+        path: PathBuf,
+    },
+    /// The store is not finished.
+    #[error(
+        "{path} is of an unfinished render, so that some of its values are missing: go on with `render --resume`, or \
+         take what there is with `--partial` (NaN where nothing is rendered)"
+    )]
+    Unfinished {
+        /// The slice.
         path: PathBuf,
     },
     /// The region does not lie inside the array.

@@ -6,16 +6,25 @@
 //!
 //! What is open has been checked (`check`): axes have as many coordinates as the arrays have entries, which are finite
 //! and rise; chunks lie within their arrays; attributes that programs read are of their type. Whoever reads relies on it.
+//!
+//! A store is *finished* when its `manifest` is written, which says what files it is made of. Of a finished store every
+//! file that is read must be as the manifest says, so that lost or exchanged chunks are errors and not zeros; of an
+//! unfinished one nothing is read, but by who asks for what there is ([`TensorStore::open_partial`]). One at a time writes a
+//! store ([`base::lock`]).
 
 mod atomic;
 mod check;
 mod chunked;
 mod describe;
 mod error;
+mod manifest;
+mod partial;
 mod slice;
 mod sparse_frame;
+mod verify;
 
-use base::whole_file;
+use base::lock::Lock;
+use base::{staging, whole_file};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,11 +33,17 @@ use serde_json::{Map, Value, json};
 
 use self::atomic::AtomicDirectory;
 use self::chunked::{ChunkedArray, Description};
+use self::manifest::Manifest;
+use self::partial::Values;
 use tensor::axes::SliceLayout;
 
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::slice::StoredSlice;
+pub use self::verify::{Verified, verify};
+
+/// File in an unfinished store that says what it is made of; it begins with a dot, so that it is no part of the store.
+const ORIGIN: &str = ".sunstone-origin";
 
 /// The sample counts per camera pixel that a store keeps (array `samples`, u32 over y, x).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,10 +57,26 @@ pub struct SampleGrid {
 /// An open store of slices. May be shared by any number of threads.
 pub struct TensorStore {
     storage: Arc<AtomicDirectory>,
+    state: State,
+    /// Held by who writes.
+    lock: Mutex<Option<Lock>>,
     names: Vec<String>,
     attributes: Mutex<Map<String, Value>>,
     slices: Mutex<HashMap<String, StoredSlice>>,
-    samples: Option<ChunkedArray<u32>>,
+    samples: Option<Arc<ChunkedArray<u32>>>,
+}
+
+/// What is known of an open store's values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// They are being written.
+    Writing,
+    /// All are there.
+    Finished,
+    /// Some may be missing, and none is read.
+    Unfinished,
+    /// Some may be missing, and are read as NaN.
+    Partial,
 }
 
 impl std::fmt::Debug for TensorStore {
@@ -87,7 +118,36 @@ impl TensorStore {
         replace: bool,
         fill: impl FnOnce(&Self) -> Result<(), E>,
     ) -> Result<Self, E> {
+        Self::create_from(path, slices, attributes, samples, replace, None, fill)
+    }
+
+    /// As [`Self::create_filled`], for much work, which goes on where it was when its process was killed: if it was of the
+    /// same `origin` (all that its values depend on), `fill` gets the store as it was left, in which every chunk file that is
+    /// there is whole ([`StoredSlice::is_stored`]).
+    ///
+    /// # Errors
+    /// As [`Self::create_filled`].
+    pub fn create_from<E: From<CreateError>>(
+        path: &Path,
+        slices: &[(SliceLayout, Map<String, Value>)],
+        attributes: &Map<String, Value>,
+        samples: Option<SampleGrid>,
+        replace: bool,
+        origin: Option<&str>,
+        fill: impl FnOnce(&Self) -> Result<(), E>,
+    ) -> Result<Self, E> {
         let path = path.to_owned();
+        if std::fs::symlink_metadata(&path).is_ok() && !replace {
+            return Err(CreateError::Exists { path }.into());
+        }
+        let lock = Lock::take(&path).map_err(|e| CreateError::locked(&path, e))?;
+        let failed = |cause: String| CreateError::Write {
+            path: path.clone(),
+            cause,
+        };
+        let io = |e: std::io::Error| failed(e.to_string());
+        staging::recover(&path).map_err(io)?;
+        // Somebody may have made it meanwhile.
         let exists = std::fs::symlink_metadata(&path).is_ok();
         if exists && !replace {
             return Err(CreateError::Exists { path }.into());
@@ -96,39 +156,63 @@ impl TensorStore {
             return Err(CreateError::NotAStore { path }.into());
         }
         check_slices(slices)?;
-        let failed = |cause: String| CreateError::Write {
-            path: path.clone(),
-            cause,
-        };
-        let io = |e: std::io::Error| failed(e.to_string());
-        if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(io)?;
-        }
-        let temporary = whole_file::temporary_beside(&path);
-        let old = whole_file::temporary_beside(&path);
+        let part = staging::part_of(&path);
         let make = || -> Result<(), E> {
-            build(&temporary, slices, attributes, samples)?;
-            fill(&Self::open(&temporary).map_err(|e| failed(e.to_string()))?)?;
-            if exists {
-                std::fs::rename(&path, &old).map_err(io)?;
+            let mark = part.join(ORIGIN);
+            let same = |origin: &str| std::fs::read_to_string(&mark).is_ok_and(|left| left == origin);
+            if !origin.is_some_and(same) {
+                // What another process left there is of no use.
+                staging::remove(&part).map_err(io)?;
+                build(&part, slices, attributes, samples)?;
+                if let Some(origin) = origin {
+                    whole_file::write(&mark, origin.as_bytes()).map_err(io)?;
+                }
             }
-            Ok(std::fs::rename(&temporary, &path).map_err(io)?)
+            fill(&Self::open_writing(&part, None).map_err(|e| failed(e.to_string()))?)?;
+            if origin.is_some() {
+                std::fs::remove_file(&mark).map_err(io)?;
+            }
+            Ok(staging::put(&part, &path).map_err(io)?)
         };
         if let Err(e) = make() {
-            let _ = std::fs::remove_dir_all(&temporary);
+            let _ = staging::remove(&part);
             return Err(e);
         }
-        if exists {
-            std::fs::remove_dir_all(&old).map_err(io)?;
-        }
-        Ok(Self::open(&path).map_err(|e| failed(e.to_string()))?)
+        Ok(Self::open_writing(&path, Some(lock)).map_err(|e| failed(e.to_string()))?)
     }
 
-    /// Opens a store to read it (writing works too, but see [`TensorStore::open_for_write`]).
+    /// Opens a store to read it. Of one that is not finished, values are not read: that is an error of reading.
     ///
     /// # Errors
     /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
+        let manifest = Manifest::read(path)?;
+        match manifest {
+            Some(manifest) => Self::over(AtomicDirectory::finished(path, manifest), State::Finished, None),
+            None => Self::over(AtomicDirectory::new(path), State::Unfinished, None),
+        }
+    }
+
+    /// Opens a store to read what there is of it: as [`TensorStore::open`], but values of an unfinished store that are not
+    /// rendered yet are NaN.
+    ///
+    /// # Errors
+    /// As [`TensorStore::open`].
+    pub fn open_partial(path: &Path) -> Result<Self, OpenError> {
+        let mut store = Self::open(path)?;
+        if store.state == State::Unfinished {
+            store.state = State::Partial;
+        }
+        Ok(store)
+    }
+
+    fn open_writing(path: &Path, lock: Option<Lock>) -> Result<Self, OpenError> {
+        Self::over(AtomicDirectory::new(path), State::Writing, lock)
+    }
+
+    fn over(storage: AtomicDirectory, state: State, lock: Option<Lock>) -> Result<Self, OpenError> {
+        let storage = Arc::new(storage);
+        let path = storage.root();
         if !path.exists() {
             return Err(OpenError::Missing {
                 path: path.to_owned(),
@@ -144,7 +228,6 @@ impl TensorStore {
         let json = describe::read_json(&path.join("zarr.json"))?;
         let names = describe::slice_names_of(&json)
             .ok_or_else(|| not_a_store("its zarr.json has no list of slices"))?;
-        let storage = Arc::new(AtomicDirectory::new(path));
         let mut attributes = describe::attributes_of(&json).unwrap_or_default();
         attributes.remove("slices");
         if let Some(reason) = check::root_fault(&attributes) {
@@ -161,12 +244,14 @@ impl TensorStore {
                     reason,
                 });
             }
-            Some(array)
+            Some(Arc::new(array))
         } else {
             None
         };
         Ok(Self {
             storage,
+            state,
+            lock: Mutex::new(lock),
             names,
             attributes: Mutex::new(attributes),
             slices: Mutex::default(),
@@ -174,17 +259,44 @@ impl TensorStore {
         })
     }
 
-    /// Opens a store to go on writing it: like [`TensorStore::open`], and removes what a killed process left.
+    /// Opens a store to go on writing it: like [`TensorStore::open`], and removes what a killed process left. Nobody else
+    /// can open it so until [`TensorStore::unlock`] or its end. What is written afterwards is not finished until
+    /// [`TensorStore::finish`] is called.
     ///
     /// # Errors
-    /// As [`TensorStore::open`], and if a leftover cannot be removed.
+    /// As [`TensorStore::open`], if another process writes it, and if a leftover cannot be removed.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
-        let store = Self::open(path)?;
+        if !path.exists() {
+            // No lock of nothing.
+            return Self::open(path);
+        }
+        let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
+        let store = Self::open_writing(path, Some(lock))?;
         store.storage.remove_leftovers().map_err(|e| OpenError::Io {
             path: path.to_owned(),
             cause: e.to_string(),
         })?;
         Ok(store)
+    }
+
+    /// True if all of it was written, to the manifest.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.path().join(manifest::FILE).is_file()
+    }
+
+    /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
+    /// unfinished store, never the same twice.
+    pub(crate) fn fingerprint(&self) -> String {
+        match std::fs::read(self.path().join(manifest::FILE)) {
+            Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
+            Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),
+        }
+    }
+
+    /// Lets others write the store.
+    pub fn unlock(&self) {
+        self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
     /// Directory of the store.
@@ -215,8 +327,13 @@ impl TensorStore {
         if let Some(slice) = slices.get(name) {
             return Ok(slice.clone());
         }
+        let values = match self.state {
+            State::Writing | State::Finished => Values::All,
+            State::Unfinished => Values::Unfinished,
+            State::Partial => Values::Sampled(self.samples.clone()),
+        };
         let samples = self.samples_shape().map(|(shape, _)| shape);
-        let slice = StoredSlice::open(&self.storage, name, samples)?;
+        let slice = StoredSlice::open(&self.storage, name, samples, values)?;
         slices.insert(name.to_owned(), slice.clone());
         Ok(slice)
     }
@@ -249,7 +366,7 @@ impl TensorStore {
         Some((pair(array.shape()), pair(array.chunk())))
     }
 
-    fn samples(&self) -> Result<&ChunkedArray<u32>, AccessError> {
+    fn samples(&self) -> Result<&Arc<ChunkedArray<u32>>, AccessError> {
         self.samples.as_ref().ok_or_else(|| AccessError::NoSamples {
             path: self.path().to_owned(),
         })
@@ -271,8 +388,7 @@ impl TensorStore {
         self.samples()?.read(&start, &shape)
     }
 
-    /// Brings the consolidated metadata up to date and removes leftovers. Call it once all is written; a store that
-    /// was not finished opens all the same.
+    /// Brings the consolidated metadata up to date, removes leftovers and writes the manifest. Call it once all is written.
     ///
     /// # Errors
     /// If a description cannot be read or written.
@@ -282,8 +398,29 @@ impl TensorStore {
             path: self.path().to_owned(),
             cause: e.to_string(),
         })?;
-        describe::consolidate(self.path(), &self.names)
+        describe::consolidate(self.path(), &self.names)?;
+        Manifest::write(self.path()).map_err(|e| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        })
     }
+
+    /// Calls the store unfinished again, because its values are about to change.
+    ///
+    /// # Errors
+    /// If the manifest cannot be removed.
+    pub fn unfinish(&self) -> Result<(), OpenError> {
+        Manifest::remove(self.path()).map_err(|e| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        })
+    }
+}
+
+/// Calls a store finished as it is, damage included.
+#[cfg(test)]
+pub(crate) fn reseal(path: &Path) {
+    Manifest::write(path).expect("a folder");
 }
 
 fn is_store(path: &Path) -> bool {

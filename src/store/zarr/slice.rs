@@ -10,6 +10,7 @@ use super::check;
 use super::chunked::ChunkedArray;
 use super::describe;
 use super::error::{AccessError, OpenError};
+use super::partial::{self, Values};
 use tensor::array::Tensor;
 use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -24,6 +25,7 @@ struct Inner {
     layout: SliceLayout,
     attributes: Map<String, Value>,
     fields: [Option<(SliceLayout, ChunkedArray<f32>)>; 4],
+    values: Values,
 }
 
 impl std::fmt::Debug for StoredSlice {
@@ -40,6 +42,7 @@ impl StoredSlice {
         storage: &Arc<AtomicDirectory>,
         name: &str,
         samples: Option<[u64; 2]>,
+        values: Values,
     ) -> Result<Self, OpenError> {
         let path = storage.root().join(name);
         let group = path.join("zarr.json");
@@ -82,6 +85,7 @@ impl StoredSlice {
             layout,
             attributes,
             fields,
+            values,
         })))
     }
 
@@ -159,21 +163,45 @@ impl StoredSlice {
         self.field(field)?.1.write(start, shape, data, Some(touched))
     }
 
+    /// Whether the chunk that begins at `start` has a file. A chunk of zeros has none.
+    ///
+    /// # Errors
+    /// If the slice does not have the field.
+    pub fn is_stored(&self, field: Field, start: &[u64]) -> Result<bool, AccessError> {
+        Ok(self.field(field)?.1.is_stored(start))
+    }
+
     /// Reads a region given as first index and shape, row-major.
     ///
     /// # Errors
-    /// If the region lies outside the field or a chunk is damaged.
+    /// If the region lies outside the field, a chunk is damaged or lost, or the store is not finished.
     pub fn read(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Vec<f32>, AccessError> {
-        self.field(field)?.1.read(start, shape)
+        let (layout, array) = self.field(field)?;
+        if let Values::Unfinished = self.0.values {
+            return Err(AccessError::Unfinished {
+                path: self.0.path.clone(),
+            });
+        }
+        let mut data = array.read(start, shape)?;
+        if let Values::Sampled(samples) = &self.0.values {
+            let single = self
+                .0
+                .attributes
+                .get("pixels_per_element")
+                .and_then(Value::as_u64)
+                == Some(1);
+            partial::hide(samples.as_deref(), layout, single, start, shape, &mut data)?;
+        }
+        Ok(data)
     }
 
     /// Reads a whole field into memory.
     ///
     /// # Errors
-    /// If the slice does not have the field or a chunk is damaged.
+    /// As [`Self::read`], or if the slice does not have the field.
     pub fn read_all(&self, field: Field) -> Result<Tensor, AccessError> {
-        let (layout, array) = self.field(field)?;
-        let data = array.read(&vec![0; layout.axes.len()], &layout.shape())?;
+        let layout = self.field_layout(field)?;
+        let data = self.read(field, &vec![0; layout.axes.len()], &layout.shape())?;
         Ok(Tensor {
             name: layout.name.clone(),
             axes: layout.axes.clone(),

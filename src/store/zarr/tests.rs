@@ -213,6 +213,7 @@ fn leftovers_are_ignored_and_removed() {
     let path = dir.path().join("s");
     let store = create(&path);
     write_pixels(&store, 2, 1);
+    store.finish().unwrap();
     let before = files(&path);
     let leftover = path.join("timed/mean/.c.0.0.0.0.0.0.0.0.123-4.tmp");
     std::fs::write(&leftover, b"half a chu").unwrap();
@@ -224,6 +225,10 @@ fn leftovers_are_ignored_and_removed() {
         .unwrap();
     assert_eq!(read, store.slice("timed").unwrap().read_all(Field::Mean).unwrap());
     assert!(leftover.exists());
+    // One writes at a time.
+    let held = TensorStore::open_for_write(&path).unwrap_err().to_string();
+    assert!(held.contains("is being written by process"), "{held}");
+    drop(store);
     TensorStore::open_for_write(&path).unwrap();
     assert_eq!(files(&path), before);
 }
@@ -236,6 +241,9 @@ fn an_existing_path_is_kept_unless_told() {
     write_pixels(&store, 1, 1);
     let create = |replace| TensorStore::create(&path, &layouts(), &Map::new(), None, replace);
     let error = create(false).unwrap_err().to_string();
+    let held = create(true).unwrap_err().to_string();
+    assert!(held.contains("is being written by process"), "{held}");
+    drop(store);
     assert!(
         ["--resume", "--force", "-o", "s already"]
             .iter()
@@ -257,6 +265,7 @@ fn an_existing_path_is_kept_unless_told() {
         again.read_samples([0, 0], [1, 1]),
         Err(AccessError::NoSamples { .. })
     ));
+    drop(again);
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     let home = dir.path().join("precious");
     std::fs::create_dir(&home).unwrap();
@@ -423,4 +432,91 @@ proptest! {
             prop_assert!(e.to_string().contains("samples"), "{}", e);
         }
     }
+}
+
+/// What is not rendered is no zero: an error, or NaN for who asks for what there is.
+#[test]
+fn unfinished_stores_do_not_read_as_zeros() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    let store = create(&path);
+    let writing = store.slice("steady").unwrap();
+    let shape = writing.layout().shape();
+    let whole = ramp(region::volume(&shape).unwrap());
+    writing
+        .write(Field::Mean, &vec![0; shape.len()], &shape, &whole)
+        .unwrap();
+    // The first tile has its samples.
+    store.write_samples([0, 0], [4, 4], &[3; 16]).unwrap();
+    let read = |store: &TensorStore| store.slice("steady").unwrap().read_all(Field::Mean);
+    let error = read(&TensorStore::open(&path).unwrap()).unwrap_err().to_string();
+    assert!(
+        error.contains("--resume") && error.contains("--partial"),
+        "{error}"
+    );
+    let partial = read(&TensorStore::open_partial(&path).unwrap()).unwrap();
+    let inner = whole.len() / (11 * 7);
+    for (i, (found, want)) in partial.data.iter().zip(&whole).enumerate() {
+        let (y, x) = (i / inner / 11, i / inner % 11);
+        if y < 4 && x < 4 {
+            assert_eq!(found, want);
+        } else {
+            assert!(found.is_nan(), "({x}, {y})");
+        }
+    }
+    store.finish().unwrap();
+    assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
+}
+
+/// A chunk that is lost, exchanged or foreign is an error and found by `verify`.
+#[test]
+fn finished_stores_are_what_was_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    let store = create(&path);
+    write_pixels(&store, 2, 1);
+    store.finish().unwrap();
+    let found = verify(&path).unwrap();
+    assert!(found.faults.is_empty() && found.files > 20, "{found:?}");
+    let chunks: Vec<PathBuf> = files(&path)
+        .into_keys()
+        .filter(|f| f.to_string_lossy().contains("timed/mean/c."))
+        .collect();
+    let [a, b] = [&chunks[0], &chunks[1]].map(|c| path.join(c));
+    let sound = std::fs::read(&a).unwrap();
+    let mut flipped = sound.clone();
+    flipped[9] ^= 1;
+    let other = std::fs::read(&b).unwrap();
+    let foreign = path.join("timed/mean/c.9.9.9.9.9.9.9.9");
+    type Harm<'a> = (&'a str, Box<dyn Fn() + 'a>);
+    let harms: [Harm; 4] = [
+        ("is missing", Box::new(|| std::fs::remove_file(&a).unwrap())),
+        (
+            "what was written",
+            Box::new(|| std::fs::write(&a, &flipped).unwrap()),
+        ),
+        ("", Box::new(|| std::fs::write(&a, &other).unwrap())),
+        (
+            "no part of the store",
+            Box::new(|| std::fs::write(&foreign, &other).unwrap()),
+        ),
+    ];
+    for (says, harm) in harms {
+        harm();
+        let faults = verify(&path).unwrap().faults;
+        assert!(faults.len() == 1 && faults[0].contains(says), "{faults:?}");
+        if says != "no part of the store" {
+            let read = TensorStore::open(&path)
+                .unwrap()
+                .slice("timed")
+                .unwrap()
+                .read_all(Field::Mean);
+            assert!(matches!(read, Err(AccessError::Chunk { .. })), "{read:?}");
+        }
+        std::fs::write(&a, &sound).unwrap();
+    }
+    std::fs::remove_file(foreign).unwrap();
+    assert!(verify(&path).unwrap().faults.is_empty());
+    store.unfinish().unwrap();
+    assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
 }

@@ -1,0 +1,183 @@
+//! Exclusive locks of outputs: of all that would write to one place, one does.
+//!
+//! A lock is an advisory lock of the operating system on a file beside the output, `.NAME.lock`, in which the holder's host
+//! and process stand. The system lets go of it when its holder dies, however that dies, so that a dead one's lock is simply
+//! taken over; the file itself goes when the holder is done.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// A lock, held until it is dropped.
+#[derive(Debug)]
+pub struct Lock {
+    path: PathBuf,
+    /// Closing it lets go of the lock.
+    _file: File,
+}
+
+/// Why there is no lock.
+#[derive(Debug)]
+pub enum LockError {
+    /// Another holds it: who, as `process 12 on host`.
+    Held(String),
+    /// The file system refuses.
+    Io(io::Error),
+}
+
+/// The file of an output's lock: `.NAME.lock` in its folder.
+#[must_use]
+pub fn file_of(output: &Path) -> PathBuf {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!(".{name}.lock"))
+}
+
+impl Lock {
+    /// Locks an output, which need not exist; missing folders on the way to it are made. A link is followed to what it
+    /// names, so that one place has one lock.
+    ///
+    /// # Errors
+    /// [`LockError`]: another process, or another part of this one, holds it, or the file system refuses.
+    pub fn take(output: &Path) -> Result<Self, LockError> {
+        let real = output.canonicalize().unwrap_or_else(|_| output.to_owned());
+        let path = file_of(&real);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(LockError::Io)?;
+        }
+        loop {
+            let mut file = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(false)
+                .open(&path)
+                .map_err(LockError::Io)?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    let mut holder = String::new();
+                    let _ = file.take(200).read_to_string(&mut holder);
+                    let holder = holder.trim();
+                    let known = if holder.is_empty() {
+                        "another process"
+                    } else {
+                        holder
+                    };
+                    return Err(LockError::Held(known.to_owned()));
+                }
+                Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
+            }
+            // Whoever held it before may have removed the file that we opened: then what is locked has no name any more.
+            if !is_file_at(&file, &path) {
+                continue;
+            }
+            let who = format!("process {} on {}\n", std::process::id(), host());
+            file.set_len(0)
+                .and_then(|()| file.rewind())
+                .and_then(|()| file.write_all(who.as_bytes()))
+                .map_err(LockError::Io)?;
+            return Ok(Self { path, _file: file });
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // While it is locked: nobody else removes it, and who opened it before sees that it has no name any more.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Whether a file is what a path names.
+fn is_file_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let (Ok(a), Ok(b)) = (file.metadata(), std::fs::metadata(path)) else {
+            return false;
+        };
+        (a.dev(), a.ino()) == (b.dev(), b.ino())
+    }
+    #[cfg(not(unix))]
+    {
+        // Open files cannot be removed there.
+        let _ = file;
+        path.exists()
+    }
+}
+
+/// Name of this machine.
+fn host() -> String {
+    #[cfg(unix)]
+    let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
+    #[cfg(not(unix))]
+    let name = std::env::var("COMPUTERNAME").unwrap_or_else(|_| "this machine".into());
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_holds_it_and_leaves_nothing() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let output = dir.path().join("a/s.zarr");
+        let first = Lock::take(&output).expect("free");
+        let Err(LockError::Held(who)) = Lock::take(&output) else {
+            panic!("two locks");
+        };
+        assert!(
+            who.contains(&format!("process {} on ", std::process::id())),
+            "{who}"
+        );
+        Lock::take(&dir.path().join("a/other.zarr")).expect("another place");
+        drop(first);
+        Lock::take(&output).expect("free again");
+        assert_eq!(std::fs::read_dir(dir.path().join("a")).expect("lists").count(), 0);
+    }
+
+    #[test]
+    fn what_a_dead_holder_left_is_taken_over() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let output = dir.path().join("s.zarr");
+        std::fs::write(file_of(&output), "process 1 on elsewhere\n").expect("writes");
+        Lock::take(&output).expect("nobody holds it");
+    }
+
+    /// A link and what it names are one place.
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let (store, link) = (dir.path().join("s.zarr"), dir.path().join("l.zarr"));
+        std::fs::create_dir(&store).expect("a folder");
+        std::os::unix::fs::symlink(&store, &link).expect("a link");
+        let _held = Lock::take(&store).expect("free");
+        assert!(matches!(Lock::take(&link), Err(LockError::Held(_))));
+    }
+
+    /// Many at once: never two inside.
+    #[test]
+    fn never_two_at_once() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let output = dir.path().join("s.zarr");
+        let inside = std::sync::atomic::AtomicU32::new(0);
+        let taken = std::sync::atomic::AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for _ in 0..500 {
+                        if let Ok(_lock) = Lock::take(&output) {
+                            let before = inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                            assert_eq!(before, 0);
+                            taken.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                            inside.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
+                        }
+                    }
+                });
+            }
+        });
+        assert!(taken.into_inner() > 0);
+    }
+}

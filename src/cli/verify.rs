@@ -1,0 +1,42 @@
+//! `sunstone verify`.
+
+use super::failure::Failure;
+use std::path::PathBuf;
+use sunstone::store::zarr;
+
+/// Check that a store is what was written: every file there, whole and unchanged.
+///
+/// Exit code 0 says so; 1 that something is not, a line each; 2 that there is no finished store to check.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Store written by `render`, `merge` or `probe`.
+    store: PathBuf,
+}
+
+/// Faults that are printed.
+const SHOWN: usize = 20;
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let found = zarr::verify(&a.store).map_err(Failure::input)?;
+    let (store, files) = (a.store.display(), found.files);
+    if found.faults.is_empty() {
+        let size = found.bytes as f64 / 1e6;
+        return super::output::print(&format!(
+            "{store}: {files} files, {size:.1} MB, all as they were written"
+        ));
+    }
+    let mut lines: Vec<String> = found
+        .faults
+        .iter()
+        .take(SHOWN)
+        .map(|f| format!("  {f}"))
+        .collect();
+    if found.faults.len() > SHOWN {
+        lines.push(format!("  … and {} more", found.faults.len() - SHOWN));
+    }
+    Err(Failure::failed(format!(
+        "{store} is damaged, {} of {files} files:\n{}\nrender it again, or restore it from a copy",
+        found.faults.len(),
+        lines.join("\n")
+    )))
+}

@@ -1,0 +1,232 @@
+//! What files a finished store is made of: the last thing that is written of it, and what `verify` and every reader go by.
+//!
+//! A text file of a line a file: checksum, size and path below the store, sorted by path, under a head that counts them and
+//! over the checksum of all lines. The checksum of a chunk is the CRC-32C that its file ends with, that of a description
+//! (`zarr.json`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
+
+use super::error::OpenError;
+use base::whole_file;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Name of the file.
+pub(super) const FILE: &str = "manifest.txt";
+const HEAD: &str = "sunstone manifest 1:";
+/// Files below folders below this many are not looked for: stores have three.
+const DEEPEST: usize = 8;
+
+/// What a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub(super) crc: u32,
+    pub(super) size: u64,
+}
+
+/// Files of a store by their paths below it, separated by `/`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
+
+/// Whether a file is a description, whose checksum is of its bytes.
+pub(super) fn is_description(path: &str) -> bool {
+    path.ends_with("zarr.json")
+}
+
+/// The checksum that a manifest has of a file with these bytes.
+fn checksum(path: &str, bytes: &[u8]) -> u32 {
+    match bytes.last_chunk() {
+        Some(seal) if !is_description(path) => u32::from_le_bytes(*seal),
+        _ => crc32c::crc32c(bytes),
+    }
+}
+
+impl Entry {
+    /// The entry of a file that is read whole.
+    pub(super) fn of(path: &str, bytes: &[u8]) -> Self {
+        let crc = checksum(path, bytes);
+        Self {
+            crc,
+            size: bytes.len() as u64,
+        }
+    }
+
+    /// The entry of a file on disk, of which only the end is read where that tells enough.
+    fn read(root: &Path, path: &str) -> io::Result<Self> {
+        let mut file = File::open(root.join(path))?;
+        let size = file.metadata()?.len();
+        if is_description(path) || size < 4 {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes)?;
+            return Ok(Self::of(path, &bytes));
+        }
+        let mut seal = [0; 4];
+        file.seek(SeekFrom::End(-4))?;
+        file.read_exact(&mut seal)?;
+        Ok(Self {
+            crc: u32::from_le_bytes(seal),
+            size,
+        })
+    }
+}
+
+/// Paths of all files below a folder, sorted, but for those that are no part of a store: the manifest, the journal and
+/// temporary files.
+pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
+    let mut found = vec![];
+    let mut folders = vec![(String::new(), 0)];
+    while let Some((folder, depth)) = folders.pop() {
+        for entry in fs::read_dir(root.join(&folder))? {
+            let entry = entry?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let path = if folder.is_empty() {
+                name.clone()
+            } else {
+                format!("{folder}/{name}")
+            };
+            if entry.file_type()?.is_dir() {
+                if depth < DEEPEST {
+                    folders.push((path, depth + 1));
+                }
+            } else if !name.starts_with('.') && path != FILE {
+                found.push(path);
+            }
+        }
+    }
+    found.sort_unstable();
+    Ok(found)
+}
+
+impl Manifest {
+    /// Writes the manifest of the files that are there.
+    pub(super) fn write(root: &Path) -> io::Result<()> {
+        let paths = files(root)?;
+        let entries: Vec<Entry> = paths
+            .par_iter()
+            .map(|path| Entry::read(root, path))
+            .collect::<io::Result<_>>()?;
+        let mut text = format!("{HEAD} {} files\n", paths.len());
+        for (path, Entry { crc, size }) in paths.iter().zip(entries) {
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "{crc:08x} {size} {path}");
+        }
+        let _ = writeln!(text, "{:08x} lines above", crc32c::crc32c(text.as_bytes()));
+        whole_file::write(&root.join(FILE), text.as_bytes())
+    }
+
+    /// Removes the manifest: the store is not finished.
+    pub(super) fn remove(root: &Path) -> io::Result<()> {
+        match fs::remove_file(root.join(FILE)) {
+            Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
+            _ => Ok(()),
+        }
+    }
+
+    /// Reads the manifest; `None` where there is none, because the store is not finished.
+    pub(super) fn read(root: &Path) -> Result<Option<Self>, OpenError> {
+        let path = root.join(FILE);
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(e) => {
+                let cause = e.to_string();
+                return Err(OpenError::Io { path, cause });
+            }
+        };
+        match parse(&text) {
+            Some(manifest) => Ok(Some(manifest)),
+            None => Err(damaged(path)),
+        }
+    }
+}
+
+fn damaged(path: PathBuf) -> OpenError {
+    let reason = "its lines are not those that were written".to_owned();
+    OpenError::Damaged { path, reason }
+}
+
+fn parse(text: &str) -> Option<Manifest> {
+    let body = text.strip_suffix('\n')?;
+    let (lines, last) = body.rsplit_once('\n')?;
+    let lines = &text[..=lines.len()];
+    let sum = last.strip_suffix(" lines above")?;
+    if u32::from_str_radix(sum, 16).ok()? != crc32c::crc32c(lines.as_bytes()) {
+        return None;
+    }
+    let mut lines = lines.lines();
+    let count: usize = lines
+        .next()?
+        .strip_prefix(HEAD)?
+        .trim()
+        .strip_suffix(" files")?
+        .parse()
+        .ok()?;
+    let entry = |line: &str| {
+        let (crc, rest) = line.split_once(' ')?;
+        let (size, path) = rest.split_once(' ')?;
+        let crc = u32::from_str_radix(crc, 16).ok()?;
+        let size = size.parse().ok()?;
+        Some((path.to_owned(), Entry { crc, size }))
+    };
+    let entries: HashMap<String, Entry> = lines.map(entry).collect::<Option<_>>()?;
+    (entries.len() == count).then_some(Manifest(entries))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path();
+        assert_eq!(Manifest::read(root).unwrap(), None);
+        whole_file::write(&root.join("zarr.json"), b"{}").unwrap();
+        whole_file::write(&root.join("a/mean/c.0.0"), &[1, 2, 3, 4, 5]).unwrap();
+        whole_file::write(&root.join("a/.x.1-2.tmp"), b"torn").unwrap();
+        Manifest::write(root).unwrap();
+        let read = Manifest::read(root).unwrap().unwrap();
+        assert_eq!(read.0.len(), 2);
+        assert_eq!(
+            read.0["a/mean/c.0.0"],
+            Entry {
+                crc: 0x0504_0302,
+                size: 5
+            }
+        );
+        assert_eq!(read.0["zarr.json"], Entry::of("zarr.json", b"{}"));
+        Manifest::remove(root).unwrap();
+        Manifest::remove(root).unwrap();
+        assert_eq!(Manifest::read(root).unwrap(), None);
+    }
+
+    proptest! {
+        /// One changed, lost or added byte anywhere is noticed.
+        #[test]
+        fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), kind in 0..3) {
+            let dir = tempfile::tempdir().unwrap();
+            for name in ["zarr.json", "samples/c.0.0", "samples/c.0.1"] {
+                whole_file::write(&dir.path().join(name), name.as_bytes()).unwrap();
+            }
+            Manifest::write(dir.path()).unwrap();
+            let mut bytes = fs::read(dir.path().join(FILE)).unwrap();
+            let sound = bytes.clone();
+            let at = at.index(bytes.len());
+            match kind {
+                0 => bytes[at] = byte,
+                1 => drop(bytes.remove(at)),
+                _ => bytes.insert(at, byte),
+            }
+            let text = String::from_utf8_lossy(&bytes);
+            prop_assert!(bytes == sound || parse(&text).is_none(), "{text}");
+        }
+
+        #[test]
+        fn no_text_panics(text in ".{0,200}") {
+            prop_assert_eq!(parse(&text), None);
+        }
+    }
+}

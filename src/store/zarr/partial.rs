@@ -1,0 +1,61 @@
+//! What is read of a store that is not finished: NaN where no sample was taken, and never zero.
+
+use super::chunked::ChunkedArray;
+use super::error::AccessError;
+use std::sync::Arc;
+use tensor::axes::{self, AxisKind, SliceLayout};
+
+/// Which values of a slice there are.
+pub(super) enum Values {
+    /// All.
+    All,
+    /// Some may be missing: none is read.
+    Unfinished,
+    /// Those of camera pixels with samples; none where samples are not counted.
+    Sampled(Option<Arc<ChunkedArray<u32>>>),
+}
+
+/// Writes NaN over the values of a region that belong to camera pixels without samples: to all where the field does not tell
+/// pixels apart. `single`: its elements are of one pixel each.
+pub(super) fn hide(
+    samples: Option<&ChunkedArray<u32>>,
+    layout: &SliceLayout,
+    single: bool,
+    start: &[u64],
+    shape: &[u64],
+    data: &mut [f32],
+) -> Result<(), AccessError> {
+    let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
+    let (Some(samples), Some((0, 1))) = (samples, camera) else {
+        data.fill(f32::NAN);
+        return Ok(());
+    };
+    let pixels = |axis: usize| {
+        let coords = &layout.axes[axis].coords;
+        let all = if single {
+            coords.iter().map(|&c| (c as u32, c as u32)).collect()
+        } else {
+            axes::boxes(coords).unwrap_or_default()
+        };
+        let part = start[axis] as usize..(start[axis] + shape[axis]) as usize;
+        all.get(part).map(<[_]>::to_vec).unwrap_or_default()
+    };
+    let (rows, columns) = (pixels(0), pixels(1));
+    let [Some(height), Some(width)] = [&rows, &columns].map(|p| p.last().map(|last| u64::from(last.1) + 1))
+    else {
+        data.fill(f32::NAN);
+        return Ok(());
+    };
+    let counts = samples.read(&[0, 0], &[height, width])?;
+    let sampled = |y: u32, x: u32| counts[(u64::from(y) * width + u64::from(x)) as usize] > 0;
+    let inner = data.len() / (rows.len() * columns.len()).max(1);
+    let elements = rows
+        .iter()
+        .flat_map(|row| columns.iter().map(move |column| (row, column)));
+    for ((row, column), values) in elements.zip(data.chunks_mut(inner.max(1))) {
+        if !(row.0..=row.1).all(|y| (column.0..=column.1).all(|x| sampled(y, x))) {
+            values.fill(f32::NAN);
+        }
+    }
+    Ok(())
+}
