@@ -58,18 +58,59 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut attempts = 3;
     loop {
         attempts -= 1;
-        match write_with(path, |file| file.write_all(bytes)) {
+        match put(path, |file| file.write_all(bytes)) {
             Err(e) if e.kind() == ErrorKind::NotFound && attempts > 0 => {}
             result => return result,
         }
     }
 }
 
-/// Writes a file whole as [`write()`] does, its bytes given to a buffered writer.
+/// Writes a file whole as [`write()`] does, its bytes given to a buffered writer, and removes what processes that were
+/// killed at the same file left beside it.
 ///
 /// # Errors
 /// As [`write()`], and what `fill` returns.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+    sweep(path);
+    put(path, fill)
+}
+
+/// Removes temporary files of `path` whose processes are no more; what cannot be removed stays.
+fn sweep(path: &Path) {
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let begin = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let numbers = name
+            .strip_prefix(&begin)
+            .and_then(|rest| rest.strip_suffix(".tmp"));
+        let process = numbers.and_then(|n| n.split_once('-')?.0.parse().ok());
+        if process.is_some_and(|id| !is_running(id)) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Whether a process may still be running here.
+fn is_running(id: i32) -> bool {
+    #[cfg(unix)]
+    {
+        use rustix::io::Errno;
+        use rustix::process::{Pid, test_kill_process};
+        // A process of another user may not be signalled, but it is there.
+        Pid::from_raw(id).is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = id;
+        true
+    }
+}
+
+fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     if let Some(parent) = path.parent() {
         fs::create_dir_all(parent)?;
     }
@@ -89,6 +130,22 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Re
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn what_the_dead_left_is_swept() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("f.npy");
+        // No process has the largest number, nor this one's with another file.
+        let mine = format!(".f.npy.{}-99.tmp", std::process::id());
+        let names = [".f.npy.2147483647-0.tmp", &mine, ".g.npy.2147483647-0.tmp"];
+        names
+            .iter()
+            .for_each(|name| fs::write(dir.path().join(name), b"half").expect("writes"));
+        write_with(&path, |file| file.write_all(b"whole")).expect("writes");
+        assert!(!dir.path().join(names[0]).exists());
+        assert!(names[1..].iter().all(|name| dir.path().join(name).exists()));
+    }
 
     #[test]
     fn replaces_and_leaves_no_temporary() {

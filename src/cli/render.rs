@@ -10,13 +10,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use sunstone::figure::spec::{self, Figure};
 use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
-use sunstone::store::sink::is_unfinished;
+use sunstone::store::sink::is_finished;
 use sunstone::transport::render::coverage::missing;
 use sunstone::transport::scene::Scene;
 
 /// Render a scene file to slices of T, with error bars, and draw its figures.
 ///
-/// The result is a Zarr v3 store with a group per slice. Ctrl-C finishes the tiles in flight; --resume goes on from
+/// The result is a Zarr v3 store with a group per slice. Ctrl-C (or SIGTERM) finishes the tiles in flight; --resume goes on from
 /// there, or from a crash, to the very same bytes.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Go on with an unfinished render.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Replace an existing store. (A complete store of the default name is replaced anyway.)
+    /// Replace an existing store.
     #[arg(long)]
     force: bool,
     /// Keep only these slices of the scene (comma-separated names).
@@ -135,9 +135,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
     let target = Target {
-        // A finished store that nobody named may be made again; an unfinished one holds work that may be wanted.
-        replace: a.force || (a.output.is_none() && !is_unfinished(&path)),
-        resume: a.resume,
+        replace: a.force,
+        // What nobody named and is complete already need not be made again, if it is this render.
+        resume: a.resume || (a.output.is_none() && !a.force && is_finished(&path)),
         path,
     };
     let _ = ctrlc::set_handler(|| {

@@ -58,7 +58,8 @@ pub enum SinkError {
     },
     /// What is to be resumed is another render.
     #[error(
-        "cannot resume {path}: its {what} differs ({theirs}, now {ours}); use the same scene file and options, or another -o"
+        "{path} holds another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, \
+         another -o, or --force to replace it"
     )]
     Mismatch {
         /// The store.
@@ -273,10 +274,10 @@ impl Sink for ZarrSink {
     }
 }
 
-/// True if `path` holds an unfinished render.
+/// True if `path` holds a finished store.
 #[must_use]
-pub fn is_unfinished(path: &Path) -> bool {
-    TensorStore::open(path).is_ok_and(|store| journal::exists(path) || !store.is_finished())
+pub fn is_finished(path: &Path) -> bool {
+    TensorStore::open(path).is_ok_and(|store| store.is_finished() && !journal::exists(path))
 }
 
 #[cfg(test)]
@@ -347,11 +348,11 @@ mod tests {
         first.put(&piece(0, &[1.0, 2.0, 3.0, 4.0])).unwrap();
         first.tile_done(&record(0)).unwrap();
         first.end(&done(false)).unwrap();
-        assert!(is_unfinished(&path));
+        assert!(!is_finished(&path));
         let mut second = sink(&path, true, false);
         assert_eq!(second.begin(&job(1, 4)).unwrap(), [record(0)]);
         second.end(&done(true)).unwrap();
-        assert!(!is_unfinished(&path));
+        assert!(is_finished(&path));
         // All is done: every tile is known, and nothing is written.
         let mut third = sink(&path, true, false);
         assert_eq!(third.begin(&job(1, 4)).unwrap().len(), 2);

@@ -41,6 +41,8 @@ pub struct SceneTables {
     pub settings: Settings,
     /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
     pub sha256: String,
+    /// Text of the scene file, kept with what is rendered from it.
+    pub text: String,
 }
 
 /// Everything a render needs: the tables, which it passes on, and what is worked out from them.

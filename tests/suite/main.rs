@@ -14,6 +14,7 @@ mod exchange;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod invariants;
+mod kills;
 mod merge;
 mod mitsuba;
 mod pbrdf_commands;

@@ -8,7 +8,7 @@ use sha2::Digest;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntax::Syntax;
-use syntax::scene::SceneFile;
+use syntax::scene::{RenderFile, SceneFile};
 use syntax::shape::ObjectFile;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
@@ -44,6 +44,7 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 
 /// Builds a scene from the value that its file holds.
 pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
+    ctx.hash.update(meaning(file));
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
     let projector = file
@@ -110,7 +111,26 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
             .iter()
             .map(|b| format!("{b:02x}"))
             .collect(),
+        text: ctx.text.to_string(),
     }))
+}
+
+/// What is rendered, as a text that does not depend on how the file is written: comments, order of tables, ways to write a
+/// number, defaults that are spelt out, figures and names of no consequence. Samples, seed and tiles are the render's.
+fn meaning(file: &SceneFile) -> String {
+    let defaults = RenderFile::default();
+    let meaning = SceneFile {
+        name: None,
+        figures: vec![],
+        render: RenderFile {
+            spp: defaults.spp,
+            seed: defaults.seed,
+            tile: defaults.tile,
+            ..file.render.clone()
+        },
+        ..file.clone()
+    };
+    serde_json::to_string(&meaning).expect("tables with names for keys")
 }
 
 /// What fills an object.

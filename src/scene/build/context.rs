@@ -39,7 +39,6 @@ impl Context {
             listed: Wavelengths::default(),
             hash: Sha256::new(),
         };
-        ctx.hash.update(text.as_bytes());
         ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
             ctx.error(
                 wavelengths_nm.span(),

@@ -50,6 +50,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
         ),
     );
     put("scene_sha256", json!(scene.sha256));
+    put("scene", json!(scene.text));
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
     put("max_depth", json!(scene.settings.max_depth));

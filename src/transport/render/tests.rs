@@ -75,6 +75,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
     };
     Scene::new(SceneTables {
         name: "test".to_owned(),
+        text: String::new(),
         wavelengths: Wavelengths::default(),
         geometry: if plain { geometry.plain() } else { geometry },
         boundaries: vec![Boundary::NONE; materials.list.len()],
