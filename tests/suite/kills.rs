@@ -76,11 +76,11 @@ fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     }
 }
 
-/// How long a command takes undisturbed, and a little more.
+/// How long a command takes undisturbed, and half as long again.
 fn duration(at: &Path, arguments: &[&str]) -> Duration {
     let begun = Instant::now();
     run(at, arguments, 0);
-    begun.elapsed().mul_f64(1.2)
+    begun.elapsed().mul_f64(1.6)
 }
 
 /// Nothing but what is named is left in a folder.

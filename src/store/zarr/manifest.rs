@@ -112,7 +112,8 @@ impl Manifest {
             // Writing to a text cannot fail.
             let _ = writeln!(text, "{crc:08x} {size} {path}");
         }
-        let _ = writeln!(text, "{:08x} lines above", crc32c::crc32c(text.as_bytes()));
+        let seal = seal(&text);
+        let _ = writeln!(text, "{seal}");
         whole_file::write(&root.join(FILE), text.as_bytes())
     }
 
@@ -147,12 +148,16 @@ fn damaged(path: PathBuf) -> OpenError {
     OpenError::Damaged { path, reason }
 }
 
+/// The last line, over all lines before it.
+fn seal(lines: &str) -> String {
+    format!("{:08x} lines above", crc32c::crc32c(lines.as_bytes()))
+}
+
 fn parse(text: &str) -> Option<Manifest> {
     let body = text.strip_suffix('\n')?;
     let (lines, last) = body.rsplit_once('\n')?;
     let lines = &text[..=lines.len()];
-    let sum = last.strip_suffix(" lines above")?;
-    if u32::from_str_radix(sum, 16).ok()? != crc32c::crc32c(lines.as_bytes()) {
+    if last != seal(lines) {
         return None;
     }
     let mut lines = lines.lines();

@@ -29,8 +29,12 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
         });
     }
     let Some(Manifest(entries)) = Manifest::read(path)? else {
-        // Whoever names something else is told what it is.
-        super::TensorStore::open(path)?;
+        if !path.join("zarr.json").is_file() {
+            return Err(OpenError::NotAStore {
+                path: path.to_owned(),
+                reason: "it has no zarr.json".into(),
+            });
+        }
         return Err(OpenError::Unfinished {
             path: path.to_owned(),
         });
