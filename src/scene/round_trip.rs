@@ -11,7 +11,9 @@ use syntax::medium::*;
 use syntax::scene::{RenderFile, SceneFile};
 use syntax::shape::*;
 use syntax::slice::*;
+use syntax::texture::*;
 use syntax::values::*;
+use transport::material::texture::{Filter, Wrap};
 use transport::scene::{Integrator, Scene};
 
 /// Scene files below a folder.
@@ -154,19 +156,36 @@ impl Choices<'_> {
         ImageAlbedo {
             image: self.text().into(),
             scale: self.number(),
+            uv: self.uv(),
+            wrap: [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][self.below(3) as usize],
+            filter: [Filter::Bilinear, Filter::Nearest][self.below(2) as usize],
+            raw: self.below(2) == 0,
+        }
+    }
+
+    fn uv(&mut self) -> Option<UvRows> {
+        (self.below(2) == 0).then(|| std::array::from_fn(|_| std::array::from_fn(|_| self.number())))
+    }
+
+    fn checkerboard(&mut self) -> CheckerboardFile {
+        CheckerboardFile {
+            checkerboard: [self.spectrum(), self.spectrum()],
+            uv: self.uv(),
         }
     }
 
     fn albedo(&mut self) -> Located<AlbedoFile> {
-        match self.below(2) {
+        match self.below(3) {
             0 => AlbedoFile::Spectrum(self.spectrum()).into(),
+            1 => AlbedoFile::Checkerboard(self.checkerboard()).into(),
             _ => AlbedoFile::Image(self.image()).into(),
         }
     }
 
     fn scalar(&mut self) -> Located<ScalarFile> {
-        match self.below(2) {
+        match self.below(3) {
             0 => ScalarFile::Number(self.number()).into(),
+            1 => ScalarFile::Checkerboard(self.checkerboard()).into(),
             _ => ScalarFile::Image(self.image()).into(),
         }
     }
@@ -336,6 +355,9 @@ impl Choices<'_> {
                 material: self.text().into(),
                 image: self.text().into(),
                 strength: self.number().into(),
+                uv: self.uv(),
+                wrap: [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][self.below(3) as usize],
+                filter: [Filter::Bilinear, Filter::Nearest][self.below(2) as usize],
             }),
             11 => MaterialFile::PartialDepolarizer(PartialDepolarizerFile {
                 material: self.text().into(),

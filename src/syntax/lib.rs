@@ -14,6 +14,7 @@ pub mod medium;
 pub mod scene;
 pub mod shape;
 pub mod slice;
+pub mod texture;
 pub mod values;
 
 use base::document;

@@ -1,12 +1,14 @@
 //! The syntax of materials, in scene files and in files of their own.
 
 use super::defaults::{self, is_default};
-use super::values::{AlbedoFile, IndexFile, ScalarFile, SpectrumFile};
+use super::texture::{AlbedoFile, ScalarFile, UvRows};
+use super::values::{IndexFile, SpectrumFile};
 use base::locate::Located;
 use optics::sampling::microfacet::{Distribution, Masking};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use transport::material::texture::{Filter, Wrap};
 
 /// A file of materials alone: what `sunstone pbrdf eval` reads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -223,6 +225,14 @@ pub struct NormalMapFile {
     /// Multiplies x and y.
     #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
     pub strength: Located<f64>,
+    /// Where on the surface the image lies, as of other images; the vectors stay in the surface's own frame.
+    pub uv: Option<UvRows>,
+    /// Beyond the image's edges.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub wrap: Wrap,
+    /// Between the image's texels.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub filter: Filter,
 }
 
 /// See [`MaterialFile::PartialDepolarizer`].

@@ -44,26 +44,6 @@ impl SpectrumTable {
     }
 }
 
-/// An albedo: a spectrum, or an image.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum AlbedoFile {
-    /// The same everywhere.
-    Spectrum(SpectrumFile),
-    /// From texel to texel.
-    Image(ImageAlbedo),
-}
-
-/// A number, or an image of it (the first channel, linear).
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum ScalarFile {
-    /// The same everywhere.
-    Number(f64),
-    /// From texel to texel.
-    Image(ImageAlbedo),
-}
-
 /// A refractive index: a spectrum, or a name of the optical constants.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -72,17 +52,6 @@ pub enum IndexFile {
     Values(SpectrumFile),
     /// By name.
     Named(String),
-}
-
-/// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ImageAlbedo {
-    /// PNG or JPEG file, relative to the scene file; colours are sRGB-encoded, numbers (roughness, weights) linear.
-    pub image: Located<String>,
-    /// Multiplies the image.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub scale: f64,
 }
 
 /// Travel time of a slice: `"sum"` or bins.
@@ -142,30 +111,6 @@ impl<const N: usize> From<[f64; N]> for SpectrumFile {
     }
 }
 
-impl<T: Into<SpectrumFile>> From<T> for AlbedoFile {
-    fn from(spectrum: T) -> Self {
-        Self::Spectrum(spectrum.into())
-    }
-}
-
-impl From<ImageAlbedo> for AlbedoFile {
-    fn from(image: ImageAlbedo) -> Self {
-        Self::Image(image)
-    }
-}
-
-impl From<f64> for ScalarFile {
-    fn from(value: f64) -> Self {
-        Self::Number(value)
-    }
-}
-
-impl From<ImageAlbedo> for ScalarFile {
-    fn from(image: ImageAlbedo) -> Self {
-        Self::Image(image)
-    }
-}
-
 impl<T: Into<SpectrumFile>> From<T> for IndexFile {
     fn from(spectrum: T) -> Self {
         Self::Values(spectrum.into())
@@ -178,18 +123,7 @@ impl From<&str> for IndexFile {
     }
 }
 
-impl ImageAlbedo {
-    /// A PNG or JPEG file, not scaled.
-    #[must_use]
-    pub fn new(file: impl Into<String>) -> Self {
-        Self {
-            image: file.into().into(),
-            scale: 1.0,
-        }
-    }
-}
-
-struct SpectrumVisitor;
+pub(super) struct SpectrumVisitor;
 
 impl<'de> Visitor<'de> for SpectrumVisitor {
     type Value = SpectrumFile;
@@ -233,116 +167,6 @@ impl JsonSchema for SpectrumFile {
             "description": "One number for all wavelengths, a list with one number per wavelength, or a table.",
             "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}, table]
         })
-    }
-}
-
-/// The keys of an image and of a table together: which of the two is meant shows in the keys that are there.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct AlbedoMap {
-    image: Option<Located<String>>,
-    scale: Option<f64>,
-    nm: Option<Vec<f64>>,
-    values: Option<Vec<f64>>,
-}
-
-impl AlbedoMap {
-    fn resolve<E: de::Error>(self) -> Result<AlbedoFile, E> {
-        match self {
-            Self {
-                image: Some(image),
-                scale,
-                nm: None,
-                values: None,
-            } => Ok(AlbedoFile::Image(ImageAlbedo {
-                image,
-                scale: scale.unwrap_or_else(one),
-            })),
-            Self {
-                image: None,
-                scale: None,
-                nm: Some(nm),
-                values: Some(values),
-            } => Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
-                nm,
-                values,
-            }))),
-            _ => Err(E::custom(
-                "an albedo is { image = \"file.png\", scale = 1 } or { nm = [..], values = [..] }",
-            )),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for AlbedoFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = AlbedoFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str(
-                    "a number, a list with one number per wavelength, { nm = [..], values = [..] }, or { image = \"file.png\" }",
-                )
-            }
-            fn visit_f64<E: de::Error>(self, v: f64) -> Result<AlbedoFile, E> {
-                SpectrumVisitor.visit_f64(v).map(AlbedoFile::Spectrum)
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<AlbedoFile, E> {
-                SpectrumVisitor.visit_i64(v).map(AlbedoFile::Spectrum)
-            }
-            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<AlbedoFile, A::Error> {
-                SpectrumVisitor.visit_seq(seq).map(AlbedoFile::Spectrum)
-            }
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoFile, A::Error> {
-                AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()
-            }
-        }
-        d.deserialize_any(V)
-    }
-}
-
-impl JsonSchema for AlbedoFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Albedo".into()
-    }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let (spectrum, image) = (
-            g.subschema_for::<SpectrumFile>(),
-            g.subschema_for::<ImageAlbedo>(),
-        );
-        json_schema!({"anyOf": [spectrum, image]})
-    }
-}
-
-impl<'de> Deserialize<'de> for ScalarFile {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl<'de> Visitor<'de> for V {
-            type Value = ScalarFile;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a number, or { image = \"file.png\" }")
-            }
-            fn visit_f64<E: de::Error>(self, v: f64) -> Result<ScalarFile, E> {
-                Ok(ScalarFile::Number(v))
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<ScalarFile, E> {
-                Ok(ScalarFile::Number(v as f64))
-            }
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ScalarFile, A::Error> {
-                ImageAlbedo::deserialize(MapAccessDeserializer::new(map)).map(ScalarFile::Image)
-            }
-        }
-        d.deserialize_any(V)
-    }
-}
-
-impl JsonSchema for ScalarFile {
-    fn schema_name() -> Cow<'static, str> {
-        "Scalar".into()
-    }
-    fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let image = g.subschema_for::<ImageAlbedo>();
-        json_schema!({"anyOf": [{"type": "number"}, image]})
     }
 }
 

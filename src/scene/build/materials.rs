@@ -3,6 +3,7 @@
 use super::context::{Context, read};
 use super::indices::{complex_index, index};
 use super::polarizing;
+use super::textures::{self, Images};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
 use optics::spectrum::{Spectral, Wavelengths};
@@ -13,7 +14,8 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use syntax::Syntax;
 use syntax::material::{MaterialFile, MaterialSetFile, MeasuredFile};
-use syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use syntax::texture::{AlbedoFile, ScalarFile};
+use syntax::values::IndexFile;
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
 use transport::material::measured::error::PbsdfError;
@@ -95,6 +97,7 @@ struct Builder<'c, 'a> {
     ctx: &'c mut Context,
     files: &'a Named,
     table: Materials,
+    images: Images,
     done: BTreeMap<&'a str, u32>,
     /// Materials being built, outermost first.
     open: Vec<&'a str>,
@@ -109,6 +112,7 @@ pub(crate) fn build<'a>(
         ctx,
         files,
         table: Materials::default(),
+        images: Images::default(),
         done: BTreeMap::new(),
         open: vec![],
     };
@@ -214,7 +218,7 @@ impl<'a> Builder<'_, 'a> {
                 let strength = self.ctx.number(&n.strength, "strength", 0.0..=10.0)?;
                 Material::NormalMap(normal_map::NormalMap {
                     material: self.inner(&n.material)?,
-                    texture: self.linear_image(&n.image)?,
+                    texture: textures::normals(self.ctx, &mut self.images, &mut self.table.textures, n)?,
                     strength: strength as f32,
                 })
             }
@@ -261,17 +265,7 @@ impl<'a> Builder<'_, 'a> {
     }
 
     fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
-        let span = albedo.span();
-        Ok(match &**albedo {
-            AlbedoFile::Spectrum(s) => Spectrum::uniform(self.ctx.spectrum(s, span, "albedo", 0.0..=1.0)?),
-            AlbedoFile::Image(i) => {
-                let scale = SpectrumFile::Scalar(i.scale);
-                Spectrum {
-                    value: self.ctx.spectrum(&scale, span, "scale", 0.0..=1.0)?,
-                    texture: Some(self.colour_image(&i.image)?),
-                }
-            }
-        })
+        textures::spectrum(self.ctx, &mut self.images, &mut self.table.textures, albedo)
     }
 
     /// A number within `range`, or an image scaled to it.
@@ -281,15 +275,14 @@ impl<'a> Builder<'_, 'a> {
         what: &str,
         range: RangeInclusive<f64>,
     ) -> Result<Scalar, InputError> {
-        let (value, image) = match &**s {
-            ScalarFile::Number(v) => (*v, None),
-            ScalarFile::Image(ImageAlbedo { image, scale }) => (*scale, Some(image)),
-        };
-        let value = self.ctx.within(value, s.span(), what, &range)?;
-        Ok(Scalar {
-            value: value as f32,
-            texture: image.map(|i| self.linear_image(i)).transpose()?,
-        })
+        textures::scalar(
+            self.ctx,
+            &mut self.images,
+            &mut self.table.textures,
+            s,
+            what,
+            range,
+        )
     }
 
     fn roughness(
@@ -330,49 +323,5 @@ impl<'a> Builder<'_, 'a> {
             exterior,
             dispersive: varies(interior, count) || varies(exterior, count),
         })
-    }
-
-    /// Reads an image of colours: sRGB to linear, red, green or blue for each wavelength.
-    fn colour_image(&mut self, name: &Located<String>) -> Result<u32, InputError> {
-        let linear = |c: f32| {
-            if c <= 0.04045 {
-                c / 12.92
-            } else {
-                ((c + 0.055) / 1.055).powf(2.4)
-            }
-        };
-        let channel = |nm: f64| match nm {
-            nm if nm < 500.0 => 2,
-            nm if nm < 590.0 => 1,
-            _ => 0,
-        };
-        let wavelengths = self.ctx.wavelengths.clone();
-        self.image(name, |p| wavelengths.map(|nm| linear(p[channel(nm)])).to_array())
-    }
-
-    /// Reads an image of numbers: channels as they are.
-    fn linear_image(&mut self, name: &Located<String>) -> Result<u32, InputError> {
-        self.image(name, |[r, g, b]| [r, g, b, 0.0])
-    }
-
-    fn image(
-        &mut self,
-        name: &Located<String>,
-        texel: impl Fn([f32; 3]) -> [f32; 4],
-    ) -> Result<u32, InputError> {
-        let bytes = self.ctx.read(name, name.span())?;
-        let image = image::load_from_memory(&bytes).map_err(|e| {
-            self.ctx.error(
-                name.span(),
-                format!("cannot decode {}: {e}", self.ctx.path(name).display()),
-                "use a PNG or JPEG file",
-            )
-        })?;
-        let image = image.to_rgb32f();
-        let textures = &mut self.table.textures;
-        let first = textures.texels.len() as u32;
-        textures.images.push((image.width(), image.height(), first));
-        textures.texels.extend(image.pixels().map(|p| texel(p.0)));
-        Ok(textures.images.len() as u32 - 1)
     }
 }

@@ -9,3 +9,4 @@ pub mod media;
 mod polarizing;
 pub(crate) mod shapes;
 pub(crate) mod slices;
+mod textures;

@@ -4,7 +4,7 @@ use super::*;
 use crate::{Camera, Emitter, Material, Medium, Object, Projector, Slice};
 use glam::{Vec2, Vec3};
 use syntax::medium::PhaseFile;
-use syntax::values::ImageAlbedo;
+use syntax::texture::ImageAlbedo;
 use tensor::field::Field;
 use tensor::memory::Arrays;
 use transport::render::schedule::{Unwatched, render};

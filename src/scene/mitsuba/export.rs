@@ -31,6 +31,7 @@ use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::QuadricKind;
+use transport::material::texture::Image;
 use transport::scene::Settings;
 
 /// A scene in Mitsuba's language.
@@ -268,7 +269,7 @@ fn projector_element(
         .push(("white.png".into(), png(ctx, span, &white.into())?));
     Ok(element
         .float("scale", f64::from(p.irradiance.to_array()[0]) / PI)
-        .child(bitmap("irradiance", "white.png", true)))
+        .child(bitmap("irradiance", "white.png", true, &Image::new([w, h], 0))))
 }
 
 fn shape(

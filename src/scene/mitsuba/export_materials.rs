@@ -3,12 +3,12 @@
 //! An opaque material is two-sided here and one-sided there, so `twosided` goes round it, at the leaves: blends and normal
 //! maps then work from both sides too.
 
-use super::export_output::{Needs, Output, bitmap, is_even, plain_id, png, spectrum};
+use super::export_images::{Images, encode, texels};
+use super::export_output::{Needs, Output, is_even, plain_id, spectrum};
 use super::files::Contents;
 use super::xml::{Element, single};
 use crate::build::context::Context;
 use base::locate::{InputError, Located};
-use image::{DynamicImage, ImageBuffer, Luma, Rgb};
 use optics::sampling::microfacet::{Distribution, Masking};
 use optics::spectrum::Spectral;
 use std::collections::BTreeMap;
@@ -280,16 +280,13 @@ impl<'a> MaterialWriter<'a> {
                         "put it into the image, and take strength away",
                     );
                 }
-                let (image, span) = (self.linear_rgb(n.texture), self.files[self.names[&id]].span());
-                let file = format!("{}_normals.png", plain_id(self.names[&id], &BTreeMap::new()));
-                let contents = png(self.ctx, span, &image)?;
-                let file = self.file(&file, contents);
+                let image = self.images(id).normals(n.texture)?;
                 let inner = match self.ids.get(&n.material) {
                     Some(inner) => Element::new("ref").with("id", inner.as_str()),
                     None => self.one_sided(n.material, None)?,
                 };
                 open("normalmap")
-                    .child(bitmap("normalmap", &file, true))
+                    .child(image)
                     .boolean("flip_invalid_normals", false)
                     .boolean("use_shadowing_function", false)
                     .child(inner)
@@ -368,7 +365,7 @@ impl<'a> MaterialWriter<'a> {
             );
         }
         let file = format!("{}.pbsdf", plain_id(self.names[&id], &BTreeMap::new()));
-        let file = self.file(&file, Contents::CopyOf(self.ctx.path(&m.file)));
+        let file = self.out.file(&file, Contents::CopyOf(self.ctx.path(&m.file)));
         let element = element.string("filename", &file);
         Ok(match *self.ctx.wavelengths.nm() {
             [nm] => element.float("wavelength", nm),
@@ -400,7 +397,8 @@ impl<'a> MaterialWriter<'a> {
                 .with("name", name)
                 .with("value", single(s.value)));
         };
-        self.grey(id, name, texture, true, |texel| texel[0] * s.value)
+        self.images(id)
+            .grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
     /// A spectrum, or a grey image with the encoding of colours, which both programs undo.
@@ -410,7 +408,7 @@ impl<'a> MaterialWriter<'a> {
         };
         let count = self.ctx.wavelengths.count();
         let uneven = |t: &[f32; 4]| t[1..count].iter().any(|v| *v != t[0]);
-        if self.texels(texture).1.iter().any(uneven) {
+        if texels(&self.table.textures, texture).1.iter().any(uneven) {
             return self.cannot(
                 id,
                 "an image of colours at several wavelengths (it makes smooth spectra of them)",
@@ -418,61 +416,19 @@ impl<'a> MaterialWriter<'a> {
             );
         }
         let scale = s.value.to_array()[0];
-        self.grey(id, name, texture, false, |texel| encode(texel[0] * scale))
+        self.images(id)
+            .grey(name, texture, false, |texel| encode(texel[0] * scale))
     }
 
-    fn grey(
-        &mut self,
-        id: u32,
-        name: &str,
-        texture: u32,
-        raw: bool,
-        value: impl Fn(&[f32; 4]) -> f32,
-    ) -> Result<Element, InputError> {
-        let (size, texels) = self.texels(texture);
-        let pixels = texels.iter().map(|t| sixteen_bits(value(t))).collect();
-        let image: Option<ImageBuffer<Luma<u16>, Vec<u16>>> = ImageBuffer::from_raw(size.0, size.1, pixels);
-        let file = format!("{}_{name}.png", plain_id(self.names[&id], &BTreeMap::new()));
-        let contents = png(
-            self.ctx,
-            self.files[self.names[&id]].span(),
-            &DynamicImage::ImageLuma16(image.unwrap_or_default()),
-        )?;
-        let file = self.file(&file, contents);
-        Ok(bitmap(name, &file, raw))
-    }
-
-    /// Size and texels of an image.
-    fn texels(&self, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
-        let (w, h, first) = self.table.textures.images[texture as usize];
-        let first = first as usize;
-        (
-            (w, h),
-            &self.table.textures.texels[first..first + (w * h) as usize],
-        )
-    }
-
-    fn linear_rgb(&self, texture: u32) -> DynamicImage {
-        let ((w, h), texels) = self.texels(texture);
-        let pixels = texels
-            .iter()
-            .flat_map(|t| [t[0], t[1], t[2]].map(sixteen_bits))
-            .collect();
-        let image: Option<ImageBuffer<Rgb<u16>, Vec<u16>>> = ImageBuffer::from_raw(w, h, pixels);
-        DynamicImage::ImageRgb16(image.unwrap_or_default())
-    }
-
-    /// Adds a file under its name, or under one that is free.
-    fn file(&mut self, name: &str, contents: Contents) -> String {
-        let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
-        let mut free = name.to_owned();
-        let mut n = 2;
-        while self.out.files.iter().any(|(taken, _)| *taken == free) {
-            free = format!("{stem}_{n}.{ending}");
-            n += 1;
+    /// The images of a material.
+    fn images(&mut self, id: u32) -> Images<'_> {
+        Images {
+            ctx: self.ctx,
+            textures: &self.table.textures,
+            span: self.files[self.names[&id]].span(),
+            stem: plain_id(self.names[&id], &BTreeMap::new()),
+            out: &mut *self.out,
         }
-        self.out.files.push((free.clone(), contents));
-        free
     }
 }
 
@@ -484,17 +440,4 @@ fn degrees(radians: f32) -> f64 {
 /// An f32 as the number of its shortest digits.
 fn shortest(v: f32) -> f64 {
     single(v).parse().unwrap_or(f64::from(v))
-}
-
-/// Linear → sRGB.
-fn encode(c: f32) -> f32 {
-    if c <= 0.003_130_8 {
-        c * 12.92
-    } else {
-        1.055 * c.powf(1.0 / 2.4) - 0.055
-    }
-}
-
-fn sixteen_bits(v: f32) -> u16 {
-    (v * 65535.0).round() as u16
 }

@@ -8,6 +8,7 @@ use base::locate::InputError;
 use optics::spectrum::{Spectral, Wavelengths};
 use std::collections::BTreeMap;
 use std::ops::Range;
+use transport::material::texture::{Filter, Image, SAME, Wrap};
 
 /// What is written beside the XML, and said to the user.
 #[derive(Default)]
@@ -23,6 +24,19 @@ impl Output {
         if !self.notes.contains(&text) {
             self.notes.push(text);
         }
+    }
+
+    /// Adds a file under its name, or under one that is free.
+    pub fn file(&mut self, name: &str, contents: Contents) -> String {
+        let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
+        let mut free = name.to_owned();
+        let mut n = 2;
+        while self.files.iter().any(|(taken, _)| *taken == free) {
+            free = format!("{stem}_{n}.{ending}");
+            n += 1;
+        }
+        self.files.push((free.clone(), contents));
+        free
     }
 }
 
@@ -59,17 +73,37 @@ pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
 }
 
 /// An image as a texture. Mitsuba counts v from the top.
-pub(super) fn bitmap(name: &str, file: &str, raw: bool) -> Element {
+pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Element {
     let upward = Element::new("transform")
         .with("name", "to_uv")
-        .child(Element::new("scale").with("x", "1").with("y", "-1"));
-    Element::plugin("texture", "bitmap")
+        .child(if image.uv == SAME {
+            Element::new("scale").with("x", "1").with("y", "-1")
+        } else {
+            let [[a, b, c], [d, e, f]] = image.uv.map(|row| row.map(f64::from));
+            let rows = [
+                [a, b, 0.0, c],
+                [-d, -e, 0.0, 1.0 - f],
+                [0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 0.0, 1.0],
+            ];
+            let value = rows.map(|row| row.map(number).join(" ")).join(" ");
+            Element::new("matrix").with("value", value)
+        });
+    let mut out = Element::plugin("texture", "bitmap")
         .with("name", name)
         .string("filename", file)
         .boolean("raw", raw)
         // As exact as the variant, not half precision.
-        .string("format", "variant")
-        .child(upward)
+        .string("format", "variant");
+    if image.filter == Filter::Nearest {
+        out = out.string("filter_type", "nearest");
+    }
+    match image.wrap {
+        Wrap::Repeat => {}
+        Wrap::Mirror => out = out.string("wrap_mode", "mirror"),
+        Wrap::Clamp => out = out.string("wrap_mode", "clamp"),
+    }
+    out.child(upward)
 }
 
 /// A PNG file.

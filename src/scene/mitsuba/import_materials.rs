@@ -14,7 +14,9 @@ use syntax::material::{
     PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
     TwoSidedFile,
 };
-use syntax::values::{AlbedoFile, IndexFile};
+use syntax::texture::AlbedoFile;
+use syntax::values::IndexFile;
+use transport::material::texture::{Filter, Wrap};
 
 /// Reads BSDFs, each once.
 #[derive(Default)]
@@ -244,6 +246,9 @@ impl MaterialReader {
                     material,
                     image,
                     strength: at(node, 1.0),
+                    uv: None,
+                    wrap: Wrap::default(),
+                    filter: Filter::default(),
                 })
             }
             other => {

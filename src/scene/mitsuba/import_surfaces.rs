@@ -4,7 +4,8 @@ use super::importer::Importer;
 use super::tree::{Node, Value};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
-use syntax::values::{AlbedoFile, ImageAlbedo, IndexFile, ScalarFile, SpectrumFile};
+use syntax::texture::{AlbedoFile, ImageAlbedo, ScalarFile};
+use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
 
 /// Which way up the images of a material are, on coordinates that count v from the image's lower edge.
@@ -221,7 +222,10 @@ fn image<'a>(
         return Ok(None);
     }
     let image = bitmap(importer, inner, raw, images)?;
-    Ok(Some(ImageAlbedo { image, scale: 1.0 }))
+    Ok(Some(ImageAlbedo {
+        image,
+        ..ImageAlbedo::new("")
+    }))
 }
 
 /// A number or an image.

@@ -17,6 +17,7 @@
 //! [`export`] writes, [`import`] reads the same subset; `xml` and `reader` hold the two directions' syntax.
 
 pub mod export;
+mod export_images;
 mod export_materials;
 mod export_output;
 mod files;

@@ -1,31 +1,119 @@
 //! Images on surfaces: albedo, roughness, blend weight, normals.
 
 use optics::spectrum::Spectral;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How an image goes on beyond its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Wrap {
+    /// Side by side with itself.
+    #[default]
+    Repeat,
+    /// Every second one turned over.
+    Mirror,
+    /// The texels at the edge go on for ever.
+    Clamp,
+}
+
+/// What lies between the centres of texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Filter {
+    /// Mixed from the four nearest.
+    #[default]
+    Bilinear,
+    /// The nearest texel alone.
+    Nearest,
+}
+
+/// Rows of a map of texture coordinates: u' = a u + b v + c, v' = d u + e v + f.
+pub type UvMap = [[f32; 3]; 2];
+
+/// Texture coordinates as they are.
+pub const SAME: UvMap = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+/// One image. Several may have the same texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image {
+    /// In texels.
+    pub width: u32,
+    /// In texels.
+    pub height: u32,
+    /// Index of its first texel.
+    pub first: u32,
+    /// What lies between texels.
+    pub filter: Filter,
+    /// What lies beyond the edges.
+    pub wrap: Wrap,
+    /// From the surface's texture coordinates to the image's.
+    pub uv: UvMap,
+}
+
+impl Image {
+    /// All texels from `first` on, repeating, mixed, on coordinates as they are.
+    #[must_use]
+    pub fn new([width, height]: [u32; 2], first: u32) -> Self {
+        Self {
+            width,
+            height,
+            first,
+            filter: Filter::default(),
+            wrap: Wrap::default(),
+            uv: SAME,
+        }
+    }
+
+    /// Number of the texel in column `i`, row `j`, which may lie beyond the edges.
+    #[inline]
+    fn texel(&self, i: i64, j: i64) -> usize {
+        let along = |i: i64, n: u32| {
+            let n = i64::from(n);
+            let i = match self.wrap {
+                Wrap::Repeat => i.rem_euclid(n),
+                Wrap::Clamp => i.clamp(0, n - 1),
+                Wrap::Mirror => {
+                    let i = i.rem_euclid(2 * n);
+                    i.min(2 * n - 1 - i)
+                }
+            };
+            i as u32
+        };
+        (self.first + along(j, self.height) * self.width + along(i, self.width)) as usize
+    }
+}
 
 /// Images: spectral texels of all textures in one table.
 #[derive(Clone, Debug, Default)]
 pub struct Textures {
-    /// Width, height and first texel of every texture.
-    pub images: Vec<(u32, u32, u32)>,
+    /// All of them.
+    pub images: Vec<Image>,
     /// Texels, top row first.
     pub texels: Vec<[f32; 4]>,
 }
 
 impl Textures {
-    /// Bilinear, repeating; uv (0, 0) is the lower left corner of the image.
+    /// The value at texture coordinates; where the image's own are (0, 0) is its lower left corner.
     #[inline]
     #[must_use]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
-        let (w, h, first) = self.images[texture as usize];
-        let x = uv[0].rem_euclid(1.0) * w as f32 - 0.5;
-        let y = (1.0 - uv[1].rem_euclid(1.0)) * h as f32 - 0.5;
+        let image = &self.images[texture as usize];
+        let [u, v] = image.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
+        let (w, h) = (image.width as f32, image.height as f32);
+        let (x, y) = match image.wrap {
+            // Whole periods go first: far from the origin little would be left of the fraction.
+            Wrap::Repeat => (u.rem_euclid(1.0) * w, (1.0 - v.rem_euclid(1.0)) * h),
+            Wrap::Mirror => (u.rem_euclid(2.0) * w, (1.0 - v.rem_euclid(2.0)) * h),
+            Wrap::Clamp => (u.clamp(-1.0, 2.0) * w, (1.0 - v.clamp(-1.0, 2.0)) * h),
+        };
+        let at = |i: f32, j: f32| Spectral::new(self.texels[image.texel(i as i64, j as i64)]);
+        if image.filter == Filter::Nearest {
+            return at(x.floor(), y.floor());
+        }
+        let (x, y) = (x - 0.5, y - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
-        let at = |i: f32, j: f32| {
-            let i = (i as i64).rem_euclid(i64::from(w)) as u32;
-            let j = (j as i64).rem_euclid(i64::from(h)) as u32;
-            Spectral::new(self.texels[(first + j * w + i) as usize])
-        };
         let lerp = |a: Spectral, b: Spectral, t: f32| a + (b - a) * Spectral::splat(t);
         let top = lerp(at(x0, y0), at(x0 + 1.0, y0), fx);
         let bottom = lerp(at(x0, y0 + 1.0), at(x0 + 1.0, y0 + 1.0), fx);
@@ -83,6 +171,80 @@ impl Scalar {
         match self.texture {
             Some(t) => self.value * textures.eval(t, uv).to_array()[0],
             None => self.value,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 3 × 2 texels 1 to 6, top row first.
+    fn textures(filter: Filter, wrap: Wrap, uv: UvMap) -> Textures {
+        Textures {
+            images: vec![Image {
+                filter,
+                wrap,
+                uv,
+                ..Image::new([3, 2], 0)
+            }],
+            texels: (1..=6).map(|i| [i as f32; 4]).collect(),
+        }
+    }
+
+    fn value(t: &Textures, u: f32, v: f32) -> f32 {
+        t.eval(0, [u, v]).to_array()[0]
+    }
+
+    #[test]
+    fn texels_are_where_they_belong() {
+        for filter in [Filter::Bilinear, Filter::Nearest] {
+            for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                let t = textures(filter, wrap, SAME);
+                for (i, expected) in [4.0, 5.0, 6.0, 1.0, 2.0, 3.0].into_iter().enumerate() {
+                    let (column, row) = ((i % 3) as f32, (i / 3) as f32);
+                    let found = value(&t, (column + 0.5) / 3.0, (row + 0.5) / 2.0);
+                    assert!((found - expected).abs() < 1e-5, "{filter:?} {wrap:?}: {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn images_go_on_as_asked() {
+        // The lower left texel is 4, the lower right one 6.
+        let at = |wrap, u| value(&textures(Filter::Nearest, wrap, SAME), u, 0.25);
+        for (wrap, expected) in [
+            (Wrap::Repeat, [4.0, 6.0, 4.0, 6.0]),
+            (Wrap::Mirror, [6.0, 4.0, 6.0, 4.0]),
+            (Wrap::Clamp, [6.0, 4.0, 6.0, 4.0]),
+        ] {
+            let found = [1.1, -0.1, 1.9, -0.9].map(|u| at(wrap, u));
+            let expected = if wrap == Wrap::Mirror {
+                [6.0, 4.0, 4.0, 6.0]
+            } else {
+                expected
+            };
+            assert_eq!(found, expected, "{wrap:?}");
+        }
+        // Between the edges of two neighbours half of each.
+        let mixed = |wrap| value(&textures(Filter::Bilinear, wrap, SAME), 1.0, 0.25);
+        assert!((mixed(Wrap::Repeat) - 5.0).abs() < 1e-5);
+        assert!((mixed(Wrap::Mirror) - 6.0).abs() < 1e-5);
+        assert!((mixed(Wrap::Clamp) - 6.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn coordinates_are_mapped_before_the_image_is_read() {
+        let plain = textures(Filter::Bilinear, Wrap::Repeat, SAME);
+        let turned = textures(
+            Filter::Bilinear,
+            Wrap::Repeat,
+            [[2.0, 0.5, 0.1], [0.25, -1.0, 1.0]],
+        );
+        for (u, v) in [(0.2, 0.3), (0.7, 0.9), (-0.4, 1.6)] {
+            let (a, b) = (2.0 * u + 0.5 * v + 0.1, 0.25 * u - v + 1.0);
+            assert!((value(&turned, u, v) - value(&plain, a, b)).abs() < 1e-5);
         }
     }
 }

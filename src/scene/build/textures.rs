@@ -1,0 +1,221 @@
+//! Images and checkerboards of a file → the flat table of [`Textures`]. Texels of a file that is named twice are kept once.
+
+use super::context::Context;
+use base::locate::{InputError, Located};
+use optics::spectrum::Spectral;
+use std::collections::BTreeMap;
+use std::ops::{Range, RangeInclusive};
+use std::path::PathBuf;
+use syntax::material::NormalMapFile;
+use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
+use syntax::values::SpectrumFile;
+use transport::material::texture::{Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
+
+/// What the three channels of an image mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Channels {
+    /// Red, green and blue, sRGB-encoded.
+    Colours,
+    /// Red, green and blue as they are.
+    LinearColours,
+    /// Numbers.
+    Numbers,
+}
+
+/// The images that have been read: size and first texel.
+#[derive(Default)]
+pub(super) struct Images(BTreeMap<(PathBuf, Channels), ([u32; 2], u32)>);
+
+/// A spectrum of 0..1, an image of colours or a checkerboard.
+pub(super) fn spectrum(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    albedo: &Located<AlbedoFile>,
+) -> Result<Spectrum, InputError> {
+    let span = albedo.span();
+    Ok(match &**albedo {
+        AlbedoFile::Spectrum(s) => Spectrum::uniform(ctx.spectrum(s, span, "albedo", 0.0..=1.0)?),
+        AlbedoFile::Image(i) => {
+            let scale = SpectrumFile::Scalar(i.scale);
+            let channels = if i.raw {
+                Channels::LinearColours
+            } else {
+                Channels::Colours
+            };
+            Spectrum {
+                value: ctx.spectrum(&scale, span, "scale", 0.0..=1.0)?,
+                texture: Some(image(ctx, images, textures, i, channels)?),
+            }
+        }
+        AlbedoFile::Checkerboard(board) => {
+            let mut values = [Spectral::ZERO; 2];
+            for (value, file) in values.iter_mut().zip(&board.checkerboard) {
+                *value = ctx.spectrum(file, span.clone(), "albedo", 0.0..=1.0)?;
+            }
+            Spectrum {
+                value: ctx.wavelengths.ones(),
+                texture: Some(checkerboard(ctx, textures, board, values, span)?),
+            }
+        }
+    })
+}
+
+/// A number within `range`, an image scaled to it or a checkerboard.
+pub(super) fn scalar(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    s: &Located<ScalarFile>,
+    what: &str,
+    range: RangeInclusive<f64>,
+) -> Result<Scalar, InputError> {
+    let span = s.span();
+    let (value, texture) = match &**s {
+        ScalarFile::Number(v) => (ctx.within(*v, span, what, &range)?, None),
+        ScalarFile::Image(i) => {
+            let scale = ctx.within(i.scale, span, what, &range)?;
+            (scale, Some(image(ctx, images, textures, i, Channels::Numbers)?))
+        }
+        ScalarFile::Checkerboard(board) => {
+            let mut values = [Spectral::ZERO; 2];
+            for (value, file) in values.iter_mut().zip(&board.checkerboard) {
+                let SpectrumFile::Scalar(v) = file else {
+                    return Err(ctx.error(
+                        span,
+                        format!("{what} has a spectrum in its squares"),
+                        "give two numbers",
+                    ));
+                };
+                *value = Spectral::splat(ctx.within(*v, span.clone(), what, &range)? as f32);
+            }
+            (1.0, Some(checkerboard(ctx, textures, board, values, span)?))
+        }
+    };
+    Ok(Scalar {
+        value: value as f32,
+        texture,
+    })
+}
+
+/// The image of a normal map.
+pub(super) fn normals(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    n: &NormalMapFile,
+) -> Result<u32, InputError> {
+    let file = ImageAlbedo {
+        uv: n.uv,
+        wrap: n.wrap,
+        filter: n.filter,
+        ..ImageAlbedo::new("")
+    };
+    let file = ImageAlbedo {
+        image: n.image.clone(),
+        ..file
+    };
+    image(ctx, images, textures, &file, Channels::Numbers)
+}
+
+/// The map of texture coordinates.
+fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMap, InputError> {
+    let Some(rows) = uv else {
+        return Ok(SAME);
+    };
+    let map = rows.map(|row| row.map(|v| v as f32));
+    if map.iter().flatten().all(|v| v.is_finite()) {
+        return Ok(map);
+    }
+    Err(ctx.error(
+        span,
+        "uv holds numbers that are not finite",
+        "give [[a, b, c], [d, e, f]]: u' = a u + b v + c, v' = d u + e v + f",
+    ))
+}
+
+/// Two by two texels.
+fn checkerboard(
+    ctx: &Context,
+    textures: &mut Textures,
+    board: &CheckerboardFile,
+    [a, b]: [Spectral; 2],
+    span: Range<usize>,
+) -> Result<u32, InputError> {
+    let uv = uv_map(ctx, board.uv.as_ref(), span)?;
+    let first = textures.texels.len() as u32;
+    textures.texels.extend([b, a, a, b].map(Spectral::to_array));
+    textures.images.push(Image {
+        filter: Filter::Nearest,
+        wrap: Wrap::Repeat,
+        uv,
+        ..Image::new([2, 2], first)
+    });
+    Ok(textures.images.len() as u32 - 1)
+}
+
+fn image(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    file: &ImageAlbedo,
+    channels: Channels,
+) -> Result<u32, InputError> {
+    let name = &file.image;
+    let uv = uv_map(ctx, file.uv.as_ref(), name.span())?;
+    let key = (ctx.path(name), channels);
+    let (size, first) = match images.0.get(&key) {
+        Some(known) => *known,
+        None => {
+            let known = read(ctx, textures, name, channels)?;
+            images.0.insert(key, known);
+            known
+        }
+    };
+    textures.images.push(Image {
+        filter: file.filter,
+        wrap: file.wrap,
+        uv,
+        ..Image::new(size, first)
+    });
+    Ok(textures.images.len() as u32 - 1)
+}
+
+/// Reads the texels of an image: colours as red, green or blue for each wavelength, numbers as they are.
+fn read(
+    ctx: &mut Context,
+    textures: &mut Textures,
+    name: &Located<String>,
+    channels: Channels,
+) -> Result<([u32; 2], u32), InputError> {
+    let linear = |c: f32| {
+        if channels == Channels::LinearColours {
+            c
+        } else if c <= 0.04045 {
+            c / 12.92
+        } else {
+            ((c + 0.055) / 1.055).powf(2.4)
+        }
+    };
+    let channel = |nm: f64| match nm {
+        nm if nm < 500.0 => 2,
+        nm if nm < 590.0 => 1,
+        _ => 0,
+    };
+    let bytes = ctx.read(name, name.span())?;
+    let image = image::load_from_memory(&bytes).map_err(|e| {
+        ctx.error(
+            name.span(),
+            format!("cannot decode {}: {e}", ctx.path(name).display()),
+            "use a PNG or JPEG file",
+        )
+    })?;
+    let image = image.to_rgb32f();
+    let first = textures.texels.len() as u32;
+    let wavelengths = ctx.wavelengths.clone();
+    textures.texels.extend(image.pixels().map(|p| match channels {
+        Channels::Numbers => [p.0[0], p.0[1], p.0[2], 0.0],
+        _ => wavelengths.map(|nm| linear(p.0[channel(nm)])).to_array(),
+    }));
+    Ok(([image.width(), image.height()], first))
+}

@@ -1,0 +1,85 @@
+//! Images of materials → bitmaps of Mitsuba.
+
+use super::export_output::{Output, bitmap, png};
+use super::xml::Element;
+use crate::build::context::Context;
+use base::locate::InputError;
+use image::{DynamicImage, ImageBuffer, Luma, Rgb};
+use std::ops::Range;
+use transport::material::texture::Textures;
+
+/// Where images come from and go to, and the material whose images they are.
+pub(super) struct Images<'a> {
+    pub ctx: &'a Context,
+    pub textures: &'a Textures,
+    pub out: &'a mut Output,
+    /// The material's place in the scene file.
+    pub span: Range<usize>,
+    /// What the files' names begin with.
+    pub stem: String,
+}
+
+impl Images<'_> {
+    /// A grey bitmap of a property: `value` of every texel, raw or encoded.
+    pub fn grey(
+        self,
+        name: &str,
+        texture: u32,
+        raw: bool,
+        value: impl Fn(&[f32; 4]) -> f32,
+    ) -> Result<Element, InputError> {
+        let (size, texels) = texels(self.textures, texture);
+        let pixels = texels.iter().map(|t| sixteen_bits(value(t))).collect();
+        let image: Option<ImageBuffer<Luma<u16>, Vec<u16>>> = ImageBuffer::from_raw(size.0, size.1, pixels);
+        let image = DynamicImage::ImageLuma16(image.unwrap_or_default());
+        self.write(name, name, texture, raw, &image)
+    }
+
+    /// The bitmap of a normal map.
+    pub fn normals(self, texture: u32) -> Result<Element, InputError> {
+        let ((w, h), texels) = texels(self.textures, texture);
+        let pixels = texels
+            .iter()
+            .flat_map(|t| [t[0], t[1], t[2]].map(sixteen_bits))
+            .collect();
+        let image: Option<ImageBuffer<Rgb<u16>, Vec<u16>>> = ImageBuffer::from_raw(w, h, pixels);
+        let image = DynamicImage::ImageRgb16(image.unwrap_or_default());
+        self.write("normals", "normalmap", texture, true, &image)
+    }
+
+    fn write(
+        self,
+        ending: &str,
+        name: &str,
+        texture: u32,
+        raw: bool,
+        image: &DynamicImage,
+    ) -> Result<Element, InputError> {
+        let contents = png(self.ctx, self.span.clone(), image)?;
+        let file = self.out.file(&format!("{}_{ending}.png", self.stem), contents);
+        Ok(bitmap(name, &file, raw, &self.textures.images[texture as usize]))
+    }
+}
+
+/// Size and texels of an image.
+pub(super) fn texels(textures: &Textures, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
+    let image = &textures.images[texture as usize];
+    let (first, count) = (image.first as usize, (image.width * image.height) as usize);
+    (
+        (image.width, image.height),
+        &textures.texels[first..first + count],
+    )
+}
+
+/// Linear → sRGB.
+pub(super) fn encode(c: f32) -> f32 {
+    if c <= 0.003_130_8 {
+        c * 12.92
+    } else {
+        1.055 * c.powf(1.0 / 2.4) - 0.055
+    }
+}
+
+fn sixteen_bits(v: f32) -> u16 {
+    (v * 65535.0).round() as u16
+}

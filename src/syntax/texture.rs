@@ -1,0 +1,265 @@
+//! Values of a scene file that may change over a surface: images and checkerboards.
+
+use super::values::{SpectrumFile, SpectrumTable, SpectrumVisitor, is_default, is_one, one};
+use base::locate::Located;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::borrow::Cow;
+use std::fmt;
+use transport::material::texture::{Filter, Wrap};
+
+/// An albedo: a spectrum, or an image.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum AlbedoFile {
+    /// The same everywhere.
+    Spectrum(SpectrumFile),
+    /// From texel to texel.
+    Image(ImageAlbedo),
+    /// From square to square.
+    Checkerboard(CheckerboardFile),
+}
+
+/// A number, or an image of it (the first channel, linear).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum ScalarFile {
+    /// The same everywhere.
+    Number(f64),
+    /// From texel to texel.
+    Image(ImageAlbedo),
+    /// From square to square.
+    Checkerboard(CheckerboardFile),
+}
+
+/// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageAlbedo {
+    /// PNG or JPEG file, relative to the scene file; colours are sRGB-encoded, numbers (roughness, weights) linear.
+    pub image: Located<String>,
+    /// Multiplies the image.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub scale: f64,
+    /// Where on the surface it lies, how it goes on, what is between texels.
+    pub uv: Option<UvRows>,
+    /// Beyond its edges.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub wrap: Wrap,
+    /// Between its texels.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub filter: Filter,
+    /// Its colours are linear, not sRGB-encoded.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub raw: bool,
+}
+
+/// `[[a, b, c], [d, e, f]]`: the surface's texture coordinates (u, v) lie at (a u + b v + c, d u + e v + f) of the image,
+/// whose lower left corner is (0, 0).
+pub type UvRows = [[f64; 3]; 2];
+
+/// `{ checkerboard = [0.4, 0.2] }`: two by two squares on texture coordinates 0..1, repeating; the first value stands in the
+/// lower left square and the one across.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CheckerboardFile {
+    /// Both values.
+    pub checkerboard: [SpectrumFile; 2],
+    /// As of an image.
+    pub uv: Option<UvRows>,
+}
+
+impl<T: Into<SpectrumFile>> From<T> for AlbedoFile {
+    fn from(spectrum: T) -> Self {
+        Self::Spectrum(spectrum.into())
+    }
+}
+
+impl From<CheckerboardFile> for AlbedoFile {
+    fn from(board: CheckerboardFile) -> Self {
+        Self::Checkerboard(board)
+    }
+}
+
+impl From<ImageAlbedo> for AlbedoFile {
+    fn from(image: ImageAlbedo) -> Self {
+        Self::Image(image)
+    }
+}
+
+impl From<f64> for ScalarFile {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
+    }
+}
+
+impl From<ImageAlbedo> for ScalarFile {
+    fn from(image: ImageAlbedo) -> Self {
+        Self::Image(image)
+    }
+}
+
+impl ImageAlbedo {
+    /// A PNG or JPEG file, not scaled.
+    #[must_use]
+    pub fn new(file: impl Into<String>) -> Self {
+        Self {
+            image: file.into().into(),
+            scale: 1.0,
+            uv: None,
+            wrap: Wrap::default(),
+            filter: Filter::default(),
+            raw: false,
+        }
+    }
+}
+
+/// The keys of an image and of a table together: which of the two is meant shows in the keys that are there.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AlbedoMap {
+    image: Option<Located<String>>,
+    scale: Option<f64>,
+    uv: Option<UvRows>,
+    wrap: Option<Wrap>,
+    filter: Option<Filter>,
+    raw: Option<bool>,
+    checkerboard: Option<[SpectrumFile; 2]>,
+    nm: Option<Vec<f64>>,
+    values: Option<Vec<f64>>,
+}
+
+impl AlbedoMap {
+    fn resolve<E: de::Error>(self) -> Result<AlbedoFile, E> {
+        match self {
+            Self {
+                image: Some(image),
+                scale,
+                uv,
+                wrap,
+                filter,
+                raw,
+                checkerboard: None,
+                nm: None,
+                values: None,
+            } => Ok(AlbedoFile::Image(ImageAlbedo {
+                image,
+                scale: scale.unwrap_or_else(one),
+                uv,
+                wrap: wrap.unwrap_or_default(),
+                filter: filter.unwrap_or_default(),
+                raw: raw.unwrap_or_default(),
+            })),
+            Self {
+                checkerboard: Some(checkerboard),
+                uv,
+                image: None,
+                scale: None,
+                wrap: None,
+                filter: None,
+                raw: None,
+                nm: None,
+                values: None,
+            } => Ok(AlbedoFile::Checkerboard(CheckerboardFile { checkerboard, uv })),
+            Self {
+                nm: Some(nm),
+                values: Some(values),
+                image: None,
+                scale: None,
+                uv: None,
+                wrap: None,
+                filter: None,
+                raw: None,
+                checkerboard: None,
+            } => Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
+                nm,
+                values,
+            }))),
+            _ => Err(E::custom(
+                "this is { image = \"file.png\", scale, uv, wrap, filter, raw }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
+            )),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for AlbedoFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = AlbedoFile;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str(
+                    "a number, a list with one number per wavelength, { nm = [..], values = [..] }, or { image = \"file.png\" }",
+                )
+            }
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<AlbedoFile, E> {
+                SpectrumVisitor.visit_f64(v).map(AlbedoFile::Spectrum)
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<AlbedoFile, E> {
+                SpectrumVisitor.visit_i64(v).map(AlbedoFile::Spectrum)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<AlbedoFile, A::Error> {
+                SpectrumVisitor.visit_seq(seq).map(AlbedoFile::Spectrum)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<AlbedoFile, A::Error> {
+                AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for AlbedoFile {
+    fn schema_name() -> Cow<'static, str> {
+        "Albedo".into()
+    }
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let (spectrum, image, board) = (
+            g.subschema_for::<SpectrumFile>(),
+            g.subschema_for::<ImageAlbedo>(),
+            g.subschema_for::<CheckerboardFile>(),
+        );
+        json_schema!({"anyOf": [spectrum, image, board]})
+    }
+}
+
+impl<'de> Deserialize<'de> for ScalarFile {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct V;
+        impl<'de> Visitor<'de> for V {
+            type Value = ScalarFile;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number, or { image = \"file.png\" }")
+            }
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<ScalarFile, E> {
+                Ok(ScalarFile::Number(v))
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<ScalarFile, E> {
+                Ok(ScalarFile::Number(v as f64))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ScalarFile, A::Error> {
+                match AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()? {
+                    AlbedoFile::Image(image) => Ok(ScalarFile::Image(image)),
+                    AlbedoFile::Checkerboard(board) => Ok(ScalarFile::Checkerboard(board)),
+                    AlbedoFile::Spectrum(_) => Err(de::Error::custom("a number is wanted, not a spectrum")),
+                }
+            }
+        }
+        d.deserialize_any(V)
+    }
+}
+
+impl JsonSchema for ScalarFile {
+    fn schema_name() -> Cow<'static, str> {
+        "Scalar".into()
+    }
+    fn json_schema(g: &mut SchemaGenerator) -> Schema {
+        let (image, board) = (
+            g.subschema_for::<ImageAlbedo>(),
+            g.subschema_for::<CheckerboardFile>(),
+        );
+        json_schema!({"anyOf": [{"type": "number"}, image, board]})
+    }
+}
