@@ -4,11 +4,14 @@ use miette::{Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, Sourc
 use std::fmt;
 use std::process::ExitCode;
 use sunstone::base::locate::InputError;
+use sunstone::scene::mitsuba::import::ImportError;
 
 /// Why a command did not succeed.
 pub enum Failure {
     /// A scene file is wrong: exit code 2.
     Scene(InputError),
+    /// Several things in it are: exit code 2.
+    Scenes(Vec<InputError>),
     /// Other bad input: exit code 2.
     Input(String),
     /// Something failed on the way (disk full, …): exit code 1.
@@ -35,6 +38,13 @@ impl Failure {
                 report_scene(e);
                 ExitCode::from(2)
             }
+            Self::Scenes(errors) => {
+                errors.iter().for_each(report_scene);
+                if errors.len() > 1 {
+                    eprintln!("{} problems", errors.len());
+                }
+                ExitCode::from(2)
+            }
             Self::Input(m) => {
                 eprintln!("error: {m}");
                 ExitCode::from(2)
@@ -48,6 +58,12 @@ impl Failure {
                 ExitCode::from(130)
             }
         }
+    }
+}
+
+impl From<ImportError> for Failure {
+    fn from(e: ImportError) -> Self {
+        Self::Scenes(e.0)
     }
 }
 

@@ -4,12 +4,15 @@
 //! above 590 nm, green from 500 to 590 nm, blue below (660, 550 and 450 nm unless the file or `-D wavelengths_nm=…` says
 //! otherwise). One-sided BSDFs become `two_sided` with a black back.
 
+use super::document::Document;
 use super::files::{Contents, WriteError, write_one};
-use super::import_materials::MaterialReader;
+use super::folders::read_text;
+use super::import_devices;
+use super::import_emitters::{self, Emitters};
+use super::import_shapes::{self, Readers};
 use super::importer::Importer;
-use super::reader::Document;
-use super::tree::{Inside, Node, Source};
-use super::{import_devices, import_shapes};
+use super::source::Source;
+use super::tree::{Inside, Node};
 use crate::build::assemble;
 use crate::build::context::Context;
 use base::locate::{InputError, Located};
@@ -30,19 +33,33 @@ pub struct Import {
     pub notes: Vec<String>,
 }
 
+/// Everything that keeps a scene from being imported.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+pub struct ImportError(
+    /// At least one, file by file, from top to bottom.
+    pub Vec<InputError>,
+);
+
+impl From<InputError> for ImportError {
+    fn from(e: InputError) -> Self {
+        Self(vec![e])
+    }
+}
+
 impl Import {
     /// Reads and translates Mitsuba's file `xml` to a scene file that is to lie at `toml`; `parameters` are the values of
     /// `$name` (as Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`InputError`] naming file, line, column, what is not understood, and the mend.
-    pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, InputError> {
-        let text = std::fs::read_to_string(xml).map_err(|e| InputError {
+    /// [`ImportError`]: everything that is not understood, with file, line, column and mend.
+    pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
+        let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),
             text: "".into(),
             span: None,
             message: format!("cannot read the scene: {e}"),
-            help: Some("give the path of an XML file of Mitsuba 3".into()),
+            help: Some("give the path of an XML file of Mitsuba 3, or of a dictionary as JSON".into()),
         })?;
         Self::from_text(xml, &text, toml, parameters)
     }
@@ -56,9 +73,18 @@ impl Import {
         text: &str,
         toml: &Path,
         parameters: &BTreeMap<String, String>,
-    ) -> Result<Self, InputError> {
+    ) -> Result<Self, ImportError> {
         let document = Document::parse(xml, text, parameters)?;
-        run(Importer::new(&document, toml)?, toml)
+        let done = Importer::new(&document, toml).and_then(|importer| run(importer, toml));
+        let mut problems = document.source.problems();
+        match done {
+            Ok(Some(import)) => Ok(import),
+            Ok(None) => Err(ImportError(problems)),
+            Err(e) => {
+                problems.push(e);
+                Err(ImportError(problems))
+            }
+        }
     }
 
     /// Writes the scene file, at once or not at all.
@@ -70,30 +96,59 @@ impl Import {
     }
 }
 
-fn run(mut importer: Importer, toml: &Path) -> Result<Import, InputError> {
+/// The scene, `None` if problems were reported.
+fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError> {
     let document = importer.document;
     let (source, scene) = (&document.source, &document.scene);
     let mut parts = Parts::default();
     for child in scene.children() {
         let Inside::Node(node) = child.take() else {
-            return Err(source.error(
+            source.report(source.error(
                 child.span(),
                 "a reference does nothing here",
                 "put it into a shape, or take it away",
             ));
+            continue;
         };
-        parts.sort(source, node)?;
+        if let Err(e) = parts.sort(source, node) {
+            source.report(e);
+        }
     }
-    scene.finish(source, &[])?;
-    let Some(sensor) = parts.sensor else {
-        return Err(source.error(
+    scene.finish(source, &[]);
+    let sensor = parts.sensor.ok_or_else(|| {
+        source.error(
             &scene.span,
             "the scene has no sensor",
             "add <sensor type=\"perspective\">",
-        ));
+        )
+    });
+    let camera = sensor.and_then(|sensor| Ok((sensor, import_devices::sensor(&importer, sensor)?)));
+    let depth = import_devices::integrator(&mut importer, parts.integrator);
+    let mut reader = Readers::default();
+    let (mut objects, mut emitters) = (vec![], Emitters::default());
+    for node in parts.bsdfs.iter().filter(|n| !n.broken) {
+        reader.materials.named(&mut importer, node, false);
+    }
+    for node in parts.shapes.iter().filter(|n| !n.broken) {
+        match import_shapes::objects(&mut importer, &mut reader, node) {
+            Ok(new) => objects.extend(new.into_iter().map(|o| Located::at(node.span.clone(), o))),
+            Err(e) => source.report(e),
+        }
+    }
+    for node in parts.emitters.iter().filter(|n| !n.broken) {
+        if let Err(e) = import_emitters::add(&importer, node, &mut emitters) {
+            source.report(e);
+        }
+    }
+    let (sensor, camera, spp, depth) = match (camera, depth) {
+        (Ok((sensor, (camera, spp))), Ok(depth)) => (sensor, camera, spp, depth),
+        (camera, depth) => {
+            for e in [camera.err(), depth.err()].into_iter().flatten() {
+                source.report(e);
+            }
+            return Ok(None);
+        }
     };
-    let (camera, spp) = import_devices::sensor(&importer, sensor)?;
-    let depth = import_devices::integrator(&mut importer, parts.integrator)?;
     let mut file = SceneFile {
         wavelengths_nm: Located::at(scene.span.clone(), importer.wavelengths.clone()),
         render: RenderFile {
@@ -106,18 +161,11 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Import, InputError> {
         ..SceneFile::new(camera)
     };
     file.camera = Located::at(sensor.span.clone(), (*file.camera).clone());
-    let mut materials = MaterialReader::default();
-    for node in &parts.bsdfs {
-        materials.named(&mut importer, node)?;
-    }
-    for node in &parts.shapes {
-        let object = import_shapes::object(&mut importer, &mut materials, node)?;
-        file.objects.push(Located::at(node.span.clone(), object));
-    }
-    file.materials = materials.materials;
-    for node in &parts.emitters {
-        import_devices::emitter(&importer, node, &mut file)?;
-    }
+    file.materials = reader.materials.table.materials;
+    file.media = reader.media.media;
+    file.objects = objects;
+    file.emitters = emitters.emitters;
+    file.projector = emitters.projector;
     let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
     if parts.hides_emitters && file.emitters.iter().any(is_environment) {
         return Err(source.error(
@@ -125,6 +173,10 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Import, InputError> {
             "hide_emitters hides the environment, which sunstone shows",
             "take hide_emitters away",
         ));
+    }
+    if source.any_problem() {
+        // What was left out would make others.
+        return Ok(None);
     }
     check(&importer, &file, toml)?;
     let text = file.to_toml().map_err(|e| {
@@ -134,11 +186,11 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Import, InputError> {
             "use smaller whole numbers",
         )
     })?;
-    Ok(Import {
-        toml: heading(&source.file) + &text,
+    Ok(Some(Import {
+        toml: heading(&source.main().0) + &text,
         scene: file,
         notes: importer.notes,
-    })
+    }))
 }
 
 /// What the scene file says of itself.
@@ -155,12 +207,15 @@ fn heading(xml: &Path) -> String {
 fn check(importer: &Importer, file: &SceneFile, toml: &Path) -> Result<(), InputError> {
     let source = importer.source;
     let folder = toml.parent().unwrap_or(Path::new(""));
-    let mut ctx = Context::new(&source.file, &source.text, &file.wavelengths_nm)?.in_folder(folder);
+    let (name, text) = source.main();
+    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?.in_folder(folder);
     let built = assemble::build(&mut ctx, file);
-    built.map(drop).map_err(|e| InputError {
-        span: e.span.or(Some(importer.document.scene.span.clone())),
-        help: e.help.or(Some("correct the value".into())),
-        ..e
+    built.map(drop).map_err(|e| {
+        source.placed(InputError {
+            span: e.span.or(Some(importer.document.scene.span.clone())),
+            help: e.help.or(Some("correct the value".into())),
+            ..e
+        })
     })
 }
 
@@ -193,7 +248,7 @@ impl<'a> Parts<'a> {
             "shape" => self.shapes.push(node),
             "emitter" => self.emitters.push(node),
             // Textures and spectra are read where something refers to them.
-            "texture" | "spectrum" => {}
+            "texture" | "spectrum" | "medium" => {}
             other => {
                 let message = format!("sunstone cannot express a {other}");
                 return Err(source.error(&node.span, message, "take it away"));

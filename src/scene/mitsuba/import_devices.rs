@@ -1,14 +1,13 @@
 //! Mitsuba's sensor, integrator and emitters → camera, settings, projector and emitters of a scene file.
 
 use super::importer::{Importer, rows};
-use super::names::PROJECTOR_RESOLUTION;
-use super::tree::{Node, number, numbers};
+use super::tree::{Node, number};
 use base::locate::{InputError, Located};
 use glam::DAffine3;
-use std::f64::consts::PI;
-use syntax::device::{EmitterFile, PinholeFile, PoseFile, ProjectorFile};
-use syntax::scene::SceneFile;
-use syntax::values::SpectrumFile;
+use syntax::device::{ApertureFile, PinholeFile, PoseFile};
+
+/// Where Mitsuba's lenses focus if nothing is said: their far clipping plane.
+const FAR: f64 = 1e4;
 
 /// The camera, and the samples per pixel.
 pub(super) fn sensor<'a>(
@@ -16,11 +15,11 @@ pub(super) fn sensor<'a>(
     node: &'a Node,
 ) -> Result<(PinholeFile, Located<u32>), InputError> {
     let source = importer.source;
-    if node.kind != "perspective" {
+    if !["perspective", "thinlens"].contains(&node.kind.as_str()) {
         return importer.error(
             &node.span,
             format!("sunstone has no sensor `{}`", node.kind),
-            "use <sensor type=\"perspective\">",
+            "use <sensor type=\"perspective\"> or thinlens",
         );
     }
     let (mut spp, mut size) = (importer.whole(&node.span, 4, "sample_count")?, [768, 576]);
@@ -52,6 +51,20 @@ pub(super) fn sensor<'a>(
         *slot = node.float(source, name)?.unwrap_or(0.0);
     }
     let mut camera = device(node, pose(importer, node)?, size, fov);
+    if node.kind == "thinlens" {
+        let (radius, focus) = (
+            node.float(source, "aperture_radius")?,
+            node.float(source, "focus_distance")?,
+        );
+        let Some(radius) = radius else {
+            return importer.error(&node.span, "the lens has no aperture_radius", "add it, in metres");
+        };
+        let aperture = ApertureFile {
+            radius,
+            focus: focus.unwrap_or(FAR),
+        };
+        camera.aperture = Some(Located::at(node.span.clone(), aperture));
+    }
     node.finish(
         source,
         &[
@@ -61,7 +74,7 @@ pub(super) fn sensor<'a>(
             "shutter_open",
             "shutter_close",
         ],
-    )?;
+    );
     if offset != [0.0; 2] {
         camera = camera.principal((0.5 - offset[0]) * w, (0.5 - offset[1]) * h);
     }
@@ -69,7 +82,7 @@ pub(super) fn sensor<'a>(
 }
 
 /// A device, all of which stands where its plugin does.
-fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
+pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(Located::at(node.span.clone(), fov_x_deg));
     device.pose = Located::at(node.span.clone(), (*device.pose).clone());
@@ -108,7 +121,7 @@ fn film(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
             "sample_border",
             "compensate",
         ],
-    )?;
+    );
     Ok([width as u32, height as u32])
 }
 
@@ -129,12 +142,13 @@ pub(super) fn integrator<'a>(
     while let Some(node) = next.take() {
         at = node.span.clone();
         match node.kind.as_str() {
-            "stokes" => {
+            "stokes" | "aov" | "moment" => {
                 for child in node.children() {
                     next = Some(importer.resolve(child)?);
                 }
+                node.get("aovs");
             }
-            "path" => {
+            "path" | "volpath" | "volpathmis" | "prb" | "prbvolpath" | "ptracer" => {
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
             }
@@ -143,13 +157,13 @@ pub(super) fn integrator<'a>(
                 return importer.error(
                     &node.span,
                     format!("sunstone has no integrator `{other}`"),
-                    "use stokes, path or direct",
+                    "use path, volpath, volpathmis, direct, prb, prbvolpath or ptracer, in stokes, aov or moment if need be",
                 );
             }
         }
         let ignored = ["samples_per_pass", "block_size", "timeout", "hide_emitters"];
         let more = ["shading_samples", "emitter_samples", "bsdf_samples"];
-        node.finish(source, &[&ignored[..], &more[..]].concat())?;
+        node.finish(source, &[&ignored[..], &more[..]].concat());
         // An integrator inside of itself cannot be written but by reference.
         if next.is_some_and(|n| n.kind == "stokes") {
             return importer.error(&node.span, "stokes is nested in stokes", "nest path in it");
@@ -166,137 +180,8 @@ pub(super) fn integrator<'a>(
     })
 }
 
-/// Adds an emitter or the projector.
-pub(super) fn emitter<'a>(
-    importer: &Importer<'a>,
-    node: &'a Node,
-    file: &mut SceneFile,
-) -> Result<(), InputError> {
-    let source = importer.source;
-    let emitter = match node.kind.as_str() {
-        "point" => {
-            let place = node.transform(source, "to_world")?.map(|t| t.translation);
-            let position = node.vector(source, "position")?.or(place).unwrap_or_default();
-            let intensity = importer.spectrum_or(node, "intensity", 1.0)?;
-            let mut point = EmitterFile::point(position.to_array(), 1.0);
-            if let EmitterFile::Point(point) = &mut point {
-                point.intensity = intensity;
-            }
-            node.finish(source, &[])?;
-            point
-        }
-        "constant" => {
-            let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
-            if file.emitters.iter().any(is_environment) {
-                return importer.error(&node.span, "a second environment", "keep one");
-            }
-            let radiance = importer.spectrum_or(node, "radiance", 1.0)?;
-            let mut environment = EmitterFile::environment(1.0);
-            if let EmitterFile::Environment(environment) = &mut environment {
-                environment.radiance = radiance;
-            }
-            node.finish(source, &["to_world"])?;
-            environment
-        }
-        "projector" if file.projector.is_some() => {
-            return importer.error(&node.span, "a second projector", "keep one");
-        }
-        "projector" => {
-            file.projector = Some(Located::at(node.span.clone(), projector(importer, node)?));
-            return Ok(());
-        }
-        other => {
-            return importer.error(
-                &node.span,
-                format!("sunstone has no emitter `{other}`"),
-                "use projector, point or constant",
-            );
-        }
-    };
-    file.emitters.push(Located::at(node.span.clone(), emitter));
-    Ok(())
-}
-
-/// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
-fn projector<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<ProjectorFile, InputError> {
-    let factor = PI * node.float(importer.source, "scale")?.unwrap_or(1.0);
-    let given = importer.document.parameters.get(PROJECTOR_RESOLUTION);
-    let given = given.and_then(|t| match numbers(t).as_deref() {
-        Some(&[w, h]) => Some([w, h]),
-        _ => None,
-    });
-    let texture = node.named("irradiance");
-    let texture = texture
-        .map(|t| importer.resolve(t))
-        .transpose()?
-        .filter(|t| t.tag == "texture");
-    let one = || Located::at(node.span.clone(), SpectrumFile::Scalar(1.0));
-    let (size, irradiance) = if let Some(texture) = texture {
-        (white(importer, texture)?, one())
-    } else {
-        let [w, h] = given.unwrap_or([256.0; 2]);
-        // The film's largest size is the projector's too.
-        if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
-            return importer.error(
-                &node.span,
-                "a projector without an image is square",
-                "give projector_resolution two equal whole numbers in 1..32768",
-            );
-        }
-        ([w as u32; 2], importer.spectrum_or(node, "irradiance", 1.0)?)
-    };
-    let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
-    let pose = pose(importer, node)?;
-    node.finish(importer.source, &[])?;
-    let mut projector = ProjectorFile::new(device(node, pose, size, fov));
-    projector.irradiance = Located::at(irradiance.span(), scaled(&irradiance, factor));
-    Ok(projector)
-}
-
-/// A spectrum, each value multiplied.
-fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
-    // Irradiances are f32 in the end: rounding there takes the factor's own rounding away.
-    let times = |v: &f64| f64::from((v * factor) as f32);
-    let mut out = spectrum.clone();
-    match &mut out {
-        SpectrumFile::Scalar(v) => *v = times(v),
-        SpectrumFile::PerWavelength(values) => values.iter_mut().for_each(|v| *v = times(v)),
-        SpectrumFile::Table(table) => table.values.iter_mut().for_each(|v| *v = times(v)),
-    }
-    out
-}
-
-/// Size of a projector's image, which must be white: patterns are chosen in probing.
-fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
-    let source = importer.source;
-    let name = node.text(source, "filename")?.unwrap_or_default();
-    let refused = |what: String| {
-        source.error(
-            &node.span,
-            what,
-            "give a white PNG of the projector's size; patterns belong to `sunstone probe`",
-        )
-    };
-    if node.kind != "bitmap" {
-        return Err(refused(format!(
-            "a projector's image cannot be a texture `{}`",
-            node.kind
-        )));
-    }
-    let image = image::open(importer.path(name)).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
-    let rgb = image.to_rgb16();
-    if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
-        return Err(refused(format!("{name} is not white")));
-    }
-    node.finish(
-        source,
-        &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
-    )?;
-    Ok([rgb.width(), rgb.height()])
-}
-
 /// Horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm film.
-fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, InputError> {
+pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, InputError> {
     let source = importer.source;
     let axis = node.text(source, "fov_axis")?.unwrap_or("x").to_lowercase();
     let focal = node.text(source, "focal_length")?;
@@ -344,7 +229,7 @@ fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, I
 }
 
 /// The pose: Mitsuba's devices have +x left and +y up.
-fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputError> {
+pub(super) fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node
         .transform(importer.source, "to_world")?
         .unwrap_or(DAffine3::IDENTITY);

@@ -3,67 +3,107 @@
 //! Opaque BSDFs are black from behind unless `twosided` stands round them; what is bare becomes `two_sided` with a front
 //! alone.
 
-use super::import_surfaces::{Upright, albedo, angle, bitmap, facets, indices, metal, one, scalar};
+use super::import_layered;
+use super::import_surfaces::{Coordinates, albedo, angle, bitmap, facets, indices, metal, one, scalar};
+use super::import_table::Table;
 use super::importer::Importer;
-use super::names::plain;
 use super::tree::Node;
 use base::locate::{InputError, Located};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use syntax::material::{
     BlendFile, ConductorFile, DielectricFile, DiffuseFile, MaterialFile, MeasuredFile, NormalMapFile,
-    PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
+    NullFile, PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
     TwoSidedFile,
 };
 use syntax::texture::AlbedoFile;
 use syntax::values::IndexFile;
-use transport::material::texture::{Filter, Wrap};
+
+/// All BSDFs that are read.
+pub(super) const KNOWN: [&str; 19] = [
+    "diffuse",
+    "conductor",
+    "roughconductor",
+    "dielectric",
+    "thindielectric",
+    "roughdielectric",
+    "plastic",
+    "roughplastic",
+    "pplastic",
+    "principled",
+    "measured_polarized",
+    "polarizer",
+    "retarder",
+    "blendbsdf",
+    "twosided",
+    "mask",
+    "normalmap",
+    "bumpmap",
+    "null",
+];
+
+/// Those that are black from behind.
+const OPAQUE: [&str; 7] = [
+    "diffuse",
+    "conductor",
+    "roughconductor",
+    "plastic",
+    "roughplastic",
+    "pplastic",
+    "measured_polarized",
+];
 
 /// Reads BSDFs, each once.
 #[derive(Default)]
 pub(super) struct MaterialReader {
-    /// The materials so far, by name.
-    pub materials: BTreeMap<String, Located<MaterialFile>>,
-    /// Name of the material of the BSDF that begins at a byte, alone and inside of `twosided`.
-    done: BTreeMap<(usize, bool), String>,
-    taken: BTreeSet<String>,
-    upright: BTreeMap<String, Upright>,
+    /// The materials so far.
+    pub table: Table,
+    /// Name of the material of a BSDF.
+    done: BTreeMap<Key, String>,
     /// Bytes at which the BSDFs begin that are being read, outermost first.
     open: Vec<usize>,
 }
 
+/// What one material is made for.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Key {
+    /// Byte at which the BSDF begins.
+    start: usize,
+    /// Inside of `twosided`, where what is opaque shows from both sides.
+    both: bool,
+    /// For shapes whose v Mitsuba turns over.
+    turned: bool,
+}
+
+/// A material by name.
+pub(super) struct Made {
+    pub name: String,
+    /// Some image is on it.
+    pub images: bool,
+}
+
 impl MaterialReader {
-    /// The material of a BSDF; its name.
-    pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node) -> Result<String, InputError> {
-        self.material(importer, node, false, None)
-    }
-
-    /// What Mitsuba gives to shapes without a BSDF.
-    pub fn of_bare_shapes(&mut self) -> String {
-        let name = "mitsuba_default".to_owned();
-        if self.taken.insert(name.clone()) {
-            let inner = self.free("mitsuba_default_front");
-            let two_sided = MaterialFile::two_sided(inner.clone(), None);
-            self.materials.insert(inner, MaterialFile::diffuse(0.5).into());
-            self.materials.insert(name.clone(), two_sided.into());
+    /// The material of a BSDF on shapes whose v Mitsuba turns over or not. What is wrong is reported.
+    pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node, turned: bool) -> Made {
+        let open = self.open.len();
+        if node.broken {
+            return self.missing();
         }
-        name
-    }
-
-    /// Which way up the images of a material are.
-    pub fn images(&self, name: &str) -> Upright {
-        self.upright.get(name).copied().unwrap_or_default()
-    }
-
-    /// A name that is free, like the wanted one.
-    fn free(&mut self, wanted: &str) -> String {
-        let base = plain(wanted);
-        let mut name = base.clone();
-        let mut n = 2;
-        while !self.taken.insert(name.clone()) {
-            name = format!("{base}_{n}");
-            n += 1;
+        match self.material(importer, node, false, turned, None) {
+            Ok(made) => made,
+            Err(e) => {
+                importer.source.report(e);
+                self.open.truncate(open);
+                self.missing()
+            }
         }
-        name
+    }
+
+    /// Stands for a BSDF that is wrong, so that the rest can be read.
+    fn missing(&mut self) -> Made {
+        Made {
+            name: self.table.of_bare_shapes(),
+            images: false,
+        }
     }
 
     /// The material of a BSDF; `both` inside of `twosided`, where what is opaque shows from both sides. It gets the name of
@@ -73,8 +113,9 @@ impl MaterialReader {
         importer: &mut Importer<'a>,
         node: &'a Node,
         both: bool,
+        turned: bool,
         outer: Option<&'a Node>,
-    ) -> Result<String, InputError> {
+    ) -> Result<Made, InputError> {
         if node.tag != "bsdf" {
             return importer.error(
                 &node.span,
@@ -82,67 +123,82 @@ impl MaterialReader {
                 "refer to a bsdf",
             );
         }
-        let key = (node.span.start, both);
+        let start = node.span.start;
+        let key = Key { start, both, turned };
         if let Some(name) = self.done.get(&key) {
-            return Ok(name.clone());
+            let other = Key {
+                turned: !turned,
+                ..key
+            };
+            let images = self.done.get(&other) != Some(name);
+            let name = name.clone();
+            return Ok(Made { name, images });
         }
-        if self.open.contains(&node.span.start) || self.open.len() > 14 {
+        if self.open.contains(&start) || self.open.len() > 14 {
             return importer.error(
                 &node.span,
                 "the bsdf is made of itself, or of too many others",
                 "bsdfs may hold others, some ten deep, but not in a circle",
             );
         }
-        self.open.push(node.span.start);
-        if let Some(inner) = single_inside(importer, node)? {
-            let name = self.material(importer, inner, true, outer.or(Some(node)))?;
-            self.open.pop();
-            self.done.insert(key, name.clone());
-            return Ok(name);
-        }
-        let named = outer.filter(|o| o.id.is_some()).unwrap_or(node);
-        let wanted = named.id.clone().unwrap_or_else(|| node.kind.clone());
-        let (body, images) = self.body(importer, node, both)?;
-        let opaque = [
-            "diffuse",
-            "conductor",
-            "roughconductor",
-            "pplastic",
-            "measured_polarized",
-        ];
-        let name = if opaque.contains(&node.kind.as_str()) && !both {
-            let name = self.free(&wanted);
-            let front = self.free(&format!("{name}_front"));
-            let two_sided = MaterialFile::TwoSided(TwoSidedFile {
-                front: at(node, front.clone()),
-                back: None,
-            });
-            self.materials.insert(front, at(node, body));
-            self.materials.insert(name.clone(), at(node, two_sided));
-            name
-        } else {
-            let name = self.free(&wanted);
-            self.materials.insert(name.clone(), at(node, body));
-            name
+        self.open.push(start);
+        let made = match single_inside(importer, node)? {
+            Some(inner) => self.material(importer, inner, true, turned, outer.or(Some(node)))?,
+            None => self.own(importer, node, both, turned, outer)?,
         };
-        self.upright.insert(name.clone(), images);
         self.open.pop();
-        self.done.insert(key, name.clone());
-        Ok(name)
+        self.done.insert(key, made.name.clone());
+        if !made.images {
+            let other = Key {
+                turned: !turned,
+                ..key
+            };
+            self.done.insert(other, made.name.clone());
+        }
+        Ok(made)
     }
 
-    /// What stands behind the name.
+    /// The material of a BSDF that is not yet there.
+    fn own<'a>(
+        &mut self,
+        importer: &mut Importer<'a>,
+        node: &'a Node,
+        both: bool,
+        turned: bool,
+        outer: Option<&'a Node>,
+    ) -> Result<Made, InputError> {
+        let named = outer.filter(|o| o.id.is_some()).unwrap_or(node);
+        let wanted = named.id.clone().unwrap_or_else(|| node.kind.clone());
+        let mut uv = Coordinates {
+            turned,
+            images: false,
+        };
+        let (body, opaque) = self.body(importer, node, both, &wanted, &mut uv)?;
+        let name = if opaque && !both {
+            self.table.add_front(node, &wanted, body)
+        } else {
+            self.table.add(node, &wanted, body)
+        };
+        let images = uv.images;
+        Ok(Made {
+            name: (*name).clone(),
+            images,
+        })
+    }
+
+    /// What stands behind the name, and whether it is black from behind.
     fn body<'a>(
         &mut self,
         importer: &mut Importer<'a>,
         node: &'a Node,
         both: bool,
-    ) -> Result<(MaterialFile, Upright), InputError> {
+        wanted: &str,
+        uv: &mut Coordinates,
+    ) -> Result<(MaterialFile, bool), InputError> {
         let source = importer.source;
-        let mut images = Upright::NoImages;
         let body = match node.kind.as_str() {
             "diffuse" => MaterialFile::Diffuse(DiffuseFile {
-                albedo: albedo(importer, node, "reflectance", 0.5, &mut images)?,
+                albedo: albedo(importer, node, "reflectance", 0.5, uv)?,
             }),
             "conductor" => {
                 let (metal, n, k) = metal(importer, node)?;
@@ -150,7 +206,7 @@ impl MaterialReader {
             }
             "roughconductor" => {
                 let (metal, n, k) = metal(importer, node)?;
-                let facets = facets(importer, node, &mut images)?;
+                let facets = facets(importer, node, uv)?;
                 MaterialFile::RoughConductor(RoughConductorFile {
                     metal,
                     n,
@@ -171,7 +227,7 @@ impl MaterialReader {
                     importer.note("thin glass is polarized in sunstone; Mitsuba's thindielectric is not");
                     MaterialFile::ThinDielectric(DielectricFile { ior, exterior_ior })
                 } else {
-                    let facets = facets(importer, node, &mut images)?;
+                    let facets = facets(importer, node, uv)?;
                     importer.note("rough glass is polarized in sunstone; Mitsuba's roughdielectric is not");
                     MaterialFile::RoughDielectric(RoughDielectricFile {
                         ior,
@@ -182,7 +238,7 @@ impl MaterialReader {
                     })
                 }
             }
-            "pplastic" => MaterialFile::Plastic(Box::new(plastic(importer, node, &mut images)?)),
+            "pplastic" => MaterialFile::Plastic(Box::new(plastic(importer, node, uv)?)),
             "measured_polarized" => MaterialFile::Measured(measured(importer, node)?),
             "polarizer" => {
                 if node.boolean(source, "polarizing")? == Some(false) {
@@ -215,15 +271,15 @@ impl MaterialReader {
             }
             "twosided" => {
                 one_way(importer, node)?;
-                let [front, back] = self.nested(importer, node, true, &mut images)?;
+                let [front, back] = self.nested(importer, node, true, uv)?;
                 MaterialFile::TwoSided(TwoSidedFile {
                     front,
                     back: Some(back),
                 })
             }
             "blendbsdf" => {
-                let weight = scalar(importer, node, "weight", None, &mut images)?;
-                let [a, b] = self.nested(importer, node, both, &mut images)?;
+                let weight = scalar(importer, node, "weight", None, uv)?;
+                let [a, b] = self.nested(importer, node, both, uv)?;
                 MaterialFile::Blend(BlendFile { a, b, weight })
             }
             "normalmap" => {
@@ -235,32 +291,52 @@ impl MaterialReader {
                     );
                 };
                 let texture = importer.resolve(child)?;
-                let image = bitmap(importer, texture, true, &mut images)?;
+                let image = bitmap(importer, texture, true, uv)?;
                 for name in ["flip_invalid_normals", "use_shadowing_function"] {
                     if node.boolean(source, name)?.unwrap_or(true) {
                         importer.note(format!("normal maps have no {name} in sunstone"));
                     }
                 }
-                let [material] = self.nested(importer, node, both, &mut images)?;
+                let [material] = self.nested(importer, node, both, uv)?;
                 MaterialFile::NormalMap(NormalMapFile {
                     material,
-                    image,
+                    image: image.image,
                     strength: at(node, 1.0),
-                    uv: None,
-                    wrap: Wrap::default(),
-                    filter: Filter::default(),
+                    uv: image.uv,
+                    wrap: image.wrap,
+                    filter: image.filter,
                 })
+            }
+            "null" => MaterialFile::Null(NullFile {}),
+            "mask" => {
+                let opacity = scalar(importer, node, "opacity", Some(0.5), uv)?;
+                let [inner] = self.nested(importer, node, both, uv)?;
+                let hole = self
+                    .table
+                    .add(node, &format!("{wanted}_hole"), MaterialFile::Null(NullFile {}));
+                MaterialFile::Blend(BlendFile {
+                    a: hole,
+                    b: inner,
+                    weight: opacity,
+                })
+            }
+            "plastic" | "roughplastic" => {
+                MaterialFile::Plastic(Box::new(import_layered::plastic(importer, node, uv)?))
+            }
+            "principled" => {
+                let (body, opaque) = import_layered::principled(importer, &mut self.table, node, wanted, uv)?;
+                return Ok((body, opaque));
             }
             other => {
                 return importer.error(
                     &node.span,
                     format!("sunstone has no material `{other}`"),
-                    "use diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, pplastic, measured_polarized, polarizer, retarder, blendbsdf, twosided or normalmap",
+                    &format!("use one of {}", KNOWN.join(", ")),
                 );
             }
         };
-        node.finish(source, &["sample_visible", "alpha_sample"])?;
-        Ok((body, images))
+        node.finish(source, &["sample_visible", "alpha_sample"]);
+        Ok((body, OPAQUE.contains(&node.kind.as_str())))
     }
 
     /// The materials of the BSDFs inside, which must be so many.
@@ -269,7 +345,7 @@ impl MaterialReader {
         importer: &mut Importer<'a>,
         node: &'a Node,
         both: bool,
-        images: &mut Upright,
+        uv: &mut Coordinates,
     ) -> Result<[Located<String>; N], InputError> {
         let mut names = vec![];
         for child in node.children() {
@@ -280,9 +356,9 @@ impl MaterialReader {
             if inner.tag == "texture" {
                 continue;
             }
-            let name = self.material(importer, inner, both, None)?;
-            *images = images.and(self.images(&name));
-            names.push(at(inner, name));
+            let made = self.material(importer, inner, both, uv.turned, None)?;
+            uv.images |= made.images;
+            names.push(at(inner, made.name));
         }
         names.try_into().or_else(|names: Vec<_>| {
             importer.error(
@@ -301,7 +377,7 @@ fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&
     }
     one_way(importer, node)?;
     let inner = importer.resolve(&node.children()[0])?;
-    node.finish(importer.source, &[])?;
+    node.finish(importer.source, &[]);
     Ok(Some(inner))
 }
 
@@ -325,9 +401,9 @@ fn at<T>(node: &Node, value: T) -> Located<T> {
 fn plastic<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
-    images: &mut Upright,
+    uv: &mut Coordinates,
 ) -> Result<PlasticFile, InputError> {
-    let albedo: Located<AlbedoFile> = albedo(importer, node, "diffuse_reflectance", 0.5, images)?;
+    let albedo: Located<AlbedoFile> = albedo(importer, node, "diffuse_reflectance", 0.5, uv)?;
     let specular = importer.spectrum_or(node, "specular_reflectance", 1.0)?;
     let [ior, exterior_ior] = match importer.spectrum(node, "eta")? {
         Some(eta) => [
@@ -336,7 +412,7 @@ fn plastic<'a>(
         ],
         None => indices(importer, node, 1.49)?,
     };
-    let facets = facets(importer, node, images)?;
+    let facets = facets(importer, node, uv)?;
     Ok(PlasticFile {
         albedo,
         ior,

@@ -1,7 +1,7 @@
 //! Mitsuba's shapes → objects of a scene file.
 
 use super::import_materials::MaterialReader;
-use super::import_surfaces::Upright;
+use super::import_media::MediumReader;
 use super::importer::{Importer, rows};
 use super::tree::Node;
 use base::locate::{InputError, Located};
@@ -11,12 +11,19 @@ use syntax::shape::{
     TransformFile,
 };
 
-/// One object.
-pub(super) fn object<'a>(
+/// What shapes refer to.
+#[derive(Default)]
+pub(super) struct Readers {
+    pub materials: MaterialReader,
+    pub media: MediumReader,
+}
+
+/// The objects that one shape becomes.
+pub(super) fn objects<'a>(
     importer: &mut Importer<'a>,
-    materials: &mut MaterialReader,
+    reader: &mut Readers,
     node: &'a Node,
-) -> Result<ObjectFile, InputError> {
+) -> Result<Vec<ObjectFile>, InputError> {
     let source = importer.source;
     let mut place = node.transform(source, "to_world")?.unwrap_or(DAffine3::IDENTITY);
     let flip = node.boolean(source, "flip_normals")?.unwrap_or(false);
@@ -31,8 +38,8 @@ pub(super) fn object<'a>(
             ),
         }
     };
-    // Whether texture coordinates count v from the lower edge of an image, as ours do, once Mitsuba has read them.
-    let mut upward = false;
+    // Whether Mitsuba's v runs against ours.
+    let mut turned = node.kind == "cube";
     let shape = match node.kind.as_str() {
         "sphere" => ShapeFile::Sphere(SphereFile {
             center: point("center", DVec3::ZERO)?.to_array(),
@@ -50,7 +57,7 @@ pub(super) fn object<'a>(
         kind @ ("obj" | "ply") => {
             let file = mesh_file()?;
             let flat = node.boolean(source, "face_normals")?.unwrap_or(false);
-            upward = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
+            turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
             let mesh = MeshFile { file, flat };
             if kind == "obj" {
                 ShapeFile::Obj(mesh)
@@ -76,7 +83,7 @@ pub(super) fn object<'a>(
         }
         place *= DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0));
     }
-    let mut bsdf = None;
+    let (mut bsdf, mut interior) = (None, None);
     for child in node.children() {
         match importer.resolve(child)? {
             inner if inner.tag == "bsdf" && bsdf.is_none() => bsdf = Some(inner),
@@ -87,6 +94,10 @@ pub(super) fn object<'a>(
                     "use a projector, a point or an environment",
                 );
             }
+            inner if inner.tag == "medium" && child.name() == Some("interior") => interior = Some(inner),
+            inner if inner.tag == "medium" && child.name() == Some("exterior") => {
+                importer.note("media outside of shapes are not used: in sunstone a medium fills an object");
+            }
             inner => {
                 return importer.error(
                     child.span(),
@@ -96,30 +107,27 @@ pub(super) fn object<'a>(
             }
         }
     }
-    node.finish(source, &["silhouette_sampling_weight"])?;
+    node.finish(source, &["silhouette_sampling_weight"]);
+    let interior = match interior {
+        Some(medium) => Some(reader.media.named(importer, medium)?),
+        None => None,
+    };
+    let mut images = false;
     let material = match bsdf {
-        Some(bsdf) => materials.named(importer, bsdf)?,
-        None => materials.of_bare_shapes(),
+        Some(bsdf) => {
+            let made = reader.materials.named(importer, bsdf, turned);
+            images = made.images;
+            made.name
+        }
+        // A shape that bounds a medium and has no BSDF is not seen.
+        None if interior.is_some() => reader.materials.table.unseen(),
+        None => reader.materials.table.of_bare_shapes(),
     };
-    let images = materials.images(&material);
-    let fits = match (node.kind.as_str(), images) {
-        (_, Upright::NoImages) => true,
-        ("cube", _) => false,
-        (_, Upright::Yes) => !upward,
-        (_, Upright::No) => upward,
-        (_, Upright::Mixed) => false,
-    };
-    if !fits {
-        return importer.error(
-            &node.span,
-            "Mitsuba counts the texture coordinate v of this shape from the other edge of the image than sunstone does",
-            "turn the image upside down and give its texture <transform name=\"to_uv\"><scale y=\"-1\"/></transform> (or take that away); use six rectangles for a cube",
-        );
-    }
     let at = || node.span.clone();
     let mut object = ObjectFile::new(Located::at(at(), shape));
     object.name.clone_from(&node.id);
     object.material = Located::at(at(), material);
+    object.interior = interior;
     if place != DAffine3::IDENTITY {
         let matrix = TransformFile {
             matrix: Some(rows(&place)),
@@ -127,5 +135,23 @@ pub(super) fn object<'a>(
         };
         object.transform = Some(Located::at(at(), matrix));
     }
-    Ok(object)
+    if node.kind == "cube" && images && object.interior.is_none() {
+        let face = |(corner, u, v)| ObjectFile {
+            shape: Located::at(at(), ShapeFile::Rectangle(RectangleFile { corner, u, v })),
+            ..object.clone()
+        };
+        return Ok(FACES.map(face).into());
+    }
+    Ok(vec![object])
 }
+
+/// Faces of Mitsuba's cube, with its texture coordinates: corner, u and v, where v is 1 minus Mitsuba's.
+type Face = ([f64; 3], [f64; 3], [f64; 3]);
+const FACES: [Face; 6] = [
+    ([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [-2.0, 0.0, 0.0]),
+    ([1.0, 1.0, -1.0], [-2.0, 0.0, 0.0], [0.0, 0.0, 2.0]),
+    ([1.0, -1.0, -1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
+    ([1.0, -1.0, 1.0], [0.0, 2.0, 0.0], [-2.0, 0.0, 0.0]),
+    ([-1.0, -1.0, 1.0], [0.0, 2.0, 0.0], [0.0, 0.0, -2.0]),
+    ([1.0, 1.0, -1.0], [0.0, -2.0, 0.0], [-2.0, 0.0, 0.0]),
+];

@@ -1,34 +1,21 @@
 //! What Mitsuba's BSDFs have in common: metals, refractive indices, facets, and values that may be images.
 
-use super::importer::Importer;
+use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
-use syntax::texture::{AlbedoFile, ImageAlbedo, ScalarFile};
+use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
 use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
+use transport::material::texture::{Filter, Wrap};
 
-/// Which way up the images of a material are, on coordinates that count v from the image's lower edge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Upright {
-    #[default]
-    NoImages,
-    /// `to_uv` turns Mitsuba's v, counted from the top, round: upright on every shape.
-    Yes,
-    /// Upright on shapes whose own v is turned round (OBJ).
-    No,
-    /// Some are, some are not.
-    Mixed,
-}
-
-impl Upright {
-    pub fn and(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::NoImages, x) | (x, Self::NoImages) => x,
-            (a, b) if a == b => a,
-            _ => Self::Mixed,
-        }
-    }
+/// How a shape counts texture coordinates, and whether the material that is being read cares.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Coordinates {
+    /// Mitsuba's v is 1 minus ours: it turns that of OBJ files over as it reads them.
+    pub turned: bool,
+    /// Some image was met.
+    pub images: bool,
 }
 
 /// Refractive indices that Mitsuba knows by name (its documentation of `dielectric`).
@@ -170,7 +157,7 @@ pub(super) struct Facets {
 pub(super) fn facets<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
-    images: &mut Upright,
+    uv: &mut Coordinates,
 ) -> Result<Facets, InputError> {
     let source = importer.source;
     let kind = node
@@ -189,7 +176,7 @@ pub(super) fn facets<'a>(
         }
     };
     let alpha = match (node.float(source, "alpha_u")?, node.float(source, "alpha_v")?) {
-        (None, None) => scalar(importer, node, "alpha", Some(0.1), images)?,
+        (None, None) => scalar(importer, node, "alpha", Some(0.1), uv)?,
         (Some(u), Some(v)) if u == v => Located::at(node.span.clone(), u.into()),
         _ => {
             return importer.error(
@@ -206,26 +193,69 @@ pub(super) fn facets<'a>(
     })
 }
 
-/// The image that a property is, if it is one.
-fn image<'a>(
+/// What changes from place to place on a surface.
+enum Pattern {
+    Image(ImageAlbedo),
+    Checkerboard(CheckerboardFile),
+}
+
+/// The texture that a property is, if it is one.
+fn pattern<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
     name: &str,
     raw: bool,
-    images: &mut Upright,
-) -> Result<Option<ImageAlbedo>, InputError> {
+    uv: &mut Coordinates,
+) -> Result<Option<Pattern>, InputError> {
     let Some(child) = node.named(name) else {
         return Ok(None);
     };
     let inner = importer.resolve(child)?;
-    if inner.tag != "texture" {
+    if inner.tag != "texture" || is_spectrum(inner) {
         return Ok(None);
     }
-    let image = bitmap(importer, inner, raw, images)?;
-    Ok(Some(ImageAlbedo {
-        image,
-        ..ImageAlbedo::new("")
+    Ok(Some(if inner.kind == "checkerboard" {
+        Pattern::Checkerboard(checkerboard(importer, inner, uv)?)
+    } else {
+        Pattern::Image(bitmap(importer, inner, raw, uv)?)
     }))
+}
+
+/// From the surface's coordinates to those at which Mitsuba reads a texture.
+fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRows, InputError> {
+    uv.images = true;
+    let map = node.transform(importer.source, "to_uv")?.unwrap_or_default();
+    let (m, t) = (map.matrix3, map.translation);
+    let rows = [[m.x_axis.x, m.y_axis.x, t.x], [m.x_axis.y, m.y_axis.y, t.y]];
+    Ok(if uv.turned {
+        rows.map(|[a, b, c]| [a, -b, b + c])
+    } else {
+        rows
+    })
+}
+
+/// Rows as short as they can be of a texture that repeats.
+fn shortest(rows: UvRows, repeats: bool) -> Option<UvRows> {
+    let rows = rows.map(|[a, b, c]| {
+        let c = if repeats { c.rem_euclid(1.0) } else { c };
+        [a, b, c].map(|v| v + 0.0)
+    });
+    (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
+}
+
+fn checkerboard<'a>(
+    importer: &Importer<'a>,
+    node: &'a Node,
+    uv: &mut Coordinates,
+) -> Result<CheckerboardFile, InputError> {
+    let rows = to_uv(importer, node, uv)?;
+    let square = |name, missing| Ok::<_, InputError>((*importer.spectrum_or(node, name, missing)?).clone());
+    let checkerboard = [square("color0", 0.4)?, square("color1", 0.2)?];
+    node.finish(importer.source, &[]);
+    Ok(CheckerboardFile {
+        checkerboard,
+        uv: shortest(rows, true),
+    })
 }
 
 /// A number or an image.
@@ -234,11 +264,16 @@ pub(super) fn scalar<'a>(
     node: &'a Node,
     name: &str,
     missing: Option<f64>,
-    images: &mut Upright,
+    uv: &mut Coordinates,
 ) -> Result<Located<ScalarFile>, InputError> {
     let at = |v: ScalarFile| Ok(Located::at(node.span.clone(), v));
-    if let Some(image) = image(importer, node, name, true, images)? {
-        return at(image.into());
+    match pattern(importer, node, name, true, uv)? {
+        Some(Pattern::Image(image)) => return at(image.into()),
+        Some(Pattern::Checkerboard(board)) => return at(ScalarFile::Checkerboard(board)),
+        None => {}
+    }
+    if let Some(uniform) = importer.uniform(node, name)? {
+        return at(uniform.into());
     }
     match node.float(importer.source, name)?.or(missing) {
         Some(v) => at(v.into()),
@@ -256,28 +291,30 @@ pub(super) fn albedo<'a>(
     node: &'a Node,
     name: &str,
     missing: f64,
-    images: &mut Upright,
+    uv: &mut Coordinates,
 ) -> Result<Located<AlbedoFile>, InputError> {
-    if let Some(image) = image(importer, node, name, false, images)? {
-        return Ok(Located::at(node.span.clone(), image.into()));
+    match pattern(importer, node, name, false, uv)? {
+        Some(Pattern::Image(image)) => return Ok(Located::at(node.span.clone(), image.into())),
+        Some(Pattern::Checkerboard(board)) => return Ok(Located::at(node.span.clone(), board.into())),
+        None => {}
     }
     let spectrum = importer.spectrum_or(node, name, missing)?;
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// The file of a bitmap.
+/// An image; `raw`: of numbers, not of colours.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,
     raw: bool,
-    images: &mut Upright,
-) -> Result<Located<String>, InputError> {
+    uv: &mut Coordinates,
+) -> Result<ImageAlbedo, InputError> {
     let source = importer.source;
     if node.kind != "bitmap" {
         return importer.error(
             &node.span,
             format!("sunstone has no texture `{}`", node.kind),
-            "use a bitmap",
+            "use a bitmap or a checkerboard",
         );
     }
     let Some(name) = node.text(source, "filename")? else {
@@ -287,43 +324,43 @@ pub(super) fn bitmap(
             "add <string name=\"filename\">",
         );
     };
-    if node.boolean(source, "raw")?.unwrap_or(false) != raw {
-        let (message, mend) = if raw {
-            (
-                "sunstone reads numbers in images as they are",
-                "add <boolean name=\"raw\" value=\"true\"/>",
-            )
-        } else {
-            (
-                "sunstone takes the colours of images as sRGB",
-                "encode the image, and take raw away",
-            )
-        };
-        return importer.error(&node.span, message, mend);
+    let linear = node.boolean(source, "raw")?.unwrap_or(false);
+    if raw && !linear {
+        return importer.error(
+            &node.span,
+            "sunstone reads numbers in images as they are",
+            "add <boolean name=\"raw\" value=\"true\"/>",
+        );
     }
-    for (key, only) in [("filter_type", "bilinear"), ("wrap_mode", "repeat")] {
-        if let Some(other) = node.text(source, key)?.filter(|v| *v != only) {
-            return importer.error(
-                &node.span,
-                format!("sunstone has no {key} `{other}` of images"),
-                &format!("use {only}"),
-            );
-        }
-    }
-    let map = node.transform(source, "to_uv")?.unwrap_or_default();
-    let down = glam::DAffine3::from_scale(glam::DVec3::new(1.0, -1.0, 1.0));
-    let way = match map {
-        m if m == glam::DAffine3::IDENTITY => Upright::No,
-        m if m == down => Upright::Yes,
-        _ => {
-            return importer.error(
-                &node.span,
-                "sunstone does not transform texture coordinates",
-                "take to_uv away, or make it <scale y=\"-1\"/> alone",
-            );
-        }
+    let chosen = |key: &str| Ok::<_, InputError>(node.text(source, key)?.unwrap_or_default().to_owned());
+    let unknown = |key: &str, value: &str, known: &str| {
+        importer.error(
+            &node.span,
+            format!("sunstone has no {key} `{value}` of images"),
+            &format!("use {known}"),
+        )
     };
-    *images = images.and(way);
-    node.finish(source, &["format", "accel"])?;
-    Ok(Located::at(node.span.clone(), importer.file(name)))
+    let filter = match chosen("filter_type")?.as_str() {
+        "" | "bilinear" => Filter::Bilinear,
+        "nearest" => Filter::Nearest,
+        other => return unknown("filter_type", other, "bilinear or nearest"),
+    };
+    let wrap = match chosen("wrap_mode")?.as_str() {
+        "" | "repeat" => Wrap::Repeat,
+        "mirror" => Wrap::Mirror,
+        "clamp" => Wrap::Clamp,
+        other => return unknown("wrap_mode", other, "repeat, mirror or clamp"),
+    };
+    let [across, [d, e, f]] = to_uv(importer, node, uv)?;
+    // Mitsuba counts an image's rows from the top.
+    let rows = [across, [-d, -e, 1.0 - f]];
+    node.finish(source, &["format", "accel"]);
+    Ok(ImageAlbedo {
+        image: Located::at(node.span.clone(), importer.file(name)),
+        scale: 1.0,
+        uv: shortest(rows, wrap == Wrap::Repeat),
+        wrap,
+        filter,
+        raw: linear && !raw,
+    })
 }

@@ -1,9 +1,10 @@
 //! What all parts of the translation from Mitsuba share: the file, where it leads to, and spectra.
 
+use super::document::Document;
 use super::names::WAVELENGTHS;
-use super::reader::Document;
 use super::relative_path::relative;
-use super::tree::{Child, Inside, Node, Source, Value, numbers};
+use super::source::Source;
+use super::tree::{Child, Inside, Node, Value, numbers};
 use base::locate::{InputError, Located};
 use glam::DAffine3;
 use std::collections::BTreeMap;
@@ -18,8 +19,7 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
-    /// Folder of the XML file, and that of the scene file where it is another.
-    from: PathBuf,
+    /// Folder of the scene file.
     to: PathBuf,
 }
 
@@ -27,25 +27,30 @@ impl<'a> Importer<'a> {
     pub fn new(document: &'a Document, toml: &Path) -> Result<Self, InputError> {
         let source = &document.source;
         let mut ids = BTreeMap::new();
-        let mut twice = None;
         document.scene.walk(&mut |node| {
             if let Some(id) = &node.id
                 && ids.insert(id.as_str(), node).is_some()
             {
-                twice.get_or_insert(node);
+                let message = format!("the id `{id}` is given twice");
+                source.report(source.error(&node.span, message, "give each element an id of its own"));
             }
         });
-        if let Some(node) = twice {
-            let message = format!(
-                "the id `{}` is given twice",
-                node.id.as_deref().unwrap_or_default()
-            );
-            return Err(source.error(&node.span, message, "give each element an id of its own"));
+        for alias in &document.aliases {
+            match ids.get(alias.id.as_str()).copied() {
+                None => source.report(source.error(
+                    &alias.span,
+                    format!("nothing has the id `{}`", alias.id),
+                    "correct the id, or define it",
+                )),
+                Some(node) if ids.insert(&alias.other, node).is_some() => source.report(source.error(
+                    &alias.span,
+                    format!("the id `{}` is given twice", alias.other),
+                    "give each element an id of its own",
+                )),
+                Some(_) => {}
+            }
         }
-        let folder = |path: &Path| {
-            let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-            path.parent().unwrap_or(Path::new("")).to_owned()
-        };
+        let toml = std::path::absolute(toml).unwrap_or_else(|_| toml.to_owned());
         let wavelengths = match document.parameters.get(WAVELENGTHS) {
             None => optics::spectrum::Wavelengths::default().nm().to_vec(),
             Some(text) => {
@@ -66,8 +71,7 @@ impl<'a> Importer<'a> {
             ids,
             wavelengths,
             notes: vec![],
-            from: folder(&source.file),
-            to: folder(toml),
+            to: toml.parent().unwrap_or(Path::new("")).to_owned(),
         })
     }
 
@@ -90,7 +94,7 @@ impl<'a> Importer<'a> {
 
     /// Path of a file that the XML names.
     pub fn path(&self, name: &str) -> PathBuf {
-        self.from.join(name)
+        self.document.folders.find(name)
     }
 
     /// The same as the scene file names it.
@@ -116,7 +120,7 @@ impl<'a> Importer<'a> {
     pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {
-                inner if inner.tag == "spectrum" => {
+                inner if is_spectrum(inner) => {
                     let spectrum = self.spectrum_plugin(inner)?;
                     Ok(Some(Located::at(inner.span.clone(), spectrum)))
                 }
@@ -137,14 +141,7 @@ impl<'a> Importer<'a> {
             Value::Float(v) => SpectrumFile::Scalar(*v),
             Value::Integer(v) => SpectrumFile::Scalar(*v as f64),
             Value::Rgb([r, g, b]) if r == g && g == b => SpectrumFile::Scalar(*r),
-            Value::Rgb([r, g, b]) => {
-                let values = self.wavelengths.iter().map(|nm| match nm {
-                    nm if *nm < 500.0 => *b,
-                    nm if *nm < 590.0 => *g,
-                    _ => *r,
-                });
-                SpectrumFile::PerWavelength(values.collect())
-            }
+            Value::Rgb(rgb) => self.colour(*rgb),
             Value::Pairs(pairs) => self.table(pairs, &p.span)?,
             _ => {
                 return self.error(
@@ -166,6 +163,20 @@ impl<'a> Importer<'a> {
     ) -> Result<Located<SpectrumFile>, InputError> {
         let otherwise = || Located::at(node.span.clone(), SpectrumFile::Scalar(missing));
         Ok(self.spectrum(node, name)?.unwrap_or_else(otherwise))
+    }
+
+    /// The number that a property's plugin says everywhere, if it is such a plugin.
+    pub fn uniform(&self, node: &Node, name: &str) -> Result<Option<f64>, InputError> {
+        let Some(child) = node.named(name) else {
+            return Ok(None);
+        };
+        match self.resolve(child)? {
+            inner if is_spectrum(inner) => match self.spectrum_plugin(inner)? {
+                SpectrumFile::Scalar(v) => Ok(Some(v)),
+                _ => self.error(&inner.span, format!("`{name}` is one number"), "give a <float>"),
+            },
+            inner => self.error(&inner.span, format!("`{name}` is one number"), "give a <float>"),
+        }
     }
 
     /// Mitsuba's spectra are zero beyond their last pair, ours go on as they are.
@@ -204,6 +215,16 @@ impl<'a> Importer<'a> {
         (level && same).then(|| inner.iter().map(|p| p[1]).collect())
     }
 
+    /// The values of a colour at the wavelengths.
+    fn colour(&self, [r, g, b]: [f64; 3]) -> SpectrumFile {
+        let values = self.wavelengths.iter().map(|nm| match nm {
+            nm if *nm < 500.0 => b,
+            nm if *nm < 590.0 => g,
+            _ => r,
+        });
+        SpectrumFile::PerWavelength(values.collect())
+    }
+
     fn spectrum_plugin(&self, node: &Node) -> Result<SpectrumFile, InputError> {
         let numbers_of = |name: &str| -> Result<Vec<f64>, InputError> {
             let text = node.text(self.source, name)?.unwrap_or_default();
@@ -229,15 +250,52 @@ impl<'a> Importer<'a> {
                 let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();
                 self.table(&pairs, &node.span)?
             }
+            "regular" => {
+                let values = numbers_of("values")?;
+                let end = |name: &str, missing| Ok(node.float(self.source, name)?.unwrap_or(missing));
+                let (first, last) = (end("wavelength_min", 360.0)?, end("wavelength_max", 830.0)?);
+                let steps = values.len().saturating_sub(1).max(1) as f64;
+                if values.len() < 2 || first >= last {
+                    return self.error(
+                        &node.span,
+                        "the spectrum has no range",
+                        "give two values or more, and wavelength_min below wavelength_max",
+                    );
+                }
+                let nm = |i: usize| first + (last - first) * i as f64 / steps;
+                let pairs: Vec<[f64; 2]> = values.iter().enumerate().map(|(i, v)| [nm(i), *v]).collect();
+                self.table(&pairs, &node.span)?
+            }
+            "srgb" => match node.get("color").map(|p| &p.value) {
+                Some(Value::Rgb(rgb)) => self.colour(*rgb),
+                Some(Value::Vector(rgb)) => self.colour(rgb.to_array()),
+                _ => return self.error(&node.span, "the colour has no value", "add <rgb name=\"color\">"),
+            },
+            "d65" => {
+                let scale = node.float(self.source, "scale")?.unwrap_or(1.0);
+                match node.get("color").map(|p| &p.value) {
+                    Some(Value::Rgb(rgb)) => self.colour(rgb.map(|v| v * scale)),
+                    _ => SpectrumFile::Scalar(scale),
+                }
+            }
+            "blackbody" => {
+                let kelvin = node.float(self.source, "temperature")?.unwrap_or(5000.0);
+                let scale = node.float(self.source, "scale")?.unwrap_or(1.0);
+                if kelvin <= 0.0 {
+                    return self.error(&node.span, "the temperature is not above zero", "give kelvins");
+                }
+                let values = self.wavelengths.iter().map(|nm| scale * planck(*nm, kelvin));
+                SpectrumFile::PerWavelength(values.collect())
+            }
             other => {
                 return self.error(
                     &node.span,
                     format!("sunstone cannot express a spectrum of type `{other}`"),
-                    "use uniform or irregular, or <spectrum name=\"…\" value=\"450:0.1, 550:0.2\"/>",
+                    "use uniform, regular, irregular, srgb, d65 or blackbody, or <spectrum name=\"…\" value=\"450:0.1, 550:0.2\"/>",
                 );
             }
         };
-        node.finish(self.source, &[])?;
+        node.finish(self.source, &["wavelength_min", "wavelength_max"]);
         Ok(spectrum)
     }
 
@@ -254,6 +312,20 @@ impl<'a> Importer<'a> {
             }),
         }
     }
+}
+
+/// True of plugins that say the same everywhere.
+pub(super) fn is_spectrum(node: &Node) -> bool {
+    node.tag == "spectrum"
+        || node.tag == "texture" && ["uniform", "srgb", "d65"].contains(&node.kind.as_str())
+}
+
+/// Spectral radiance of a black body, W/(m² sr nm): Planck's law.
+fn planck(nm: f64, kelvin: f64) -> f64 {
+    // h, c and k of the SI.
+    let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
+    let metres = nm * 1e-9;
+    2.0 * h * c * c / metres.powi(5) / (h * c / (metres * k * kelvin)).exp_m1() * 1e-9
 }
 
 /// A map as rows of a 4×4 matrix, without signs of -0, which only confuse readers.

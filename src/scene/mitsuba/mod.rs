@@ -16,20 +16,30 @@
 //!
 //! [`export`] writes, [`import`] reads the same subset; `xml` and `reader` hold the two directions' syntax.
 
+mod document;
 pub mod export;
 mod export_images;
 mod export_materials;
 mod export_output;
 mod files;
+mod folders;
 pub mod import;
 mod import_devices;
+mod import_emitters;
+mod import_layered;
 mod import_materials;
+mod import_media;
 mod import_shapes;
 mod import_surfaces;
+mod import_table;
 mod importer;
+mod json;
 mod names;
+mod parse;
+mod plugins;
 mod reader;
 mod relative_path;
+mod source;
 mod tree;
 mod xml;
 

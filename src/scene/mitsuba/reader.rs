@@ -1,134 +1,80 @@
 //! Mitsuba 3's XML as a tree of plugins with typed properties, each with its place in the file.
 //!
-//! Follows Mitsuba's parser: `<default>` and `$name`, nested transforms (each operation acts after those before it),
-//! values separated by spaces or commas. What nobody asked for by name is an error ([`Node::finish`]), so that nothing is
-//! silently ignored.
+//! Follows Mitsuba's parser: `<default>` and `$name`, `<include>`, nested transforms (each operation acts after those before
+//! it), values separated by spaces or commas. What cannot be read is reported, and the rest is read.
 
-use super::tree::{Child, Inside, Node, Property, Source, Value, number, numbers, pairs};
+use super::folders::{Alias, Folders, read_text};
+use super::parse::parse;
+use super::source::Source;
+use super::tree::{Child, Inside, Node, Property, Value, number, numbers, pairs};
 use base::locate::InputError;
 use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
 
 /// Deepest nesting of elements that is followed.
 const DEEPEST: usize = 32;
 
-/// The most elements, attributes and texts of a file.
-const MOST_NODES: u32 = 4_000_000;
+/// Deepest nesting of files that include each other, as in Mitsuba.
+const MOST_INCLUDES: usize = 15;
 
-/// A whole file.
-pub(super) struct Document {
-    pub source: Source,
-    pub scene: Node,
-    /// Values of `<default>` and of the command line.
-    pub parameters: BTreeMap<String, String>,
+/// `#rrggbb` as older versions of Mitsuba read it: bytes of 255, linear.
+fn hexadecimal(text: &str) -> Option<[f64; 3]> {
+    let digits = text
+        .trim()
+        .strip_prefix('#')
+        .filter(|d| d.len() == 6 && d.is_ascii())?;
+    let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok();
+    Some([byte(0)?, byte(2)?, byte(4)?].map(|b| f64::from(b) / 255.0))
 }
 
-impl Document {
-    /// Reads a file; `given` are the parameters of the command line, which win over `<default>`.
-    ///
-    /// # Errors
-    /// [`InputError`] with the place.
-    pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
-        let source = Source {
-            file: file.to_owned(),
-            text: text.into(),
-        };
-        let options = roxmltree::ParsingOptions {
-            nodes_limit: MOST_NODES,
-            ..Default::default()
-        };
-        let xml = roxmltree::Document::parse_with_options(text, options).map_err(|e| {
-            let at = offset(text, e.pos());
-            let message = e.to_string();
-            let message = message.split(" at ").next().unwrap_or(&message);
-            source.error(
-                &(at..at),
-                format!("this is no XML: {message}"),
-                "mend the file; Mitsuba's documentation shows its form",
-            )
-        })?;
-        let mut reader = Reader {
-            source: &source,
+/// What is read of an XML file and of those that it includes.
+pub(super) struct Reader<'s> {
+    source: &'s Source,
+    /// Place of the file's first byte.
+    start: usize,
+    /// Files that include this one.
+    depth: usize,
+    pub parameters: BTreeMap<String, String>,
+    /// Parameters that some attribute used.
+    pub used: Vec<String>,
+    /// Other names of ids.
+    pub aliases: Vec<Alias>,
+    /// Where files are looked for.
+    pub folders: Folders,
+}
+
+impl<'s> Reader<'s> {
+    /// Of the file whose first byte stands at `start`; `given` are the parameters of the command line.
+    pub fn new(source: &'s Source, given: &BTreeMap<String, String>, folders: Folders) -> Self {
+        Self {
+            source,
+            start: 0,
+            depth: 0,
             parameters: given.clone(),
             used: vec![],
-        };
-        let root = xml.root_element();
-        if root.tag_name().name() != "scene" {
-            return Err(source.error(
-                &start_tag(&root),
-                format!("the file holds <{}>, not <scene>", root.tag_name().name()),
-                "give the file of a whole scene",
-            ));
-        }
-        let version = root.attribute("version").unwrap_or_default();
-        if !(version.starts_with("3.") || version.starts_with("2.")) {
-            return Err(source.error(
-                &start_tag(&root),
-                format!("the file is of Mitsuba's version `{version}`"),
-                "give a scene of Mitsuba 3; older ones name their parameters otherwise",
-            ));
-        }
-        let scene = reader.plugin(&root, 0)?;
-        if let Some(name) = given.keys().find(|name| !reader.used.contains(*name)) {
-            let known = RESERVED.contains(&name.as_str());
-            if !known {
-                return Err(source.error(
-                    &start_tag(&root),
-                    format!("nothing in the file uses the parameter `{name}`"),
-                    "correct the name after -D, or leave it out",
-                ));
-            }
-        }
-        let parameters = reader.parameters;
-        Ok(Self {
-            source,
-            scene,
-            parameters,
-        })
-    }
-}
-
-/// Parameters that mean something to us without being used in the file.
-const RESERVED: [&str; 2] = [super::names::WAVELENGTHS, super::names::PROJECTOR_RESOLUTION];
-
-/// Byte of a line and a column (from 1, in characters).
-fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
-    let mut line_start = 0;
-    for _ in 1..pos.row {
-        match text[line_start..].find('\n') {
-            Some(end) => line_start += end + 1,
-            None => return text.len(),
+            aliases: vec![],
+            folders,
         }
     }
-    let column = pos.col.saturating_sub(1) as usize;
-    text[line_start..]
-        .char_indices()
-        .nth(column)
-        .map_or(text.len(), |(i, _)| line_start + i)
-}
 
-/// Where an element begins, as far as the first `>`.
-fn start_tag(node: &roxmltree::Node) -> Range<usize> {
-    let range = node.range();
-    let text = node.document().input_text();
-    let end = text[range.clone()]
-        .find('>')
-        .map_or(range.end, |i| range.start + i + 1);
-    range.start..end
-}
+    fn moved(&self, range: Range<usize>) -> Range<usize> {
+        self.start + range.start..self.start + range.end
+    }
 
-struct Reader<'s> {
-    source: &'s Source,
-    parameters: BTreeMap<String, String>,
-    /// Parameters that some attribute used.
-    used: Vec<String>,
-}
+    /// Where an element begins, as far as the first `>`.
+    pub fn start_tag(&self, node: &roxmltree::Node) -> Range<usize> {
+        let range = node.range();
+        let text = node.document().input_text();
+        let end = text[range.clone()]
+            .find('>')
+            .map_or(range.end, |i| range.start + i + 1);
+        self.moved(range.start..end)
+    }
 
-impl Reader<'_> {
-    fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
-        let span = start_tag(xml);
+    /// A plugin and what is inside.
+    pub fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
+        let span = self.start_tag(xml);
         if depth > DEEPEST {
             return Err(self.source.error(
                 &span,
@@ -157,30 +103,88 @@ impl Reader<'_> {
             span,
             properties: vec![],
             children: vec![],
+            broken: false,
         };
+        self.contents(xml, &mut node, depth)?;
+        Ok(node)
+    }
+
+    /// What is inside of an element; what cannot be read is reported, and left out.
+    fn contents(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         for child in xml.children() {
             if child.is_text() && !child.text().unwrap_or_default().trim().is_empty() {
                 return Err(self.source.error(
-                    &child.range(),
+                    &self.moved(child.range()),
                     "there is text between the elements",
                     "values belong into attributes: value=\"…\"",
                 ));
             }
-            if child.is_element() {
-                self.inside(&child, &mut node, depth)?;
+            if child.is_element()
+                && let Err(e) = self.inside(&child, node, depth)
+            {
+                self.source.report(e);
+                node.broken = true;
             }
         }
-        Ok(node)
+        Ok(())
+    }
+
+    /// The elements of another file, as if they stood here.
+    fn include(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
+        let span = self.start_tag(xml);
+        let name = self.needed(xml, "filename")?;
+        if self.depth >= MOST_INCLUDES {
+            return Err(self.source.error(
+                &span,
+                "files include each other too deeply, or in a circle",
+                "take the <include> away that closes the circle",
+            ));
+        }
+        let path = self.folders.find(&name);
+        let text = read_text(&path).map_err(|e| {
+            self.source.error(
+                &span,
+                format!("cannot read {}: {e}", path.display()),
+                "correct the file name; files are looked for beside the scene and in the folders of <path>",
+            )
+        })?;
+        let outer = self.start;
+        self.start = self.source.add(&path, &text);
+        let document = parse(self.source, self.start, &text)?;
+        let root = document.root_element();
+        self.depth += 1;
+        let done = if root.tag_name().name() == "scene" {
+            self.contents(&root, node, depth)
+        } else {
+            self.inside(&root, node, depth)
+        };
+        self.depth -= 1;
+        self.start = outer;
+        done
     }
 
     fn inside(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         let tag = xml.tag_name().name();
-        let span = start_tag(xml);
+        let span = self.start_tag(xml);
         match tag {
             "default" => {
                 self.only(xml, &["name", "value"])?;
                 let (name, value) = (self.needed(xml, "name")?, self.needed(xml, "value")?);
                 self.parameters.entry(name).or_insert(value);
+            }
+            "include" => {
+                self.only(xml, &["filename"])?;
+                self.include(xml, node, depth)?;
+            }
+            "alias" => {
+                self.only(xml, &["id", "as"])?;
+                let (id, other) = (self.needed(xml, "id")?, self.needed(xml, "as")?);
+                self.aliases.push(Alias { id, other, span });
+            }
+            "path" => {
+                self.only(xml, &["value"])?;
+                let folder = self.needed(xml, "value")?;
+                self.folders.add(&folder);
             }
             "ref" => {
                 self.only(xml, &["id", "name"])?;
@@ -192,6 +196,7 @@ impl Reader<'_> {
             "spectrum" | "texture" | "bsdf" | "shape" | "emitter" | "sensor" | "film" | "sampler"
             | "rfilter" | "integrator" | "medium" | "phase" | "volume" => {
                 let inner = self.plugin(xml, depth + 1)?;
+                node.broken |= inner.broken;
                 node.children.push(Child::new(Inside::Node(inner)));
             }
             "float" | "integer" | "boolean" | "string" | "vector" | "point" | "rgb" | "transform" => {
@@ -210,7 +215,7 @@ impl Reader<'_> {
 
     fn property(&mut self, xml: &roxmltree::Node, node: &mut Node) -> Result<(), InputError> {
         let name = self.needed(xml, "name")?;
-        let span = start_tag(xml);
+        let span = self.start_tag(xml);
         if node.properties.iter().any(|p| p.name == name) {
             return Err(self
                 .source
@@ -235,17 +240,15 @@ impl Reader<'_> {
             _ => {}
         }
         if tag == "spectrum" && xml.attribute("filename").is_some() {
-            return Err(self.source.error(
-                &start_tag(xml),
-                "sunstone does not read spectra from files",
-                "give the pairs: value=\"400:0.1, 500:0.2, …\"",
-            ));
+            self.only(xml, &["name", "filename"])?;
+            let name = self.needed(xml, "filename")?;
+            return self.spectrum_file(xml, &name).map(Value::Pairs);
         }
         self.only(xml, &["name", "value"])?;
         let text = self.needed(xml, "value")?;
         let wrong = |what: &str| {
             Err(self.source.error(
-                &start_tag(xml),
+                &self.start_tag(xml),
                 format!("`{text}` is {what}"),
                 "correct the value",
             ))
@@ -261,6 +264,10 @@ impl Reader<'_> {
                 _ => return wrong("neither true nor false"),
             },
             "string" => Value::Text(text),
+            "rgb" if text.starts_with('#') => match hexadecimal(&text) {
+                Some(rgb) => Value::Rgb(rgb),
+                None => return wrong("no colour as #rrggbb"),
+            },
             "rgb" => match numbers(&text).as_deref() {
                 Some([v]) => Value::Rgb([*v; 3]),
                 Some([r, g, b]) => Value::Rgb([*r, *g, *b]),
@@ -277,6 +284,28 @@ impl Reader<'_> {
         })
     }
 
+    /// Pairs of a wavelength and a value, a line each; `#` begins a comment.
+    fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
+        let path = self.folders.find(name);
+        let wrong = |what: String| {
+            let mend = "give lines of a wavelength in nanometres and a value, wavelengths rising";
+            self.source.error(&self.start_tag(xml), what, mend)
+        };
+        let text = read_text(&path).map_err(|e| wrong(format!("cannot read {}: {e}", path.display())))?;
+        let lines = text
+            .lines()
+            .map(|l| l.split('#').next().unwrap_or_default().trim());
+        let pair = |line: &str| match numbers(line).as_deref() {
+            Some(&[nm, value]) => Some([nm, value]),
+            _ => None,
+        };
+        let pairs: Option<Vec<[f64; 2]>> = lines.filter(|l| !l.is_empty()).map(pair).collect();
+        match pairs {
+            Some(pairs) if !pairs.is_empty() && pairs.is_sorted_by(|a, b| a[0] < b[0]) => Ok(pairs),
+            _ => Err(wrong(format!("{} is no spectrum", path.display()))),
+        }
+    }
+
     /// The product of the operations inside; later ones act after earlier ones.
     fn transform(&mut self, xml: &roxmltree::Node) -> Result<DAffine3, InputError> {
         let mut all = DAffine3::IDENTITY;
@@ -287,7 +316,7 @@ impl Reader<'_> {
             return Ok(all);
         }
         Err(self.source.error(
-            &start_tag(xml),
+            &self.start_tag(xml),
             "the transform is not finite",
             "correct its numbers; axes and directions must have a length",
         ))
@@ -295,7 +324,7 @@ impl Reader<'_> {
 
     fn operation(&mut self, op: &roxmltree::Node) -> Result<DAffine3, InputError> {
         let wrong = |reader: &Self, message: &str, mend: &str| {
-            Err(reader.source.error(&start_tag(op), message, mend))
+            Err(reader.source.error(&reader.start_tag(op), message, mend))
         };
         Ok(match op.tag_name().name() {
             "translate" => {
@@ -383,7 +412,7 @@ impl Reader<'_> {
                 (Some(Some(v)), _) | (None, Some(v)) => v,
                 _ => {
                     return Err(self.source.error(
-                        &start_tag(xml),
+                        &self.start_tag(xml),
                         format!("`{key}` is not a number"),
                         "give x, y and z, or value=\"x, y, z\"",
                     ));
@@ -399,7 +428,7 @@ impl Reader<'_> {
             Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
             Some(&[v]) => Ok(DVec3::splat(v)),
             _ => Err(self.source.error(
-                &start_tag(xml),
+                &self.start_tag(xml),
                 format!("`{text}` is not three numbers"),
                 "give x, y, z",
             )),
@@ -428,7 +457,7 @@ impl Reader<'_> {
                 .filter(|(name, _)| rest.starts_with(name.as_str()));
             let Some((name, value)) = known.max_by_key(|(name, _)| name.len()) else {
                 return Err(self.source.error(
-                    &start_tag(xml),
+                    &self.start_tag(xml),
                     format!("`{text}` uses a parameter that has no value"),
                     "give it with -D name=value, or add <default name=\"…\" value=\"…\"/> before it",
                 ));
@@ -446,7 +475,7 @@ impl Reader<'_> {
         value.ok_or_else(|| {
             let tag = xml.tag_name().name();
             self.source.error(
-                &start_tag(xml),
+                &self.start_tag(xml),
                 format!("<{tag}> lacks the attribute `{key}`"),
                 "add it",
             )
@@ -457,7 +486,7 @@ impl Reader<'_> {
         match xml.attributes().find(|a| !known.contains(&a.name())) {
             None => Ok(()),
             Some(other) => Err(self.source.error(
-                &other.range(),
+                &self.moved(other.range()),
                 format!("<{}> has no attribute `{}`", xml.tag_name().name(), other.name()),
                 &format!("use one of {}", known.join(", ")),
             )),

@@ -3,31 +3,11 @@
 //! Whoever understands a property asks for it by name. What nobody asked for is an error ([`Node::finish`]), so that nothing
 //! is silently ignored.
 
+use super::source::Source;
 use base::locate::InputError;
 use glam::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::ops::Range;
-use std::path::PathBuf;
-use std::sync::Arc;
-
-/// The file, for errors.
-#[derive(Clone)]
-pub(super) struct Source {
-    pub file: PathBuf,
-    pub text: Arc<str>,
-}
-
-impl Source {
-    pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {
-        InputError {
-            file: self.file.clone(),
-            text: self.text.clone(),
-            span: Some(span.clone()),
-            message: message.into(),
-            help: Some(help.into()),
-        }
-    }
-}
 
 /// A value of a property.
 #[derive(Clone, Debug)]
@@ -64,6 +44,8 @@ pub(super) struct Node {
     pub span: Range<usize>,
     pub(super) properties: Vec<Property>,
     pub(super) children: Vec<Child>,
+    /// Something in it could not be read, and has been reported.
+    pub broken: bool,
 }
 
 /// What is inside of a plugin.
@@ -202,25 +184,27 @@ impl Node {
         &self.children
     }
 
-    /// That the element has nothing that nobody asked for, apart from what is known not to matter.
-    pub fn finish(&self, source: &Source, ignored: &[&str]) -> Result<(), InputError> {
+    /// Reports what the element has and nobody asked for, apart from what is known not to matter.
+    pub fn finish(&self, source: &Source, ignored: &[&str]) {
         let unknown = |name: &str, span: &Range<usize>| {
-            Err(source.error(
+            source.report(source.error(
                 span,
                 format!(
                     "sunstone does not know what `{name}` of {} `{}` means",
                     self.tag, self.kind
                 ),
                 "take it away, or export the scene without it",
-            ))
+            ));
         };
-        let left = |p: &&Property| !p.used.get() && !ignored.contains(&p.name.as_str());
-        if let Some(p) = self.properties.iter().find(left) {
-            return unknown(&p.name, &p.span);
+        for p in &self.properties {
+            if !p.used.get() && !ignored.contains(&p.name.as_str()) {
+                unknown(&p.name, &p.span);
+            }
         }
-        match self.children.iter().find(|c| !c.used.get()) {
-            Some(c) => unknown(c.name().unwrap_or(c.tag()), c.span()),
-            None => Ok(()),
+        for c in &self.children {
+            if !c.used.get() {
+                unknown(c.name().unwrap_or(c.tag()), c.span());
+            }
         }
     }
 
@@ -250,7 +234,8 @@ impl Child {
         &self.what
     }
 
-    fn name(&self) -> Option<&str> {
+    /// The name under which it stands.
+    pub fn name(&self) -> Option<&str> {
         match &self.what {
             Inside::Node(node) => node.name.as_deref(),
             Inside::Reference { name, .. } => name.as_deref(),

@@ -1,6 +1,6 @@
 //! Scenes that people write for Mitsuba: what is read, and what is told with its place.
 
-use super::{ALL, exported, imported};
+use super::{ALL, exported, imported, imported_whole};
 use glam::Vec3A;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -71,28 +71,23 @@ fn a_scene_by_hand_is_read() {
     );
     let unknown = BTreeMap::from([("fow".to_owned(), "40".to_owned())]);
     let e = Import::from_text(&xml, HAND, &toml, &unknown).unwrap_err();
-    assert!(e.message.contains("`fow`"), "{e}");
+    assert!(e.0[0].message.contains("`fow`"), "{e}");
 }
 
 /// A change of [`HAND`], the line of the fault, words of the message.
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"0.6.0\"", 1, "version `0.6.0`"),
     ("</scene>", "", 1, "this is no XML"),
-    ("type=\"path\"", "type=\"volpath\"", 3, "no integrator `volpath`"),
+    ("type=\"path\"", "type=\"depth\"", 3, "no integrator `depth`"),
     (
         "type=\"perspective\"",
         "type=\"thinlens\"",
         4,
-        "no sensor `thinlens`",
+        "no aperture_radius",
     ),
     ("$fov", "$angle", 5, "`$angle` uses a parameter"),
     ("value=\"smaller\"", "value=\"wide\"", 4, "fov_axis is `wide`"),
-    (
-        "type=\"diffuse\"",
-        "type=\"principled\"",
-        10,
-        "no material `principled`",
-    ),
+    ("type=\"diffuse\"", "type=\"hair\"", 10, "no material `hair`"),
     ("0.1, 0.2, 0.3", "0.1, 0.2", 10, "neither one number nor three"),
     ("0.1, 0.2, 0.3", "0.1, 0.2, 1.3", 10, "albedo is 1.3"),
     (
@@ -147,13 +142,13 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         "<bsdf type=\"twosided\"",
         "<include filename=\"x.xml\"/><bsdf type=\"twosided\"",
         10,
-        "cannot read <include>",
+        "cannot read",
     ),
     (
         "<sensor type",
-        "<medium type=\"homogeneous\"/><sensor type",
+        "<phase type=\"hg\"/><sensor type",
         4,
-        "cannot express a medium",
+        "cannot express a phase",
     ),
 ];
 
@@ -183,6 +178,34 @@ fn what_is_not_understood_is_told_with_its_place() {
     let deep = "<bsdf type=\"twosided\">".repeat(50_000) + &"</bsdf>".repeat(50_000);
     let e = imported(folder.path(), &HAND.replace("</scene>", &(deep + "</scene>"))).unwrap_err();
     assert!(e.message.contains("nested too deeply"), "{}", e.message);
+}
+
+/// Whatever else is wrong does not hide a fault: all are told, each at its line, in order.
+#[test]
+fn all_problems_are_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    // Faults in elements of their own, from top to bottom.
+    let faults: Vec<_> = [3, 4, 10, 11, 12, 14, 17]
+        .into_iter()
+        .filter_map(|line| UNREADABLE.iter().find(|f| f.2 == line))
+        .collect();
+    assert_eq!(faults.len(), 7);
+    let mut text = HAND.to_owned();
+    for (from, to, ..) in &faults {
+        text = text.replacen(from, to, 1);
+    }
+    let e = imported_whole(folder.path(), &text).unwrap_err();
+    let told: Vec<_> =
+        e.0.iter()
+            .filter_map(|e| Some((e.line_column()?.0, e.message.clone())))
+            .collect();
+    for (_, _, line, message) in &faults {
+        assert!(
+            told.iter().any(|(l, m)| l == line && m.contains(message)),
+            "{message}: {told:#?}"
+        );
+    }
+    assert!(told.is_sorted_by_key(|t| t.0), "{told:#?}");
 }
 
 #[test]
@@ -231,8 +254,8 @@ proptest! {
             text.splice(at..end, new.chars());
         }
         let text: String = text.into_iter().collect();
-        if let Err(e) = imported(folder, &text) {
-            prop_assert!(!e.message.is_empty() && e.help.is_some());
+        if let Err(e) = imported_whole(folder, &text) {
+            prop_assert!(!e.0.is_empty() && e.0.iter().all(|e| !e.message.is_empty() && e.help.is_some()));
         }
     }
 }

@@ -8,7 +8,7 @@ use sunstone::optics::sampling::stream::Stream;
 use sunstone::optics::sampling::warp;
 use sunstone::optics::spectrum::Spectral;
 use sunstone::scene::mitsuba::export::Export;
-use sunstone::scene::mitsuba::import::Import;
+use sunstone::scene::mitsuba::import::{Import, ImportError};
 use sunstone::transport::device::pinhole::Pinhole;
 use sunstone::transport::geometry::ray::Ray;
 use sunstone::transport::material::Lobe;
@@ -146,7 +146,13 @@ fn exported(folder: &Path, text: &str) -> Result<Export, InputError> {
     Export::from_text(&folder.join("scene.toml"), text, None)
 }
 
+/// An import, or what is wrong first.
 fn imported(folder: &Path, xml: &str) -> Result<Import, InputError> {
+    imported_whole(folder, xml).map_err(|mut e| e.0.remove(0))
+}
+
+/// An import, or all that is wrong.
+fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
     Import::from_text(
         &folder.join("scene.xml"),
         xml,

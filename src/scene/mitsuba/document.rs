@@ -1,0 +1,97 @@
+//! A whole scene of Mitsuba: XML, or a Python dictionary as JSON.
+
+use super::folders::{Alias, Folders};
+use super::json;
+use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
+use super::parse::parse;
+use super::reader::Reader;
+use super::source::Source;
+use super::tree::Node;
+use base::locate::InputError;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Parameters that mean something to us without being used in the file.
+const RESERVED: [&str; 2] = [WAVELENGTHS, PROJECTOR_RESOLUTION];
+
+/// A whole scene.
+pub(super) struct Document {
+    pub source: Source,
+    pub scene: Node,
+    /// Values of `<default>` and of the command line.
+    pub parameters: BTreeMap<String, String>,
+    /// Other names of ids.
+    pub aliases: Vec<Alias>,
+    /// Where files are looked for.
+    pub folders: Folders,
+}
+
+impl Document {
+    /// Reads a scene; `given` are the parameters of the command line, which win over `<default>`. Problems that leave a
+    /// scene are in its [`Source`].
+    ///
+    /// # Errors
+    /// [`InputError`] with the place, if there is no scene in it.
+    pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
+        let source = Source::new(file, text);
+        let folders = Folders::of(file);
+        if text.trim_start().starts_with('{') {
+            let scene = json::scene(&source, text)?;
+            let used = |name: &str| RESERVED.contains(&name);
+            if let Some(name) = given.keys().find(|name| !used(name)) {
+                return Err(unused(&source, &scene, name));
+            }
+            return Ok(Self {
+                scene,
+                source,
+                parameters: given.clone(),
+                aliases: vec![],
+                folders,
+            });
+        }
+        let xml = parse(&source, 0, text)?;
+        let mut reader = Reader::new(&source, given, folders);
+        let root = xml.root_element();
+        if root.tag_name().name() != "scene" {
+            return Err(source.error(
+                &reader.start_tag(&root),
+                format!("the file holds <{}>, not <scene>", root.tag_name().name()),
+                "give the file of a whole scene",
+            ));
+        }
+        let version = root.attribute("version").unwrap_or_default();
+        if !(version.starts_with("3.") || version.starts_with("2.")) {
+            return Err(source.error(
+                &reader.start_tag(&root),
+                format!("the file is of Mitsuba's version `{version}`"),
+                "give a scene of Mitsuba 3; older ones name their parameters otherwise",
+            ));
+        }
+        let scene = reader.plugin(&root, 0)?;
+        let known = |name: &String| reader.used.contains(name) || RESERVED.contains(&name.as_str());
+        if let Some(name) = given.keys().find(|name| !known(name)) {
+            return Err(unused(&source, &scene, name));
+        }
+        let Reader {
+            parameters,
+            aliases,
+            folders,
+            ..
+        } = reader;
+        Ok(Self {
+            source,
+            scene,
+            parameters,
+            aliases,
+            folders,
+        })
+    }
+}
+
+fn unused(source: &Source, scene: &Node, name: &str) -> InputError {
+    source.error(
+        &scene.span,
+        format!("nothing in the file uses the parameter `{name}`"),
+        "correct the name after -D, or leave it out",
+    )
+}

@@ -1,0 +1,53 @@
+//! Where a Mitsuba scene's files are, and other names of what it holds.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Most bytes of a text that a scene includes.
+const MOST_BYTES: u64 = 256 << 20;
+
+/// `<alias id="…" as="…"/>`: another name of an id.
+pub(super) struct Alias {
+    pub id: String,
+    pub other: String,
+    pub span: Range<usize>,
+}
+
+/// The folders in which files are looked for, the scene's own first.
+#[derive(Clone)]
+pub(super) struct Folders(Vec<PathBuf>);
+
+impl Folders {
+    /// The folder of a scene.
+    pub fn of(scene: &Path) -> Self {
+        let path = std::path::absolute(scene).unwrap_or_else(|_| scene.to_owned());
+        Self(vec![path.parent().unwrap_or(Path::new("")).to_owned()])
+    }
+
+    /// Adds a folder, absolute or in the scene's own.
+    pub fn add(&mut self, folder: &str) {
+        self.0.push(self.0[0].join(folder));
+    }
+
+    /// The path of a file: where it is, or where it is missed first.
+    pub fn find(&self, name: &str) -> PathBuf {
+        let mut paths = self.0.iter().map(|folder| folder.join(name));
+        let first = paths.next().unwrap_or_default();
+        if first.exists() {
+            return first;
+        }
+        paths.find(|path| path.exists()).unwrap_or(first)
+    }
+}
+
+/// Text of a file; neither a pipe nor a folder nor more than [`MOST_BYTES`].
+pub(super) fn read_text(path: &Path) -> std::io::Result<String> {
+    let meta = std::fs::metadata(path)?;
+    if !meta.is_file() {
+        return Err(std::io::Error::other("it is no file"));
+    }
+    if meta.len() > MOST_BYTES {
+        return Err(std::io::Error::other("it is too long for a scene"));
+    }
+    std::fs::read_to_string(path)
+}

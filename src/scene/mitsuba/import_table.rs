@@ -1,0 +1,68 @@
+//! The materials that an import has made so far, by names that are free.
+
+use super::names::plain;
+use super::tree::Node;
+use base::locate::Located;
+use std::collections::{BTreeMap, BTreeSet};
+use syntax::material::{MaterialFile, NullFile, TwoSidedFile};
+
+/// Materials by name.
+#[derive(Default)]
+pub(super) struct Table {
+    pub materials: BTreeMap<String, Located<MaterialFile>>,
+    taken: BTreeSet<String>,
+}
+
+impl Table {
+    /// A name that is free, like the wanted one; it is no longer.
+    fn free(&mut self, wanted: &str) -> String {
+        let base = plain(wanted);
+        let mut name = base.clone();
+        let mut n = 2;
+        while !self.taken.insert(name.clone()) {
+            name = format!("{base}_{n}");
+            n += 1;
+        }
+        name
+    }
+
+    /// Adds what a plugin stands for, under a name like the wanted one; the name.
+    pub fn add(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
+        let name = self.free(wanted);
+        let at = |material| Located::at(node.span.clone(), material);
+        self.materials.insert(name.clone(), at(material));
+        Located::at(node.span.clone(), name)
+    }
+
+    /// As [`Self::add`], black from behind.
+    pub fn add_front(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
+        let name = self.free(wanted);
+        let front = self.add(node, &format!("{name}_front"), material);
+        let two_sided = MaterialFile::TwoSided(TwoSidedFile { front, back: None });
+        self.materials
+            .insert(name.clone(), Located::at(node.span.clone(), two_sided));
+        Located::at(node.span.clone(), name)
+    }
+
+    /// What bounds a medium and is not seen.
+    pub fn unseen(&mut self) -> String {
+        let name = "mitsuba_unseen".to_owned();
+        if self.taken.insert(name.clone()) {
+            self.materials
+                .insert(name.clone(), MaterialFile::Null(NullFile {}).into());
+        }
+        name
+    }
+
+    /// What Mitsuba gives to shapes without a BSDF.
+    pub fn of_bare_shapes(&mut self) -> String {
+        let name = "mitsuba_default".to_owned();
+        if self.taken.insert(name.clone()) {
+            let inner = self.free("mitsuba_default_front");
+            let two_sided = MaterialFile::two_sided(inner.clone(), None);
+            self.materials.insert(inner, MaterialFile::diffuse(0.5).into());
+            self.materials.insert(name.clone(), two_sided.into());
+        }
+        name
+    }
+}

@@ -1,0 +1,151 @@
+//! Which kind of thing each of Mitsuba's plugins is: Python dictionaries leave it out.
+
+/// The tag that stands for a plugin in XML.
+pub(super) fn tag(plugin: &str) -> Option<&'static str> {
+    let found = PLUGINS.iter().find(|(_, names)| names.contains(&plugin));
+    found.map(|(tag, _)| *tag)
+}
+
+/// Tags, and the plugins of Mitsuba 3.9 that they stand for.
+const PLUGINS: [(&str, &[&str]); 14] = [
+    (
+        "shape",
+        &[
+            "obj",
+            "ply",
+            "serialized",
+            "sphere",
+            "cylinder",
+            "disk",
+            "rectangle",
+            "cube",
+            "shapegroup",
+            "instance",
+            "merge",
+            "bsplinecurve",
+            "linearcurve",
+            "sdfgrid",
+            "ellipsoids",
+            "ellipsoidsmesh",
+        ],
+    ),
+    (
+        "bsdf",
+        &[
+            "diffuse",
+            "dielectric",
+            "thindielectric",
+            "roughdielectric",
+            "conductor",
+            "roughconductor",
+            "plastic",
+            "roughplastic",
+            "pplastic",
+            "principled",
+            "principledthin",
+            "hair",
+            "measured",
+            "measured_polarized",
+            "bumpmap",
+            "normalmap",
+            "blendbsdf",
+            "mask",
+            "twosided",
+            "null",
+            "polarizer",
+            "retarder",
+            "circular",
+        ],
+    ),
+    (
+        "emitter",
+        &[
+            "area",
+            "point",
+            "constant",
+            "envmap",
+            "spot",
+            "projector",
+            "directional",
+            "directionalarea",
+            "sunsky",
+            "timed_sunsky",
+            "volumelight",
+        ],
+    ),
+    (
+        "sensor",
+        &[
+            "perspective",
+            "thinlens",
+            "orthographic",
+            "radiancemeter",
+            "irradiancemeter",
+            "distant",
+            "batch",
+        ],
+    ),
+    ("film", &["hdrfilm", "specfilm"]),
+    (
+        "rfilter",
+        &["box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"],
+    ),
+    (
+        "sampler",
+        &[
+            "independent",
+            "stratified",
+            "multijitter",
+            "orthogonal",
+            "ldsampler",
+        ],
+    ),
+    (
+        "integrator",
+        &[
+            "path",
+            "direct",
+            "aov",
+            "volpath",
+            "volpathmis",
+            "prb",
+            "prbvolpath",
+            "ptracer",
+            "stokes",
+            "moment",
+            "depth",
+            "direct_projective",
+            "prb_projective",
+            "prb_basic",
+        ],
+    ),
+    (
+        "texture",
+        &[
+            "bitmap",
+            "checkerboard",
+            "mesh_attribute",
+            "volume",
+            "uniform_texture",
+        ],
+    ),
+    (
+        "spectrum",
+        &[
+            "uniform",
+            "regular",
+            "irregular",
+            "srgb",
+            "d65",
+            "blackbody",
+            "rawconstant",
+        ],
+    ),
+    ("medium", &["homogeneous", "heterogeneous"]),
+    (
+        "phase",
+        &["isotropic", "hg", "rayleigh", "sggx", "blendphase", "tabphase"],
+    ),
+    ("volume", &["constvolume", "gridvolume"]),
+    ("scene", &["scene"]),
+];

@@ -1,0 +1,108 @@
+//! The text of a Mitsuba scene: its file and those that it includes, and what is wrong in them.
+//!
+//! Places are bytes of all texts in a row, in the order in which they were read, so that one number says file and place.
+
+use base::locate::InputError;
+use std::cell::RefCell;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Most problems that are told at once.
+const MOST_PROBLEMS: usize = 50;
+
+/// One file.
+struct Text {
+    start: usize,
+    file: PathBuf,
+    text: Arc<str>,
+}
+
+/// All files, the first one first, and all problems so far.
+#[derive(Default)]
+pub(super) struct Source {
+    texts: RefCell<Vec<Text>>,
+    problems: RefCell<Vec<InputError>>,
+}
+
+impl Source {
+    /// Of one file so far.
+    pub fn new(file: &Path, text: &str) -> Self {
+        let source = Self::default();
+        source.add(file, text);
+        source
+    }
+
+    /// Adds a file; the place of its first byte.
+    pub fn add(&self, file: &Path, text: &str) -> usize {
+        let mut texts = self.texts.borrow_mut();
+        let start = texts.last().map_or(0, |t| t.start + t.text.len() + 1);
+        texts.push(Text {
+            start,
+            file: file.to_owned(),
+            text: text.into(),
+        });
+        start
+    }
+
+    /// The first file and its text.
+    pub fn main(&self) -> (PathBuf, Arc<str>) {
+        self.texts.borrow().first().map_or_else(
+            || (PathBuf::new(), "".into()),
+            |t| (t.file.clone(), t.text.clone()),
+        )
+    }
+
+    /// An error at a place.
+    pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {
+        let (file, text) = self.main();
+        self.placed(InputError {
+            file,
+            text,
+            span: Some(span.clone()),
+            message: message.into(),
+            help: Some(help.into()),
+        })
+    }
+
+    /// An error whose place is in all texts, with file and place in that one.
+    pub fn placed(&self, e: InputError) -> InputError {
+        let texts = self.texts.borrow();
+        let Some(span) = e.span.clone() else {
+            return e;
+        };
+        let Some(text) = texts.iter().rfind(|t| t.start <= span.start) else {
+            return e;
+        };
+        let within = |at: usize| (at - text.start).min(text.text.len());
+        InputError {
+            file: text.file.clone(),
+            text: text.text.clone(),
+            span: Some(within(span.start)..within(span.end.max(span.start))),
+            ..e
+        }
+    }
+
+    /// Keeps a problem, to go on and look for others.
+    pub fn report(&self, e: InputError) {
+        let mut problems = self.problems.borrow_mut();
+        let told = |p: &InputError| p.file == e.file && p.span == e.span && p.message == e.message;
+        if problems.len() < MOST_PROBLEMS && !problems.iter().any(told) {
+            problems.push(e);
+        }
+    }
+
+    /// True if something was reported.
+    pub fn any_problem(&self) -> bool {
+        !self.problems.borrow().is_empty()
+    }
+
+    /// All problems so far, file by file, from top to bottom; none are left.
+    pub fn problems(&self) -> Vec<InputError> {
+        let mut problems = self.problems.take();
+        let texts = self.texts.borrow();
+        let number = |e: &InputError| texts.iter().position(|t| t.file == e.file);
+        problems.sort_by_key(|e| (number(e), e.span.as_ref().map(|s| s.start)));
+        problems
+    }
+}
