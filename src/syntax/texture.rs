@@ -178,7 +178,7 @@ impl AlbedoMap {
                 values,
             }))),
             _ => Err(E::custom(
-                "this is { image = \"file.png\", scale, uv, wrap, filter, raw }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
+                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
             )),
         }
     }

@@ -99,7 +99,7 @@ const CASES: &[Case] = &[
     ("materials in a circle", "glass.dielectric = { ior = 1.5 }", "a.two_sided = { front = \"b\" }\nb.two_sided = { front = \"a\" }", "^\"a\" }", "circle"),
     ("a share above 1", "glass.dielectric = { ior = 1.5 }", "glass.blend = { a = \"gold\", b = \"white\", weight = 1.5 }", "^1.5", "weight is 1.5"),
     ("a missing normal map", "glass.dielectric = { ior = 1.5 }", "glass.normal_map = { material = \"gold\", image = \"no.png\" }", "^\"no.png\"", "no.png"),
-    ("an albedo that is image and table", "[0.7, 0.7, 0.7]", "{ image = \"a.png\", nm = [450] }", "^{ image", "an albedo is"),
+    ("an albedo that is image and table", "[0.7, 0.7, 0.7]", "{ image = \"a.png\", nm = [450] }", "^{ image", "a texture is"),
     ("an uneven table", "ior = 1.5", "ior = { nm = [400, 500], values = [1.5] }", "^{ nm", "uneven"),
     ("a field of view of 0", "fov_x_deg = 50", "fov_x_deg = 0", "^0\npose", "0°"),
     ("two focal lengths", "fov_x_deg = 50", "fov_x_deg = 50\nfx = 20", "[camera]", "more than one"),
