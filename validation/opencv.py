@@ -33,7 +33,7 @@ BOUND = 1e-3
 RENDERED_BOUND = 0.15
 SIZE = {"camera": (640, 480), "projector": (912, 570)}
 # Standard deviations of k1, k2, p1, p2, k3, k4, k5, k6, s1..s4, tau_x, tau_y.
-SPREAD = [0.12, 0.05, 3e-3, 3e-3, 0.02, 0.1, 0.04, 0.01, 4e-3, 2e-3, 4e-3, 2e-3, 0.05, 0.05]
+SPREAD = [0.1, 0.05, 3e-3, 3e-3, 0.02, 0.06, 0.03, 0.01, 4e-3, 2e-3, 4e-3, 2e-3, 0.05, 0.05]
 MODELS = {"Brown-Conrady": 5, "rational": 8, "thin prism": 12, "tilt": 14, "fisheye": 4}
 
 
@@ -43,7 +43,7 @@ class Device:
     def __init__(self, model, name, size, rng):
         self.fisheye, self.size, count = model == "fisheye", size, MODELS[model]
         w, h = size
-        f = w * (0.42 if self.fisheye else 0.85)
+        f = w * (0.5 if self.fisheye else 1.0)
         fx, fy = f * rng.uniform(0.98, 1.02, 2)
         cx, cy = w / 2 + rng.uniform(-15, 15), h / 2 + rng.uniform(-15, 15)
         self.matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -251,7 +251,6 @@ def rendered(model, seed, folder, change=None):
         if len(chosen) == DISKS:
             break
     assert len(chosen) == DISKS, "too few points that both devices see"
-    more = "render = { spp = 64, max_depth = 2 }\n[materials]\nwhite.diffuse.albedo = 0.8\n"
     more = "[materials]\nwhite.diffuse.albedo = 0.8\n[render]\nspp = 64\nmax_depth = 2\n"
     eye = -devices["camera"].rotation.T @ devices["camera"].tvec
     for i in chosen:
