@@ -1,6 +1,7 @@
-//! TOML documents, read so that every error names file, line, column and mend.
+//! TOML documents, read so that every error names file, line, column and mend, and no list passes for a table.
 
 use crate::locate::InputError;
+use crate::tables::{self, Strict};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
@@ -27,11 +28,18 @@ pub fn parse<T: DeserializeOwned>(
     text: &str,
     mend: impl FnOnce(&str) -> String,
 ) -> Result<T, InputError> {
-    toml::from_str(text).map_err(|e| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: e.span(),
-        message: e.message().lines().collect::<Vec<_>>().join("; "),
-        help: Some(mend(e.message())),
+    let read = toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d)));
+    read.map_err(|e| {
+        let mut help = mend(e.message());
+        if e.message().contains(tables::WANTED) {
+            help = format!("give every value its name, as in {{ name = value }}; {help}");
+        }
+        InputError {
+            file: path.to_owned(),
+            text: text.into(),
+            span: e.span(),
+            message: e.message().lines().collect::<Vec<_>>().join("; "),
+            help: Some(help),
+        }
     })
 }

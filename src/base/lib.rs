@@ -9,5 +9,6 @@ pub mod locate;
 pub mod lock;
 pub mod spectral_table;
 pub mod staging;
+pub mod tables;
 pub mod units;
 pub mod whole_file;

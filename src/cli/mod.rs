@@ -14,6 +14,7 @@ mod output;
 mod pbrdf;
 mod phase;
 mod probe;
+mod project;
 mod reconstruct;
 mod render;
 mod scheme;
@@ -75,6 +76,7 @@ enum Command {
     Trial(trial::Arguments),
     Export(export::Arguments),
     Import(import::Arguments),
+    Project(project::Arguments),
     Pbrdf(pbrdf::Arguments),
     Phase(phase::Arguments),
     /// Print the JSON Schema of scene files.
@@ -103,6 +105,7 @@ pub fn run() -> ExitCode {
         Command::Reconstruct(a) => reconstruct::run(&a),
         Command::Export(a) => export::run(&a),
         Command::Import(a) => import::run(&a),
+        Command::Project(a) => project::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),
         Command::Phase(a) => phase::run(&a),
         Command::Schema => schema(),

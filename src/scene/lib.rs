@@ -7,6 +7,7 @@
 
 mod build;
 mod builder;
+pub mod calibration;
 pub mod import;
 pub mod mitsuba;
 

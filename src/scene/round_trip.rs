@@ -113,6 +113,10 @@ impl Choices<'_> {
         std::array::from_fn(|_| std::array::from_fn(|_| self.number()))
     }
 
+    fn square(&mut self) -> [[f64; 3]; 3] {
+        std::array::from_fn(|_| self.three())
+    }
+
     fn text(&mut self) -> String {
         const WORDS: [&str; 10] = [
             "a",
@@ -218,14 +222,19 @@ impl Choices<'_> {
     }
 
     fn pose(&mut self) -> Located<PoseFile> {
-        let pose = if self.yes() {
-            PoseFile::LookAt(LookAtFile {
+        let pose = match self.below(3) {
+            0 => PoseFile::LookAt(LookAtFile {
                 origin: self.three(),
                 target: self.three(),
                 up: self.three(),
-            })
-        } else {
-            PoseFile::Matrix(self.rows())
+            }),
+            1 => PoseFile::Matrix(self.rows()),
+            _ => PoseFile::Extrinsics(ExtrinsicsFile {
+                rotation: self.some(Self::square),
+                t: self.some(Self::three),
+                rvec: self.some(Self::three),
+                tvec: self.some(Self::three),
+            }),
         };
         pose.into()
     }
@@ -233,8 +242,25 @@ impl Choices<'_> {
     fn distortion(&mut self) -> Option<Located<DistortionFile>> {
         self.some(|c| {
             let [k1, k2, k3] = c.three();
-            let [p1, p2, _] = c.three();
-            DistortionFile { k1, k2, k3, p1, p2 }.into()
+            let [p1, p2, k4] = c.three();
+            let [s1, s2, tau_x] = c.three();
+            DistortionFile {
+                k1,
+                k2,
+                k3,
+                k4,
+                k5: c.number(),
+                k6: c.number(),
+                p1,
+                p2,
+                s1,
+                s2,
+                s3: c.number(),
+                s4: c.number(),
+                tau_x,
+                tau_y: c.number(),
+            }
+            .into()
         })
     }
 
@@ -254,7 +280,10 @@ impl Choices<'_> {
             fy: self.some_number(),
             cx: self.some(Self::number),
             cy: self.some(Self::number),
+            opencv_matrix: self.some(|c| c.square().into()),
             distortion: self.distortion(),
+            opencv: self.some(|c| c.list(Self::number).into()),
+            fisheye: self.some(|c| [(); 4].map(|()| c.number()).into()),
             aperture: self.aperture(),
             pose: self.pose(),
         }
@@ -271,7 +300,10 @@ impl Choices<'_> {
             fy: self.some_number(),
             cx: self.some(Self::number),
             cy: self.some(Self::number),
+            opencv_matrix: self.some(|c| c.square().into()),
             distortion: self.distortion(),
+            opencv: self.some(|c| c.list(Self::number).into()),
+            fisheye: self.some(|c| [(); 4].map(|()| c.number()).into()),
             aperture: self.aperture(),
             pose: self.some(Self::pose),
         }

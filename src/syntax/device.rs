@@ -24,8 +24,19 @@ pub struct PinholeFile {
     pub cx: Option<f64>,
     /// See cx.
     pub cy: Option<f64>,
-    /// Brown–Conrady lens distortion.
+    /// OpenCV's camera matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], with OpenCV's pixel centres: (0, 0) is the middle of the
+    /// first pixel. In place of fx, fy, cx, cy.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
+    /// Lens distortion by the names of OpenCV's coefficients.
     pub distortion: Option<Located<DistortionFile>>,
+    /// The same as OpenCV's list: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]], so 4, 5, 8, 12 or 14
+    /// numbers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opencv: Option<Located<Vec<f64>>>,
+    /// Distortion of OpenCV's fisheye model (Kalibr's equidistant): k1, k2, k3, k4.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fisheye: Option<Located<[f64; 4]>>,
     /// A lens of finite aperture instead of a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
     /// Where it stands.
@@ -70,14 +81,23 @@ pub struct ProjectorFile {
     /// As in the camera.
     pub cy: Option<f64>,
     /// As in the camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
+    /// As in the camera.
     pub distortion: Option<Located<DistortionFile>>,
+    /// As in the camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opencv: Option<Located<Vec<f64>>>,
+    /// As in the camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fisheye: Option<Located<[f64; 4]>>,
     /// As in the camera.
     pub aperture: Option<Located<ApertureFile>>,
     /// As in the camera.
     pub pose: Option<Located<PoseFile>>,
 }
 
-/// Brown–Conrady coefficients.
+/// OpenCV's coefficients of lens distortion by their names; those left out are 0. k1, k2, k3, p1, p2 are Brown–Conrady's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DistortionFile {
@@ -90,12 +110,39 @@ pub struct DistortionFile {
     /// Radial, of r⁶.
     #[serde(skip_serializing_if = "is_default")]
     pub k3: f64,
+    /// Radial, of r² in the denominator (rational model).
+    #[serde(skip_serializing_if = "is_default")]
+    pub k4: f64,
+    /// Radial, of r⁴ in the denominator.
+    #[serde(skip_serializing_if = "is_default")]
+    pub k5: f64,
+    /// Radial, of r⁶ in the denominator.
+    #[serde(skip_serializing_if = "is_default")]
+    pub k6: f64,
     /// Tangential, along y.
     #[serde(skip_serializing_if = "is_default")]
     pub p1: f64,
     /// Tangential, along x.
     #[serde(skip_serializing_if = "is_default")]
     pub p2: f64,
+    /// Thin prism, along x of r².
+    #[serde(skip_serializing_if = "is_default")]
+    pub s1: f64,
+    /// Thin prism, along x of r⁴.
+    #[serde(skip_serializing_if = "is_default")]
+    pub s2: f64,
+    /// Thin prism, along y of r².
+    #[serde(skip_serializing_if = "is_default")]
+    pub s3: f64,
+    /// Thin prism, along y of r⁴.
+    #[serde(skip_serializing_if = "is_default")]
+    pub s4: f64,
+    /// Tilt of the sensor about x, radians as in OpenCV.
+    #[serde(skip_serializing_if = "is_default")]
+    pub tau_x: f64,
+    /// Tilt of the sensor about y, radians.
+    #[serde(skip_serializing_if = "is_default")]
+    pub tau_y: f64,
 }
 
 /// A pose, metres.
@@ -106,6 +153,26 @@ pub enum PoseFile {
     LookAt(LookAtFile),
     /// Row-major 4×4 device-to-world matrix; device axes +x image right, +y image down, +z forward.
     Matrix([[f64; 4]; 4]),
+    /// World to device, as OpenCV's calibration gives it: x_device = R x_world + t.
+    Extrinsics(ExtrinsicsFile),
+}
+
+/// See [`PoseFile::Extrinsics`]: R and t, or rvec and tvec.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExtrinsicsFile {
+    /// Rows of the rotation that takes world to device axes.
+    #[serde(rename = "R", default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[[f64; 3]; 3]>,
+    /// The world's origin in device coordinates, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub t: Option<[f64; 3]>,
+    /// The rotation as axis times angle in radians (Rodrigues).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rvec: Option<[f64; 3]>,
+    /// t under OpenCV's other name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tvec: Option<[f64; 3]>,
 }
 
 /// See [`PoseFile::LookAt`].
@@ -165,6 +232,16 @@ impl PoseFile {
             up: defaults::y_axis(),
         })
     }
+
+    /// World to device, x_device = R x_world + t (metres).
+    #[must_use]
+    pub fn extrinsics(rotation: [[f64; 3]; 3], t: [f64; 3]) -> Self {
+        Self::Extrinsics(ExtrinsicsFile {
+            rotation: Some(rotation),
+            t: Some(t),
+            ..ExtrinsicsFile::default()
+        })
+    }
 }
 
 impl PinholeFile {
@@ -179,7 +256,10 @@ impl PinholeFile {
             fy: None,
             cx: None,
             cy: None,
+            opencv_matrix: None,
             distortion: None,
+            opencv: None,
+            fisheye: None,
             aperture: None,
             pose: pose.into(),
         }
@@ -226,7 +306,28 @@ impl PinholeFile {
         self
     }
 
-    /// Brown–Conrady lens distortion.
+    /// OpenCV's camera matrix, whose (0, 0) is the centre of the first pixel.
+    #[must_use]
+    pub fn opencv_matrix(mut self, rows: [[f64; 3]; 3]) -> Self {
+        self.opencv_matrix = Some(rows.into());
+        self
+    }
+
+    /// OpenCV's 4, 5, 8, 12 or 14 coefficients of distortion in OpenCV's order.
+    #[must_use]
+    pub fn opencv(mut self, coefficients: impl Into<Vec<f64>>) -> Self {
+        self.opencv = Some(coefficients.into().into());
+        self
+    }
+
+    /// The four coefficients of OpenCV's fisheye.
+    #[must_use]
+    pub fn fisheye(mut self, coefficients: [f64; 4]) -> Self {
+        self.fisheye = Some(coefficients.into());
+        self
+    }
+
+    /// Lens distortion by names.
     #[must_use]
     pub fn distortion(mut self, distortion: DistortionFile) -> Self {
         self.distortion = Some(distortion.into());
@@ -255,7 +356,10 @@ impl ProjectorFile {
             fy: device.fy,
             cx: device.cx,
             cy: device.cy,
+            opencv_matrix: device.opencv_matrix,
             distortion: device.distortion,
+            opencv: device.opencv,
+            fisheye: device.fisheye,
             aperture: device.aperture,
             pose: Some(device.pose),
         }
@@ -274,7 +378,10 @@ impl ProjectorFile {
             fy: None,
             cx: None,
             cy: None,
+            opencv_matrix: None,
             distortion: None,
+            opencv: None,
+            fisheye: None,
             aperture: None,
             pose: None,
         }

@@ -116,23 +116,24 @@ impl Epipolar {
 mod tests {
     use super::*;
     use crate::device::distortion::Distortion;
+    use crate::device::distortion::opencv::Opencv;
     use glam::{Mat3A, Quat, Vec3A};
 
     /// Any point that both devices see lies on the epipolar line of its camera pixel, distortion and all.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
-            let d = Distortion {
+            let d = Opencv {
                 k1,
                 k2: 0.02,
                 p1: 0.001,
-                ..Distortion::default()
+                ..Opencv::default()
             };
             Pinhole::new(
                 [640, 480],
                 DVec2::new(600.0, 610.0),
                 DVec2::new(320.0, 240.0),
-                d,
+                d.into(),
                 Vec3A::new(x, 0.05 * x, 0.0),
                 Mat3A::from_quat(Quat::from_rotation_y(yaw)),
             )

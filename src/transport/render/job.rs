@@ -1,6 +1,8 @@
 //! What a render of a scene is, for the sink that takes it: layouts of its slices, and provenance.
 
 use crate::accumulate::SlicePlan;
+use crate::device::distortion::Distortion;
+use crate::device::distortion::opencv::Opencv;
 use crate::device::pinhole::Pinhole;
 use crate::scene::Scene;
 use serde_json::{Map, Value, json};
@@ -34,8 +36,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
             "resolution": p.resolution,
             "focal_px": [p.focal.x, p.focal.y],
             "principal_px": [p.principal.x, p.principal.y],
-            "distortion": {"k1": p.distortion.k1, "k2": p.distortion.k2, "k3": p.distortion.k3,
-                           "p1": p.distortion.p1, "p2": p.distortion.p2},
+            "distortion": lens(&p.distortion),
             "origin_m": p.origin.to_array(),
             "right": p.axes.x_axis.to_array(), "down": p.axes.y_axis.to_array(), "forward": p.axes.z_axis.to_array(),
         })
@@ -68,6 +69,34 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
         put("projector", v);
     }
     map
+}
+
+/// Coefficients of a lens by their names: the five of Brown–Conrady always, others where they act.
+fn lens(distortion: &Distortion) -> Value {
+    let lens = match distortion {
+        Distortion::None => Opencv::default(),
+        Distortion::Opencv(lens) => *lens,
+        Distortion::Fisheye(lens) => return json!({ "fisheye": lens.k }),
+    };
+    let Opencv {
+        k1, k2, k3, p1, p2, ..
+    } = lens;
+    let mut out = json!({"k1": k1, "k2": k2, "k3": k3, "p1": p1, "p2": p2});
+    let more = [
+        ("k4", lens.k4),
+        ("k5", lens.k5),
+        ("k6", lens.k6),
+        ("s1", lens.s1),
+        ("s2", lens.s2),
+        ("s3", lens.s3),
+        ("s4", lens.s4),
+        ("tau_x", lens.tilt.tau[0]),
+        ("tau_y", lens.tilt.tau[1]),
+    ];
+    for (name, value) in more.into_iter().filter(|(_, v)| *v != 0.0) {
+        out[name] = json!(value);
+    }
+    out
 }
 
 fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {

@@ -1,0 +1,87 @@
+//! `sunstone project`: where points of a scene fall on the devices' pixels.
+
+use super::failure::Failure;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use sunstone::base::document;
+use sunstone::base::locate::InputError;
+use sunstone::transport::device::pinhole::Pinhole;
+
+/// Print where points fall on the pixels of camera and projector, as CSV.
+///
+/// Every line of POINTS.csv is a point x,y,z in metres, in the scene's coordinates; lines that begin with # are left out, and so
+/// is a first line of names. Printed are the points with camera_x, camera_y, projector_x, projector_y: continuous pixels, of
+/// which the first covers 0..1, through lens and all, exactly as renders have them. They are empty where a device does not see
+/// the point for being outside its image or behind it; what stands in between is not looked at. A lens of finite aperture
+/// is taken as its centre.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone project scene.toml corners.csv
+  sunstone project scene.toml corners.csv --opencv > pixels.csv")]
+pub struct Arguments {
+    /// Scene file.
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Points, x,y,z a line.
+    #[arg(value_name = "POINTS.csv")]
+    points: PathBuf,
+    /// Count pixels as OpenCV does: (0, 0) is the centre of the first pixel.
+    #[arg(long)]
+    opencv: bool,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let scene = sunstone::scene::load(&a.scene)?;
+    let points = points(&a.points)?;
+    let projector = scene.projector.as_ref().map(|p| &p.pinhole);
+    let centre = if a.opencv { 0.5 } else { 0.0 };
+    let mut out = String::from("x,y,z,camera_x,camera_y,projector_x,projector_y");
+    for [x, y, z] in points {
+        let _ = write!(out, "\n{x},{y},{z}");
+        for device in [Some(&scene.camera), projector] {
+            let pixel = device.and_then(|d: &Pinhole| d.project([x, y, z].map(|v| v as f32).into()));
+            match pixel {
+                Some((at, _)) => {
+                    let _ = write!(out, ",{:.6},{:.6}", at.x - centre, at.y - centre);
+                }
+                None => out.push_str(",,"),
+            }
+        }
+    }
+    super::output::print(&out)
+}
+
+/// Reads points, x,y,z a line.
+fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
+    let mend = "give a text with x,y,z in metres on every line";
+    let text = document::read(path, "points", mend)?;
+    let mut points = vec![];
+    let mut start = 0;
+    let mut first = true;
+    for line in text.split_inclusive('\n') {
+        let span = start..start + line.trim_end().len();
+        start += line.len();
+        if line.trim().is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let words: Vec<&str> = line.split(',').map(str::trim).collect();
+        let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok()).collect();
+        match numbers[..] {
+            [x, y, z] if words.len() == 3 && numbers.iter().all(|v| v.abs() < 1e30) => points.push([x, y, z]),
+            // Names of columns.
+            [] if first => {}
+            _ => {
+                return Err(InputError {
+                    file: path.to_owned(),
+                    text: text.as_str().into(),
+                    span: Some(span),
+                    message: format!("`{}` is no point", line.trim()),
+                    help: Some(mend.into()),
+                });
+            }
+        }
+        first = false;
+    }
+    Ok(points)
+}

@@ -1,0 +1,209 @@
+//! Intrinsics and lens distortion of a scene file, in each of the ways in which they may be given.
+
+use super::context::Context;
+use base::locate::{InputError, Located};
+use glam::DVec2;
+use std::ops::Range;
+use syntax::device::{DistortionFile, PinholeFile};
+use transport::device::distortion::Distortion;
+use transport::device::distortion::fisheye::Fisheye;
+use transport::device::distortion::opencv::Opencv;
+use transport::device::distortion::tilt::Tilt;
+
+/// Focal lengths and principal point, both in our pixels (the first covers 0..1).
+pub(crate) fn intrinsics(
+    ctx: &Context,
+    p: &PinholeFile,
+    span: Range<usize>,
+) -> Result<(DVec2, DVec2), InputError> {
+    let [w, h] = p.resolution.map(f64::from);
+    let from_fov = |fov: &Located<f64>, size: f64| {
+        if fov.is_finite() && **fov > 0.0 && **fov < 179.9 {
+            Ok(size / 2.0 / (fov.to_radians() / 2.0).tan())
+        } else {
+            Err(ctx.error(
+                fov.span(),
+                format!("the field of view is {}°", **fov),
+                "it must lie above 0 and below 179.9 degrees",
+            ))
+        }
+    };
+    let positive = |f: f64, span: Range<usize>| {
+        if f.is_finite() && f > 1e-3 && f < 1e9 {
+            Ok(f)
+        } else {
+            Err(ctx.error(
+                span,
+                format!("the focal length is {f} pixels"),
+                "give it in pixels, above 0.001",
+            ))
+        }
+    };
+    let given = |f: &Located<f64>| positive(**f, f.span());
+    let matrix = p.opencv_matrix.as_ref();
+    let focal = match (&p.fov_x_deg, &p.fov_y_deg, &p.fx, &p.fy, matrix) {
+        (Some(fov), None, None, None, None) => DVec2::splat(from_fov(fov, w)?),
+        (None, Some(fov), None, None, None) => DVec2::splat(from_fov(fov, h)?),
+        (None, None, Some(fx), None, None) => DVec2::splat(given(fx)?),
+        (None, None, Some(fx), Some(fy), None) => DVec2::new(given(fx)?, given(fy)?),
+        (None, None, None, None, Some(m)) => {
+            let [[fx, ..], [_, fy, _], _] = **m;
+            DVec2::new(positive(fx, m.span())?, positive(fy, m.span())?)
+        }
+        _ => {
+            return Err(ctx.error(
+                span,
+                "the focal length is given in no way, or in more than one",
+                "give exactly one of fov_x_deg, fov_y_deg, opencv_matrix, or fx (with fy if pixels are not square)",
+            ));
+        }
+    };
+    let principal = match matrix {
+        None => DVec2::new(p.cx.unwrap_or(w / 2.0), p.cy.unwrap_or(h / 2.0)),
+        Some(m) if p.cx.is_some() || p.cy.is_some() => {
+            return Err(ctx.error(
+                m.span(),
+                "the principal point is given by opencv_matrix and by cx or cy",
+                "remove cx and cy, which count from the corner of the first pixel and not from its centre",
+            ));
+        }
+        Some(m) => opencv_principal(ctx, m)?,
+    };
+    if !(principal.x.abs() < 1e9 && principal.y.abs() < 1e9) {
+        return Err(ctx.error(
+            span,
+            "cx or cy is not finite",
+            "give the principal point in pixels",
+        ));
+    }
+    Ok((focal, principal))
+}
+
+/// From OpenCV's pixel centres to ours.
+fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, InputError> {
+    let [[_, skew, cx], [below, _, cy], last] = **m;
+    let error = |message: String, help: &str| Err(ctx.error(m.span(), message, help));
+    if last != [0.0, 0.0, 1.0] || below != 0.0 {
+        return error(
+            "opencv_matrix is no camera matrix".into(),
+            "write [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; the matrices of other programs may be transposed",
+        );
+    }
+    if skew != 0.0 {
+        return error(
+            format!("opencv_matrix has a skew of {skew}, but pixels here have right angles"),
+            "calibrate without skew and put 0 into the middle of the first row",
+        );
+    }
+    Ok(DVec2::new(cx + 0.5, cy + 0.5))
+}
+
+/// A lens, where it stands in the file, and what to do if it cannot be.
+pub(crate) struct Lens {
+    pub(crate) distortion: Distortion,
+    pub(crate) span: Option<Range<usize>>,
+    pub(crate) mend: &'static str,
+}
+
+/// The distortion of a device.
+pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputError> {
+    let spans = [
+        p.distortion.as_ref().map(Located::span),
+        p.opencv.as_ref().map(Located::span),
+        p.fisheye.as_ref().map(Located::span),
+    ];
+    let mut given = spans.into_iter().flatten();
+    let span = given.next();
+    if let Some(second) = given.next() {
+        return Err(ctx.error(
+            second,
+            "the lens is given in more than one way",
+            "keep one of distortion, opencv and fisheye",
+        ));
+    }
+    let (distortion, coefficients, mend) = match (&p.opencv, &p.fisheye) {
+        (Some(list), _) => {
+            let file = by_order(list).ok_or_else(|| {
+                ctx.error(
+                    list.span(),
+                    format!("opencv has {} coefficients", list.len()),
+                    "give 4, 5, 8, 12 or 14 in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
+                )
+            })?;
+            (opencv(&file), list.to_vec(), "check signs and order: k1, k2, p1, p2, k3, ...")
+        }
+        (None, Some(k)) => (
+            Distortion::Fisheye(Fisheye { k: **k }),
+            k.to_vec(),
+            "check the focal length, the signs and the order of k1, k2, k3, k4, and that the lens was calibrated as a fisheye",
+        ),
+        (None, None) => {
+            let file = p.distortion.as_deref().cloned().unwrap_or_default();
+            let all = names(&file).map(|v| *v).to_vec();
+            (opencv(&file), all, "check the signs and the order of k1, k2, k3, p1, p2")
+        }
+    };
+    let finite = coefficients.iter().all(|c| c.abs() < 1e6);
+    if let (false, Some(at)) = (finite, &span) {
+        return Err(ctx.error(
+            at.clone(),
+            "a coefficient of the distortion is not a finite number",
+            "give numbers as calibration prints them",
+        ));
+    }
+    Ok(Lens {
+        distortion,
+        span,
+        mend,
+    })
+}
+
+/// All coefficients in OpenCV's order.
+fn names(f: &DistortionFile) -> [&f64; 14] {
+    [
+        &f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x, &f.tau_y,
+    ]
+}
+
+/// OpenCV's list; `None` if its length is none of OpenCV's.
+fn by_order(list: &[f64]) -> Option<DistortionFile> {
+    if !matches!(list.len(), 4 | 5 | 8 | 12 | 14) {
+        return None;
+    }
+    let at = |i: usize| list.get(i).copied().unwrap_or(0.0);
+    Some(DistortionFile {
+        k1: at(0),
+        k2: at(1),
+        p1: at(2),
+        p2: at(3),
+        k3: at(4),
+        k4: at(5),
+        k5: at(6),
+        k6: at(7),
+        s1: at(8),
+        s2: at(9),
+        s3: at(10),
+        s4: at(11),
+        tau_x: at(12),
+        tau_y: at(13),
+    })
+}
+
+fn opencv(f: &DistortionFile) -> Distortion {
+    Opencv {
+        k1: f.k1,
+        k2: f.k2,
+        k3: f.k3,
+        k4: f.k4,
+        k5: f.k5,
+        k6: f.k6,
+        p1: f.p1,
+        p2: f.p2,
+        s1: f.s1,
+        s2: f.s2,
+        s3: f.s3,
+        s4: f.s4,
+        tilt: Tilt::new(f.tau_x, f.tau_y),
+    }
+    .into()
+}

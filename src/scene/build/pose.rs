@@ -1,0 +1,156 @@
+//! Poses of a scene file → where a device stands and which way its axes point.
+
+use super::context::{Context, HUGE};
+use base::locate::{InputError, Located};
+use glam::{DMat3, DQuat, DVec3, Mat3A, Vec3A};
+use std::ops::Range;
+use syntax::device::{ExtrinsicsFile, PoseFile};
+
+/// Three finite numbers of sane size.
+pub(crate) fn vector(
+    ctx: &Context,
+    v: [f64; 3],
+    span: Range<usize>,
+    what: &str,
+) -> Result<Vec3A, InputError> {
+    if v.iter().all(|x| x.abs() <= HUGE) {
+        return Ok(DVec3::from_array(v).as_vec3a());
+    }
+    Err(ctx.error(
+        span,
+        format!("{what} is not a finite point"),
+        "give three numbers in metres",
+    ))
+}
+
+/// Where a device stands, and its axes (columns: right, down, forward).
+pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), InputError> {
+    let span = pose.span();
+    match &**pose {
+        PoseFile::LookAt(l) => {
+            let origin = DVec3::from_array(l.origin);
+            let forward = (DVec3::from_array(l.target) - origin).try_normalize();
+            let right = forward.and_then(|f| f.cross(DVec3::from_array(l.up)).try_normalize());
+            let (Some(forward), Some(right)) = (forward, right) else {
+                return Err(ctx.error(
+                    span,
+                    "look_at does not define a pose",
+                    "target must differ from origin, and up must not be parallel to the view",
+                ));
+            };
+            vector(ctx, l.origin, span, "look_at.origin")?;
+            let axes = [right, forward.cross(right), forward].map(DVec3::as_vec3a);
+            Ok((origin.as_vec3a(), Mat3A::from_cols(axes[0], axes[1], axes[2])))
+        }
+        PoseFile::Matrix(m) => {
+            let column = |j: usize| DVec3::new(m[0][j], m[1][j], m[2][j]);
+            let (x, y, z) = (column(0), column(1), column(2));
+            let rigid = (x.length() - 1.0).abs() < 1e-4
+                && (y.length() - 1.0).abs() < 1e-4
+                && (x.cross(y) - z).length() < 1e-3
+                && m[3] == [0.0, 0.0, 0.0, 1.0];
+            if !rigid {
+                return Err(ctx.error(
+                    span,
+                    "the pose matrix is not a rotation and a translation",
+                    "columns must be the right-handed unit vectors right, down, forward, then the position; last row 0 0 0 1",
+                ));
+            }
+            let origin = vector(ctx, column(3).to_array(), span, "the position in the pose matrix")?;
+            // Orthonormalize, so that calibration rounding does not scale directions.
+            let x = x.normalize();
+            let y = (y - x * x.dot(y)).normalize();
+            Ok((
+                origin,
+                Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), x.cross(y).as_vec3a()),
+            ))
+        }
+        PoseFile::Extrinsics(e) => extrinsics(ctx, e, span),
+    }
+}
+
+/// The device of x_device = R x_world + t: the rows of R are its axes, and it stands at -Rᵀ t.
+fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(Vec3A, Mat3A), InputError> {
+    let error = |message: String, help: &str| ctx.error(span.clone(), message, help);
+    let rotation = match (e.rotation, e.rvec) {
+        (Some(rows), None) => rotation(rows)
+            .map_err(|why| error(why, "give the rows of the rotation from world to device as calibration prints them"))?,
+        (None, Some(v)) if v.iter().all(|x| x.abs() < 1e3) => {
+            let v = DVec3::from_array(v);
+            DMat3::from_quat(DQuat::from_scaled_axis(v))
+        }
+        (None, Some(_)) => {
+            return Err(error(
+                "rvec is no rotation".into(),
+                "give the axis times the angle in radians",
+            ));
+        }
+        _ => {
+            return Err(error(
+                "extrinsics have no rotation, or two".into(),
+                "give either R (three rows) or rvec (axis times angle in radians)",
+            ));
+        }
+    };
+    let ((Some(t), None) | (None, Some(t))) = (e.t, e.tvec) else {
+        return Err(error(
+            "extrinsics have no translation, or two".into(),
+            "give either t or tvec, in metres",
+        ));
+    };
+    let axes = rotation.transpose();
+    let origin = -(axes * DVec3::from_array(t));
+    let origin = vector(ctx, origin.to_array(), span.clone(), "the position that R and t give")?;
+    let axes = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::as_vec3a);
+    Ok((origin, Mat3A::from_cols(axes[0], axes[1], axes[2])))
+}
+
+/// How far from a rotation the digits of a printed one may leave it.
+const PRINTED: f64 = 1e-3;
+
+/// The rotation that rows are, but for the digits that were printed of them.
+///
+/// # Errors
+/// Why they are none.
+pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
+    let mut r = DMat3::from_cols_array_2d(&rows).transpose();
+    let off = r.transpose() * r - DMat3::IDENTITY;
+    let worst = off.to_cols_array().iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+    if !(r.is_finite() && worst < PRINTED) {
+        return Err(format!(
+            "R is no rotation: its columns are {worst:.2} off being perpendicular unit vectors"
+        ));
+    }
+    if r.determinant() < 0.0 {
+        return Err("R is a reflection (its determinant is -1): an axis is turned round".into());
+    }
+    // Toward the nearest rotation (Newton–Schulz), squaring what is off each time.
+    for _ in 0..4 {
+        r *= (DMat3::IDENTITY * 3.0 - r.transpose() * r) * 0.5;
+    }
+    Ok(r)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Printed to four digits and back.
+        #[test]
+        fn printed_rotations_are_rotations(v in prop::array::uniform3(-3.0..3.0_f64)) {
+            let r = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from_array(v)));
+            let rows = r.transpose().to_cols_array_2d();
+            let printed = rows.map(|row| row.map(|x| (x * 1e4).round() / 1e4));
+            let back = rotation(printed).unwrap();
+            let off = (back.transpose() * back - DMat3::IDENTITY).to_cols_array();
+            prop_assert!(off.iter().all(|x| x.abs() < 1e-14));
+            prop_assert!((back - r).to_cols_array().iter().all(|x| x.abs() < 2e-4));
+            let mirrored = rotation(printed.map(|[x, y, z]| [-x, y, z]));
+            prop_assert!(mirrored.is_err_and(|e| e.contains("reflection")));
+            let scaled = rotation(printed.map(|row| row.map(|x| 1.01 * x)));
+            prop_assert!(scaled.is_err_and(|e| e.contains("no rotation")));
+        }
+    }
+}

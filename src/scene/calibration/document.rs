@@ -1,0 +1,122 @@
+//! A calibration file as one tree, whatever its syntax, and errors that name places in it.
+
+use super::{npz, yaml};
+use base::locate::InputError;
+use serde_json::Value;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The largest text that is read, bytes: calibrations are kilobytes.
+const LARGEST: u64 = 64 << 20;
+
+const MEND: &str = "give a calibration as .yaml, .yml, .json or .npz";
+
+/// A file that has been read.
+pub(super) struct Document {
+    pub(super) file: PathBuf,
+    /// Empty of files that are no text.
+    text: Arc<str>,
+    pub(super) root: Value,
+}
+
+impl Document {
+    /// Reads a file as its extension says.
+    pub(super) fn load(path: &Path) -> Result<Self, InputError> {
+        let failed = |message: String| InputError {
+            file: path.to_owned(),
+            text: "".into(),
+            span: None,
+            message,
+            help: Some(MEND.into()),
+        };
+        let mut bytes = vec![];
+        std::fs::File::open(path)
+            .and_then(|f| f.take(LARGEST + 1).read_to_end(&mut bytes))
+            .map_err(|e| failed(format!("cannot read the calibration: {e}")))?;
+        if bytes.len() as u64 > LARGEST {
+            return Err(failed("the calibration has more than 64 MiB".into()));
+        }
+        Self::parse(path, bytes)
+    }
+
+    /// Of a file's bytes.
+    pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, InputError> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        let error = |text: &str, at: Option<usize>, message: String| InputError {
+            file: path.to_owned(),
+            text: text.into(),
+            span: at.map(|at| at..at),
+            message,
+            help: Some(MEND.into()),
+        };
+        let (text, root) = if extension == "npz" {
+            let root = npz::read(bytes).map_err(|e| error("", None, e))?;
+            (String::new(), root)
+        } else {
+            let text = String::from_utf8(bytes)
+                .map_err(|e| error("", None, format!("the calibration is no text: {e}")))?;
+            let root = if extension == "json" {
+                serde_json::from_str(&text).map_err(|e| {
+                    let line = text.split_inclusive('\n').take(e.line().saturating_sub(1));
+                    let at = line.map(str::len).sum::<usize>() + e.column().saturating_sub(1);
+                    error(&text, Some(boundary(&text, at)), format!("this is not JSON: {e}"))
+                })?
+            } else {
+                yaml::read(&text)
+                    .map_err(|(at, e)| error(&text, Some(boundary(&text, at)), format!("this is not YAML: {e}")))?
+            };
+            (text, root)
+        };
+        Ok(Self {
+            file: path.to_owned(),
+            text: text.into(),
+            root,
+        })
+    }
+
+    /// An error at the value that keys lead to.
+    pub(super) fn error(&self, keys: &[String], message: &str, help: &str) -> InputError {
+        let named = if keys.is_empty() {
+            String::new()
+        } else {
+            format!("`{}`: ", keys.join("."))
+        };
+        InputError {
+            file: self.file.clone(),
+            text: self.text.clone(),
+            span: self.find(keys),
+            message: format!("{named}{message}"),
+            help: Some(help.to_owned()),
+        }
+    }
+
+    /// Where the last of the keys stands, each looked for behind the one before it.
+    fn find(&self, keys: &[String]) -> Option<std::ops::Range<usize>> {
+        let mut span = None;
+        let mut from = 0;
+        for key in keys {
+            let is_key = |at: &usize| {
+                let before = self.text[..*at].chars().next_back();
+                let after = self.text[*at + key.len()..].trim_start_matches(['"', '\'', ' ']);
+                before.is_none_or(|c| !c.is_alphanumeric() && c != '_') && after.starts_with(':')
+            };
+            let at = self.text[from..]
+                .match_indices(key.as_str())
+                .map(|(i, _)| from + i)
+                .find(is_key)?;
+            from = at + key.len();
+            span = Some(at..from);
+        }
+        span
+    }
+}
+
+/// The last boundary of characters up to `at`.
+fn boundary(text: &str, at: usize) -> usize {
+    let mut at = at.min(text.len());
+    while !text.is_char_boundary(at) {
+        at -= 1;
+    }
+    at
+}

@@ -1,0 +1,151 @@
+//! MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them, or a struct of their properties.
+//!
+//! MATLAB counts pixels from 1, so its principal point is OpenCV's plus 1. Its older matrices are for row vectors: IntrinsicMatrix
+//! is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t; `K`, and R of rigidtform3d in PatternExtrinsics, are for columns.
+
+use super::document::Document;
+use super::names::Node;
+use super::{Found, Lens, Options, opencv};
+use base::locate::InputError;
+use syntax::device::ExtrinsicsFile;
+
+const NAMES: [&str; 4] = ["FocalLength", "PrincipalPoint", "IntrinsicMatrix", "RadialDistortion"];
+
+/// The table that MATLAB's names are in: the whole, or the one that holds it, or that was asked for.
+pub(super) fn find(document: &Document) -> Option<Node<'_>> {
+    let is = |node: &Node| NAMES.iter().any(|n| node.get(n).is_some()) || node.get("Intrinsics").is_some();
+    let root = Node::root(document);
+    if is(&root) {
+        return Some(root);
+    }
+    let mut inside = root.table().filter_map(|(k, _)| root.get(k)).filter(is);
+    let first = inside.next()?;
+    inside.next().is_none().then_some(first)
+}
+
+/// Reads a camera.
+pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Found, InputError> {
+    let inner = camera.get("Intrinsics");
+    let get = |key: &str| camera.get(key).or_else(|| inner.as_ref()?.get(key));
+    let mut notes = vec!["MATLAB's pixels count from 1: its principal point less 1 is OpenCV's.".to_owned()];
+    if let Some(skew) = get("Skew")
+        && skew.number()? != 0.0
+    {
+        return Err(skew.error("pixels here have right angles", "calibrate without skew (EstimateSkew = false)"));
+    }
+    let matrix = if let (Some(f), Some(c)) = (get("FocalLength"), get("PrincipalPoint")) {
+        let [cx, cy] = c.vector::<2>()?;
+        let [fx, fy] = match f.array()?.values[..] {
+            [one] => [one; 2],
+            _ => f.vector::<2>()?,
+        };
+        [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    } else if let Some(node) = get("K") {
+        opencv::checked(&node, node.matrix::<3>()?)?
+    } else if let Some(node) = get("IntrinsicMatrix") {
+        let m = node.matrix::<3>()?;
+        let transposed = std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]));
+        opencv::checked(&node, transposed)?
+    } else {
+        return Err(camera.error(
+            "there is neither FocalLength with PrincipalPoint nor IntrinsicMatrix",
+            "write jsonencode(cameraParams.Intrinsics), or a struct with these properties",
+        ));
+    };
+    let [[fx, _, cx], [_, fy, cy], _] = matrix;
+    let radial = get("RadialDistortion").map(|n| n.array()).transpose()?;
+    let tangential = get("TangentialDistortion").map(|n| n.vector::<2>()).transpose()?;
+    let [p1, p2] = tangential.unwrap_or_default();
+    let lens = match radial.as_ref().map(|r| &r.values[..]) {
+        None if tangential.is_none() => Lens::None,
+        None => Lens::Opencv(vec![0.0, 0.0, p1, p2]),
+        Some([k1, k2]) => Lens::Opencv(vec![*k1, *k2, p1, p2]),
+        Some([k1, k2, k3]) => Lens::Opencv(vec![*k1, *k2, p1, p2, *k3]),
+        Some(other) => {
+            return Err(camera.error(
+                &format!("RadialDistortion has {} coefficients", other.len()),
+                "MATLAB gives 2 or 3",
+            ));
+        }
+    };
+    let size = match get("ImageSize") {
+        Some(node) if node.value.as_array().is_none_or(|a| !a.is_empty()) => {
+            // Rows, then columns.
+            let [h, w] = node.vector::<2>()?;
+            Some(node.pixels(w, h)?)
+        }
+        _ => None,
+    };
+    let unit = get("WorldUnits").and_then(|n| match n.text()? {
+        "millimeters" | "mm" => Some(1e-3),
+        "centimeters" | "cm" => Some(1e-2),
+        "meters" | "m" => Some(1.0),
+        "inches" | "in" => Some(0.0254),
+        _ => None,
+    });
+    Ok(Found {
+        matrix: [[fx, 0.0, cx - 1.0], [0.0, fy, cy - 1.0], [0.0, 0.0, 1.0]],
+        lens,
+        size,
+        pose: pose(camera, options, &mut notes)?,
+        unit,
+        notes,
+    })
+}
+
+fn pose(camera: &Node, options: &Options, notes: &mut Vec<String>) -> Result<Option<ExtrinsicsFile>, InputError> {
+    let either = |a: &str, b: &str| camera.get(a).or_else(|| camera.get(b));
+    let found = |rotation: [[f64; 3]; 3], t: [f64; 3]| {
+        Some(ExtrinsicsFile {
+            rotation: Some(rotation),
+            t: Some(t),
+            ..ExtrinsicsFile::default()
+        })
+    };
+    let transposed = |m: [[f64; 3]; 3]| std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]));
+    if let (Some(r), Some(t)) = (
+        either("RotationMatrix", "rotationMatrix"),
+        either("TranslationVector", "translationVector"),
+    ) {
+        notes.push("The rotation matrix is MATLAB's, for row vectors: it was transposed.".into());
+        return Ok(found(transposed(r.matrix::<3>()?), t.vector::<3>()?));
+    }
+    // One view is written as a table, several as a list of them.
+    let views = camera.get("PatternExtrinsics");
+    let count = match (&views, camera.get("TranslationVectors")) {
+        (Some(list), _) => list.value.as_array().map_or(1, Vec::len),
+        (None, Some(t)) => t.array()?.values.len() / 3,
+        (None, None) => 0,
+    };
+    let view = match (options.view, count) {
+        (None, 0) => return Ok(None),
+        (None, 1) => 0,
+        (Some(view), n) if view < n => view,
+        (Some(view), n) => {
+            return Err(camera.error(&format!("there is no view {view}: {n} have a pose"), "count from 0"));
+        }
+        (None, n) => {
+            notes.push(format!("The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.", n - 1));
+            return Ok(None);
+        }
+    };
+    if let Some(views) = views {
+        let one = views.item(view).unwrap_or_else(|| views.clone());
+        let (Some(r), Some(t)) = (one.get("R"), one.get("Translation")) else {
+            return Err(one.error("a view has no R or no Translation", "write jsonencode of the rigidtform3d objects"));
+        };
+        return Ok(found(r.matrix::<3>()?, t.vector::<3>()?));
+    }
+    let (Some(r), Some(t)) = (camera.get("RotationMatrices"), camera.get("TranslationVectors")) else {
+        return Err(camera.error("there are TranslationVectors, but no RotationMatrices", "give both"));
+    };
+    let (rotations, translations) = (r.array()?, t.array()?.values);
+    // 3 × 3 × views, of which MATLAB drops a last axis of one.
+    if rotations.values.len() != 9 * count || rotations.shape.get(..2) != Some(&[3, 3]) {
+        return Err(r.error(&format!("it is of shape {:?}, where 3 × 3 × {count} is wanted", rotations.shape), "give all views"));
+    }
+    let m = std::array::from_fn(|i| std::array::from_fn(|j| rotations.values[(3 * i + j) * count + view]));
+    notes.push("Rotation matrices are MATLAB's, for row vectors: they were transposed.".into());
+    let at = |k: usize| translations[3 * view + k];
+    Ok(found(transposed(m), [at(0), at(1), at(2)]))
+}

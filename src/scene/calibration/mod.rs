@@ -1,0 +1,191 @@
+//! Calibrations that other programs write → a camera or a projector of a scene file.
+//!
+//! | program | file | pixel centres | world to device |
+//! |---|---|---|---|
+//! | OpenCV (`cv::FileStorage`, or numpy.savez) | YAML, JSON, .npz | first pixel at 0 | x = R X + t |
+//! | ROS `camera_info` | YAML, JSON | first pixel at 0 | none (its R rectifies) |
+//! | Kalibr camchain | YAML | first pixel at 0 | T_cn_cnm1, T_cam_imu |
+//! | MATLAB (`jsonencode`) | JSON | first pixel at 1 | row vectors: x = X R + t, R transposed |
+//!
+//! [`document`] reads any of these files into one tree, [`names`] finds things in it, and `opencv`, `kalibr`, `matlab` know who
+//! means what.
+
+mod document;
+mod kalibr;
+mod matlab;
+mod names;
+mod npz;
+mod opencv;
+#[cfg(test)]
+mod tests;
+mod yaml;
+
+use crate::build::context::Context;
+use crate::build::devices::pinhole;
+use base::locate::{InputError, Located};
+use document::Document;
+use serde::Serialize;
+use std::path::Path;
+use syntax::device::{ExtrinsicsFile, PinholeFile, PoseFile, ProjectorFile};
+
+/// What a user says of a calibration that its file does not.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Which of several cameras: `cam1`, or `2` of K2 and D2, or `proj` of proj_K.
+    pub camera: Option<String>,
+    /// Which of several views of a target gives the pose, from 0.
+    pub view: Option<usize>,
+    /// Width and height, which take the place of the file's.
+    pub resolution: Option<[u32; 2]>,
+    /// Metres that the file's unit of length has; absent: as the file says, or 1.
+    pub metres_per_unit: Option<f64>,
+    /// Four coefficients are those of a fisheye.
+    pub fisheye: bool,
+    /// Of Kalibr's files: the world is the IMU's frame instead of the first camera's.
+    pub imu: bool,
+}
+
+impl Default for Options {
+    /// As the file says.
+    fn default() -> Self {
+        Self {
+            camera: None,
+            view: None,
+            resolution: None,
+            metres_per_unit: None,
+            fisheye: false,
+            imu: false,
+        }
+    }
+}
+
+/// What a reader finds in a file.
+struct Found {
+    /// OpenCV's camera matrix with OpenCV's pixel centres.
+    matrix: [[f64; 3]; 3],
+    lens: Lens,
+    size: Option<[u32; 2]>,
+    /// World to device, in the file's unit of length.
+    pose: Option<ExtrinsicsFile>,
+    /// Metres that the file says its unit has.
+    unit: Option<f64>,
+    notes: Vec<String>,
+}
+
+enum Lens {
+    None,
+    Opencv(Vec<f64>),
+    Fisheye([f64; 4]),
+}
+
+/// A device, and what was assumed of it.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// As the syntax of scene files has it.
+    pub device: PinholeFile,
+    /// What the file does not say, and what was left aside, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// True of the files that [`load`] reads: by their extensions, and of JSON those that have no `"type"` on their outermost level,
+/// which scenes of Mitsuba have.
+#[must_use]
+pub fn is_calibration(path: &Path) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    match extension.to_ascii_lowercase().as_str() {
+        "yaml" | "yml" | "npz" => true,
+        "json" => Document::load(path).is_ok_and(|d| d.root.get("type").is_none()),
+        _ => false,
+    }
+}
+
+/// Reads a calibration.
+///
+/// # Errors
+/// [`InputError`] if the file is none, or names a device that a scene cannot have; with the place if one is to blame.
+pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
+    from_document(&Document::load(path)?, options)
+}
+
+fn from_document(document: &Document, options: &Options) -> Result<Calibration, InputError> {
+    let mut found = if kalibr::is(document) {
+        kalibr::read(document, options)?
+    } else if let Some(camera) = matlab::find(document) {
+        matlab::read(document, &camera, options)?
+    } else {
+        opencv::read(document, options)?
+    };
+    let Some(resolution) = options.resolution.or(found.size) else {
+        return Err(document.error(
+            &[],
+            "the size of the image is not in the file",
+            "give it: --resolution 640x480",
+        ));
+    };
+    let mut notes = vec!["opencv_matrix counts pixels as OpenCV does: (0, 0) is the centre of the first.".to_owned()];
+    notes.append(&mut found.notes);
+    let pose = if let Some(mut pose) = found.pose {
+        let unit = options.metres_per_unit.or(found.unit).unwrap_or(1.0);
+        for t in [&mut pose.t, &mut pose.tvec].into_iter().flatten() {
+            *t = t.map(|x| x * unit);
+        }
+        notes.push(match (options.metres_per_unit, found.unit) {
+            (None, None) => "Lengths are taken as metres; --metres-per-unit 0.001 takes them as millimetres.".to_owned(),
+            _ => format!("The file's unit of length is taken as {unit} m."),
+        });
+        pose
+    } else {
+        notes.push("The file has no pose: the device stands at the origin, looks along +z, and +y is down.".to_owned());
+        let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        ExtrinsicsFile {
+            rotation: Some(rows),
+            t: Some([0.0; 3]),
+            ..ExtrinsicsFile::default()
+        }
+    };
+    let [w, h] = resolution;
+    let device = PinholeFile::new(PoseFile::Extrinsics(pose))
+        .resolution(w, h)
+        .opencv_matrix(found.matrix);
+    let device = match found.lens {
+        Lens::None => device,
+        Lens::Opencv(k) => device.opencv(k),
+        Lens::Fisheye(k) => device.fisheye(k),
+    };
+    check(document, &device)?;
+    Ok(Calibration { device, notes })
+}
+
+/// That the device can stand in a scene.
+fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
+    let wavelengths = Located::nowhere(vec![550.0]);
+    let ctx = Context::new(&document.file, "", &wavelengths)?;
+    pinhole(&ctx, device, 0..0).map(|_| ()).map_err(|e| InputError {
+        span: None,
+        ..e
+    })
+}
+
+/// A table that a scene file may hold.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Table<'a> {
+    Camera(&'a PinholeFile),
+    Projector(&'a ProjectorFile),
+}
+
+impl Calibration {
+    /// The `[camera]` (or `[projector]`) of a scene file, below comments with what was assumed.
+    ///
+    /// # Errors
+    /// If a number is larger than TOML can hold.
+    pub fn to_toml(&self, projector: bool) -> Result<String, toml::ser::Error> {
+        let comments: String = self.notes.iter().map(|n| format!("# {n}\n")).collect();
+        let table = if projector {
+            toml::to_string(&Table::Projector(&self.device.clone().into()))?
+        } else {
+            toml::to_string(&Table::Camera(&self.device))?
+        };
+        Ok(comments + &table)
+    }
+}

@@ -1,0 +1,183 @@
+//! Finding things in a calibration by their names, and reading numbers from what is found.
+
+use super::document::Document;
+use base::locate::InputError;
+use serde_json::{Map, Value};
+
+/// A value of a document, with the keys that lead to it.
+#[derive(Clone)]
+pub(super) struct Node<'a> {
+    pub(super) document: &'a Document,
+    pub(super) value: &'a Value,
+    pub(super) keys: Vec<String>,
+}
+
+/// Numbers with their shape, row-major.
+pub(super) struct Array {
+    pub(super) shape: Vec<usize>,
+    pub(super) values: Vec<f64>,
+}
+
+/// A name as people vary it: letters and digits in lower case.
+fn plain(name: &str) -> String {
+    let letters = name.chars().filter(char::is_ascii_alphanumeric);
+    letters.map(|c| c.to_ascii_lowercase()).collect()
+}
+
+impl<'a> Node<'a> {
+    /// The whole document.
+    pub(super) fn root(document: &'a Document) -> Self {
+        Self {
+            document,
+            value: &document.root,
+            keys: vec![],
+        }
+    }
+
+    /// An error at this value.
+    pub(super) fn error(&self, message: &str, help: &str) -> InputError {
+        self.document.error(&self.keys, message, help)
+    }
+
+    /// The table that this is, or an empty one.
+    pub(super) fn table(&self) -> impl Iterator<Item = (&'a String, &'a Value)> + use<'a> {
+        self.value.as_object().into_iter().flat_map(Map::iter)
+    }
+
+    fn child(&self, key: &str, value: &'a Value) -> Self {
+        Self {
+            document: self.document,
+            value,
+            keys: self.keys.iter().cloned().chain([key.to_owned()]).collect(),
+        }
+    }
+
+    /// The value of a key, spelt so.
+    pub(super) fn get(&self, key: &str) -> Option<Self> {
+        let value = self.value.as_object()?.get(key).filter(|v| !v.is_null())?;
+        Some(self.child(key, value))
+    }
+
+    /// The value of the first of some names, however people vary capitals and underscores.
+    pub(super) fn any(&self, names: &[&str]) -> Option<Self> {
+        names.iter().find_map(|name| {
+            let mut of = self.table().filter(|(k, v)| plain(k) == plain(name) && !v.is_null());
+            of.next().map(|(k, v)| self.child(k, v))
+        })
+    }
+
+    /// An element of a list.
+    pub(super) fn item(&self, i: usize) -> Option<Self> {
+        Some(Self {
+            document: self.document,
+            value: self.value.as_array()?.get(i)?,
+            keys: self.keys.clone(),
+        })
+    }
+
+    /// A text.
+    pub(super) fn text(&self) -> Option<&'a str> {
+        self.value.as_str()
+    }
+
+    /// A number.
+    pub(super) fn number(&self) -> Result<f64, InputError> {
+        match self.array()?.values[..] {
+            [one] => Ok(one),
+            _ => Err(self.error("one number is wanted", "write it as a number")),
+        }
+    }
+
+    /// Numbers: a list, lists of lists of one shape, or a matrix as OpenCV and ROS write it.
+    pub(super) fn array(&self) -> Result<Array, InputError> {
+        let bad = || self.error("it is no array of finite numbers", "write numbers as lists of rows");
+        if let Some(table) = self.value.as_object() {
+            let size = |key: &str| table.get(key).and_then(Value::as_u64).map(|n| n as usize);
+            let (Some(rows), Some(columns), Some(data)) = (size("rows"), size("cols"), self.get("data")) else {
+                return Err(bad());
+            };
+            let values = data.array()?.values;
+            if rows.checked_mul(columns).is_none_or(|n| n == 0 || !values.len().is_multiple_of(n)) {
+                return Err(self.error(
+                    &format!("{rows} rows of {columns} are not {} numbers", values.len()),
+                    "write as many numbers as rows and cols say",
+                ));
+            }
+            return Ok(Array {
+                shape: vec![rows, columns],
+                values,
+            });
+        }
+        let mut array = Array {
+            shape: vec![],
+            values: vec![],
+        };
+        let mut at = self.value;
+        while let Value::Array(list) = at {
+            array.shape.push(list.len());
+            match list.first() {
+                Some(first) => at = first,
+                None => break,
+            }
+        }
+        fill(self.value, &array.shape, &mut array.values).ok_or_else(bad)?;
+        Ok(array)
+    }
+
+    /// So many numbers, in whatever shape.
+    pub(super) fn vector<const N: usize>(&self) -> Result<[f64; N], InputError> {
+        let values = self.array()?.values;
+        let found = values.len();
+        values.try_into().map_err(|_| {
+            self.error(
+                &format!("it has {found} numbers, where {N} are wanted"),
+                "choose one of several views with --view 0, or correct the file",
+            )
+        })
+    }
+
+    /// A matrix by its rows.
+    pub(super) fn matrix<const N: usize>(&self) -> Result<[[f64; N]; N], InputError> {
+        let array = self.array()?;
+        let square = array.shape == [N, N] || array.values.len() == N * N && array.shape.len() <= 1;
+        if !square {
+            return Err(self.error(
+                &format!("it is of shape {:?}, where {N} × {N} is wanted", array.shape),
+                "write it as rows",
+            ));
+        }
+        Ok(std::array::from_fn(|i| std::array::from_fn(|j| array.values[i * N + j])))
+    }
+
+    /// Width and height, from two whole numbers in that order.
+    pub(super) fn size(&self) -> Result<[u32; 2], InputError> {
+        let [w, h] = self.vector::<2>()?;
+        self.pixels(w, h)
+    }
+
+    /// Width and height in whole pixels.
+    pub(super) fn pixels(&self, w: f64, h: f64) -> Result<[u32; 2], InputError> {
+        let whole = |n: f64| n.fract() == 0.0 && (1.0..=32768.0).contains(&n);
+        if whole(w) && whole(h) {
+            Ok([w as u32, h as u32])
+        } else {
+            Err(self.error(
+                &format!("an image of {w} × {h} pixels is none"),
+                "give its size with --resolution 640x480",
+            ))
+        }
+    }
+}
+
+fn fill(value: &Value, shape: &[usize], out: &mut Vec<f64>) -> Option<()> {
+    match (value, shape) {
+        (Value::Array(list), [n, shape @ ..]) if list.len() == *n => {
+            list.iter().try_for_each(|v| fill(v, shape, out))
+        }
+        (Value::Number(n), []) => {
+            out.push(n.as_f64().filter(|v| v.is_finite())?);
+            Some(())
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,87 @@
+//! NumPy's archives → the tree that JSON has, an array a key.
+
+use npyz::{DType, NpyFile, Order, TypeChar};
+use serde_json::{Map, Value};
+use std::io::{Cursor, Read};
+use zip::ZipArchive;
+
+/// Arrays of more elements are no numbers of a calibration, and are left aside.
+const MOST: u64 = 1 << 16;
+
+/// Reads an archive.
+///
+/// # Errors
+/// Why it is none.
+pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("this is no .npz: {e}"))?;
+    let mut out = Map::new();
+    for i in 0..archive.len().min(1024) {
+        let entry = archive.by_index(i).map_err(|e| format!("this is no .npz: {e}"))?;
+        let name = entry.name().map_err(|e| format!("this is no .npz: {e}"))?.into_owned();
+        let Some(key) = name.strip_suffix(".npy") else {
+            continue;
+        };
+        // More than the largest array that is kept.
+        let mut bytes = vec![];
+        entry
+            .take(16 * MOST)
+            .read_to_end(&mut bytes)
+            .map_err(|e| format!("{name} cannot be read: {e}"))?;
+        if let Some(value) = array(&bytes) {
+            out.insert(key.to_owned(), value);
+        }
+    }
+    Ok(Value::Object(out))
+}
+
+/// A small array of numbers, or a text; anything else is `None`.
+fn array(bytes: &[u8]) -> Option<Value> {
+    let file = NpyFile::new(bytes).ok()?;
+    let shape = file.shape().to_vec();
+    let count = shape.iter().try_fold(1_u64, |n, k| n.checked_mul(*k))?;
+    if count == 0 || count > MOST {
+        return None;
+    }
+    let column_major = file.order() == Order::Fortran;
+    let DType::Plain(plain) = file.dtype() else {
+        return None;
+    };
+    let values: Vec<f64> = match (plain.type_char(), plain.size_field()) {
+        (TypeChar::Float, 8) => file.into_vec::<f64>().ok()?,
+        (TypeChar::Float, 4) => file.into_vec::<f32>().ok()?.into_iter().map(f64::from).collect(),
+        (TypeChar::Int, 8) => file.into_vec::<i64>().ok()?.into_iter().map(|v| v as f64).collect(),
+        (TypeChar::Int, 4) => file.into_vec::<i32>().ok()?.into_iter().map(f64::from).collect(),
+        (TypeChar::Uint, 8) => file.into_vec::<u64>().ok()?.into_iter().map(|v| v as f64).collect(),
+        (TypeChar::Uint, 4) => file.into_vec::<u32>().ok()?.into_iter().map(f64::from).collect(),
+        _ => return None,
+    };
+    if values.len() as u64 != count || values.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let mut shape: Vec<usize> = shape.iter().map(|n| *n as usize).collect();
+    let mut strides: Vec<usize> = vec![1; shape.len()];
+    if column_major {
+        for k in 1..shape.len() {
+            strides[k] = strides[k - 1] * shape[k - 1];
+        }
+    } else {
+        for k in (1..shape.len()).rev() {
+            strides[k - 1] = strides[k] * shape[k];
+        }
+    }
+    // Axes of one element alone may be many; lists of lists need not.
+    if shape.len() > 8 {
+        shape = vec![values.len()];
+        strides = vec![1];
+    }
+    Some(nested(&values, 0, &shape, &strides))
+}
+
+fn nested(values: &[f64], start: usize, shape: &[usize], strides: &[usize]) -> Value {
+    match (shape, strides) {
+        ([n, shape @ ..], [step, strides @ ..]) => (0..*n)
+            .map(|i| nested(values, start + i * step, shape, strides))
+            .collect(),
+        _ => values.get(start).copied().into(),
+    }
+}

@@ -1,0 +1,278 @@
+//! Files of OpenCV's users (`cv::FileStorage`, JSON, numpy.savez) and of ROS, by the names that they give things.
+
+use super::document::Document;
+use super::names::Node;
+use super::{Found, Lens, Options};
+use base::locate::InputError;
+use syntax::device::ExtrinsicsFile;
+
+const MATRIX: [&str; 9] = [
+    "camera_matrix",
+    "K",
+    "mtx",
+    "M",
+    "intrinsic_matrix",
+    "intrinsics_matrix",
+    "intrinsic",
+    "cam_mtx",
+    "camera_mtx",
+];
+const LENS: [&str; 9] = [
+    "distortion_coefficients",
+    "dist_coeffs",
+    "dist_coefs",
+    "distortion_coeffs",
+    "dist",
+    "D",
+    "kc",
+    "distortion",
+    "cam_dist",
+];
+const ROTATION: [&str; 3] = ["R", "rotation_matrix", "rot"];
+const ROTATION_VECTOR: [&str; 4] = ["rvec", "rvecs", "rotation_vector", "rotation_vectors"];
+const TRANSLATION: [&str; 6] = ["T", "tvec", "tvecs", "translation", "translation_vector", "translation_vectors"];
+
+/// Reads a camera of a file.
+pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
+    let root = Node::root(document);
+    let camera = choose(&root, options)?;
+    let mut notes = vec![];
+    let named = |names: &[&str]| camera.any(names);
+    let matrix = matrix(&camera)?;
+    let ros = named(&["projection_matrix", "P"]).is_some();
+    let model = named(&["distortion_model"]).and_then(|m| m.text().map(str::to_ascii_lowercase));
+    let lens = match named(&LENS) {
+        None => Lens::None,
+        Some(node) => lens(&node, model.as_deref(), fisheye(&camera, options), &mut notes)?,
+    };
+    if matches!(lens, Lens::None) {
+        notes.push("The file has no distortion.".into());
+    }
+    let size = match (named(&["image_size", "img_size", "resolution", "size"]), named(&["image_width", "width"])) {
+        (Some(both), _) => Some(both.size()?),
+        (None, Some(w)) => match named(&["image_height", "height"]) {
+            Some(h) => Some(w.pixels(w.number()?, h.number()?)?),
+            None => None,
+        },
+        _ => None,
+    };
+    let pose = if ros {
+        if named(&ROTATION).is_some() || named(&["rectification_matrix"]).is_some() {
+            notes.push("R of a ROS camera_info rectifies images: it is no pose, and was left aside.".into());
+        }
+        None
+    } else {
+        pose(&camera, options, &mut notes)?
+    };
+    Ok(Found {
+        matrix,
+        lens,
+        size,
+        pose,
+        unit: None,
+        notes,
+    })
+}
+
+/// A part of a document that is a camera: the whole, the one table that is one, or the one that was asked for; with the
+/// camera's affix in front of names or behind them (`proj_K`, `K2`).
+struct Camera<'a> {
+    node: Node<'a>,
+    affix: Option<String>,
+}
+
+impl<'a> Camera<'a> {
+    fn any(&self, names: &[&str]) -> Option<Node<'a>> {
+        let Some(affix) = &self.affix else {
+            return self.node.any(names);
+        };
+        let with: Vec<String> = names
+            .iter()
+            .flat_map(|n| [format!("{affix}{n}"), format!("{n}{affix}")])
+            .collect();
+        let with: Vec<&str> = with.iter().map(String::as_str).collect();
+        self.node.any(&with)
+    }
+}
+
+fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputError> {
+    let whole = |node: Node<'a>| Camera { node, affix: None };
+    let is_camera = |node: &Node| node.any(&MATRIX).is_some() || node.any(&["fx"]).is_some();
+    let tables = || {
+        let keys = root.table().filter(|(_, v)| v.is_object()).map(|(k, _)| k);
+        keys.filter_map(|k| root.get(k)).filter(is_camera)
+    };
+    if let Some(name) = &options.camera {
+        if let Some(node) = root.get(name).filter(is_camera) {
+            return Ok(whole(node));
+        }
+        let camera = Camera {
+            node: root.clone(),
+            affix: Some(name.clone()),
+        };
+        if camera.any(&MATRIX).is_some() {
+            return Ok(camera);
+        }
+        return Err(root.error(
+            &format!("there is no camera `{name}`"),
+            "name a table of the file, or what stands before or behind its K and D: --camera cam0, --camera 2, --camera proj",
+        ));
+    }
+    if is_camera(root) {
+        return Ok(whole(root.clone()));
+    }
+    let found: Vec<Node> = tables().collect();
+    match &found[..] {
+        [one] => Ok(whole(one.clone())),
+        [] => Err(root.error(
+            "there is no camera matrix",
+            "it may be called camera_matrix, cameraMatrix, K or mtx, or those of a camera that --camera names (2 for K2, proj for proj_K)",
+        )),
+        several => {
+            let names: Vec<&str> = several.iter().filter_map(|n| n.keys.last()).map(String::as_str).collect();
+            Err(root.error(
+                "there are several cameras",
+                &format!("choose one with --camera: {}", names.join(", ")),
+            ))
+        }
+    }
+}
+
+fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
+    if let Some(node) = camera.any(&MATRIX) {
+        return checked(&node, node.matrix::<3>()?);
+    }
+    let number = |names: &[&str]| match camera.any(names) {
+        Some(node) => node.number(),
+        None => Err(camera.node.error(&format!("there is no {}", names[0]), "give fx, fy, cx and cy")),
+    };
+    let (fx, cx) = (number(&["fx"])?, number(&["cx", "ppx"])?);
+    let (fy, cy) = (number(&["fy"])?, number(&["cy", "ppy"])?);
+    Ok([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+}
+
+/// That a matrix is OpenCV's: not transposed, and without skew.
+pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], InputError> {
+    if m[2] != [0.0, 0.0, 1.0] || m[1][0] != 0.0 {
+        return Err(node.error(
+            "it is no camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+            "a transposed one is MATLAB's IntrinsicMatrix: call it so, and MATLAB's pixel centres are taken",
+        ));
+    }
+    if m[0][1] != 0.0 {
+        return Err(node.error("it has a skew, but pixels here have right angles", "calibrate without skew"));
+    }
+    Ok(m)
+}
+
+fn fisheye(camera: &Camera, options: &Options) -> bool {
+    let flag = camera.node.any(&["fisheye_model", "fisheye"]);
+    let set = flag.is_some_and(|f| f.value.as_bool().unwrap_or_else(|| f.number().is_ok_and(|n| n != 0.0)));
+    options.fisheye || set
+}
+
+/// Coefficients of a model that the file may name.
+pub(super) fn lens(
+    node: &Node,
+    model: Option<&str>,
+    fisheye: bool,
+    notes: &mut Vec<String>,
+) -> Result<Lens, InputError> {
+    let k = node.array()?.values;
+    let is_fisheye = match model {
+        Some("fisheye" | "equidistant" | "kannala_brandt" | "kannala_brandt4") => true,
+        Some("plumb_bob" | "rational_polynomial" | "radtan" | "opencv" | "brown_conrady") => false,
+        Some("none" | "") | None => fisheye,
+        Some(other) => {
+            return Err(node.error(
+                &format!("its model `{other}` is not one that is known here"),
+                "known are plumb_bob, radtan, rational_polynomial, equidistant and fisheye",
+            ));
+        }
+    };
+    if is_fisheye {
+        let count = k.len();
+        return match k.try_into() {
+            Ok(k) => Ok(Lens::Fisheye(k)),
+            Err(_) => Err(node.error(
+                &format!("a fisheye has 4 coefficients, and not {count}"),
+                "calibrate with cv2.fisheye, or take --fisheye away",
+            )),
+        };
+    }
+    match k.len() {
+        0 => Ok(Lens::None),
+        4 | 5 | 8 | 12 | 14 => {
+            if k.len() == 4 && model.is_none() {
+                notes.push("Four coefficients are taken as k1, k2, p1, p2; --fisheye takes them as a fisheye's k1 to k4.".into());
+            }
+            Ok(Lens::Opencv(k))
+        }
+        n => Err(node.error(
+            &format!("it has {n} coefficients"),
+            "OpenCV gives 4, 5, 8, 12 or 14: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
+        )),
+    }
+}
+
+fn pose(camera: &Camera, options: &Options, notes: &mut Vec<String>) -> Result<Option<ExtrinsicsFile>, InputError> {
+    let first = matches!(camera.affix.as_deref(), Some("1" | "cam" | "cam_" | "left" | "l" | "0"));
+    let own = |names: &[&str]| {
+        let shared = || (camera.affix.is_some() && !first).then(|| camera.node.any(names)).flatten();
+        camera.any(names).or_else(shared)
+    };
+    let rotation = own(&ROTATION).or_else(|| own(&ROTATION_VECTOR));
+    let (Some(rotation), Some(translation)) = (rotation, own(&TRANSLATION)) else {
+        if first && camera.node.any(&TRANSLATION).is_some() {
+            notes.push("R and T are those of the other device: the world is this one's frame.".into());
+        }
+        return Ok(None);
+    };
+    let t = translation.array()?;
+    if t.values.len() == 16 {
+        return Err(translation.error(
+            "a 4 × 4 pose does not say which way it goes",
+            "give R and t with x_camera = R x_world + t",
+        ));
+    }
+    let views = t.values.len() / 3;
+    let view = match (options.view, views) {
+        (None, 0 | 1) => 0,
+        (Some(view), n) if view < n => view,
+        (Some(view), n) => {
+            return Err(translation.error(
+                &format!("there is no view {view}: {n} have a pose"),
+                "count from 0",
+            ));
+        }
+        (None, n) => {
+            notes.push(format!("The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.", n - 1));
+            return Ok(None);
+        }
+    };
+    // Of several views, each is an element of the first axis.
+    let part = |node: &Node, size: usize| -> Result<Vec<f64>, InputError> {
+        let all = node.array()?.values;
+        let one = all.chunks_exact(size).nth(view).map(<[f64]>::to_vec);
+        match one {
+            Some(one) if all.len() == views.max(1) * size => Ok(one),
+            _ => Err(node.error(
+                &format!("{} numbers are no poses of {views} views", all.len()),
+                "give a rotation and a translation for each",
+            )),
+        }
+    };
+    let is_matrix = rotation.array()?.values.len() == 9 * views.max(1);
+    let mut pose = ExtrinsicsFile::default();
+    let three = |v: &[f64]| [v[0], v[1], v[2]];
+    let tvec = three(&part(&translation, 3)?);
+    if is_matrix {
+        let r = part(&rotation, 9)?;
+        pose.rotation = Some([three(&r), three(&r[3..]), three(&r[6..])]);
+        pose.t = Some(tvec);
+    } else {
+        pose.rvec = Some(three(&part(&rotation, 3)?));
+        pose.tvec = Some(tvec);
+    }
+    Ok(Some(pose))
+}

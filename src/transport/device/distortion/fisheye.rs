@@ -1,0 +1,97 @@
+//! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`): the image's radius is a polynomial of the angle to the
+//! axis.
+
+use glam::DVec2;
+
+/// The widest angle to the axis that is taken back, radians: normalized coordinates are those of the plane z = 1, which
+/// 90° does not meet.
+pub const WIDEST: f64 = 1.565;
+
+/// With r = |p| on the plane z = 1 and θ = atan r, p goes to p·θ_d/r, θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fisheye {
+    /// k1 to k4.
+    pub k: [f64; 4],
+}
+
+/// Below this radius the lens is the identity to rounding.
+const TINY: f64 = 1e-8;
+
+impl Fisheye {
+    /// θ_d, and its derivative by θ.
+    #[inline]
+    #[must_use]
+    pub fn radius(&self, theta: f64) -> [f64; 2] {
+        let [k1, k2, k3, k4] = self.k;
+        let t2 = theta * theta;
+        let value = theta * (1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))));
+        let slope = 1.0 + t2 * (3.0 * k1 + t2 * (5.0 * k2 + t2 * (7.0 * k3 + t2 * 9.0 * k4)));
+        [value, slope]
+    }
+
+    /// Ideal normalized coordinates → distorted ones.
+    #[inline]
+    #[must_use]
+    pub fn distort(&self, p: DVec2) -> DVec2 {
+        let r = p.length();
+        if r < TINY {
+            return p;
+        }
+        let [value, _] = self.radius(r.atan());
+        p * (value / r)
+    }
+
+    /// Jacobian of [`Self::distort`] by rows.
+    #[inline]
+    #[must_use]
+    pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
+        let r = p.length();
+        if r < TINY {
+            return [[1.0, 0.0], [0.0, 1.0]];
+        }
+        let [value, slope] = self.radius(r.atan());
+        let around = value / r;
+        let outward = slope / (1.0 + r * r);
+        let n = p / r;
+        let more = outward - around;
+        [
+            [around + more * n.x * n.x, more * n.x * n.y],
+            [more * n.x * n.y, around + more * n.y * n.y],
+        ]
+    }
+
+    /// Distorted normalized coordinates → ideal ones; `None` beyond [`WIDEST`] and where the polynomial falls.
+    #[inline]
+    #[must_use]
+    pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
+        let want = q.length();
+        if want < TINY {
+            return Some(q);
+        }
+        let (mut low, mut high) = (0.0, WIDEST);
+        if !(self.radius(high)[0] >= want) {
+            return None;
+        }
+        // Newton's method, halving the bracket where it leaves it.
+        let mut theta = want.min(high);
+        for _ in 0..100 {
+            let [value, slope] = self.radius(theta);
+            let e = value - want;
+            if e.abs() < 1e-14 * (1.0 + want) || high - low < 1e-15 {
+                return (slope > 0.0).then(|| q * (theta.tan() / want));
+            }
+            if e > 0.0 {
+                high = theta;
+            } else {
+                low = theta;
+            }
+            let next = theta - e / slope;
+            theta = if next > low && next < high {
+                next
+            } else {
+                0.5 * (low + high)
+            };
+        }
+        None
+    }
+}

@@ -1,0 +1,203 @@
+//! Lens distortion of a pinhole device, forward and back, and how it stretches areas.
+
+pub mod fisheye;
+pub mod opencv;
+pub mod tilt;
+
+use fisheye::{Fisheye, WIDEST};
+use glam::DVec2;
+use opencv::Opencv;
+
+/// What a lens does to the normalized coordinates of an image (those on the plane z = 1).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Distortion {
+    /// Nothing.
+    #[default]
+    None,
+    /// OpenCV's model of plane images, Brown–Conrady among them.
+    Opencv(Opencv),
+    /// OpenCV's fisheye.
+    Fisheye(Fisheye),
+}
+
+impl From<Opencv> for Distortion {
+    /// [`Self::None`] where all coefficients are 0.
+    fn from(lens: Opencv) -> Self {
+        if lens == Opencv::default() {
+            Self::None
+        } else {
+            Self::Opencv(lens)
+        }
+    }
+}
+
+impl Distortion {
+    /// True if nothing is distorted.
+    #[inline]
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::None
+    }
+
+    /// Ideal normalized coordinates → distorted ones.
+    #[inline]
+    #[must_use]
+    pub fn distort(&self, p: DVec2) -> DVec2 {
+        match self {
+            Self::None => p,
+            Self::Opencv(lens) => lens.distort(p),
+            Self::Fisheye(lens) => lens.distort(p),
+        }
+    }
+
+    /// Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
+    #[inline]
+    #[must_use]
+    pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
+        match self {
+            Self::None => [[1.0, 0.0], [0.0, 1.0]],
+            Self::Opencv(lens) => lens.jacobian(p),
+            Self::Fisheye(lens) => lens.jacobian(p),
+        }
+    }
+
+    /// Distorted normalized coordinates → ideal ones; `None` if there are none where the distortion is one-to-one.
+    #[inline]
+    #[must_use]
+    pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
+        match self {
+            Self::None => Some(q),
+            Self::Opencv(lens) => lens.undistort(q),
+            Self::Fisheye(lens) => lens.undistort(q),
+        }
+    }
+
+    /// Why there is no [`Self::undistort`] of a point of the image, in words.
+    #[must_use]
+    pub fn complaint(&self, q: DVec2) -> &'static str {
+        match self {
+            Self::Fisheye(lens)
+                if lens.radius(WIDEST)[0] < q.length()
+                    && (0..64).all(|i| lens.radius(WIDEST * f64::from(i) / 63.0)[1] > 0.0) =>
+            {
+                "it lies 90° or more off the axis, which a device with a plane image cannot have"
+            }
+            _ => "it folds the image over",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tilt::Tilt;
+
+    /// One of each model, strong but whole within |p| < 0.6.
+    fn lenses() -> Vec<Distortion> {
+        let brown = Opencv {
+            k1: -0.28,
+            k2: 0.07,
+            k3: 0.01,
+            p1: 0.002,
+            p2: -0.001,
+            ..Opencv::default()
+        };
+        let rational = Opencv {
+            k4: 0.2,
+            k5: -0.05,
+            k6: 0.03,
+            ..brown
+        };
+        let prism = Opencv {
+            s1: 0.01,
+            s2: -0.004,
+            s3: -0.008,
+            s4: 0.006,
+            ..rational
+        };
+        let tilted = Opencv {
+            tilt: Tilt::new(0.08, -0.11),
+            ..prism
+        };
+        let opencv = [brown, rational, prism, tilted].map(Distortion::from);
+        let fisheye = Distortion::Fisheye(Fisheye {
+            k: [-0.03, 0.01, -0.004, 0.0007],
+        });
+        [&opencv[..], &[fisheye, Distortion::Fisheye(Fisheye::default())]].concat()
+    }
+
+    proptest! {
+        #[test]
+        fn jacobians_are_derivatives_and_inverses_invert(x in -0.6..0.6, y in -0.6..0.6) {
+            let (p, h) = (DVec2::new(x, y), 1e-6);
+            for lens in lenses() {
+                let j = lens.jacobian(p);
+                let dx = (lens.distort(p + DVec2::X * h) - lens.distort(p - DVec2::X * h)) / (2.0 * h);
+                let dy = (lens.distort(p + DVec2::Y * h) - lens.distort(p - DVec2::Y * h)) / (2.0 * h);
+                prop_assert!((dx.x - j[0][0]).abs() < 1e-8 && (dx.y - j[1][0]).abs() < 1e-8, "{lens:?}");
+                prop_assert!((dy.x - j[0][1]).abs() < 1e-8 && (dy.y - j[1][1]).abs() < 1e-8, "{lens:?}");
+                let back = lens.undistort(lens.distort(p));
+                prop_assert!(back.is_some_and(|b| (b - p).length() < 1e-12), "{lens:?} {p} {back:?}");
+            }
+        }
+
+        /// Fisheyes see to near 90°.
+        #[test]
+        fn fisheyes_invert_far_off_the_axis(theta in 0.0..1.56, turn in 0.0..6.28) {
+            for lens in lenses().into_iter().skip(4) {
+                let p = DVec2::from_angle(turn) * f64::tan(theta);
+                let back = lens.undistort(lens.distort(p)).unwrap_or(DVec2::NAN);
+                prop_assert!((back.length().atan() - theta).abs() < 1e-12, "{back} {p}");
+                prop_assert!((back - p).length() <= 1e-9 * (1.0 + p.length_squared()));
+            }
+        }
+    }
+
+    /// By hand: x = 0.5, y = 0, coefficients one at a time (OpenCV's formulas).
+    #[test]
+    fn each_coefficient_does_what_opencv_says() {
+        let p = DVec2::new(0.5, 0.0);
+        let with = |f: fn(&mut Opencv)| {
+            let mut lens = Opencv::default();
+            f(&mut lens);
+            lens.distort(p)
+        };
+        let near = |got: DVec2, x: f64, y: f64| {
+            assert!((got - DVec2::new(x, y)).length() < 1e-15, "{got} {x} {y}");
+        };
+        near(with(|l| l.k1 = 1.0), 0.5 * 1.25, 0.0);
+        near(with(|l| l.k2 = 1.0), 0.5 * 1.0625, 0.0);
+        near(with(|l| l.k3 = 1.0), 0.5 * (1.0 + 1.0 / 64.0), 0.0);
+        near(with(|l| l.k4 = 1.0), 0.5 / 1.25, 0.0);
+        near(with(|l| l.k5 = 1.0), 0.5 / 1.0625, 0.0);
+        near(with(|l| l.k6 = 1.0), 0.5 / (1.0 + 1.0 / 64.0), 0.0);
+        near(with(|l| l.p1 = 1.0), 0.5, 0.25);
+        near(with(|l| l.p2 = 1.0), 0.5 + 0.75, 0.0);
+        near(with(|l| l.s1 = 1.0), 0.75, 0.0);
+        near(with(|l| l.s2 = 1.0), 0.5625, 0.0);
+        near(with(|l| l.s3 = 1.0), 0.5, 0.25);
+        near(with(|l| l.s4 = 1.0), 0.5, 0.0625);
+        // A sensor turned by τ about y: x cos τ... over the depth of the point on it, times the cosine of its own normal.
+        let t: f64 = 0.1;
+        let (s, c) = t.sin_cos();
+        let (x, z) = (0.5 * c - s, 0.5 * s + c);
+        near(with(|l| l.tilt = Tilt::new(0.0, 0.1)), (c * x + s * z) / z, 0.0);
+    }
+
+    #[test]
+    fn what_cannot_be_undone_is_none() {
+        let barrel = Distortion::from(Opencv {
+            k1: -1.0,
+            ..Opencv::default()
+        });
+        // r - r³ has its top of 0.385 at r = 0.577.
+        assert!(barrel.undistort(DVec2::new(0.38, 0.0)).is_some());
+        assert!(barrel.undistort(DVec2::new(0.39, 0.0)).is_none());
+        assert_eq!(barrel.complaint(DVec2::new(0.39, 0.0)), "it folds the image over");
+        let wide = Distortion::Fisheye(Fisheye::default());
+        assert!(wide.undistort(DVec2::new(1.5, 0.0)).is_some());
+        assert!(wide.undistort(DVec2::new(1.6, 0.0)).is_none());
+        assert!(wide.complaint(DVec2::new(1.6, 0.0)).contains("90°"));
+    }
+}

@@ -1,0 +1,152 @@
+//! OpenCV's distortion of lenses with a plane image: radial (polynomial or rational), tangential, thin prism, tilt.
+
+use super::tilt::Tilt;
+use glam::DVec2;
+
+/// OpenCV's coefficients, acting on normalized coordinates; those that are 0 leave out their term (Brown–Conrady, Brown 1966,
+/// has k1, k2, k3, p1, p2 alone).
+///
+/// With r² = x² + y²: x' = x·(1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² + 2x²) + s1 r² + s2 r⁴,
+/// y' the same with p1 and p2 exchanged and s3, s4; then the tilt. (OpenCV's documentation, `calib3d`.)
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Opencv {
+    /// Radial, of r².
+    pub k1: f64,
+    /// Radial, of r⁴.
+    pub k2: f64,
+    /// Radial, of r⁶.
+    pub k3: f64,
+    /// Radial, of r² in the denominator.
+    pub k4: f64,
+    /// Radial, of r⁴ in the denominator.
+    pub k5: f64,
+    /// Radial, of r⁶ in the denominator.
+    pub k6: f64,
+    /// Tangential, along y.
+    pub p1: f64,
+    /// Tangential, along x.
+    pub p2: f64,
+    /// Thin prism, along x of r².
+    pub s1: f64,
+    /// Thin prism, along x of r⁴.
+    pub s2: f64,
+    /// Thin prism, along y of r².
+    pub s3: f64,
+    /// Thin prism, along y of r⁴.
+    pub s4: f64,
+    /// The sensor's tilt.
+    pub tilt: Tilt,
+}
+
+impl Opencv {
+    /// Ideal normalized coordinates → distorted ones.
+    #[inline]
+    #[must_use]
+    pub fn distort(&self, p: DVec2) -> DVec2 {
+        let bent = self.bend(p);
+        if self.tilt.is_none() {
+            bent
+        } else {
+            self.tilt.apply(bent)
+        }
+    }
+
+    /// All but the tilt.
+    #[inline]
+    fn bend(&self, p: DVec2) -> DVec2 {
+        let r2 = p.length_squared();
+        let [radial, _] = self.radial(r2);
+        let xy = p.x * p.y;
+        let tangential = DVec2::new(
+            2.0 * self.p1 * xy + self.p2 * (r2 + 2.0 * p.x * p.x),
+            self.p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * self.p2 * xy,
+        );
+        let prism = DVec2::new(
+            r2 * (self.s1 + r2 * self.s2),
+            r2 * (self.s3 + r2 * self.s4),
+        );
+        p * radial + tangential + prism
+    }
+
+    /// The radial factor, and twice its derivative by r².
+    #[inline]
+    fn radial(&self, r2: f64) -> [f64; 2] {
+        let above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let below = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6));
+        let rise = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3));
+        let fall = 2.0 * (self.k4 + r2 * (2.0 * self.k5 + r2 * 3.0 * self.k6));
+        let radial = above / below;
+        [radial, (rise - radial * fall) / below]
+    }
+
+    /// Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
+    #[inline]
+    #[must_use]
+    pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
+        let inner = self.bend_jacobian(p);
+        if self.tilt.is_none() {
+            return inner;
+        }
+        let [[a, b], [c, d]] = self.tilt.jacobian(self.bend(p));
+        let [[e, f], [g, h]] = inner;
+        [[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]]
+    }
+
+    #[inline]
+    fn bend_jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
+        let r2 = p.length_squared();
+        let [radial, slope] = self.radial(r2);
+        let (x, y) = (p.x, p.y);
+        let cross = x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y;
+        let across = 2.0 * (self.s1 + 2.0 * r2 * self.s2);
+        let along = 2.0 * (self.s3 + 2.0 * r2 * self.s4);
+        [
+            [
+                radial + x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x + across * x,
+                cross + across * y,
+            ],
+            [
+                cross + along * x,
+                radial + y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x + along * y,
+            ],
+        ]
+    }
+
+    /// Distorted normalized coordinates → ideal ones by Newton's method; `None` if it does not converge to a point where the
+    /// distortion is one-to-one.
+    #[inline]
+    #[must_use]
+    pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
+        let bent = if self.tilt.is_none() { q } else { self.tilt.undo(q) };
+        self.newton(bent, bent).or_else(|| self.follow(bent))
+    }
+
+    #[inline]
+    fn newton(&self, q: DVec2, start: DVec2) -> Option<DVec2> {
+        let mut p = start;
+        for _ in 0..50 {
+            let e = self.bend(p) - q;
+            let [[a, b], [c, d]] = self.bend_jacobian(p);
+            let det = a * d - b * c;
+            if e.length_squared() < 1e-26 {
+                return (det > 0.0).then_some(p);
+            }
+            let step = DVec2::new(d * e.x - b * e.y, a * e.y - c * e.x) / det;
+            // Damping keeps the first steps from leaping over the fold of strong barrel distortion.
+            p -= step * (0.5 / step.length()).min(1.0);
+            if !p.is_finite() {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// The same where Newton's method goes astray from `q` itself: along the line from the centre, each step from the last.
+    #[cold]
+    fn follow(&self, q: DVec2) -> Option<DVec2> {
+        const STEPS: i32 = 32;
+        (1..=STEPS).try_fold(DVec2::ZERO, |p, i| {
+            self.newton(q * (f64::from(i) / f64::from(STEPS)), p)
+        })
+    }
+}
