@@ -8,6 +8,7 @@
 mod build;
 mod builder;
 pub mod calibration;
+pub mod ies;
 pub mod import;
 pub mod mitsuba;
 

@@ -6,12 +6,14 @@ use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntax::device::*;
+use syntax::emitter::*;
 use syntax::material::*;
 use syntax::medium::*;
 use syntax::scene::{RenderFile, SceneFile};
 use syntax::shape::*;
 use syntax::slice::*;
 use syntax::texture::*;
+use syntax::transform::TransformFile;
 use syntax::values::*;
 use transport::material::texture::{Filter, Wrap};
 use transport::scene::{Integrator, Scene};
@@ -34,7 +36,8 @@ fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
 /// Everything in a scene that has a text.
 fn tables(s: &Scene) -> String {
     let materials = (&s.materials.list, &s.materials.textures.images, &s.boundaries);
-    let devices = (&s.wavelengths, &s.camera, &s.projector, &s.points, &s.environment);
+    let light = (&s.points, &s.environment, &s.lights);
+    let devices = (&s.wavelengths, &s.camera, &s.projector, light);
     let rest = (&s.name, &s.settings, s.geometry.counts());
     format!("{materials:?} {devices:?} {rest:?} {:?} {:?}", s.media, s.slices)
 }
@@ -310,19 +313,82 @@ impl Choices<'_> {
     }
 
     fn emitter(&mut self) -> Located<EmitterFile> {
-        let emitter = if self.yes() {
-            EmitterFile::Point(PointFile {
+        let emitter = match self.below(6) {
+            0 => EmitterFile::Point(PointFile {
                 position: self.three(),
                 intensity: self.spectrum().into(),
                 horizontal: self.three(),
-            })
-        } else {
-            EmitterFile::Environment(EnvironmentFile {
-                radiance: self.spectrum().into(),
+            }),
+            1 => EmitterFile::Spot(SpotFile {
+                position: self.three(),
+                direction: self.three(),
+                intensity: self.spectrum().into(),
+                cutoff_deg: self.number().into(),
+                beam_deg: self.some_number(),
                 horizontal: self.three(),
-            })
+            }),
+            2 => EmitterFile::Ies(IesFile {
+                file: self.text().into(),
+                position: self.three(),
+                direction: self.three(),
+                zero: self.three(),
+                intensity: self.spectrum().into(),
+                horizontal: self.three(),
+            }),
+            3 => EmitterFile::Directional(DirectionalFile {
+                direction: self.three(),
+                irradiance: self.spectrum().into(),
+                origin: self.some(Self::three),
+                stokes: self.stokes(),
+                polarizer_deg: self.some_number(),
+                horizontal: self.three(),
+            }),
+            4 => EmitterFile::Beam(BeamFile {
+                origin: self.three(),
+                direction: self.three(),
+                power: self.spectrum().into(),
+                radius: self.number().into(),
+                divergence_mrad: self.some_number(),
+                gaussian: self.yes(),
+                stokes: self.stokes(),
+                polarizer_deg: self.some_number(),
+                horizontal: self.three(),
+            }),
+            _ => EmitterFile::Environment(Box::new(EnvironmentFile {
+                radiance: self.spectrum().into(),
+                image: self.some_text(),
+                transform: self.some(Self::transform),
+                stokes: self.stokes(),
+                polarizer_deg: self.some_number(),
+                horizontal: self.three(),
+            })),
         };
         emitter.into()
+    }
+
+    fn stokes(&mut self) -> Option<Located<[f64; 4]>> {
+        self.some(|c| [(); 4].map(|()| c.number()).into())
+    }
+
+    fn emission(&mut self) -> Located<EmissionFile> {
+        let emission = EmissionFile {
+            radiance: self.spectrum().into(),
+            image: self.some(|c| c.image().into()),
+            two_sided: self.yes(),
+            stokes: self.stokes(),
+            polarizer_deg: self.some_number(),
+            horizontal: self.three(),
+        };
+        emission.into()
+    }
+
+    fn transform(&mut self) -> Located<TransformFile> {
+        Located::nowhere(TransformFile {
+            scale: self.some_spectrum(),
+            rotate_deg: self.some(Self::three),
+            translate: self.some(Self::three),
+            matrix: self.some(Self::rows),
+        })
     }
 
     fn material(&mut self) -> Located<MaterialFile> {
@@ -575,14 +641,8 @@ impl Choices<'_> {
             part_materials: self.map(|c| c.text().into()),
             interior: self.some_text(),
             priority: self.whole() as i32,
-            transform: self.some(|c| {
-                Located::nowhere(TransformFile {
-                    scale: c.some_spectrum(),
-                    rotate_deg: c.some(Self::three),
-                    translate: c.some(Self::three),
-                    matrix: c.some(Self::rows),
-                })
-            }),
+            transform: self.some(Self::transform),
+            emission: self.some(Self::emission),
         };
         object.into()
     }

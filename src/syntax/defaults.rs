@@ -31,6 +31,7 @@ defaults! {
     zero_spectrum, is_zero_spectrum: Located<SpectrumFile> = Located::nowhere(SpectrumFile::Scalar(0.0));
     x_axis, is_x_axis: [f64; 3] = [1.0, 0.0, 0.0];
     y_axis, is_y_axis: [f64; 3] = [0.0, 1.0, 0.0];
+    down, is_down: [f64; 3] = [0.0, -1.0, 0.0];
     z_axis, is_z_axis: [f64; 3] = [0.0, 0.0, 1.0];
     rectangle_corner, is_rectangle_corner: [f64; 3] = [-1.0, -1.0, 0.0];
     rectangle_u, is_rectangle_u: [f64; 3] = [2.0, 0.0, 0.0];

@@ -1,6 +1,7 @@
 //! The syntax of cameras, projectors and other emitters.
 
 use super::defaults::{self, is_default};
+use super::emitter::{BeamFile, DirectionalFile, EnvironmentFile, IesFile, SpotFile};
 use super::values::SpectrumFile;
 use base::locate::Located;
 use schemars::JsonSchema;
@@ -194,8 +195,16 @@ pub struct LookAtFile {
 pub enum EmitterFile {
     /// Shines equally in all directions.
     Point(PointFile),
-    /// The same radiance from every direction.
-    Environment(EnvironmentFile),
+    /// Shines into a cone.
+    Spot(SpotFile),
+    /// Shines as a luminaire was measured to.
+    Ies(IesFile),
+    /// Light with one direction, everywhere.
+    Directional(DirectionalFile),
+    /// A collimated beam.
+    Beam(BeamFile),
+    /// The sky.
+    Environment(Box<EnvironmentFile>),
 }
 
 /// See [`EmitterFile::Point`].
@@ -207,17 +216,6 @@ pub struct PointFile {
     /// Radiant intensity, W/(sr nm).
     pub intensity: Located<SpectrumFile>,
     /// Horizontal of the emitted Stokes vectors: this axis projected perpendicular to the ray.
-    #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
-    pub horizontal: [f64; 3],
-}
-
-/// See [`EmitterFile::Environment`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EnvironmentFile {
-    /// W/(m² sr nm).
-    pub radiance: Located<SpectrumFile>,
-    /// As for points.
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
@@ -415,9 +413,6 @@ impl EmitterFile {
     /// The same radiance, W/(m² sr nm), from every direction.
     #[must_use]
     pub fn environment(radiance: impl Into<SpectrumFile>) -> Self {
-        Self::Environment(EnvironmentFile {
-            radiance: radiance.into().into(),
-            horizontal: defaults::x_axis(),
-        })
+        Self::Environment(Box::new(EnvironmentFile::new(radiance)))
     }
 }

@@ -9,12 +9,14 @@
 
 mod defaults;
 pub mod device;
+pub mod emitter;
 pub mod material;
 pub mod medium;
 pub mod scene;
 pub mod shape;
 pub mod slice;
 pub mod texture;
+pub mod transform;
 pub mod values;
 
 use base::document;

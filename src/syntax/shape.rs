@@ -1,7 +1,8 @@
 //! The syntax of objects: shapes with their material and place.
 
 use super::defaults::{self, is_default};
-use super::values::SpectrumFile;
+use super::emitter::EmissionFile;
+use super::transform::TransformFile;
 use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,8 @@ pub struct ObjectFile {
     pub priority: i32,
     /// Scale, then rotate, then translate.
     pub transform: Option<Located<TransformFile>>,
+    /// How it shines, if it does.
+    pub emission: Option<Located<EmissionFile>>,
 }
 
 /// A shape.
@@ -185,20 +188,6 @@ impl Default for CylinderFile {
     }
 }
 
-/// Scale, then rotate about x, y, z in that order, then translate; or a matrix.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TransformFile {
-    /// One factor, or one per axis.
-    pub scale: Option<Located<SpectrumFile>>,
-    /// Angles about x, y, z in degrees.
-    pub rotate_deg: Option<[f64; 3]>,
-    /// Metres.
-    pub translate: Option<[f64; 3]>,
-    /// Row-major 4×4 matrix instead of the others.
-    pub matrix: Option<[[f64; 4]; 4]>,
-}
-
 impl ShapeFile {
     /// A mesh file or a mesh of a scene built in code, in the format that its ending names (PLY where it names none).
     #[must_use]
@@ -229,6 +218,7 @@ impl ObjectFile {
             interior: None,
             priority: 0,
             transform: None,
+            emission: None,
         }
     }
 
@@ -293,6 +283,13 @@ impl ObjectFile {
     pub fn interior(mut self, medium: impl Into<String>, priority: i32) -> Self {
         self.interior = Some(medium.into().into());
         self.priority = priority;
+        self
+    }
+
+    /// It shines.
+    #[must_use]
+    pub fn emission(mut self, emission: EmissionFile) -> Self {
+        self.emission = Some(emission.into());
         self
     }
 

@@ -6,6 +6,7 @@
 
 pub mod geometry;
 
+pub mod light;
 pub mod material;
 
 pub mod medium;

@@ -4,9 +4,11 @@ use crate::device::emitter::{Environment, PointEmitter};
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
 use crate::geometry::bvh::Geometry;
+use crate::light::Lights;
 use crate::material::{Lanes, Materials};
 use crate::medium::Media;
 use crate::medium::nesting::Boundary;
+use glam::Vec3A;
 use optics::spectrum::Wavelengths;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,8 +35,10 @@ pub struct SceneTables {
     pub projector: Option<Projector>,
     /// Point emitters.
     pub points: Vec<PointEmitter>,
-    /// Light from outside of the scene.
+    /// Light from outside of the scene, the same from everywhere.
     pub environment: Option<Environment>,
+    /// Shining surfaces, an image of the sky, light with one direction.
+    pub lights: Lights,
     /// What is kept of the light transport.
     pub slices: Vec<Slice>,
     /// How to render.
@@ -52,6 +56,8 @@ pub struct Scene {
     pub(crate) sheets: bool,
     /// Some object is filled with a medium, or some boundary is null: paths must keep account of the media they are in.
     pub(crate) filled: bool,
+    /// Metres beyond which there is nothing, from anywhere among the surfaces and devices.
+    pub(crate) far: f32,
 }
 
 impl Deref for Scene {
@@ -110,6 +116,7 @@ impl Scene {
             tables,
             sheets: false,
             filled: false,
+            far: 0.0,
         };
         scene.derive();
         scene
@@ -126,6 +133,11 @@ impl Scene {
         self.sheets = self.materials.any_straight();
         self.filled = self.boundaries.iter().any(|b| *b != Boundary::NONE) || self.materials.any_null();
         self.geometry.textured = !self.materials.textures.images.is_empty();
+        let tables = &mut self.tables;
+        tables.lights.weigh(&tables.materials.textures);
+        let [low, high] = self.geometry.bounds();
+        let reach = |p: Vec3A| (p - low).abs().max((p - high).abs()).length();
+        self.far = 2.0 * reach(self.camera.origin).max((high - low).length()).max(1.0);
     }
 
     /// The lanes of all wavelengths.

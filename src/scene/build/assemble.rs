@@ -1,8 +1,8 @@
 //! From the syntax of a scene file to the flat tables of a [`Scene`], checking meaning on the way.
 
 use super::context::{self, Context};
-use super::devices::{emitters, pinhole, projector};
-use super::{materials, media, shapes, slices};
+use super::devices::{pinhole, projector};
+use super::{lights, materials, media, shapes, slices};
 use base::locate::InputError;
 use sha2::Digest;
 use std::collections::BTreeMap;
@@ -52,28 +52,45 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         .as_ref()
         .map(|p| projector(ctx, p, p.span(), &camera))
         .transpose()?;
-    let (points, environment) = emitters(ctx, file)?;
-    if projector.is_none() && points.is_empty() && environment.is_none() {
+    let lights::Emitters {
+        points,
+        environment,
+        mut lights,
+    } = lights::emitters(ctx, &file.emitters)?;
+    let shines = file.objects.iter().any(|o| o.emission.is_some());
+    if projector.is_none() && points.is_empty() && environment.is_none() && lights.is_empty() && !shines {
         return Err(ctx.error(
             file.camera.span(),
             "the scene has no light",
-            "add a [projector], or [[emitters]] with a point or an environment",
+            "add a [projector], [[emitters]], or emission to an object",
         ));
     }
-    let (mut materials, names) = materials::build(ctx, &file.materials)?;
+    let materials::Built {
+        table: mut materials,
+        names,
+        mut images,
+    } = materials::build(ctx, &file.materials)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
     let mut boundaries = vec![Boundary::NONE; materials.list.len()];
     let mut geometry = GeometryBuilder::default();
     for object in &file.objects {
         let filling = filling(ctx, object, &media_names)?;
         for mut placed in shapes::place(ctx, object, &names)? {
-            if let Some(filling) = filling {
+            if filling.is_some() || object.emission.is_some() {
                 // A number of its own tells this object's surfaces from others of the same material.
                 materials.list.push(materials.list[placed.material as usize]);
-                boundaries.push(filling);
+                boundaries.push(filling.unwrap_or(Boundary::NONE));
                 placed.material = boundaries.len() as u32 - 1;
             }
-            shapes::add(ctx, object, placed, &mut geometry)?;
+            let material = placed.material;
+            let solid = placed.solid(ctx, object)?;
+            if let Some(emission) = &object.emission {
+                let light = lights::area(ctx, &mut images, &mut materials.textures, emission, &solid)?;
+                lights.of_material.resize(material as usize, transport::light::NONE);
+                lights.of_material.push(lights.areas.len() as u32);
+                lights.areas.push(light);
+            }
+            solid.add(material, &mut geometry);
         }
     }
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
@@ -104,6 +121,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         projector,
         points,
         environment,
+        lights,
         slices,
         settings,
         sha256: std::mem::take(&mut ctx.hash)
@@ -130,7 +148,21 @@ fn meaning(file: &SceneFile) -> String {
         },
         ..file.clone()
     };
-    serde_json::to_string(&meaning).expect("tables with names for keys")
+    let mut meaning = serde_json::to_value(&meaning).expect("tables with names for keys");
+    without_nulls(&mut meaning);
+    meaning.to_string()
+}
+
+/// What is absent is absent: keys that scene files learn later do not change what older ones mean.
+fn without_nulls(value: &mut serde_json::Value) {
+    match value {
+        serde_json::Value::Object(map) => {
+            map.retain(|_, v| !v.is_null());
+            map.values_mut().for_each(without_nulls);
+        }
+        serde_json::Value::Array(list) => list.iter_mut().for_each(without_nulls),
+        _ => {}
+    }
 }
 
 /// What fills an object.

@@ -1,4 +1,4 @@
-//! Cameras, projectors and other emitters of a scene file → calibrated devices.
+//! Cameras and projectors of a scene file → calibrated devices.
 
 use super::context::{Context, HUGE};
 use super::lens::{distortion, intrinsics};
@@ -6,9 +6,7 @@ use super::pose::pose;
 pub(crate) use super::pose::vector;
 use base::locate::InputError;
 use std::ops::Range;
-use syntax::device::{ApertureFile, EmitterFile, PinholeFile, ProjectorFile};
-use syntax::scene::SceneFile;
-use transport::device::emitter::{Environment, PointEmitter};
+use syntax::device::{ApertureFile, PinholeFile, ProjectorFile};
 use transport::device::pinhole::{Lens, Pinhole};
 use transport::device::projector::Projector;
 
@@ -102,40 +100,4 @@ pub(crate) fn projector(
         irradiance,
         coaxial: false,
     })
-}
-
-type Emitters = (Vec<PointEmitter>, Option<Environment>);
-
-pub(crate) fn emitters(ctx: &Context, file: &SceneFile) -> Result<Emitters, InputError> {
-    let (mut points, mut environment) = (Vec::new(), None);
-    for e in &file.emitters {
-        let axis = |a: [f64; 3]| {
-            vector(ctx, a, e.span(), "horizontal")?
-                .try_normalize()
-                .ok_or_else(|| {
-                    ctx.error(
-                        e.span(),
-                        "horizontal has no length",
-                        "give a direction such as [1, 0, 0]",
-                    )
-                })
-        };
-        match &**e {
-            EmitterFile::Point(p) => points.push(PointEmitter {
-                position: vector(ctx, p.position, e.span(), "position")?,
-                intensity: ctx.located(&p.intensity, "intensity", 0.0..=HUGE)?,
-                axis: axis(p.horizontal)?,
-            }),
-            EmitterFile::Environment(_) if environment.is_some() => {
-                return Err(ctx.error(e.span(), "a second environment", "keep one"));
-            }
-            EmitterFile::Environment(v) => {
-                environment = Some(Environment {
-                    radiance: ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?,
-                    axis: axis(v.horizontal)?,
-                });
-            }
-        }
-    }
-    Ok((points, environment))
 }

@@ -68,10 +68,10 @@ impl MaterialSet {
     }
 
     fn build(mut ctx: Context, file: &MaterialSetFile) -> Result<Self, InputError> {
-        let (materials, names) = build(&mut ctx, &file.materials)?;
+        let Built { table, names, .. } = build(&mut ctx, &file.materials)?;
         Ok(Self {
             wavelengths: ctx.wavelengths,
-            materials,
+            materials: table,
             names: names.into_iter().map(|(n, id)| (n.to_owned(), id)).collect(),
         })
     }
@@ -103,11 +103,17 @@ struct Builder<'c, 'a> {
     open: Vec<&'a str>,
 }
 
-/// Builds all materials; the map gives their numbers.
-pub(crate) fn build<'a>(
-    ctx: &mut Context,
-    files: &'a Named,
-) -> Result<(Materials, BTreeMap<&'a str, u32>), InputError> {
+/// All materials of a file.
+pub(crate) struct Built<'a> {
+    pub table: Materials,
+    /// Their numbers.
+    pub names: BTreeMap<&'a str, u32>,
+    /// The images that have been read.
+    pub images: Images,
+}
+
+/// Builds all materials.
+pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let mut builder = Builder {
         ctx,
         files,
@@ -119,7 +125,11 @@ pub(crate) fn build<'a>(
     for name in files.keys() {
         builder.named(name)?;
     }
-    Ok((builder.table, builder.done))
+    Ok(Built {
+        table: builder.table,
+        names: builder.done,
+        images: builder.images,
+    })
 }
 
 impl<'a> Builder<'_, 'a> {

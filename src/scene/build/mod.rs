@@ -5,6 +5,7 @@ pub(crate) mod context;
 pub(crate) mod devices;
 mod indices;
 mod lens;
+pub(crate) mod lights;
 pub mod materials;
 pub mod media;
 mod polarizing;

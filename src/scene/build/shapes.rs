@@ -6,7 +6,8 @@ use crate::import;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
-use syntax::shape::{MeshFile, ObjectFile, ShapeFile, TransformFile};
+use syntax::shape::{MeshFile, ObjectFile, ShapeFile};
+use syntax::transform::TransformFile;
 use syntax::values::SpectrumFile;
 use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::mesh::Mesh;
@@ -30,20 +31,32 @@ pub(crate) enum Form {
     Mesh(Mesh),
 }
 
-/// Adds a shape of an object.
-pub(crate) fn add(
-    ctx: &Context,
-    object: &Located<ObjectFile>,
-    Placed { form, material }: Placed,
-    geometry: &mut GeometryBuilder,
-) -> Result<(), InputError> {
-    match form {
-        Form::Quadric(kind, map) => geometry.quadric(Quadric::new(kind, affine(map), material)),
-        Form::Rectangle(map) => geometry.mesh(&moved(ctx, Mesh::rectangle(), map, object)?, material),
-        Form::Cube(map) => geometry.mesh(&moved(ctx, Mesh::cube(), map, object)?, material),
-        Form::Mesh(mesh) => geometry.mesh(&mesh, material),
+/// What the tracer knows a shape as, in world space.
+pub(crate) enum Solid {
+    Quadric(Quadric),
+    Mesh(Mesh),
+}
+
+impl Placed {
+    /// Cut into what the tracer knows.
+    pub(crate) fn solid(&self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
+        Ok(match &self.form {
+            Form::Quadric(kind, map) => Solid::Quadric(Quadric::new(*kind, affine(*map), self.material)),
+            Form::Rectangle(map) => Solid::Mesh(moved(ctx, Mesh::rectangle(), *map, object)?),
+            Form::Cube(map) => Solid::Mesh(moved(ctx, Mesh::cube(), *map, object)?),
+            Form::Mesh(mesh) => Solid::Mesh(mesh.clone()),
+        })
     }
-    Ok(())
+}
+
+impl Solid {
+    /// Adds it to the surfaces.
+    pub(crate) fn add(self, material: u32, geometry: &mut GeometryBuilder) {
+        match self {
+            Self::Quadric(quadric) => geometry.quadric(quadric),
+            Self::Mesh(mesh) => geometry.mesh(&mesh, material),
+        }
+    }
 }
 
 /// The shapes that an object is made of.
@@ -245,7 +258,8 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
+/// The map that a transform is.
+pub(super) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
     if let Some(m) = t.matrix {
         if t.scale.is_some()
             || t.rotate_deg.is_some()

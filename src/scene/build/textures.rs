@@ -24,7 +24,7 @@ enum Channels {
 
 /// The images that have been read: size and first texel.
 #[derive(Default)]
-pub(super) struct Images(BTreeMap<(PathBuf, Channels), ([u32; 2], u32)>);
+pub(crate) struct Images(BTreeMap<(PathBuf, Channels), ([u32; 2], u32)>);
 
 /// A spectrum of 0..1, an image of colours or a checkerboard.
 pub(super) fn spectrum(
@@ -96,6 +96,39 @@ pub(super) fn scalar(
         value: value as f32,
         texture,
     })
+}
+
+/// An image of radiances over a surface: as it is if its file holds linear values, decoded otherwise.
+pub(super) fn radiances(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    file: &ImageAlbedo,
+) -> Result<u32, InputError> {
+    let channels = if file.raw || holds_light(&file.image) {
+        Channels::LinearColours
+    } else {
+        Channels::Colours
+    };
+    image(ctx, images, textures, file, channels)
+}
+
+/// The texels of an image of the sky, for each wavelength, top row first, and its width and height.
+pub(super) fn sky(ctx: &mut Context, name: &Located<String>) -> Result<([u32; 2], Vec<[f32; 4]>), InputError> {
+    let channels = if holds_light(name) {
+        Channels::LinearColours
+    } else {
+        Channels::Colours
+    };
+    let mut textures = Textures::default();
+    let (size, _) = read(ctx, &mut textures, name, channels)?;
+    Ok((size, textures.texels))
+}
+
+/// True of formats whose values are proportional to light.
+fn holds_light(name: &str) -> bool {
+    let extension = std::path::Path::new(name).extension().and_then(|e| e.to_str());
+    matches!(extension.unwrap_or("").to_ascii_lowercase().as_str(), "exr" | "hdr" | "pic" | "rgbe")
 }
 
 /// The image of a normal map.
@@ -207,7 +240,7 @@ fn read(
         ctx.error(
             name.span(),
             format!("cannot decode {}: {e}", ctx.path(name).display()),
-            "use a PNG or JPEG file",
+            "use a PNG, JPEG, OpenEXR or Radiance HDR file",
         )
     })?;
     let image = image.to_rgb32f();

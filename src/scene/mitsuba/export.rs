@@ -7,14 +7,16 @@
 //! Mitsuba's spectral variants interpolate between the scene's wavelengths and find our values there. Its mono variants
 //! reduce pairs wavelength:value to their luminance, so a scene for them is exported at one wavelength, as plain numbers.
 
+use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;
 use super::export_output::{Needs, Output, bitmap, is_even, png, spectrum};
 use super::files::{Contents, WriteError, write};
 use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
-use super::xml::{Element, number, single};
+use super::xml::{Element, number};
 use crate::build::assemble::settings;
 use crate::build::context::{Context, read};
-use crate::build::devices::{emitters, pinhole, projector};
+use crate::build::devices::{pinhole, projector};
+use crate::build::lights;
 use crate::build::shapes::{Form, Placed, moved, place};
 use crate::build::{materials, slices};
 use crate::import::write_ply;
@@ -89,8 +91,12 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         .map(|p| Ok((projector(ctx, p, p.span(), &camera)?, p.span())))
         .transpose()?;
     slices::build(ctx, file, &camera, projector.as_ref().map(|(p, _)| p))?;
-    let (points, environment) = emitters(ctx, file)?;
-    let (materials, names) = materials::build(ctx, &file.materials)?;
+    let emitters = lights::emitters(ctx, &file.emitters)?;
+    let materials::Built {
+        table: mut materials,
+        names,
+        mut images,
+    } = materials::build(ctx, &file.materials)?;
     let mut out = Output::default();
     let mut shapes = vec![];
     let mut used = vec![];
@@ -104,7 +110,15 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         }
         for placed in place(ctx, object, &names)? {
             used.push(placed.material);
-            shapes.push((object, placed));
+            let light = match &object.emission {
+                None => None,
+                Some(emission) => {
+                    let solid = placed.solid(ctx, object)?;
+                    let textures = &mut materials.textures;
+                    Some(lights::area(ctx, &mut images, textures, emission, &solid)?)
+                }
+            };
+            shapes.push((object, placed, light));
         }
     }
     let mut writer = MaterialWriter::new(ctx, &file.materials, &materials, &names, &mut out);
@@ -124,34 +138,27 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     scene.push(integrator(&settings));
     scene.push(sensor(ctx, &camera, file.camera.span(), settings.spp)?);
     bsdfs.into_iter().for_each(|b| scene.push(b));
-    for (i, (object, placed)) in shapes.iter().enumerate() {
+    for (i, (object, placed, light)) in shapes.iter().enumerate() {
         let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
-        let shape = shape(ctx, i, object, placed, needs[&placed.material], &mut out)?;
+        let mut needs = needs[&placed.material];
+        needs.uv |= light.as_ref().is_some_and(|l| l.radiance.texture.is_some());
+        let shape = shape(ctx, i, object, placed, needs, &mut out)?;
         if let Some(name) = &object.name {
             scene.comment(name.as_str());
         }
-        scene.push(shape.child(bsdf));
+        let mut shape = shape.child(bsdf);
+        if let (Some(light), Some(emission)) = (light, &object.emission) {
+            let mut writer = EmitterWriter { ctx, out: &mut out };
+            shape.push(writer.area(light, &materials.textures, emission.span())?);
+        }
+        scene.push(shape);
     }
     if let Some((p, span)) = &projector {
         scene.push(projector_element(ctx, p, span.clone(), &mut out)?);
     }
-    for point in &points {
-        let [x, y, z] = point.position.to_array().map(single);
-        let position = Element::new("point")
-            .with("name", "position")
-            .with("x", x)
-            .with("y", y)
-            .with("z", z);
-        let intensity = spectrum(&ctx.wavelengths, "intensity", point.intensity);
-        scene.push(
-            Element::plugin("emitter", "point")
-                .child(position)
-                .child(intensity),
-        );
-    }
-    if let Some(environment) = &environment {
-        let radiance = spectrum(&ctx.wavelengths, "radiance", environment.radiance);
-        scene.push(Element::plugin("emitter", "constant").child(radiance));
+    let mut writer = EmitterWriter { ctx, out: &mut out };
+    for emitter in writer.all(file, &emitters)? {
+        scene.push(emitter);
     }
     Ok(Export {
         xml: scene.document(),

@@ -1,12 +1,16 @@
 //! Mitsuba's emitters → the projector and the emitters of a scene file.
 
 use super::import_devices::{device, field_of_view, pose};
-use super::importer::Importer;
+use super::import_surfaces::{Coordinates, image_of};
+use super::importer::{Importer, rows};
 use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, numbers};
 use base::locate::{InputError, Located};
+use glam::{DAffine3, DMat3};
 use std::f64::consts::PI;
 use syntax::device::{EmitterFile, ProjectorFile};
+use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, SpotFile};
+use syntax::transform::TransformFile;
 use syntax::values::SpectrumFile;
 
 /// The emitters of a scene.
@@ -14,6 +18,13 @@ use syntax::values::SpectrumFile;
 pub(super) struct Emitters {
     pub emitters: Vec<Located<EmitterFile>>,
     pub projector: Option<Located<ProjectorFile>>,
+}
+
+impl Emitters {
+    fn has_environment(&self) -> bool {
+        let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
+        self.emitters.iter().any(is_environment)
+    }
 }
 
 /// Adds an emitter or the projector.
@@ -32,20 +43,22 @@ pub(super) fn add<'a>(
             if let EmitterFile::Point(point) = &mut point {
                 point.intensity = intensity;
             }
-            node.finish(source, &[]);
+            node.finish(source, &["sampling_weight"]);
             point
         }
+        "spot" => spot(importer, node)?,
+        "directional" => directional(importer, node)?,
+        "constant" | "envmap" if file.has_environment() => {
+            return importer.error(&node.span, "a second environment", "keep one");
+        }
+        "envmap" => envmap(importer, node)?,
         "constant" => {
-            let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
-            if file.emitters.iter().any(is_environment) {
-                return importer.error(&node.span, "a second environment", "keep one");
-            }
             let radiance = importer.spectrum_or(node, "radiance", 1.0)?;
             let mut environment = EmitterFile::environment(1.0);
             if let EmitterFile::Environment(environment) = &mut environment {
                 environment.radiance = radiance;
             }
-            node.finish(source, &["to_world"]);
+            node.finish(source, &["to_world", "sampling_weight"]);
             environment
         }
         "projector" if file.projector.is_some() => {
@@ -59,12 +72,106 @@ pub(super) fn add<'a>(
             return importer.error(
                 &node.span,
                 format!("sunstone has no emitter `{other}`"),
-                "use projector, point or constant",
+                "use projector, point, spot, directional, constant, envmap, or area on a shape",
             );
         }
     };
     file.emitters.push(Located::at(node.span.clone(), emitter));
     Ok(())
+}
+
+/// Looks along its +z.
+fn spot<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
+    let source = importer.source;
+    if let Some(child) = node.named("texture") {
+        return importer.error(child.span(), "sunstone has no spots with a texture", "take it away");
+    }
+    let place = node.transform(source, "to_world")?.unwrap_or_default();
+    let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);
+    let beam = node.float(source, "beam_width")?.unwrap_or(0.75 * cutoff);
+    let spot = SpotFile {
+        position: place.translation.to_array(),
+        direction: place.matrix3.z_axis.to_array(),
+        intensity: importer.spectrum_or(node, "intensity", 1.0)?,
+        cutoff_deg: Located::at(node.span.clone(), cutoff),
+        beam_deg: Some(Located::at(node.span.clone(), beam)),
+        horizontal: [1.0, 0.0, 0.0],
+    };
+    node.finish(source, &["sampling_weight"]);
+    Ok(EmitterFile::Spot(spot))
+}
+
+/// Travels along `direction`, or along +z of `to_world`.
+fn directional<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
+    let source = importer.source;
+    let place = node.transform(source, "to_world")?.unwrap_or_default();
+    let direction = node.vector(source, "direction")?.unwrap_or(place.matrix3.z_axis);
+    let irradiance = importer.spectrum_or(node, "irradiance", 1.0)?;
+    node.finish(source, &["sampling_weight"]);
+    Ok(EmitterFile::Directional(DirectionalFile {
+        direction: direction.to_array(),
+        irradiance,
+        origin: None,
+        stokes: None,
+        polarizer_deg: None,
+        horizontal: [1.0, 0.0, 0.0],
+    }))
+}
+
+fn envmap<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
+    let source = importer.source;
+    let Some(name) = node.text(source, "filename")? else {
+        return importer.error(
+            &node.span,
+            "the envmap has no filename",
+            "add <string name=\"filename\">",
+        );
+    };
+    let scale = node.float(source, "scale")?.unwrap_or(1.0);
+    let place = node.transform(source, "to_world")?;
+    node.finish(source, &["mis_compensation", "sampling_weight"]);
+    let mut environment = EnvironmentFile::new(scale);
+    environment.image = Some(Located::at(node.span.clone(), importer.file(name)));
+    environment.transform = place.map(|map| {
+        // Lengths do not matter to directions.
+        let turn = DAffine3::from_mat3(DMat3::from_cols(
+            map.matrix3.x_axis.normalize_or_zero(),
+            map.matrix3.y_axis.normalize_or_zero(),
+            map.matrix3.z_axis.normalize_or_zero(),
+        ));
+        let matrix = TransformFile {
+            matrix: Some(rows(&turn)),
+            ..TransformFile::default()
+        };
+        Located::at(node.span.clone(), matrix)
+    });
+    Ok(EmitterFile::Environment(Box::new(environment)))
+}
+
+/// How a shape with an `area` emitter shines.
+pub(super) fn area<'a>(
+    importer: &Importer<'a>,
+    node: &'a Node,
+    turned: bool,
+) -> Result<(Located<EmissionFile>, bool), InputError> {
+    if node.kind != "area" {
+        return importer.error(
+            &node.span,
+            format!("sunstone has no shapes with an emitter `{}`", node.kind),
+            "use area",
+        );
+    }
+    let mut emission = EmissionFile::new(1.0);
+    let mut uv = Coordinates {
+        turned,
+        images: false,
+    };
+    match image_of(importer, node, "radiance", &mut uv)? {
+        Some(image) => emission.image = Some(Located::at(node.span.clone(), image)),
+        None => emission.radiance = importer.spectrum_or(node, "radiance", 1.0)?,
+    }
+    node.finish(importer.source, &["sampling_weight"]);
+    Ok((Located::at(node.span.clone(), emission), uv.images))
 }
 
 /// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.

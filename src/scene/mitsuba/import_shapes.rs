@@ -1,5 +1,6 @@
 //! Mitsuba's shapes → objects of a scene file.
 
+use super::import_emitters;
 use super::import_materials::MaterialReader;
 use super::import_media::MediumReader;
 use super::importer::{Importer, rows};
@@ -8,8 +9,8 @@ use base::locate::{InputError, Located};
 use glam::{DAffine3, DVec3};
 use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
-    TransformFile,
 };
+use syntax::transform::TransformFile;
 
 /// What shapes refer to.
 #[derive(Default)]
@@ -83,17 +84,11 @@ pub(super) fn objects<'a>(
         }
         place *= DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0));
     }
-    let (mut bsdf, mut interior) = (None, None);
+    let (mut bsdf, mut interior, mut light) = (None, None, None);
     for child in node.children() {
         match importer.resolve(child)? {
             inner if inner.tag == "bsdf" && bsdf.is_none() => bsdf = Some(inner),
-            inner if inner.tag == "emitter" => {
-                return importer.error(
-                    &inner.span,
-                    "sunstone has no shapes that shine",
-                    "use a projector, a point or an environment",
-                );
-            }
+            inner if inner.tag == "emitter" && light.is_none() => light = Some(inner),
             inner if inner.tag == "medium" && child.name() == Some("interior") => interior = Some(inner),
             inner if inner.tag == "medium" && child.name() == Some("exterior") => {
                 importer.note("media outside of shapes are not used: in sunstone a medium fills an object");
@@ -123,11 +118,14 @@ pub(super) fn objects<'a>(
         None if interior.is_some() => reader.materials.table.unseen(),
         None => reader.materials.table.of_bare_shapes(),
     };
+    let emission = light.map(|l| import_emitters::area(importer, l, turned)).transpose()?;
+    images |= emission.as_ref().is_some_and(|(_, images)| *images);
     let at = || node.span.clone();
     let mut object = ObjectFile::new(Located::at(at(), shape));
     object.name.clone_from(&node.id);
     object.material = Located::at(at(), material);
     object.interior = interior;
+    object.emission = emission.map(|(e, _)| e);
     if place != DAffine3::IDENTITY {
         let matrix = TransformFile {
             matrix: Some(rows(&place)),

@@ -221,6 +221,24 @@ fn pattern<'a>(
     }))
 }
 
+/// An image of colours, if the property is one.
+pub(super) fn image_of<'a>(
+    importer: &Importer<'a>,
+    node: &'a Node,
+    name: &str,
+    uv: &mut Coordinates,
+) -> Result<Option<ImageAlbedo>, InputError> {
+    match pattern(importer, node, name, false, uv)? {
+        Some(Pattern::Image(image)) => Ok(Some(image)),
+        Some(Pattern::Checkerboard(_)) => importer.error(
+            &node.span,
+            "sunstone has no light with a checkerboard",
+            "use a bitmap",
+        ),
+        None => Ok(None),
+    }
+}
+
 /// From the surface's coordinates to those at which Mitsuba reads a texture.
 fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRows, InputError> {
     uv.images = true;

@@ -18,6 +18,7 @@
 
 mod document;
 pub mod export;
+mod export_emitters;
 mod export_images;
 mod export_materials;
 mod export_output;

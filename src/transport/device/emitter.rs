@@ -1,16 +1,19 @@
 //! Emitters other than the projector: for tests and for cross-checks with other programs.
 
+use crate::light::profile::Profile;
 use glam::Vec3A;
 use optics::polarization::frame::project;
 use optics::spectrum::Spectral;
 
-/// A point that shines equally in all directions.
-#[derive(Clone, Copy, Debug)]
+/// A point that shines.
+#[derive(Clone, Debug)]
 pub struct PointEmitter {
     /// Position, metres.
     pub position: Vec3A,
-    /// Radiant intensity per wavelength, W/(sr nm).
+    /// Greatest radiant intensity per wavelength, W/(sr nm).
     pub intensity: Spectral,
+    /// How much of it goes in which direction.
+    pub profile: Profile,
     /// The emitted Stokes vectors' horizontal is this axis projected perpendicular to the ray.
     pub axis: Vec3A,
 }

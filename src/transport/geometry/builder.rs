@@ -122,6 +122,11 @@ impl GeometryBuilder {
             textured: true,
             avx2: avx2(),
             extent,
+            bounds: if self.bounds.is_empty() {
+                [Vec3A::ZERO; 2]
+            } else {
+                [bounds.min, bounds.max]
+            },
         }
     }
 }

@@ -65,6 +65,8 @@ pub struct Geometry {
     pub(super) avx2: bool,
     /// Longest edge of the world bounds.
     pub(super) extent: f32,
+    /// Lowest and highest corner of the world bounds.
+    pub(super) bounds: [Vec3A; 2],
 }
 
 /// Looks for the nearest hit.
@@ -381,6 +383,12 @@ impl Geometry {
     #[must_use]
     pub fn skin(&self) -> f32 {
         self.extent * SKIN
+    }
+
+    /// Lowest and highest corner of everything, metres; the origin if there is nothing.
+    #[must_use]
+    pub fn bounds(&self) -> [Vec3A; 2] {
+        self.bounds
     }
 
     /// Longest edge of the world bounds in metres.

@@ -4,6 +4,7 @@
 //! facing outward. An affine map takes them to the world, so ellipsoids and elliptic tubes are possible.
 
 use glam::{Affine3A, Mat3A, Vec3A};
+use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
 
 /// Which surface.
@@ -221,6 +222,56 @@ impl Quadric {
         }
     }
 
+    /// How much larger the surface is in the world than in its own space, at a point of its own space.
+    #[inline]
+    fn growth(&self, o: Vec3A) -> f32 {
+        let m = self.to_world.matrix3;
+        match self.kind {
+            QuadricKind::Sphere => m.determinant().abs() * (self.normals * o).length(),
+            QuadricKind::Disk => m.x_axis.cross(m.y_axis).length(),
+            QuadricKind::Cylinder => {
+                let around = m.y_axis * o.x - m.x_axis * o.y;
+                around.cross(m.z_axis).length()
+            }
+        }
+    }
+
+    /// A point, uniform in its own space, and the unit normal there.
+    #[must_use]
+    pub fn point(&self, u: [f32; 2]) -> (Vec3A, Vec3A) {
+        let o = match self.kind {
+            QuadricKind::Sphere => warp::sphere(u),
+            QuadricKind::Disk => warp::concentric_disk(u).extend(0.0).into(),
+            QuadricKind::Cylinder => {
+                let (s, c) = warp::sin_cos_turns(u[0]);
+                Vec3A::new(c, s, u[1])
+            }
+        };
+        let (p, n, _) = self.surface(self.to_world.transform_point3a(o));
+        (p, n)
+    }
+
+    /// Density of [`Self::point`] per area, 1/m².
+    #[must_use]
+    pub fn density(&self, p: Vec3A) -> f32 {
+        let o = self.to_object.transform_point3a(p);
+        let own = match self.kind {
+            QuadricKind::Sphere => 4.0 * PI,
+            QuadricKind::Disk => PI,
+            QuadricKind::Cylinder => TAU,
+        };
+        1.0 / (own * self.growth(o))
+    }
+
+    /// Square metres.
+    #[must_use]
+    pub fn area(&self) -> f32 {
+        const N: usize = 64;
+        let at = |i: usize| (i as f32 + 0.5) / N as f32;
+        let one = |k: usize| f64::from(1.0 / self.density(self.point([at(k % N), at(k / N)]).0));
+        ((0..N * N).map(one).sum::<f64>() / (N * N) as f64) as f32
+    }
+
     /// World bounds (min, max).
     #[must_use]
     pub fn bounds(&self) -> (Vec3A, Vec3A) {
@@ -276,7 +327,6 @@ mod tests {
     use super::*;
     use glam::{Quat, Vec3};
     use optics::sampling::stream::Stream;
-    use optics::sampling::warp;
 
     /// A ball is met where its own space says, and has the same normals and tangents, mirrored or not.
     #[test]

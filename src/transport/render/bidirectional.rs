@@ -11,7 +11,7 @@
 //! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
 
 use super::emission::{Emission, Ends, Sender};
-use super::environment;
+use super::environment::{self, Met};
 use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, most};
 use super::join_manifold::{Takers, behind};
@@ -185,13 +185,28 @@ impl Walks {
         let limits = Limits {
             interactions: most(scene),
             point: usize::MAX,
-            escapes: scene.environment.is_some(),
+            escapes: scene.environment.is_some() || !scene.lights.is_dark(),
         };
         self.camera.run(scene, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
         if let (Some(left), None) = (&self.camera.escape, scene.settings.strategy) {
-            environment::seen(scene, &left.chain, left.beam, left.interactions, out);
+            environment::seen(scene, &left.chain, left.beam, left.interactions, left.chosen, out);
+        }
+        if scene.settings.strategy.is_none() {
+            for glow in &self.camera.glows {
+                let Some(light) = scene.lights.of(glow.surface.material) else {
+                    continue;
+                };
+                let met = Met {
+                    light,
+                    surface: &glow.surface,
+                    optical_m: glow.optical_m,
+                    interactions: glow.interactions,
+                    chosen: glow.chosen,
+                };
+                environment::met(scene, glow.chain, glow.beam, &met, out);
+            }
         }
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         for t in 2..=self.camera.points.len() {
@@ -201,7 +216,7 @@ impl Walks {
                 continue;
             }
             for source in 0..plan.setup.emission.count() {
-                let lit = plan.setup.emission.pixel(&ends, source, point.surface.p);
+                let lit = plan.setup.emission.pixel(scene, &ends, source, point.surface.p);
                 let coaxial = t == 2 && ends.coaxial;
                 let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
                     continue;
@@ -213,6 +228,9 @@ impl Walks {
                     let sender = Sender { source, pixel: lit };
                     joiner.join(camera, &[emitter], sender, None, out);
                 }
+            }
+            if scene.settings.strategy.is_none() && !scene.lights.is_empty() {
+                joiner.join_lights(camera, out);
             }
             let over_mirrors = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
             for source in 0..plan.setup.emission.count() {

@@ -11,12 +11,14 @@ use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::view::View;
+use crate::light;
+use crate::light::filter::Polarized;
 use crate::material::{Filling, NO_CRYSTAL};
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::extent::Extent;
-use optics::polarization::frame::{project, turn};
+use optics::polarization::frame::{perpendicular, turn};
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
@@ -85,7 +87,6 @@ pub(super) fn connect_all<const N: usize>(
     out: &mut Contributions,
 ) -> u32 {
     let mut rays = 0;
-    let p = at.surface.p;
     if let (Some(projector), Some(LitAt { lit, place })) = (&scene.projector, lit)
         && lit.at.pixel[place] != OUTSIDE
     {
@@ -95,8 +96,12 @@ pub(super) fn connect_all<const N: usize>(
             position: projector.pinhole.origin,
             distance: a.distance[place],
             irradiance: projector.irradiance * Spectral::splat(a.factor[place]),
-            axis: projector.pinhole.axes.x_axis,
+            polarized: Polarized {
+                axis: projector.pinhole.axes.x_axis,
+                filter: None,
+            },
             pixel: a.pixel[place],
+            start_m: 0.0,
         };
         let seen = match &views.projector {
             Some(view) => view.sees(lit.cells[place], a.local[2][place], &at.hit, at.surface),
@@ -104,21 +109,77 @@ pub(super) fn connect_all<const N: usize>(
         };
         rays += connect(scene, state, at, &connection, seen, out);
     }
+    if !scene.points.is_empty() {
+        rays += connect_points(scene, state, at, out);
+    }
+    rays
+}
+
+/// Connects a surface point to every point emitter; returns the rays traced.
+#[inline(never)]
+fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contributions) -> u32 {
+    let mut rays = 0;
     for point in &scene.points {
-        let to = point.position - p;
+        let to = point.position - at.surface.p;
         let distance = to.length();
         if distance > 0.0 {
             let wi = to * distance.recip();
+            let share = point.profile.value(-wi) / (distance * distance);
+            if share == 0.0 {
+                continue;
+            }
             let connection = Connection {
                 wi,
                 position: point.position,
                 distance,
-                irradiance: point.intensity * Spectral::splat(1.0 / (distance * distance)),
-                axis: point.axis,
+                irradiance: point.intensity * Spectral::splat(share),
+                polarized: Polarized {
+                    axis: point.axis,
+                    filter: None,
+                },
                 pixel: NO_PIXEL,
+                start_m: 0.0,
             };
             rays += connect(scene, state, at, &connection, None, out);
         }
+    }
+    rays
+}
+
+/// Connects a surface point to all light with one direction, and to one point of shining surfaces and sky that is drawn by
+/// `u`; returns the rays traced.
+#[inline(never)]
+pub(super) fn connect_lights(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    u: [f32; 3],
+    out: &mut Contributions,
+) -> u32 {
+    let (lights, surface) = (&scene.lights, at.surface);
+    let mut rays = 0;
+    let distant = lights
+        .distant
+        .iter()
+        .filter_map(|d| d.toward(surface.p, scene.far));
+    let drawn = lights.draw(&scene.materials.textures, surface.p, u, scene.far);
+    for drawn in distant.chain(drawn) {
+        let share = if drawn.density > 0.0 {
+            let chance = scene.materials.pdf(surface.material, surface, at.wo, drawn.wi);
+            light::share(drawn.density, chance)
+        } else {
+            1.0
+        };
+        let connection = Connection {
+            wi: drawn.wi,
+            position: drawn.position,
+            distance: drawn.distance,
+            irradiance: drawn.irradiance * Spectral::splat(share),
+            polarized: drawn.polarized,
+            pixel: NO_PIXEL,
+            start_m: drawn.start_m,
+        };
+        rays += connect(scene, state, at, &connection, None, out);
     }
     rays
 }
@@ -175,25 +236,28 @@ fn connect(
         };
         return rays + sheets::connect(scene, state, &blocked, out);
     }
-    let extent = if let Scatter::Depolarize(f) = scatter {
+    let extent = if to.polarized.filter.is_some() {
+        through_filter(scene, state, scatter, filling, wo, to, out)
+    } else if let Scatter::Depolarize(f) = scatter {
         state.chain.finish_depolarized(*f * to.irradiance, out.elements)
     } else if filling.crystal != NO_CRYSTAL {
-        through_crystal(scene, state, scatter, filling, wo, to, out)
+        through_filter(scene, state, scatter, filling, wo, to, out)
     } else {
         let frame_in = scatter.frame_in();
-        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame_in);
+        let (c2, s2) = turn(-to.wi, to.polarized.frame(-to.wi), frame_in);
         state
             .chain
             .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
-    let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * f64::from(to.distance));
+    let time_ps =
+        picoseconds(state.optical_m + f64::from(filling.index) * f64::from(to.distance) + to.start_m);
     out.push(extent, time_ps, to.pixel, at.bounces);
     rays
 }
 
-/// Ends a path whose last ray runs through a crystal, which turns polarization on the way.
+/// Ends a path whose last ray runs through a crystal, which turns polarization on the way, or through the emitter's filter.
 #[cold]
-fn through_crystal(
+fn through_filter(
     scene: &Scene,
     state: &State,
     scatter: &Scatter,
@@ -205,12 +269,11 @@ fn through_crystal(
     let mut chain = state.chain;
     let frame = chain.push(scatter, wo, state.frame);
     chain.scale(to.irradiance);
-    if let Some(mut frame) = frame {
-        if let Some(way) = scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
-            frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
-        }
-        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
-        chain.rotate_in(c2, s2);
+    // Behind an interaction that depolarizes any frame is right.
+    let mut frame = frame.unwrap_or_else(|| perpendicular(to.wi));
+    if let Some(way) = scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
+        frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);
     }
+    to.polarized.end(&mut chain, -to.wi, frame);
     chain.finish(out.elements)
 }

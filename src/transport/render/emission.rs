@@ -13,9 +13,7 @@ use glam::{DVec2, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::project;
 use optics::sampling::stream::Stream;
-use optics::sampling::warp;
 use optics::spectrum::Spectral;
-use std::f32::consts::PI;
 
 /// An emitter without extent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,7 +124,7 @@ impl Emission {
             (Source::Projector, mean(p.irradiance) * area as f32)
         });
         let points = scene.points.iter().enumerate();
-        let points = points.map(|(i, p)| (Source::Point(i), mean(p.intensity) * 4.0 * PI));
+        let points = points.map(|(i, p)| (Source::Point(i), mean(p.intensity) * p.profile.solid_angle()));
         let mut sources: Vec<(Source, f32)> = projector.chain(points).collect();
         let all: f32 = sources.iter().map(|s| s.1).sum();
         sources.retain(|s| s.1 > 0.0);
@@ -171,7 +169,11 @@ impl Emission {
     #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
         match (self.sources[source].0, &ends.projector) {
-            (Source::Point(i), _) => (scene.points[i].intensity, scene.points[i].axis),
+            (Source::Point(i), _) => {
+                let point = &scene.points[i];
+                let share = Spectral::splat(point.profile.value(dir));
+                (point.intensity * share, point.axis)
+            }
             (Source::Projector, Some(p)) => {
                 let cos = dir.dot(p.pinhole.forward());
                 let factor = Spectral::splat(1.0 / (cos * cos * cos));
@@ -184,9 +186,12 @@ impl Emission {
     /// The projector pixel through which a source lights the point `p`, [`NO_PIXEL`] for point emitters; `None` if it does
     /// not light it.
     #[inline]
-    pub fn pixel(&self, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
+    pub fn pixel(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
         match (self.sources[source].0, &ends.projector) {
-            (Source::Point(_), _) => Some(NO_PIXEL),
+            (Source::Point(i), _) => {
+                let point = &scene.points[i];
+                (point.profile.value((p - point.position).normalize_or_zero()) > 0.0).then_some(NO_PIXEL)
+            }
             (Source::Projector, Some(projector)) => projector.pinhole.pixel(p),
             (Source::Projector, None) => None,
         }
@@ -194,9 +199,9 @@ impl Emission {
 
     /// Density per steradian with which a walk from a source starts along `dir`.
     #[inline]
-    pub fn density(&self, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
+    pub fn density(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
         match (self.sources[source].0, &ends.projector) {
-            (Source::Point(_), _) => 0.25 / PI,
+            (Source::Point(i), _) => scene.points[i].profile.density(dir),
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution.map(|n| n as f32);
                 p.pinhole.pixels_per_steradian(dir) / (w * h)
@@ -222,10 +227,11 @@ impl Emission {
                 let at = DVec2::from_array(at);
                 (p.pinhole.direction(at), p.pinhole.number(at))
             }
-            _ => (warp::sphere(at), NO_PIXEL),
+            (Source::Point(i), _) => (scene.points[i].profile.sample(at), NO_PIXEL),
+            (Source::Projector, None) => return None,
         };
         let (intensity, axis) = self.intensity(scene, ends, source, dir);
-        let density = self.density(ends, source, dir);
+        let density = self.density(scene, ends, source, dir);
         let flux = intensity * Spectral::splat(1.0 / (density * self.chance(source)));
         let (origin, nest) = (self.position(scene, ends, source), self.nests[source]);
         Some(Emitted {
@@ -269,7 +275,7 @@ impl Emission {
                 ray: Ray { origin, dir },
                 chain: Chain::start(intensity),
                 frame: project(axis, dir),
-                density: self.density(ends, source, dir),
+                density: self.density(scene, ends, source, dir),
                 // Lines are followed from the camera's side.
                 filling: Filling::VACUUM,
                 nest: Nest::default(),

@@ -1,15 +1,91 @@
-//! Light that comes from no surface: the environment behind all of them.
+//! Light that paths meet by chance: shining surfaces, and the environment behind all surfaces.
 
 use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::geometry::ray::Surface;
+use crate::light::area::AreaLight;
+use crate::light::share;
 use crate::scene::Scene;
+use base::units::picoseconds;
+use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::turn;
+use optics::spectrum::Spectral;
+
+/// How a ray of a path was chosen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen {
+    /// Density of its direction per steradian; 0 where no connection could make the same.
+    pub density: f32,
+    /// From where, behind sheets in between.
+    pub from: Vec3A,
+}
+
+impl Chosen {
+    /// By a mirror, by smooth glass, by the camera.
+    #[inline]
+    pub fn alone(from: Vec3A) -> Self {
+        Self { density: 0.0, from }
+    }
+
+    /// Share of the path that chance gets beside a connection that draws the direction with density `other`.
+    #[inline]
+    fn share(self, other: f32) -> f32 {
+        if self.density > 0.0 {
+            share(self.density, other)
+        } else {
+            1.0
+        }
+    }
+}
+
+/// A shining surface that a path came upon.
+pub(super) struct Met<'a> {
+    pub light: &'a AreaLight,
+    pub surface: &'a Surface,
+    /// Optical length of the path, metres.
+    pub optical_m: f64,
+    /// Interactions before.
+    pub interactions: u32,
+    pub chosen: Chosen,
+}
+
+/// Appends what a shining surface sends into a path: `beam` is the light that the path's product `chain` takes in.
+pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &mut Contributions) {
+    let Met { light, surface, .. } = *met;
+    let radiance = light.toward(&scene.materials.textures, surface.ng, surface.uv, beam.travel);
+    if radiance == Spectral::ZERO {
+        return;
+    }
+    let other = scene
+        .lights
+        .density(light, met.chosen.from, -beam.travel, surface);
+    chain.scale(radiance * Spectral::splat(met.chosen.share(other)));
+    light.polarized.end(&mut chain, beam.travel, beam.frame);
+    let extent = chain.finish(out.elements);
+    out.push(extent, picoseconds(met.optical_m), NO_PIXEL, met.interactions);
+}
 
 /// Appends what the environment sends into a path that left the scene after `bounces` interactions: `beam` is the light that
 /// the path's product takes in.
 #[inline]
-pub(super) fn seen(scene: &Scene, chain: &Chain, beam: Beam, bounces: u32, out: &mut Contributions) {
+pub(super) fn seen(
+    scene: &Scene,
+    chain: &Chain,
+    beam: Beam,
+    bounces: u32,
+    chosen: Chosen,
+    out: &mut Contributions,
+) {
+    if let Some(sky) = &scene.lights.sky {
+        let dir = -beam.travel;
+        let share = chosen.share(scene.lights.sky_density(dir));
+        let mut chain = *chain;
+        chain.scale(sky.radiance(dir) * Spectral::splat(share));
+        sky.polarized.end(&mut chain, beam.travel, beam.frame);
+        let extent = chain.finish(out.elements);
+        out.push(extent, f64::INFINITY, NO_PIXEL, bounces);
+    }
     let Some(environment) = &scene.environment else {
         return;
     };

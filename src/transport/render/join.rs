@@ -280,7 +280,10 @@ impl<'a> Joiner<'a> {
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed
                 * match y.site {
-                    Site::Pinhole => self.setup.emission.density(self.ends[0], source, toward_camera),
+                    Site::Pinhole => self
+                        .setup
+                        .emission
+                        .density(scene, self.ends[0], source, toward_camera),
                     _ => y.density(scene, y.back, toward_camera),
                 }
         });

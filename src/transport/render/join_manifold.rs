@@ -196,7 +196,7 @@ impl Joiner<'_> {
         let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;
         };
-        let Some(pixel) = emission.pixel(self.ends[0], source, way.first) else {
+        let Some(pixel) = emission.pixel(scene, self.ends[0], source, way.first) else {
             return;
         };
         let Some(scatter) = z.scatter(scene, z.back, way.dir) else {
@@ -217,7 +217,7 @@ impl Joiner<'_> {
         let Some(emitter) = emission.emitter(scene, self.ends[0], source, way.first) else {
             return;
         };
-        let density = emission.density(self.ends[0], source, way.emitted);
+        let density = emission.density(scene, self.ends[0], source, way.emitted);
         let line = Line {
             dirs: [way.dir, way.emitted],
             passed: 1.0,
@@ -345,7 +345,10 @@ impl Joiner<'_> {
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
         self.seen(light, 1, to, |joiner, dir| {
-            joiner.setup.emission.density(joiner.ends[1], source, dir)
+            joiner
+                .setup
+                .emission
+                .density(joiner.scene, joiner.ends[1], source, dir)
         })
     }
 

@@ -10,6 +10,7 @@ mod environment;
 mod flight;
 mod job;
 mod join;
+mod join_lights;
 mod join_manifold;
 mod manifold;
 mod mirrors;

@@ -6,8 +6,8 @@
 //! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
 //! projector).
 
-use super::connect::{Lit, LitAt, Vertex, connect_all};
-use super::environment;
+use super::connect::{Lit, LitAt, Vertex, connect_all, connect_lights};
+use super::environment::{self, Chosen, Met};
 use super::roulette::{Odds, survives};
 use super::state::{Beam, State};
 use super::views::Views;
@@ -40,6 +40,8 @@ struct Path {
     /// What the current ray hits, and there.
     hit: Option<Hit>,
     surface: Surface,
+    /// How the current ray was chosen; kept where there is something to meet by chance.
+    chosen: Chosen,
 }
 
 /// Some paths of one camera pixel, traced in step.
@@ -100,6 +102,8 @@ impl Paths {
             uniforms: [[0.0; BATCH]; 2],
         };
         let last = scene.settings.max_depth - 1;
+        let (shines, glows) = (!scene.lights.is_empty(), !scene.lights.areas.is_empty());
+        let meets = scene.environment.is_some() || !scene.lights.is_dark();
         let mut rays = 0;
         for bounces in 0..=last {
             for i in &alive {
@@ -116,13 +120,20 @@ impl Paths {
                 };
             }
             rays += alive.len() as u32;
-            // The last interaction goes on only to see an environment.
-            let goes_on = bounces + 1 < last || scene.environment.is_some();
+            // The last interaction goes on only to meet light.
+            let goes_on = bounces + 1 < last || meets;
             // Not `retain`: its closure would not be compiled for the processor at hand.
             let mut kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
                 let path = &mut self.paths[i as usize];
+                if glows && path.hit.is_some() {
+                    let mut out = Contributions {
+                        list: &mut self.lists[i as usize],
+                        elements: &mut self.elements,
+                    };
+                    path.glow(scene, bounces, &mut out);
+                }
                 if path.hit.is_none() {
                     let mut out = Contributions {
                         list: &mut self.lists[i as usize],
@@ -133,7 +144,7 @@ impl Paths {
                         travel: -state.ray.dir,
                         frame: state.frame,
                     };
-                    environment::seen(scene, &state.chain, beam, bounces, &mut out);
+                    environment::seen(scene, &state.chain, beam, bounces, path.chosen, &mut out);
                 } else if bounces < last {
                     path.arrive(scene, goes_on, kept, &mut rows);
                     alive[kept] = i;
@@ -169,6 +180,9 @@ impl Paths {
                 };
                 let lit = lit.as_ref().map(|lit| LitAt { lit, place: n });
                 rays += path.connect(scene, views, bounces, lit, &mut out);
+                if shines {
+                    rays += path.connect_lights(scene, bounces, &mut out);
+                }
                 if goes_on && path.scatter(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n))) {
                     alive[kept] = i;
                     kept += 1;
@@ -212,6 +226,7 @@ impl Paths {
             state.filling = Filling::VACUUM;
             state.lanes = lanes;
             path.stream = stream;
+            path.chosen = Chosen::alone(camera.origin);
         }
         match &views.camera {
             Some(view) => view.cells_toward(&dirs),
@@ -239,6 +254,7 @@ impl Default for Path {
             stream: Stream::new(0, 0, 0),
             hit: None,
             surface: Surface::default(),
+            chosen: Chosen::alone(Vec3A::ZERO),
         }
     }
 }
@@ -294,12 +310,78 @@ impl Path {
         connect_all(scene, views, state, &at, lit, out)
     }
 
+    /// What the surface that is met by chance sends by itself, after `bounces` interactions.
+    #[inline(never)]
+    fn glow(&self, scene: &Scene, bounces: u32, out: &mut Contributions) {
+        let (Some(hit), state) = (&self.hit, &self.state) else {
+            return;
+        };
+        let surface = scene.geometry.surface(&state.ray, hit);
+        let Some(light) = scene.lights.of(surface.material) else {
+            return;
+        };
+        let (mut chain, travel) = (state.chain, -state.ray.dir);
+        let mut frame = state.frame;
+        if let Some(scatter) = state.crossed(scene, &surface) {
+            frame = chain.push(&scatter, travel, frame).unwrap_or(frame);
+        }
+        let met = Met {
+            light,
+            surface: &surface,
+            optical_m: state.optical_m
+                + f64::from(state.filling.index) * f64::from((surface.p - state.from).length()),
+            interactions: bounces,
+            chosen: self.chosen,
+        };
+        environment::met(scene, chain, Beam { travel, frame }, &met, out);
+    }
+
+    /// Connects the surface to shining surfaces, sky and light from afar, after `bounces` interactions before this one;
+    /// returns the rays traced.
+    #[inline(never)]
+    fn connect_lights(&mut self, scene: &Scene, bounces: u32, out: &mut Contributions) -> u32 {
+        let (Some(hit), surface) = (self.hit, &self.surface) else {
+            return 0;
+        };
+        if !scene.materials.has_extended_lobe(surface.material) {
+            return 0;
+        }
+        let [u, v] = self.stream.uniform2();
+        let u = [self.stream.uniform(), u, v];
+        let at = Vertex {
+            hit,
+            surface,
+            wo: -self.state.ray.dir,
+            bounces: bounces + 1,
+        };
+        connect_lights(scene, &self.state, &at, u, out)
+    }
+
+    /// Keeps how the direction `wi`, in which a path goes on, was chosen; `delta`: as the only one.
+    #[inline(never)]
+    fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
+        let surface = &self.surface;
+        if delta && wi == -wo {
+            // Through a sheet, which connections pass too.
+            return;
+        }
+        self.chosen = if delta {
+            Chosen::alone(surface.p)
+        } else {
+            Chosen {
+                density: scene.materials.pdf(surface.material, surface, wo, wi),
+                from: surface.p,
+            }
+        };
+    }
+
     /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. Where it goes
     /// on from a Lambert surface, it is along `diffuse`, in frame `frame`.
     #[inline(always)]
     fn scatter(&mut self, scene: &Scene, bounces: u32, [diffuse, frame]: [Vec3A; 2]) -> bool {
         let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
         let (materials, id, wo) = (&scene.materials, surface.material, -state.ray.dir);
+        let mut delta = false;
         let wi = if let Some(lambert) = materials.lambert(id) {
             if !lambert.passes(surface, wo, diffuse) {
                 return false;
@@ -318,6 +400,7 @@ impl Path {
             let frame = state.chain.push(&sampled.scatter, wo, state.frame);
             state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
             state.filling = sampled.filling.unwrap_or(state.filling);
+            delta = sampled.delta;
             sampled.wi
         };
         let odds = Odds {
@@ -333,6 +416,9 @@ impl Path {
             origin: scene.geometry.leave(surface, wi),
             dir: wi,
         };
+        if !scene.lights.is_dark() {
+            self.choose(scene, wo, wi, delta);
+        }
         true
     }
 }

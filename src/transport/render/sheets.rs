@@ -6,12 +6,13 @@ use super::bridge::{Allowed, Start, bridge};
 use super::state::State;
 use crate::accumulate::Contributions;
 use crate::geometry::ray::Ray;
+use crate::light::filter::Polarized;
 use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
-use optics::polarization::frame::{perpendicular, project, turn};
+use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
@@ -23,9 +24,11 @@ pub(super) struct Connection {
     pub distance: f32,
     /// Irradiance at normal incidence.
     pub irradiance: Spectral,
-    /// Horizontal of the light it sends here, before it is projected perpendicular to the ray.
-    pub axis: Vec3A,
+    /// Frame and filter of the light it sends here.
+    pub polarized: Polarized,
     pub pixel: u32,
+    /// Optical length before `position`, metres.
+    pub start_m: f64,
 }
 
 /// A connection that something stands in the way of.
@@ -78,10 +81,9 @@ pub(super) fn connect(
         allowed,
         &mut rays,
     ) {
-        let (c2, s2) = turn(-to.wi, project(to.axis, to.wi), frame);
-        chain.rotate_in(c2, s2);
+        to.polarized.end(&mut chain, -to.wi, frame);
         let extent = chain.finish(out.elements);
-        let time_ps = picoseconds(state.optical_m + line.optical_m);
+        let time_ps = picoseconds(state.optical_m + line.optical_m + to.start_m);
         out.push(extent, time_ps, to.pixel, bounces + line.sheets);
     }
     rays

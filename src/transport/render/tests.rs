@@ -3,6 +3,8 @@
 use super::schedule::{Unwatched, render};
 use crate::device::distortion::Distortion;
 use crate::device::emitter::{Environment, PointEmitter};
+use crate::light::Lights;
+use crate::light::profile::Profile;
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
 use crate::geometry::builder::GeometryBuilder;
@@ -90,12 +92,14 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
         points: vec![PointEmitter {
             position: Vec3A::new(-1.0, 1.5, 2.0),
             intensity: Spectral::ONE,
+            profile: Profile::Even,
             axis: Vec3A::X,
         }],
         environment: Some(Environment {
             radiance: Spectral::splat(0.1),
             axis: Vec3A::Y,
         }),
+        lights: Lights::default(),
         slices: vec![Slice {
             name: "all".to_owned(),
             camera: CameraSelect::All,

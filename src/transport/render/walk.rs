@@ -1,6 +1,7 @@
 //! A random walk through surfaces and media, from the camera or from an emitter: points ([`super::point`]) with flights
 //! ([`super::flight`]) in between.
 
+use super::environment::Chosen;
 use super::flight::{Flight, From, Hero, Landing, mean_transmittance};
 use super::point::{End, Point, Site};
 use super::roulette::{Odds, survives};
@@ -23,6 +24,8 @@ pub(super) struct Walk {
     pub points: Vec<Point>,
     /// What is left of it where nothing was hit.
     pub escape: Option<Escape>,
+    /// The shining surfaces that it came upon.
+    pub glows: Vec<Glow>,
     /// Rays traced.
     pub rays: u32,
 }
@@ -34,6 +37,20 @@ pub(super) struct Escape {
     pub beam: Beam,
     /// Interactions before.
     pub interactions: u32,
+    pub chosen: Chosen,
+}
+
+/// A shining surface that a walk came upon.
+pub(super) struct Glow {
+    pub chain: Chain,
+    /// The light that its product takes in.
+    pub beam: Beam,
+    pub surface: Surface,
+    /// Optical length so far, metres.
+    pub optical_m: f64,
+    /// Interactions before.
+    pub interactions: u32,
+    pub chosen: Chosen,
 }
 
 /// A walk on its way.
@@ -41,6 +58,8 @@ struct Progress {
     flight: Flight,
     /// With which the present direction was drawn, per steradian; 1 in delta lobes.
     density: f32,
+    /// The same for light that is met by chance.
+    chosen: Chosen,
     /// Throughput of a walk that has lost nothing.
     full: f32,
     interactions: u32,
@@ -125,10 +144,12 @@ impl Walk {
     pub fn run(&mut self, scene: &Scene, from: From, end: &End, stream: &mut Stream, limits: Limits) {
         self.points.clear();
         self.escape = None;
+        self.glows.clear();
         self.rays = 0;
         let mut progress = Progress {
             flight: Flight::start(scene, from, end, stream),
             density: end.density,
+            chosen: Chosen::alone(end.ray.origin),
             full: end.chain.max_m00(),
             interactions: 0,
         };
@@ -203,11 +224,27 @@ impl Walk {
                         frame: flight.state.frame,
                     },
                     interactions: *interactions,
+                    chosen: progress.chosen,
                 });
                 return None;
             }
             Landing::Absorbed => return None,
         };
+        if flight.end == From::Camera && site == Site::Surface && scene.lights.of(surface.material).is_some()
+        {
+            let state = &flight.state;
+            self.glows.push(Glow {
+                chain: state.chain,
+                beam: Beam {
+                    travel: -state.ray.dir,
+                    frame: state.frame,
+                },
+                surface,
+                optical_m: state.optical_m,
+                interactions: *interactions,
+                chosen: progress.chosen,
+            });
+        }
         let before = self
             .points
             .last()
@@ -260,6 +297,10 @@ impl Walk {
             return Onward::Straight;
         }
         progress.density = density;
+        progress.chosen = Chosen {
+            density: if next.delta { 0.0 } else { density },
+            from: surface.p,
+        };
         let reverse = if next.delta {
             1.0
         } else {
@@ -300,6 +341,10 @@ impl Walk {
         // The same from both sides: particles are their own mirror images.
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
         progress.density = scene.lanes().mean(densities);
+        progress.chosen = Chosen {
+            density: progress.density,
+            from: point.surface.p,
+        };
         if let Some(before) = self.points.last_mut() {
             before.reverse = progress.density * point.spread;
         }

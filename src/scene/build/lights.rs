@@ -1,0 +1,274 @@
+//! Emitters and shining objects of a scene file → what the tracer knows of light.
+
+use super::context::{Context, HUGE};
+use super::devices::vector;
+use super::shapes::{Solid, transform};
+use super::textures::{self, Images};
+use crate::ies;
+use base::locate::{InputError, Located};
+use glam::{Mat3A, Vec3A};
+use optics::polarization::elements;
+use optics::polarization::mueller::Mueller;
+use std::ops::Range;
+use syntax::device::EmitterFile;
+use syntax::emitter::{BeamFile, DirectionalFile, EmissionFile, EnvironmentFile, IesFile, SpotFile};
+use transport::device::emitter::{Environment, PointEmitter};
+use transport::light::Lights;
+use transport::light::area::AreaLight;
+use transport::light::distant::{Across, Distant};
+use transport::light::filter::Polarized;
+use transport::light::profile::{Profile, Table};
+use transport::light::sky::Sky;
+use transport::material::texture::{Spectrum, Textures};
+
+/// All emitters but the projector and shining objects.
+#[derive(Default)]
+pub(crate) struct Emitters {
+    pub points: Vec<PointEmitter>,
+    pub environment: Option<Environment>,
+    /// Without surfaces.
+    pub lights: Lights,
+}
+
+/// Builds `[[emitters]]`.
+pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Result<Emitters, InputError> {
+    let mut all = Emitters::default();
+    for e in list {
+        let at = e.span();
+        match &**e {
+            EmitterFile::Point(p) => all.points.push(PointEmitter {
+                position: vector(ctx, p.position, at.clone(), "position")?,
+                intensity: ctx.located(&p.intensity, "intensity", 0.0..=HUGE)?,
+                profile: Profile::Even,
+                axis: direction(ctx, p.horizontal, at, "horizontal")?,
+            }),
+            EmitterFile::Spot(s) => all.points.push(spot(ctx, s, at)?),
+            EmitterFile::Ies(i) => all.points.push(luminaire(ctx, i, at)?),
+            EmitterFile::Directional(d) => all.lights.distant.push(directional(ctx, d, at)?),
+            EmitterFile::Beam(b) => all.lights.distant.push(beam(ctx, b, at)?),
+            EmitterFile::Environment(_) if all.environment.is_some() || all.lights.sky.is_some() => {
+                return Err(ctx.error(at, "a second environment", "keep one"));
+            }
+            EmitterFile::Environment(v) => match &v.image {
+                None => all.environment = Some(environment(ctx, v, at)?),
+                Some(image) => all.lights.sky = Some(sky(ctx, v, image, at)?),
+            },
+        }
+    }
+    Ok(all)
+}
+
+/// A unit vector.
+fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result<Vec3A, InputError> {
+    vector(ctx, v, at.clone(), what)?.try_normalize().ok_or_else(|| {
+        ctx.error(
+            at,
+            format!("{what} has no length"),
+            "give a direction such as [1, 0, 0]",
+        )
+    })
+}
+
+/// Frame and filter of an emitter.
+fn polarized(
+    ctx: &Context,
+    stokes: Option<&Located<[f64; 4]>>,
+    polarizer: Option<&Located<f64>>,
+    horizontal: [f64; 3],
+    at: Range<usize>,
+) -> Result<Polarized, InputError> {
+    let axis = direction(ctx, horizontal, at, "horizontal")?;
+    let mut filter = None;
+    if let Some(s) = stokes {
+        let [s0, s1, s2, s3] = **s;
+        let degree2 = s1 * s1 + s2 * s2 + s3 * s3;
+        if s0 != 1.0 || !(0.0..=1.0 + 1e-6).contains(&degree2) {
+            return Err(ctx.error(
+                s.span(),
+                format!("there is no light with the Stokes vector {:?} over its intensity", **s),
+                "give [1, s1, s2, s3] with s1² + s2² + s3² at most 1",
+            ));
+        }
+        filter = Some(Mueller::splat(s.map(|v| [v as f32, 0.0, 0.0, 0.0])));
+    }
+    if let Some(degrees) = polarizer {
+        let angle = ctx.number(degrees, "polarizer_deg", -360.0..=360.0)?;
+        let plate = elements::polarizer(angle.to_radians() as f32);
+        filter = Some(filter.map_or(plate, |light| plate * light));
+    }
+    Ok(Polarized { axis, filter })
+}
+
+fn spot(ctx: &Context, s: &SpotFile, at: Range<usize>) -> Result<PointEmitter, InputError> {
+    let cutoff = ctx.number(&s.cutoff_deg, "cutoff_deg", 0.01..=180.0)?;
+    let beam = match &s.beam_deg {
+        Some(beam) => ctx.number(beam, "beam_deg", 0.0..=cutoff)?,
+        None => 0.75 * cutoff,
+    };
+    Ok(PointEmitter {
+        position: vector(ctx, s.position, at.clone(), "position")?,
+        intensity: ctx.located(&s.intensity, "intensity", 0.0..=HUGE)?,
+        profile: Profile::Spot {
+            axis: direction(ctx, s.direction, at.clone(), "direction")?,
+            beam: beam.to_radians() as f32,
+            cutoff: cutoff.to_radians() as f32,
+        },
+        axis: direction(ctx, s.horizontal, at, "horizontal")?,
+    })
+}
+
+fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEmitter, InputError> {
+    let bytes = ctx.read(&i.file, i.file.span())?;
+    let profile = ies::parse(&bytes).map_err(|e| {
+        ctx.error(
+            i.file.span(),
+            format!("{}: {e}", ctx.path(&i.file).display()),
+            "give a luminaire's IES LM-63 file",
+        )
+    })?;
+    let z = direction(ctx, i.direction, at.clone(), "direction")?;
+    let zero = direction(ctx, i.zero, at.clone(), "zero")?;
+    let Some(x) = (zero - z * zero.dot(z)).try_normalize() else {
+        return Err(ctx.error(
+            at,
+            "zero runs along direction",
+            "give the direction of horizontal angle 0, across direction",
+        ));
+    };
+    let to_world = Mat3A::from_cols(x, z.cross(x), z);
+    Ok(PointEmitter {
+        position: vector(ctx, i.position, at.clone(), "position")?,
+        intensity: ctx.located(&i.intensity, "intensity", 0.0..=HUGE)?,
+        profile: Profile::Table(Box::new(Table {
+            to_local: to_world.transpose(),
+            vertical: profile.vertical,
+            horizontal: profile.horizontal,
+            values: profile.values,
+        })),
+        axis: direction(ctx, i.horizontal, at, "horizontal")?,
+    })
+}
+
+fn directional(ctx: &Context, d: &DirectionalFile, at: Range<usize>) -> Result<Distant, InputError> {
+    let irradiance = ctx.located(&d.irradiance, "irradiance", 0.0..=HUGE)?;
+    Ok(Distant {
+        dir: direction(ctx, d.direction, at.clone(), "direction")?,
+        origin: d
+            .origin
+            .map(|o| vector(ctx, o, at.clone(), "origin"))
+            .transpose()?,
+        spread: 0.0,
+        across: Across::Even(irradiance),
+        polarized: polarized(ctx, d.stokes.as_ref(), d.polarizer_deg.as_ref(), d.horizontal, at)?,
+    })
+}
+
+fn beam(ctx: &Context, b: &BeamFile, at: Range<usize>) -> Result<Distant, InputError> {
+    let power = ctx.located(&b.power, "power", 0.0..=HUGE)?;
+    let radius = ctx.number(&b.radius, "radius", 1e-6..=1e6)? as f32;
+    let half = match &b.divergence_mrad {
+        Some(full) => ctx.number(full, "divergence_mrad", 0.0..=1000.0)? * 0.5e-3,
+        None => 0.0,
+    };
+    Ok(Distant {
+        dir: direction(ctx, b.direction, at.clone(), "direction")?,
+        origin: Some(vector(ctx, b.origin, at.clone(), "origin")?),
+        spread: half.tan() as f32 / radius,
+        across: match b.gaussian {
+            true => Across::Gaussian { power, radius },
+            false => Across::Disk { power, radius },
+        },
+        polarized: polarized(ctx, b.stokes.as_ref(), b.polarizer_deg.as_ref(), b.horizontal, at)?,
+    })
+}
+
+/// The same radiance from everywhere.
+fn environment(ctx: &Context, v: &EnvironmentFile, at: Range<usize>) -> Result<Environment, InputError> {
+    if v.transform.is_some() || v.stokes.is_some() || v.polarizer_deg.is_some() {
+        return Err(ctx.error(
+            at,
+            "an environment without an image has a transform, a Stokes vector or a polarizer",
+            "give an image, or take the key away",
+        ));
+    }
+    Ok(Environment {
+        radiance: ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?,
+        axis: direction(ctx, v.horizontal, at, "horizontal")?,
+    })
+}
+
+fn sky(
+    ctx: &mut Context,
+    v: &EnvironmentFile,
+    image: &Located<String>,
+    at: Range<usize>,
+) -> Result<Sky, InputError> {
+    let to_world = match &v.transform {
+        None => Mat3A::IDENTITY,
+        Some(t) => {
+            let m = transform(ctx, t)?.matrix3;
+            let off = m.transpose() * m - glam::DMat3::IDENTITY;
+            let turned = off.to_cols_array().iter().all(|x| x.abs() < 1e-4);
+            if !turned || m.determinant() < 0.0 {
+                return Err(ctx.error(
+                    t.span(),
+                    "an image of the sky can only be turned",
+                    "give rotate_deg, or a matrix that is a rotation",
+                ));
+            }
+            m.as_mat3().into()
+        }
+    };
+    let scale = ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?;
+    let polarized = polarized(ctx, v.stokes.as_ref(), v.polarizer_deg.as_ref(), v.horizontal, at)?;
+    let ([width, height], mut texels) = textures::sky(ctx, image)?;
+    for texel in &mut texels {
+        for (value, factor) in texel.iter_mut().zip(scale.to_array()) {
+            *value *= factor;
+        }
+        if !texel.iter().all(|v| (0.0..=1e30).contains(v)) {
+            return Err(ctx.error(
+                image.span(),
+                format!("{} holds values that no light has", ctx.path(image).display()),
+                "give an image of finite values from 0",
+            ));
+        }
+    }
+    Sky::new([width as usize, height as usize], texels, to_world, polarized).ok_or_else(|| {
+        ctx.error(
+            image.span(),
+            format!("the sky of {} is black", ctx.path(image).display()),
+            "give an image with light in it, or take the environment away",
+        )
+    })
+}
+
+/// The light that a shape of a shining object is.
+pub(crate) fn area(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    file: &Located<EmissionFile>,
+    solid: &Solid,
+) -> Result<AreaLight, InputError> {
+    let value = ctx.located(&file.radiance, "radiance", 0.0..=HUGE)?;
+    let texture = match &file.image {
+        Some(image) => {
+            ctx.within(image.scale, image.span(), "scale", &(1.0..=1.0))?;
+            Some(textures::radiances(ctx, images, textures, image)?)
+        }
+        None => None,
+    };
+    let polarized = polarized(
+        ctx,
+        file.stokes.as_ref(),
+        file.polarizer_deg.as_ref(),
+        file.horizontal,
+        file.span(),
+    )?;
+    let radiance = Spectrum { value, texture };
+    Ok(match solid {
+        Solid::Mesh(mesh) => AreaLight::mesh(mesh, radiance, file.two_sided, polarized),
+        Solid::Quadric(quadric) => AreaLight::quadric(quadric.clone(), radiance, file.two_sided, polarized),
+    })
+}

@@ -1,0 +1,195 @@
+//! Emitters and shining objects → Mitsuba's.
+//!
+//! Mitsuba's light is unpolarized and has no profile but a cone's. Images of light are exported at one wavelength, as numbers:
+//! its spectral variants would make spectra of their colours.
+
+use super::export_output::{Output, bitmap, spectrum};
+use super::files::Contents;
+use super::xml::{Element, single};
+use crate::build::context::Context;
+use crate::build::lights::Emitters;
+use base::locate::InputError;
+use glam::{DAffine3, DMat3, Vec3A};
+use image::{DynamicImage, ImageBuffer, Rgb};
+use std::ops::Range;
+use syntax::device::EmitterFile;
+use syntax::scene::SceneFile;
+use transport::device::emitter::PointEmitter;
+use transport::light::area::AreaLight;
+use transport::light::distant::{Across, Distant};
+use transport::light::filter::Polarized;
+use transport::light::profile::Profile;
+use transport::light::sky::Sky;
+use transport::material::texture::{Image, Textures};
+
+/// Writes light.
+pub(super) struct EmitterWriter<'a> {
+    pub ctx: &'a Context,
+    pub out: &'a mut Output,
+}
+
+impl EmitterWriter<'_> {
+    /// `[[emitters]]`.
+    pub fn all(&mut self, file: &SceneFile, all: &Emitters) -> Result<Vec<Element>, InputError> {
+        let mut done = vec![];
+        let places = |is: fn(&EmitterFile) -> bool| {
+            let these = file.emitters.iter().filter(move |e| is(e));
+            these.map(base::locate::Located::span)
+        };
+        let is_point =
+            |e: &EmitterFile| matches!(e, EmitterFile::Point(_) | EmitterFile::Spot(_) | EmitterFile::Ies(_));
+        for (point, at) in all.points.iter().zip(places(is_point)) {
+            done.push(self.point(point, at)?);
+        }
+        let is_distant = |e: &EmitterFile| matches!(e, EmitterFile::Directional(_) | EmitterFile::Beam(_));
+        for (distant, at) in all.lights.distant.iter().zip(places(is_distant)) {
+            done.push(self.distant(distant, at)?);
+        }
+        if let Some(environment) = &all.environment {
+            let radiance = spectrum(&self.ctx.wavelengths, "radiance", environment.radiance);
+            done.push(Element::plugin("emitter", "constant").child(radiance));
+        }
+        if let Some(sky) = &all.lights.sky {
+            let at = places(|e| matches!(e, EmitterFile::Environment(_))).next();
+            done.push(self.sky(sky, at.unwrap_or_default())?);
+        }
+        Ok(done)
+    }
+
+    fn cannot<T>(&self, at: Range<usize>, what: &str, mend: &str) -> Result<T, InputError> {
+        Err(self
+            .ctx
+            .error(at, format!("Mitsuba cannot express {what}"), mend))
+    }
+
+    fn unpolarized(&self, light: &Polarized, at: Range<usize>) -> Result<(), InputError> {
+        if light.filter.is_some() {
+            return self.cannot(at, "polarized light of an emitter", "take stokes and polarizer_deg away");
+        }
+        Ok(())
+    }
+
+    fn point(&self, point: &PointEmitter, at: Range<usize>) -> Result<Element, InputError> {
+        let intensity = spectrum(&self.ctx.wavelengths, "intensity", point.intensity);
+        Ok(match &point.profile {
+            Profile::Even => Element::plugin("emitter", "point")
+                .child(vector("point", "position", point.position))
+                .child(intensity),
+            Profile::Spot { axis, beam, cutoff } => {
+                let frame = optics::polarization::frame::basis(*axis);
+                let columns = [frame.x_axis, frame.y_axis, frame.z_axis].map(glam::Vec3A::as_dvec3);
+                let place = DAffine3::from_mat3_translation(
+                    DMat3::from_cols(columns[0], columns[1], columns[2]),
+                    point.position.as_dvec3(),
+                );
+                Element::plugin("emitter", "spot")
+                    .float("cutoff_angle", f64::from(cutoff.to_degrees()))
+                    .float("beam_width", f64::from(beam.to_degrees()))
+                    .transform("to_world", &place)
+                    .child(intensity)
+            }
+            Profile::Table(_) => {
+                return self.cannot(at, "a luminaire's profile", "use a point or a spot");
+            }
+        })
+    }
+
+    fn distant(&mut self, distant: &Distant, at: Range<usize>) -> Result<Element, InputError> {
+        self.unpolarized(&distant.polarized, at.clone())?;
+        let Across::Even(irradiance) = distant.across else {
+            return self.cannot(at, "a beam", "use a directional emitter, or a spot");
+        };
+        if distant.origin.is_some() {
+            self.out
+                .note("Mitsuba's directional light comes from infinitely far: it has no origin");
+        }
+        Ok(Element::plugin("emitter", "directional")
+            .child(vector("vector", "direction", distant.dir))
+            .child(spectrum(&self.ctx.wavelengths, "irradiance", irradiance)))
+    }
+
+    fn sky(&mut self, sky: &Sky, at: Range<usize>) -> Result<Element, InputError> {
+        self.unpolarized(&sky.polarized, at.clone())?;
+        self.at_one_wavelength(at.clone(), "an image of the sky")?;
+        let [w, h] = sky.size();
+        let values = sky.texels().iter().map(|t| t[0]);
+        let file = self.exr("sky.exr", [w as u32, h as u32], values, at)?;
+        self.out
+            .note("Mitsuba stretches the rows of its envmap from pole to pole: off by up to half a texel");
+        let columns = [sky.to_world().x_axis, sky.to_world().y_axis, sky.to_world().z_axis];
+        let columns = columns.map(glam::Vec3A::as_dvec3);
+        let place = DAffine3::from_mat3(DMat3::from_cols(columns[0], columns[1], columns[2]));
+        Ok(Element::plugin("emitter", "envmap")
+            .string("filename", &file)
+            .transform("to_world", &place))
+    }
+
+    /// What makes a shape shine.
+    pub fn area(
+        &mut self,
+        light: &AreaLight,
+        textures: &Textures,
+        at: Range<usize>,
+    ) -> Result<Element, InputError> {
+        self.unpolarized(&light.polarized, at.clone())?;
+        if light.two_sided {
+            return self.cannot(
+                at,
+                "a surface that shines to both sides",
+                "take two_sided away, or put two surfaces back to back",
+            );
+        }
+        let open = Element::plugin("emitter", "area");
+        let Some(texture) = light.radiance.texture else {
+            return Ok(open.child(spectrum(&self.ctx.wavelengths, "radiance", light.radiance.value)));
+        };
+        self.at_one_wavelength(at.clone(), "an image of light")?;
+        let image = textures.images[texture as usize];
+        let (first, count) = (image.first as usize, (image.width * image.height) as usize);
+        let scale = light.radiance.value.to_array()[0];
+        let values = textures.texels[first..first + count].iter().map(|t| t[0] * scale);
+        let file = self.exr("light.exr", [image.width, image.height], values, at)?;
+        Ok(open.child(bitmap("radiance", &file, true, &Image { first: 0, ..image })))
+    }
+
+    fn at_one_wavelength(&self, at: Range<usize>, what: &str) -> Result<(), InputError> {
+        if self.ctx.wavelengths.count() == 1 {
+            return Ok(());
+        }
+        self.cannot(
+            at,
+            &format!("{what} at several wavelengths"),
+            "export one wavelength (--wavelength)",
+        )
+    }
+
+    fn exr(
+        &mut self,
+        name: &str,
+        [w, h]: [u32; 2],
+        values: impl Iterator<Item = f32>,
+        at: Range<usize>,
+    ) -> Result<String, InputError> {
+        let pixels = values.flat_map(|v| [v; 3]).collect();
+        let image: Option<ImageBuffer<Rgb<f32>, Vec<f32>>> = ImageBuffer::from_raw(w, h, pixels);
+        let image = DynamicImage::ImageRgb32F(image.unwrap_or_default());
+        let mut bytes = std::io::Cursor::new(vec![]);
+        image.write_to(&mut bytes, image::ImageFormat::OpenExr).map_err(|e| {
+            self.ctx.error(
+                at,
+                format!("cannot encode an image: {e}"),
+                "use a smaller image",
+            )
+        })?;
+        Ok(self.out.file(name, Contents::Bytes(bytes.into_inner())))
+    }
+}
+
+fn vector(tag: &'static str, name: &str, v: Vec3A) -> Element {
+    let [x, y, z] = v.to_array().map(single);
+    Element::new(tag)
+        .with("name", name)
+        .with("x", x)
+        .with("y", y)
+        .with("z", z)
+}

@@ -1,0 +1,20 @@
+//! The syntax of places in space.
+
+use super::values::SpectrumFile;
+use base::locate::Located;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Scale, then rotate about x, y, z in that order, then translate; or a matrix.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TransformFile {
+    /// One factor, or one per axis.
+    pub scale: Option<Located<SpectrumFile>>,
+    /// Angles about x, y, z in degrees.
+    pub rotate_deg: Option<[f64; 3]>,
+    /// Metres.
+    pub translate: Option<[f64; 3]>,
+    /// Row-major 4×4 matrix instead of the others.
+    pub matrix: Option<[[f64; 4]; 4]>,
+}

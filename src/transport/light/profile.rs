@@ -1,0 +1,156 @@
+//! How much a point emitter sends in which direction, over its greatest intensity.
+
+use glam::{Mat3A, Vec3A};
+use optics::sampling::warp;
+use std::f32::consts::{PI, TAU};
+
+/// The directions that a point emitter shines in.
+#[derive(Clone, Debug, Default)]
+pub enum Profile {
+    /// All alike.
+    #[default]
+    Even,
+    /// A cone: full within `beam`, falling linearly with the angle to nothing at `cutoff` (Mitsuba's `spot`).
+    Spot {
+        /// Unit axis.
+        axis: Vec3A,
+        /// Half angle of full intensity, radians.
+        beam: f32,
+        /// Half angle beyond which there is none, radians.
+        cutoff: f32,
+    },
+    /// A measured table.
+    Table(Box<Table>),
+}
+
+/// A luminaire's intensities over its greatest one (IES LM-63), linear between entries.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// World to luminaire: its z axis is the direction of vertical angle 0, x that of horizontal angle 0.
+    pub to_local: Mat3A,
+    /// Vertical angles, degrees, rising within 0..180.
+    pub vertical: Vec<f32>,
+    /// Horizontal angles, degrees, rising from 0 to 0, 90, 180 or 360: the rest follows by symmetry.
+    pub horizontal: Vec<f32>,
+    /// Values, one row of vertical angles for each horizontal one.
+    pub values: Vec<f32>,
+}
+
+/// Where `x` lies among rising numbers: the one below, and the way to the next.
+fn place(list: &[f32], x: f32) -> (usize, f32) {
+    let next = list.partition_point(|v| *v <= x).clamp(1, list.len().max(2) - 1);
+    if list.len() < 2 {
+        return (0, 0.0);
+    }
+    let (a, b) = (list[next - 1], list[next]);
+    (next - 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
+}
+
+impl Table {
+    fn value(&self, dir: Vec3A) -> f32 {
+        let d = self.to_local * dir;
+        let theta = d.z.clamp(-1.0, 1.0).acos().to_degrees();
+        let (Some(first), Some(last)) = (self.vertical.first(), self.vertical.last()) else {
+            return 0.0;
+        };
+        if theta < *first || theta > *last {
+            return 0.0;
+        }
+        let mut phi = d.y.atan2(d.x).to_degrees().rem_euclid(360.0);
+        let end = self.horizontal.last().copied().unwrap_or(0.0);
+        if end <= 0.0 {
+            phi = 0.0;
+        } else if end < 360.0 {
+            // Mirrored about the plane of 0 and 180 degrees, and if need be about that of 90 and 270.
+            phi = phi.min(360.0 - phi);
+            if end <= 90.0 {
+                phi = phi.min(180.0 - phi);
+            }
+        }
+        let ((i, s), (j, t)) = (place(&self.horizontal, phi), place(&self.vertical, theta));
+        let n = self.vertical.len();
+        let at = |i: usize, j: usize| {
+            let (i, j) = (i.min(self.horizontal.len() - 1), j.min(n - 1));
+            self.values[i * n + j]
+        };
+        let row = |i: usize| at(i, j) * (1.0 - t) + at(i, j + 1) * t;
+        row(i) * (1.0 - s) + row(i + 1) * s
+    }
+}
+
+impl Profile {
+    /// Intensity along the unit direction `dir` over the greatest.
+    #[inline]
+    #[must_use]
+    pub fn value(&self, dir: Vec3A) -> f32 {
+        match self {
+            Self::Even => 1.0,
+            Self::Spot { axis, beam, cutoff } => {
+                let angle = axis.cross(dir).length().atan2(axis.dot(dir));
+                if angle >= *cutoff {
+                    0.0
+                } else if angle <= *beam {
+                    1.0
+                } else {
+                    (cutoff - angle) / (cutoff - beam)
+                }
+            }
+            Self::Table(table) => table.value(dir),
+        }
+    }
+
+    /// Draws a direction in which there may be light.
+    #[inline]
+    #[must_use]
+    pub fn sample(&self, u: [f32; 2]) -> Vec3A {
+        match self {
+            Self::Even | Self::Table(_) => warp::sphere(u),
+            Self::Spot { axis, cutoff, .. } => cone(*axis, cutoff.cos(), u),
+        }
+    }
+
+    /// Density of [`Self::sample`] per steradian.
+    #[inline]
+    #[must_use]
+    pub fn density(&self, dir: Vec3A) -> f32 {
+        match self {
+            Self::Even | Self::Table(_) => 0.25 / PI,
+            Self::Spot { axis, cutoff, .. } => {
+                let least = cutoff.cos();
+                if axis.dot(dir) >= least {
+                    1.0 / (TAU * (1.0 - least))
+                } else {
+                    0.0
+                }
+            }
+        }
+    }
+
+    /// Integral of [`Self::value`] over all directions, steradians.
+    #[must_use]
+    pub fn solid_angle(&self) -> f32 {
+        const N: usize = 128;
+        match self {
+            Self::Even => 4.0 * PI,
+            _ => {
+                let at = |i: usize| (i as f32 + 0.5) / N as f32;
+                let value = |k: usize| {
+                    let dir = self.sample([at(k % N), at(k / N)]);
+                    self.value(dir) / self.density(dir).max(f32::MIN_POSITIVE)
+                };
+                (0..N * N).map(|k| f64::from(value(k))).sum::<f64>() as f32 / (N * N) as f32
+            }
+        }
+    }
+}
+
+/// A direction within a cone of least cosine `least` about a unit axis, all alike.
+#[inline]
+#[must_use]
+pub fn cone(axis: Vec3A, least: f32, [u, v]: [f32; 2]) -> Vec3A {
+    let cos = 1.0 - u * (1.0 - least);
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let (s, c) = warp::sin_cos_turns(v);
+    let frame = optics::polarization::frame::basis(axis);
+    (frame * Vec3A::new(sin * c, sin * s, cos)).normalize()
+}

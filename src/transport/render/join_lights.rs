@@ -1,0 +1,67 @@
+//! Connections of walks from the camera to shining surfaces, sky and light with one direction ([`crate::light`]).
+//!
+//! Walks from the light do not begin there, so each of these paths is made in two ways at most: by a connection, or by
+//! chance ([`super::environment`]).
+
+use super::emission::Sender;
+use super::join::Joiner;
+use super::point::{End, Point};
+use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::geometry::ray::Ray;
+use crate::light::{Drawn, share};
+use crate::material::Filling;
+use crate::medium::nesting::Nest;
+use optics::polarization::chain::Chain;
+use optics::spectrum::Spectral;
+
+impl Joiner<'_> {
+    /// Connects the last point of a walk from the camera to all light with one direction and to light that is drawn.
+    pub fn join_lights(&mut self, camera: &[Point], out: &mut Contributions) {
+        let (scene, Some(point)) = (self.scene, camera.last()) else {
+            return;
+        };
+        let p = point.surface.p;
+        let [u, v] = self.stream.uniform2();
+        let u = [self.stream.uniform(), u, v];
+        let lights = &scene.lights;
+        let distant = lights.distant.iter().filter_map(|d| d.toward(p, scene.far));
+        let drawn = lights.draw(&scene.materials.textures, p, u, scene.far);
+        let weighs = std::mem::replace(&mut self.weighs, false);
+        for drawn in distant.chain(drawn) {
+            let share = if drawn.density > 0.0 {
+                share(drawn.density, point.density(scene, point.back, drawn.wi))
+            } else {
+                1.0
+            };
+            self.join_drawn(camera, &drawn, share, out);
+        }
+        self.weighs = weighs;
+    }
+
+    fn join_drawn(&mut self, camera: &[Point], drawn: &Drawn, share: f32, out: &mut Contributions) {
+        let dir = -drawn.wi;
+        // Lines lose the squared distance on the way.
+        let intensity = share * drawn.distance * drawn.distance;
+        let mut chain = Chain::start(drawn.irradiance * Spectral::splat(intensity));
+        let frame = drawn.polarized.begin(&mut chain, dir);
+        let end = End {
+            ray: Ray {
+                origin: drawn.position,
+                dir,
+            },
+            chain,
+            frame,
+            density: 0.0,
+            // Lines are followed from the camera's side.
+            filling: Filling::VACUUM,
+            nest: Nest::default(),
+        };
+        let mut emitter = Point::end(self.scene, &end);
+        emitter.optical_m = drawn.start_m;
+        let sender = Sender {
+            source: 0,
+            pixel: NO_PIXEL,
+        };
+        self.join(camera, &[emitter], sender, None, out);
+    }
+}
