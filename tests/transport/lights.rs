@@ -1,0 +1,524 @@
+//! Light that people have, against closed forms and quadrature: shining disks, spheres, rectangles, tubes and ellipsoids over a
+//! Lambert plane, both integrators; the sky; spots, luminaires, directional light and beams; frames, filters and travel times.
+
+use crate::optics::{C, Device, M, head, mueller};
+use crate::support::{Rendered, render_text};
+use glam::{DMat3, DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
+use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, T};
+use sunstone::tensor::field::Field;
+
+const ALBEDO: f64 = 0.6;
+const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
+const BOTH: [&str; 2] = ["path", "bidirectional"];
+
+/// A Lambert plane z = 0 with its front toward +z, and black stuff for lights.
+const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\n\
+    [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
+
+/// One ray at a point of the plane.
+fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> String {
+    let camera = Device::ray([0.3, -4.0, 2.5], DVec3::new(at[0], at[1], 0.0));
+    let render = format!("integrator = \"{integrator}\"\n");
+    head(spp, depth, 5) + &render + &camera.keys("camera") + PLANE + light + SLICE
+}
+
+fn m00(r: &Rendered) -> (f64, f64) {
+    let at = [(StokesOut, 0), (StokesIn, 0)];
+    (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
+}
+
+/// Radiance of the plane under an irradiance, within five standard errors, which are below `error` of it.
+fn check(text: &str, irradiance: f64, error: f64, what: &str) {
+    let (got, sigma) = m00(&render_text(text));
+    let want = ALBEDO / PI * irradiance;
+    assert!(
+        (got - want).abs() <= 5.0 * sigma + 3e-5 * want,
+        "{what}: {got} ± {sigma:.1e}, closed form {want}"
+    );
+    assert!(sigma <= error * want, "{what}: error {sigma:.1e} of {want}");
+}
+
+/// A shining object.
+fn shining(shape: &str, more: &str) -> String {
+    format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
+}
+
+/// A disk parallel to the plane, and off its axis (Siegel & Howell, configuration B-14).
+#[test]
+fn disks_light_a_plane() {
+    let (h, r) = (1.5, 0.8);
+    for integrator in BOTH {
+        for d in [0.0_f64, 0.4, 2.0] {
+            let z = d * d + h * h + r * r;
+            let factor = 0.5 * (1.0 - (z - 2.0 * r * r) / (z * z - 4.0 * d * d * r * r).sqrt());
+            let light = shining(
+                &format!("disk = {{ center = [0.2, 0.1, {h}], normal = [0, 0, -1], radius = {r} }}"),
+                "",
+            );
+            let text = text(integrator, 4000, 2, [0.2, 0.1 + d], &light);
+            check(&text, 2.0 * PI * factor, 0.02, &format!("{integrator}, disk {d} m off"));
+        }
+    }
+}
+
+/// A sphere: π L (r/d)² cosθ wherever it stands above the horizon, to rounding when its cone is drawn alone.
+#[test]
+fn spheres_light_a_plane() {
+    let (centre, r) = (DVec3::new(0.5, -0.4, 1.2), 0.7);
+    for integrator in BOTH {
+        for at in [[0.5, -0.4], [-0.9, 0.6]] {
+            let to = centre - DVec3::new(at[0], at[1], 0.0);
+            let d2 = to.length_squared();
+            let irradiance = 2.0 * PI * r * r / d2 * (to.z / d2.sqrt());
+            let light = shining(&format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()), "");
+            check(
+                &text(integrator, 4000, 2, at, &light),
+                irradiance,
+                0.02,
+                &format!("{integrator}, sphere"),
+            );
+        }
+    }
+}
+
+/// Irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface` gives point and normal times
+/// area for u, v in 0..1, and the radiance there over 2.
+fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
+    const N: u32 = 800;
+    let p = DVec3::new(at[0], at[1], 0.0);
+    let mid = |i: u32| (f64::from(i) + 0.5) / f64::from(N);
+    let one = |k: u32| {
+        let (q, area, share) = surface(mid(k % N), mid(k / N));
+        let to = q - p;
+        let d2 = to.length_squared();
+        let facing = -area.dot(to).min(0.0) * to.z.max(0.0) / (d2 * d2);
+        2.0 * share * facing
+    };
+    (0..N * N).map(one).sum::<f64>() / f64::from(N * N)
+}
+
+/// A slanting rectangle, which is a mesh, with an image of four squares on it.
+#[test]
+fn rectangles_with_images_light_a_plane() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let image = folder.path().join("squares.png");
+    // Top row first; sRGB 255 is 1 and 0 is 0.
+    image::GrayImage::from_raw(2, 2, vec![255, 0, 0, 255])
+        .expect("four pixels")
+        .save(&image)
+        .expect("a file");
+    let (corner, u, v) = (DVec3::new(-0.4, 0.2, 1.0), DVec3::new(0.0, 0.9, 0.3), DVec3::new(0.8, 0.0, 0.1));
+    let shape = format!(
+        "rectangle = {{ corner = {:?}, u = {:?}, v = {:?} }}",
+        corner.to_array(),
+        u.to_array(),
+        v.to_array()
+    );
+    let place = |a: f64, b: f64| (corner + u * a + v * b, u.cross(v));
+    let (at, more) = ([0.4, -0.3], format!(", image = {{ image = {image:?}, filter = \"nearest\" }}"));
+    let plain = quadrature(at, |a, b| (place(a, b).0, place(a, b).1, 1.0));
+    let squares = quadrature(at, |a, b| {
+        // White are the upper left and the lower right one.
+        let white = (a < 0.5) != (b < 0.5);
+        (place(a, b).0, place(a, b).1, f64::from(u8::from(white)))
+    });
+    assert!((squares / plain - 0.5).abs() > 0.01, "the image must show");
+    for integrator in BOTH {
+        check(&text(integrator, 4000, 2, at, &shining(&shape, "")), plain, 0.02, integrator);
+        check(&text(integrator, 8000, 2, at, &shining(&shape, &more)), squares, 0.04, integrator);
+    }
+}
+
+/// An ellipsoid that is no ball, and a tube that is not round: points are drawn unevenly over them.
+#[test]
+fn ellipsoids_and_tubes_light_a_plane() {
+    let at = [0.3, 0.2];
+    let m = DMat3::from_cols(
+        DVec3::new(0.5, 0.2, 0.0),
+        DVec3::new(-0.1, 0.9, 0.1),
+        DVec3::new(0.1, 0.0, 0.3),
+    );
+    let centre = DVec3::new(-0.2, 0.4, 1.1);
+    let c = m.transpose();
+    let matrix = format!(
+        "transform.matrix = [[{}, {}, {}, {}], [{}, {}, {}, {}], [{}, {}, {}, {}], [0, 0, 0, 1]]\n",
+        c.x_axis.x, c.x_axis.y, c.x_axis.z, centre.x, c.y_axis.x, c.y_axis.y, c.y_axis.z, centre.y, c.z_axis.x,
+        c.z_axis.y, c.z_axis.z, centre.z
+    );
+    let normals = m.inverse().transpose() * m.determinant();
+    let ellipsoid = quadrature(at, |a, b| {
+        let (z, phi) = (1.0 - 2.0 * a, TAU * b);
+        let o = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
+        (centre + m * o, normals * o * 4.0 * PI, 1.0)
+    });
+    let tube = quadrature(at, |a, b| {
+        let (s, c) = (TAU * a).sin_cos();
+        (centre + m * DVec3::new(c, s, b), normals * DVec3::new(c, s, 0.0) * TAU, 1.0)
+    });
+    for integrator in BOTH {
+        let sphere = shining("sphere.radius = 1", "") + &matrix;
+        check(&text(integrator, 8000, 2, at, &sphere), ellipsoid, 0.03, "ellipsoid");
+        // Open at its ends: through them its inside is dark, and hides nothing.
+        let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
+        check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
+    }
+}
+
+/// Seen directly: the radiance, the way there, from the front alone or from both sides, and what the light is made of.
+#[test]
+fn lights_are_seen_as_they_are() {
+    let seen = |more: &str, from: f64, integrator: &str| {
+        let camera = Device::ray([0.0, 0.0, from], DVec3::new(0.0, 0.0, 1.0));
+        let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", more);
+        let slices = SLICE.to_owned()
+            + "[[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 10, bins = 2000 }\n";
+        let render = format!("integrator = \"{integrator}\"\n");
+        let matter = "[materials]\nblack.diffuse.albedo = 0\n";
+        (camera.clone(), render_text(&(head(16, 3, 1) + &render + &camera.keys("camera") + matter + &light + &slices)))
+    };
+    for integrator in BOTH {
+        let (_, r) = seen("", 3.0, integrator);
+        assert!((m00(&r).0 - 2.0).abs() < 1e-5);
+        let t = r.mean("t");
+        let bin = (2.0 / C / 10.0) as usize;
+        assert!((f64::from(t.at(&[(T, bin)])) - 2.0).abs() < 1e-5, "light after the way of 2 m");
+        assert_eq!(m00(&seen("", -1.0, integrator).1), (0.0, 0.0), "the back is dark");
+        assert!((m00(&seen(", two_sided = true", -1.0, integrator).1).0 - 2.0).abs() < 1e-5);
+
+        // A filter at 30° from x in the frame of light that travels to the camera, whose right is some other axis.
+        let (camera, r) = seen(", polarizer_deg = 30", 3.0, integrator);
+        let own = DVec3::X;
+        let d = DVec3::Z;
+        let y = d.cross(own);
+        let (s, c) = (2.0 * 30_f64.to_radians()).sin_cos();
+        let across = camera.right;
+        // Angle from the camera's right to the filter's axis, about the direction of travel.
+        let axis = own * 30_f64.to_radians().cos() + y * 30_f64.to_radians().sin();
+        let angle = d.dot(across.cross(axis)).atan2(across.dot(axis));
+        let out = [1.0, (2.0 * angle).cos(), (2.0 * angle).sin(), 0.0];
+        let into = [1.0, c, s, 0.0];
+        let want = M::from_fn(|i, j| out[i] * into[j]);
+        crate::optics::assert_close(&mueller(&r.mean("m"), &[]), &want, 1e-5, "filter");
+
+        // A stated Stokes vector: column 0 is the light's.
+        let (_, r) = seen(", stokes = [1, 0, 0, -0.8]", 3.0, integrator);
+        let mut want = M::zeros();
+        (want[(0, 0)], want[(3, 0)]) = (2.0, -1.6);
+        crate::optics::assert_close(&mueller(&r.mean("m"), &[]), &want, 1e-5, "stokes");
+    }
+}
+
+/// Malus between a light's filter and a polarizer in the way: ½ cos² of the angle between them, in column 0.
+#[test]
+fn light_through_two_polarizers_obeys_malus() {
+    for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
+        let camera = Device::ray([0.0, 0.0, 3.0], DVec3::new(0.0, 0.0, 1.0));
+        let more = format!(", polarizer_deg = {degrees}");
+        let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", &more);
+        let sheet = "[materials]\nblack.diffuse.albedo = 0\npol.polarizer = { axis = [1, 0, 0] }\n[[objects]]\n\
+                     material = \"pol\"\nshape.disk = { center = [0, 0, 2], normal = [0, 0, 1], radius = 0.5 }\n";
+        let r = render_text(&(head(16, 6, 1) + &camera.keys("camera") + sheet + &light + SLICE));
+        let want = 2.0 * 0.5 * degrees.to_radians().cos().powi(2);
+        assert!((m00(&r).0 - want).abs() < 1e-5, "{degrees}°: {}, Malus {want}", m00(&r).0);
+    }
+}
+
+/// Light reaches the plane through a sheet by connections alone, and a mirror shows it by chance alone: nothing is doubled.
+#[test]
+fn sheets_and_mirrors_neither_lose_nor_double_light() {
+    let (h, r) = (1.0, 0.5);
+    let light = shining(&format!("disk = {{ center = [0, 0, {h}], normal = [0, 0, -1], radius = {r} }}"), "");
+    let factor = r * r / (h * h + r * r);
+    let sheet = "[[objects]]\nmaterial = \"p\"\nshape.rectangle = { corner = [-5, -5, 0.5], u = [10, 0, 0], v = [0, 10, 0] }\n";
+    // Ideal polarizers pass half of unpolarized light each way.
+    let matter = "[materials.p.polarizer]\naxis = [1, 0, 0]\n";
+    let text = |integrator: &str, more: &str| {
+        let camera = Device::ray([0.02, 0.0, 0.3], DVec3::ZERO);
+        let render = format!("integrator = \"{integrator}\"\n");
+        head(6000, 6, 5) + &render + &camera.keys("camera") + PLANE + &light + more + SLICE
+    };
+    for integrator in BOTH {
+        // Seen from below the sheet, lit through it: oblique rays pass within the sheet's own law, so a small disk.
+        let plain = m00(&render_text(&text(integrator, "")));
+        let want = ALBEDO / PI * 2.0 * PI * factor;
+        assert!((plain.0 - want).abs() <= 5.0 * plain.1, "{integrator}: {plain:?}, {want}");
+        let through = m00(&render_text(&text(integrator, &format!("{matter}{sheet}"))));
+        // What comes back from the sheet's underside is nothing: it absorbs.
+        assert!(
+            (through.0 - 0.5 * want).abs() <= 5.0 * through.1 + 1e-3 * want,
+            "{integrator}: {through:?}, {}",
+            0.5 * want
+        );
+    }
+}
+
+/// A white sphere in a shining one vanishes, and so does a ball of glass, whichever way paths are made; a cloud that absorbs
+/// nothing too.
+#[test]
+fn furnaces_of_shining_walls() {
+    let cloud = "[media]\nfog.homogeneous = { scattering = 1.5, phase.rayleigh = {} }\n";
+    for (matter, interior) in [
+        ("w.diffuse.albedo = 1", ""),
+        ("w.dielectric.ior = 1.5", ""),
+        ("w.null = {}", "interior = \"fog\"\n"),
+    ] {
+        for integrator in BOTH {
+            let camera = Device::look_at([0.0, 0.3, 2.5], DVec3::ZERO, [4, 4], 6.0);
+            let render = format!("integrator = \"{integrator}\"\nmanifold = false\n");
+            let text = head(600, 400, 31)
+                + &render
+                + &camera.keys("camera")
+                + &format!("[materials]\nblack.diffuse.albedo = 0\n{matter}\n")
+                + if interior.is_empty() { "" } else { cloud }
+                + "[[objects]]\nmaterial = \"black\"\nshape.sphere.radius = 4\n\
+                   emission = { radiance = 1, two_sided = true }\n"
+                + &format!("[[objects]]\nmaterial = \"w\"\n{interior}shape.sphere.radius = 1\n")
+                + SLICE;
+            let r = render_text(&text);
+            let (mean, error) = (r.mean("m"), r.std_error("m"));
+            let (mut off, mut variance) = (0.0, 0.0);
+            for (m, e) in mean.data.chunks(16).zip(error.data.chunks(16)) {
+                off += f64::from(m[0]) - 1.0;
+                variance += f64::from(e[0]).powi(2);
+            }
+            let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
+            assert!(
+                off.abs() <= 5.0 * sigma + 1e-5 && sigma < 0.02,
+                "{matter}, {integrator}: off by {off} ± {sigma:.1e}"
+            );
+        }
+    }
+}
+
+/// An image of the sky of radiance a + b·y, over planes that look up, aslant and down: π a + 2π/3 b n·y, turned or not.
+#[test]
+fn skies_light_planes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("sky.exr");
+    let (w, h) = (32_u32, 512_u32);
+    image::Rgb32FImage::from_fn(w, h, |_, j| {
+        let y = (PI * (f64::from(j) + 0.5) / f64::from(h)).cos();
+        image::Rgb([(1.0 + 0.7 * y) as f32; 3])
+    })
+    .save(&file)
+    .expect("a file");
+    for (turn, up) in [("", DVec3::Y), ("transform.rotate_deg = [90, 0, 0], ", DVec3::Z)] {
+        for integrator in BOTH {
+            let light = format!("[[emitters]]\nenvironment = {{ {turn}radiance = 2, image = {file:?} }}\n");
+            let want = 2.0 * (PI + TAU / 3.0 * 0.7 * up.z);
+            check(&text(integrator, 20_000, 2, [0.0, 0.0], &light), want, 0.02, &format!("sky {turn}{integrator}"));
+        }
+    }
+}
+
+/// A sky with a single bright texel: connections find it, and what is seen in its direction is it.
+#[test]
+fn suns_are_found_and_stand_where_they_should() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("sun.exr");
+    let (w, h) = (256_u32, 128_u32);
+    let (i, j) = (40, 50);
+    image::Rgb32FImage::from_fn(w, h, |x, y| image::Rgb([if (x, y) == (i, j) { 1000.0 } else { 0.0 }; 3]))
+        .save(&file)
+        .expect("a file");
+    // Column i runs with atan2(x, -z), row j from +y down.
+    let (phi, theta) = (TAU * (f64::from(i) + 0.5) / 256.0, PI * (f64::from(j) + 0.5) / 128.0);
+    let sun = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
+    let plate = crate::optics::plate(DVec3::ZERO, sun, 1.0, "m");
+    let camera = Device::ray((sun * 2.0 + DVec3::new(0.3, 0.1, 0.2)).to_array(), DVec3::ZERO);
+    let sky = format!("[[emitters]]\nenvironment.image = {file:?}\n");
+    let matter = format!("[materials.m.diffuse]\nalbedo = {ALBEDO}\n");
+    let text = head(40_000, 2, 3) + &camera.keys("camera") + &matter + &plate + &sky + SLICE;
+    // The solid angle of a texel's tent between its neighbours is a texel's own.
+    let want = 1000.0 * TAU / 256.0 * PI / 128.0 * theta.sin();
+    check(&text, want, 0.01, "sun");
+    let camera = Device::ray([0.0; 3], sun);
+    let far = crate::optics::plate(DVec3::new(0.0, -50.0, 0.0), DVec3::Y, 1.0, "m");
+    let r = render_text(&(head(4, 2, 3) + &camera.keys("camera") + &matter + &far + &sky + SLICE));
+    assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
+}
+
+/// Light of one direction and of points: irradiances at single points, exact but for rounding.
+#[test]
+fn spots_luminaires_directional_light_and_beams() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ies = folder.path().join("lamp.ies");
+    std::fs::write(&ies, "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 9\n0 30 90\n0 90\n100 80 20\n100 40 0\n")
+        .expect("a file");
+    let at = DVec2::new(0.6, -0.2);
+    let p = DVec3::new(at.x, at.y, 0.0);
+    let height = 2.0;
+    let lamp = DVec3::new(0.1, 0.1, height);
+    let to = p - lamp;
+    let theta = (height / to.length()).acos().to_degrees();
+    let cos = height / to.length();
+    let inverse = cos / to.length_squared();
+    // Bilinear in the angles: 0..30 by row, rows by the horizontal angle from x, mirrored into 0..90.
+    let phi = to.y.atan2(to.x).to_degrees().abs();
+    let row = |edge: f64| 1.0 + (edge - 1.0) * theta / 30.0;
+    let luminaire = row(0.8) + (row(0.4) - row(0.8)) * phi / 90.0;
+    assert!(theta < 30.0 && phi < 90.0);
+    let divergence = (0.05_f64).tan();
+    let widened = |offset: DVec3, axis: DVec3, radius: f64| {
+        let along = offset.dot(axis);
+        let growth = 1.0 + along * divergence / radius;
+        let aside = (offset - axis * along) / growth;
+        let travel = (offset - aside).normalize();
+        (aside.length_squared(), growth, travel)
+    };
+    let axis = DVec3::new(0.1, 0.05, -1.0).normalize();
+    let (aside2, growth, travel) = widened(p - lamp, axis, 0.8);
+    let beam = |a2: f64| 2.0 / (PI * 0.64) * (-2.0 * a2 / 0.64).exp();
+    let straight = (p - lamp) - axis * (p - lamp).dot(axis);
+    let list = |v: DVec3| format!("{:?}", v.to_array());
+    let cases = [
+        (
+            format!("spot = {{ position = {}, direction = [0, 0, -1], intensity = 3, cutoff_deg = 30, beam_deg = 5 }}", list(lamp)),
+            3.0 * inverse * (30.0 - theta) / 25.0,
+        ),
+        (
+            format!("spot = {{ position = {}, direction = [0, 0, -1], intensity = 3, cutoff_deg = 10 }}", list(lamp)),
+            0.0,
+        ),
+        (
+            format!("ies = {{ file = {ies:?}, position = {}, direction = [0, 0, -1], intensity = 3 }}", list(lamp)),
+            3.0 * inverse * luminaire,
+        ),
+        (
+            "directional = { direction = [0.3, 0.1, -1], irradiance = 2 }".to_owned(),
+            2.0 / DVec3::new(0.3, 0.1, -1.0).length(),
+        ),
+        (
+            "directional = { direction = [0.3, 0.1, 1], irradiance = 2 }".to_owned(),
+            0.0,
+        ),
+        (
+            format!("beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8 }}", list(lamp), list(axis)),
+            5.0 / (PI * 0.64) * -axis.z,
+        ),
+        (
+            format!("beam = {{ origin = {}, direction = {}, power = 5, radius = 0.1 }}", list(lamp), list(axis)),
+            0.0,
+        ),
+        (
+            format!("beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8, gaussian = true }}", list(lamp), list(axis)),
+            5.0 * beam(straight.length_squared()) * -axis.z,
+        ),
+        (
+            format!(
+                "beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8, gaussian = true, divergence_mrad = 100 }}",
+                list(lamp),
+                list(axis)
+            ),
+            5.0 * beam(aside2) / growth.powi(2) * -travel.z / travel.dot(axis),
+        ),
+    ];
+    for (emitter, irradiance) in cases {
+        for integrator in BOTH {
+            let light = format!("[[emitters]]\n{emitter}\n");
+            let text = text(integrator, 64, 2, at.to_array(), &light);
+            let (got, sigma) = m00(&render_text(&text));
+            let want = ALBEDO / PI * irradiance;
+            assert!(
+                (got - want).abs() <= 5.0 * sigma + 2e-4 * want,
+                "{integrator} {emitter}: {got} ± {sigma:.1e}, not {want}"
+            );
+        }
+    }
+}
+
+/// All the power of a beam lands on a plane: its irradiance over the plane, by the camera's grid of rays from far above.
+#[test]
+fn a_beam_loses_no_power() {
+    for more in ["", ", gaussian = true", ", divergence_mrad = 200", ", gaussian = true, divergence_mrad = 200"] {
+        let light = format!(
+            "[[emitters]]\nbeam = {{ origin = [0, 0, 1.5], direction = [0.2, 0, -1], power = 5, radius = 0.1{more} }}\n"
+        );
+        // From far above, where a pixel's rays are as good as parallel: 3 m over 96 pixels.
+        let camera = Device::look_at([0.3, 0.0, 3000.0], DVec3::new(0.3, 0.0, 0.0), [96, 96], 96_000.0);
+        let text = head(16, 2, 5) + &camera.keys("camera") + PLANE + &light + "[[slices]]\nname = \"m\"\n";
+        let r = render_text(&text);
+        let pixel = 3.0 / 96.0;
+        let power = r.mean("m").data.iter().map(|v| f64::from(*v)).sum::<f64>() * PI / ALBEDO * pixel * pixel;
+        assert!((power / 5.0 - 1.0).abs() < 0.01, "beam{more}: {power} of 5 W/nm");
+    }
+}
+
+/// Travel time counts from the surface, the plane of a directional light's origin, a beam's origin; without one it is overflow.
+#[test]
+fn light_takes_its_time() {
+    let from = DVec3::new(0.3, -4.0, 2.5);
+    let small = shining("disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.001 }", "");
+    let cases = [
+        (small, Some(2.0)),
+        ("[[emitters]]\nbeam = { origin = [0, 0, 1], direction = [0, 0, -1], power = 1, radius = 0.1 }\n".into(), Some(1.0)),
+        ("[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [5, 5, 3] }\n".into(), Some(3.0)),
+        ("[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1 }\n".into(), None),
+    ];
+    for (light, way) in cases {
+        for integrator in BOTH {
+            let text = text(integrator, 64, 2, [0.0, 0.0], &light)
+                + "[[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 10, bins = 4000 }\n";
+            let r = render_text(&text);
+            let (all, t) = (m00(&r).0, r.mean("t"));
+            let late = f64::from(r.field("t", Field::Overflow).data[0]);
+            let got: f64 = match way {
+                Some(way) => {
+                    let bin = ((from.length() + way) / C / 10.0) as usize;
+                    f64::from(t.at(&[(T, bin)]))
+                }
+                None => late,
+            };
+            assert!(all > 0.0 && (got / all - 1.0).abs() < 1e-4, "{integrator} {light}: {got} of {all} in time");
+        }
+    }
+}
+
+/// Both integrators see the same room: a box with a lamp under its ceiling, a ball of glass, a rough metal one, fog in a corner and
+/// a projector, pixel by pixel.
+#[test]
+fn both_integrators_agree_in_a_room() {
+    let room = |integrator: &str| {
+        let camera = Device::look_at([0.0, 0.0, 3.2], DVec3::ZERO, [8, 8], 9.0);
+        let mut text = head(if integrator == "path" { 3000 } else { 1500 }, 6, 11)
+            + &format!("integrator = \"{integrator}\"\nmanifold = false\n")
+            + &camera.keys("camera")
+            + "[materials]\nwhite.diffuse.albedo = 0.7\nblack.diffuse.albedo = 0\n\
+               metal.rough_conductor = { n = 0.4242, k = 2.4721, alpha = 0.3 }\nedge.null = {}\n\
+               [media]\nfog.homogeneous = { scattering = 2, absorption = 0.5, phase.rayleigh = {} }\n";
+        for (normal, at) in [
+            (DVec3::X, -DVec3::X),
+            (-DVec3::X, DVec3::X),
+            (DVec3::Y, -DVec3::Y),
+            (-DVec3::Y, DVec3::Y),
+            (DVec3::Z, -DVec3::Z),
+        ] {
+            text += &crate::optics::plate(at, normal, 1.0, "white");
+        }
+        text + "[[objects]]\nmaterial = \"metal\"\nshape.sphere = { center = [-0.4, -0.6, 0], radius = 0.4 }\n\
+                [[objects]]\nmaterial = \"edge\"\ninterior = \"fog\"\nshape.sphere = { center = [0.4, -0.5, 0.2], radius = 0.45 }\n\
+                [[objects]]\nmaterial = \"black\"\nshape.rectangle = { corner = [-0.3, 0.95, -0.3], u = [0.6, 0, 0], v = [0, 0, 0.6] }\n\
+                emission = { radiance = [4], polarizer_deg = 20 }\n\
+                [[emitters]]\nspot = { position = [0.5, 0.9, 0.5], direction = [-0.5, -1, -0.5], intensity = 0.5, cutoff_deg = 40 }\n\
+                [[emitters]]\nbeam = { origin = [0.9, 0.6, 0.9], direction = [-1, -0.8, -1], power = 0.2, radius = 0.1 }\n"
+            + SLICE
+    };
+    let [a, b] = BOTH.map(|i| render_text(&room(i)));
+    let (mut chi2, mut count) = (0.0, 0);
+    let ([ma, mb], [ea, eb]) = ([&a, &b].map(|r| r.mean("m")), [&a, &b].map(|r| r.std_error("m")));
+    for k in 0..ma.data.len() {
+        let variance = f64::from(ea.data[k]).powi(2) + f64::from(eb.data[k]).powi(2);
+        if variance > 0.0 {
+            chi2 += f64::from(ma.data[k] - mb.data[k]).powi(2) / variance;
+            count += 1;
+        }
+    }
+    let n = f64::from(count);
+    // Elements of one pixel go together, so less freely than n: five sigma of chi-squared with a quarter of them.
+    let bound = n + 5.0 * (2.0 * n * 4.0).sqrt();
+    assert!(count > 400 && chi2 < bound, "chi² {chi2:.0} of {count} elements, at most {bound:.0}");
+    let total = |r: &Rendered| r.mean("m").data.chunks(16).map(|m| f64::from(m[0])).sum::<f64>();
+    let (ta, tb) = (total(&a), total(&b));
+    assert!((ta / tb - 1.0).abs() < 0.01, "{ta} and {tb} in all");
+}
