@@ -123,6 +123,10 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
         b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
           element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n.3 0 0\n0 .3 0\n3 0 1 2\n",
     );
+    put(
+        "lamp.ies",
+        b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 9\n0 30 90\n0 90\n100 80 20\n100 40 0\n",
+    );
     let corners = [0.0_f32, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0];
     put("shape.bin", &corners.map(f32::to_le_bytes).concat());
     let gltf = serde_json::json!({

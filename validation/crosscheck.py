@@ -119,6 +119,8 @@ GROUPS = {
     "measured_balls": ("measured balls",),
     "gltf_knot": ("glTF knot",),
     "polarized_lamp": ("polarized lamp",),
+    "lamps": ("lamps",),
+    "sky": ("sky",),
 }
 
 

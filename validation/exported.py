@@ -44,6 +44,8 @@ SCENES = [
     # Mitsuba interpolates tables slowly.
     Exported("measured balls", HERE / "measured.toml", share=0.25),
     Exported("glTF knot", HERE / "knot.toml", all_elements=True),
+    Exported("lamps", HERE / "lamps.toml"),
+    Exported("sky", HERE / "sky.toml"),
 ]
 
 
@@ -69,7 +71,20 @@ def prepare(scene, folder):
     path.write_text(text)
     if "tables/" in text:
         tables(folder / "tables")
+    if "lamp.png" in text:
+        squares = np.array([[255, 60, 10], [0, 200, 90], [128, 128, 255], [30, 250, 0]], np.uint8).reshape(2, 2, 3)
+        mi.Bitmap(squares).write(str(folder / "lamp.png"))
+    if "sky.exr" in text:
+        mi.Bitmap(sky()).write(str(folder / "sky.exr"))
     return path
+
+
+def sky():
+    """Radiances of a slope with a broad sun, other colours each."""
+    theta, phi = np.meshgrid(np.pi * (np.arange(32) + 0.5) / 32, 2 * np.pi * (np.arange(64) + 0.5) / 64, indexing="ij")
+    sun = np.exp(8 * (np.sin(theta) * np.cos(phi - 1) * np.sin(0.9) + np.cos(theta) * np.cos(0.9) - 1))
+    out = np.stack([0.3 + 0.2 * np.cos(theta) + weight * sun for weight in (6, 4, 2)], axis=-1)
+    return out.astype(np.float32)
 
 
 def tables(folder):

@@ -4,10 +4,13 @@ use super::failure::Failure;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::PathBuf;
+use sunstone::optics::spectrum::Spectral;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 use sunstone::transport::device::pinhole::Pinhole;
+use sunstone::transport::light::distant::Across;
+use sunstone::transport::light::profile::Profile;
 use sunstone::transport::render::coverage::missing;
 use sunstone::transport::scene::Scene;
 
@@ -76,6 +79,9 @@ fn scene(scene: &Scene) -> String {
         let what = if p.coaxial { "coaxial, " } else { "" };
         line("projector", format!("{what}{}", device(&p.pinhole)));
     }
+    for emitter in emitters(scene) {
+        line("light", emitter);
+    }
     let (triangles, quadrics) = scene.geometry.counts();
     line("geometry", format!("{triangles} triangles, {quadrics} quadrics"));
     line("media", scene.media.list.len().to_string());
@@ -88,6 +94,52 @@ fn scene(scene: &Scene) -> String {
     line("slices", slices.join(", "));
     for warning in missing(scene) {
         let _ = writeln!(out, "warning: {warning}");
+    }
+    out
+}
+
+/// Every emitter but the projector, a phrase each.
+fn emitters(scene: &Scene) -> Vec<String> {
+    let lanes = scene.wavelengths.count();
+    let values = |s: &Spectral| format!("{:?}", &s.to_array()[..lanes]);
+    let mut out: Vec<String> = scene
+        .points
+        .iter()
+        .map(|p| {
+            let what = match &p.profile {
+                Profile::Even => "point".to_owned(),
+                Profile::Spot { cutoff, .. } => format!("spot of {:.1}° half angle", cutoff.to_degrees()),
+                Profile::Table(_) => "luminaire".to_owned(),
+            };
+            format!("{what} at {}, up to {} W/(sr nm)", p.position, values(&p.intensity))
+        })
+        .collect();
+    for d in &scene.lights.distant {
+        out.push(match d.across {
+            Across::Even(e) => format!("directional, along {}, {} W/(m² nm)", d.dir, values(&e)),
+            Across::Disk { power, radius } => {
+                format!("beam along {}, {} W/nm, radius {radius} m", d.dir, values(&power))
+            }
+            Across::Gaussian { power, radius } => {
+                format!("Gaussian beam along {}, {} W/nm, radius {radius} m", d.dir, values(&power))
+            }
+        });
+    }
+    for area in &scene.lights.areas {
+        let image = if area.radiance.texture.is_some() { " by an image" } else { "" };
+        let sides = if area.two_sided { ", both sides" } else { "" };
+        let radiance = values(&area.radiance.value);
+        out.push(format!(
+            "surface of {:.4} m², {radiance} W/(m² sr nm){image}{sides}",
+            area.area()
+        ));
+    }
+    if let Some(environment) = &scene.environment {
+        out.push(format!("environment, {} W/(m² sr nm)", values(&environment.radiance)));
+    }
+    if let Some(sky) = &scene.lights.sky {
+        let [w, h] = sky.size();
+        out.push(format!("environment, an image of {w} x {h} texels"));
     }
     out
 }

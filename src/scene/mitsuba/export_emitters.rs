@@ -112,10 +112,16 @@ impl EmitterWriter<'_> {
         self.unpolarized(&sky.polarized, at.clone())?;
         self.at_one_wavelength(at.clone(), "an image of the sky")?;
         let [w, h] = sky.size();
-        let values = sky.texels().iter().map(|t| t[0]);
-        let file = self.exr("sky.exr", [w as u32, h as u32], values, at)?;
-        self.out
-            .note("Mitsuba stretches the rows of its envmap from pole to pole: off by up to half a texel");
+        // Mitsuba stretches rows from pole to pole: of 2h + 1 of them, the odd ones are then where ours are, and those in
+        // between their means.
+        let at_row = |k: usize, i: usize| sky.texels()[k.min(h - 1) * w + i][0];
+        let value = |k: usize, i: usize| match k % 2 {
+            1 => at_row(k / 2, i),
+            _ => 0.5 * (at_row((k / 2).saturating_sub(1), i) + at_row(k / 2, i)),
+        };
+        let rows = 2 * h + 1;
+        let values = (0..rows * w).map(|n| value(n / w, n % w));
+        let file = self.exr("sky.exr", [w as u32, rows as u32], values, at)?;
         let columns = [sky.to_world().x_axis, sky.to_world().y_axis, sky.to_world().z_axis];
         let columns = columns.map(glam::Vec3A::as_dvec3);
         let place = DAffine3::from_mat3(DMat3::from_cols(columns[0], columns[1], columns[2]));

@@ -136,7 +136,7 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError
         }
     }
     for node in parts.emitters.iter().filter(|n| !n.broken) {
-        if let Err(e) = import_emitters::add(&importer, node, &mut emitters) {
+        if let Err(e) = import_emitters::add(&mut importer, node, &mut emitters) {
             source.report(e);
         }
     }

@@ -29,7 +29,7 @@ impl Emitters {
 
 /// Adds an emitter or the projector.
 pub(super) fn add<'a>(
-    importer: &Importer<'a>,
+    importer: &mut Importer<'a>,
     node: &'a Node,
     file: &mut Emitters,
 ) -> Result<(), InputError> {
@@ -118,7 +118,7 @@ fn directional<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFil
     }))
 }
 
-fn envmap<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
+fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     let Some(name) = node.text(source, "filename")? else {
         return importer.error(
@@ -130,6 +130,9 @@ fn envmap<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, In
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
     node.finish(source, &["mis_compensation", "sampling_weight"]);
+    importer.note(
+        "Mitsuba stretches the rows of an envmap from pole to pole: ours are off by up to half a texel",
+    );
     let mut environment = EnvironmentFile::new(scale);
     environment.image = Some(Located::at(node.span.clone(), importer.file(name)));
     environment.transform = place.map(|map| {

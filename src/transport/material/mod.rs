@@ -321,6 +321,17 @@ impl Materials {
         })
     }
 
+    /// True if some material sends light of one direction into another single one.
+    #[must_use]
+    pub fn any_redirecting(&self) -> bool {
+        self.list.iter().any(|m| {
+            matches!(
+                m,
+                Material::Conductor(_) | Material::CoatedConductor(_) | Material::Dielectric(_) | Material::Crystal(_)
+            )
+        })
+    }
+
     /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
     #[inline]
     #[must_use]

@@ -66,12 +66,19 @@ fn meets(scene: &Scene, device: &Pinhole) -> Meets {
 /// What the scene's integrator cannot find of its light, a sentence each; none if nothing is known to be missing.
 #[must_use]
 pub fn missing(scene: &Scene) -> Vec<String> {
+    let mut out = vec![];
+    if !scene.lights.distant.is_empty() && scene.materials.any_redirecting() {
+        out.push(
+            "beams and directional light shine straight on surfaces alone: where mirrors, smooth glass or crystals send that \
+             light is not found; use a spot or a shining surface"
+                .to_owned(),
+        );
+    }
     let Some(projector) = &scene.projector else {
-        return vec![];
+        return out;
     };
     let lit = meets(scene, &projector.pinhole);
     let percent = |share: f64| format!("{:.0} %", (100.0 * share).max(1.0));
-    let mut out = vec![];
     let both = scene.settings.integrator == Integrator::Bidirectional;
     if !both && lit.mirror + lit.split > 0.0 {
         out.push(format!(

@@ -128,14 +128,14 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ),
     (
         "<ref id=\"gold\"/>",
-        "<emitter type=\"area\"/>",
+        "<emitter type=\"directionalarea\"/>",
         12,
-        "shapes that shine",
+        "no shapes with an emitter `directionalarea`",
     ),
     ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "squashes it flat"),
     ("<scale x=\"2\"/>", "<shear x=\"2\"/>", 14, "cannot hold <shear>"),
     ("400:1", "480:1", 17, "says nothing of 450 nm"),
-    ("type=\"point\"", "type=\"envmap\"", 17, "no emitter `envmap`"),
+    ("type=\"point\"", "type=\"sunsky\"", 17, "no emitter `sunsky`"),
     ("id=\"gold\"", "id=\"wall\"", 11, "id `wall` is given twice"),
     ("id=\"plate\"", "ID=\"plate\"", 13, "no attribute `ID`"),
     (

@@ -1,0 +1,110 @@
+//! Chi-squared of the routines that draw light against their densities.
+
+use glam::{Mat3A, Quat, Vec3A};
+use std::f32::consts::{PI, TAU};
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::transport::light::filter::Polarized;
+use sunstone::transport::light::profile::Profile;
+use sunstone::transport::light::sky::Sky;
+
+const ROWS: usize = 16;
+const COLUMNS: usize = 32;
+
+/// How many standard deviations Pearson's chi² of 2^18 draws is above its mean, on a grid in (z, φ), and the density's
+/// integral.
+fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (f64, f64) {
+    const N: usize = 1 << 18;
+    const SUB: usize = 48;
+    let mut observed = vec![0.0_f64; ROWS * COLUMNS];
+    let mut stream = Stream::new(3, 0, 0);
+    for _ in 0..N {
+        let w = sample(stream.uniform2());
+        assert!((w.length() - 1.0).abs() < 1e-4);
+        let row = (((w.z + 1.0) / 2.0 * ROWS as f32) as usize).min(ROWS - 1);
+        let turn = (w.y.atan2(w.x) / TAU).rem_euclid(1.0);
+        observed[row * COLUMNS + ((turn * COLUMNS as f32) as usize).min(COLUMNS - 1)] += 1.0;
+    }
+    let (mut chi, mut cells, mut total) = (0.0, 0.0_f64, 0.0);
+    for (cell, o) in observed.iter().enumerate() {
+        let mut e = 0.0_f64;
+        for k in 0..SUB * SUB {
+            let at = |i: usize, n: usize, of: usize| (n as f32 + (i as f32 + 0.5) / SUB as f32) / of as f32;
+            let z = 2.0 * at(k / SUB, cell / COLUMNS, ROWS) - 1.0;
+            let phi = TAU * at(k % SUB, cell % COLUMNS, COLUMNS);
+            let r = (1.0 - z * z).sqrt();
+            e += f64::from(density(Vec3A::new(r * phi.cos(), r * phi.sin(), z)));
+        }
+        e *= 4.0 * std::f64::consts::PI / (ROWS * COLUMNS * SUB * SUB) as f64;
+        total += e;
+        let e = e * N as f64;
+        if e >= 10.0 {
+            chi += (o - e).powi(2) / e;
+            cells += 1.0;
+        } else if *o > e + 5.0 * e.sqrt() + 5.0 {
+            return (f64::INFINITY, total);
+        }
+    }
+    // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+    let z = ((chi / cells).cbrt() - (1.0 - 2.0 / (9.0 * cells))) / (2.0 / (9.0 * cells)).sqrt();
+    (z, total)
+}
+
+fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, what: &str) {
+    let (z, total) = chi2(&sample, &density);
+    assert!(z < 5.0 && (total - 1.0).abs() < 0.005, "{what}: z = {z:.1}, density of {total} in all");
+    // A tenth of what is drawn, turned away by 3 degrees, must show.
+    let turned = Quat::from_rotation_y(0.05);
+    let (z, _) = chi2(
+        |u| {
+            let w = sample(u);
+            if (u[0] * 1000.0).fract() < 0.1 { turned * w } else { w }
+        },
+        &density,
+    );
+    assert!(z > 5.0, "{what}: a planted error is not seen, z = {z:.1}");
+}
+
+/// An image with a dark half, a bright spot and a slope, turned.
+#[test]
+fn chi2_sky() {
+    let (w, h) = (24, 12);
+    let texels = (0..w * h).map(|k| {
+        let (i, j) = (k % w, k / w);
+        let v = if (i, j) == (5, 4) { 30.0 } else { f32::from(u8::from(i > 10)) * (1.0 + j as f32) };
+        [v, 0.5 * v, 0.0, 0.0]
+    });
+    let light = Polarized {
+        axis: Vec3A::X,
+        filter: None,
+    };
+    let to_world = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
+    let sky = Sky::new([w, h], texels.collect(), to_world, light).expect("no black sky");
+    agree(|u| sky.sample(u), |d| sky.density(d), "sky");
+}
+
+#[test]
+fn chi2_spot() {
+    let spot = Profile::Spot {
+        axis: Vec3A::Z,
+        beam: 0.2,
+        // Ends between two rows of the grid.
+        cutoff: PI / 3.0,
+    };
+    agree(|u| spot.sample(u), |d| spot.density(d), "spot");
+}
+
+/// Intensity over the greatest, all around, in closed form: 2π (1 - cos b) + ∫ falling part.
+#[test]
+fn a_spot_has_its_solid_angle() {
+    let (beam, cutoff) = (0.3_f32, 0.9_f32);
+    let spot = Profile::Spot {
+        axis: Vec3A::new(0.0, 0.6, 0.8),
+        beam,
+        cutoff,
+    };
+    let (b, c) = (f64::from(beam), f64::from(cutoff));
+    // ∫ (c - θ)/(c - b) sinθ dθ from b to c, by parts: cos b - (sin c - sin b)/(c - b).
+    let want = std::f64::consts::TAU * (1.0 - b.cos() + b.cos() - (c.sin() - b.sin()) / (c - b));
+    let got = f64::from(spot.solid_angle());
+    assert!((got / want - 1.0).abs() < 2e-3, "{got} sr, closed form {want}");
+}
