@@ -111,7 +111,11 @@ fn emitters(scene: &Scene) -> Vec<String> {
                 Profile::Spot { cutoff, .. } => format!("spot of {:.1}° half angle", cutoff.to_degrees()),
                 Profile::Table(_) => "luminaire".to_owned(),
             };
-            format!("{what} at {}, up to {} W/(sr nm)", p.position, values(&p.intensity))
+            format!(
+                "{what} at {}, up to {} W/(sr nm)",
+                p.position,
+                values(&p.intensity)
+            )
         })
         .collect();
     for d in &scene.lights.distant {
@@ -121,12 +125,20 @@ fn emitters(scene: &Scene) -> Vec<String> {
                 format!("beam along {}, {} W/nm, radius {radius} m", d.dir, values(&power))
             }
             Across::Gaussian { power, radius } => {
-                format!("Gaussian beam along {}, {} W/nm, radius {radius} m", d.dir, values(&power))
+                format!(
+                    "Gaussian beam along {}, {} W/nm, radius {radius} m",
+                    d.dir,
+                    values(&power)
+                )
             }
         });
     }
     for area in &scene.lights.areas {
-        let image = if area.radiance.texture.is_some() { " by an image" } else { "" };
+        let image = if area.radiance.texture.is_some() {
+            " by an image"
+        } else {
+            ""
+        };
         let sides = if area.two_sided { ", both sides" } else { "" };
         let radiance = values(&area.radiance.value);
         out.push(format!(
@@ -135,7 +147,10 @@ fn emitters(scene: &Scene) -> Vec<String> {
         ));
     }
     if let Some(environment) = &scene.environment {
-        out.push(format!("environment, {} W/(m² sr nm)", values(&environment.radiance)));
+        out.push(format!(
+            "environment, {} W/(m² sr nm)",
+            values(&environment.radiance)
+        ));
     }
     if let Some(sky) = &scene.lights.sky {
         let [w, h] = sky.size();

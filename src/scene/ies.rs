@@ -60,7 +60,10 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         numbers.next(what)?;
     }
     let multiplier = numbers.next("the multiplier")?;
-    let (vertical, horizontal) = (numbers.count("vertical angles")?, numbers.count("horizontal angles")?);
+    let (vertical, horizontal) = (
+        numbers.count("vertical angles")?,
+        numbers.count("horizontal angles")?,
+    );
     let kind = numbers.next("the photometric type")?;
     if kind != 1.0 {
         return Err(format!(
@@ -68,7 +71,15 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
             numbers.last
         ));
     }
-    for what in ["units", "width", "length", "height", "the ballast factor", "a number for the future", "the watts"] {
+    for what in [
+        "units",
+        "width",
+        "length",
+        "height",
+        "the ballast factor",
+        "a number for the future",
+        "the watts",
+    ] {
         numbers.next(what)?;
     }
     let vertical = numbers.angles(vertical, "a vertical angle", 180.0)?;
@@ -141,7 +152,10 @@ struct Numbers<'a> {
 impl Numbers<'_> {
     fn next(&mut self, what: &str) -> Result<f32, String> {
         let Some((line, word)) = self.words.next() else {
-            return Err(format!("the file ends after line {}, where {what} should be", self.last));
+            return Err(format!(
+                "the file ends after line {}, where {what} should be",
+                self.last
+            ));
         };
         self.last = line;
         match word.parse::<f32>() {
@@ -212,7 +226,11 @@ mod tests {
             ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "dark"),
         ];
         for (a, b, says) in cases {
-            let text = if a.is_empty() { String::new() } else { FILE.replace(a, b) };
+            let text = if a.is_empty() {
+                String::new()
+            } else {
+                FILE.replace(a, b)
+            };
             let error = parse(text.as_bytes()).expect_err(says);
             assert!(error.contains(says), "{error}, not {says}");
         }

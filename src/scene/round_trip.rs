@@ -666,7 +666,7 @@ impl Choices<'_> {
         let half_width = HalfWidth {
             half_width_px: self.number(),
         };
-        let projector = match self.below(11) {
+        let projector = match self.below(12) {
             0 => ProjectorSelectFile::Sum,
             1 => ProjectorSelectFile::All,
             2 => ProjectorSelectFile::Rows(self.list(Self::whole)),
@@ -677,6 +677,7 @@ impl Choices<'_> {
             7 => ProjectorSelectFile::Moment([MomentFile::U, MomentFile::V][self.below(2) as usize]),
             8 => ProjectorSelectFile::Epipolar(half_width),
             9 => ProjectorSelectFile::Nonepipolar(half_width),
+            10 => ProjectorSelectFile::Ambient,
             _ => ProjectorSelectFile::Coaxial,
         };
         let time = match self.below(2) {

@@ -77,6 +77,8 @@ pub enum ProjectorSelectFile {
     Nonepipolar(HalfWidth),
     /// Only s' = s.
     Coaxial,
+    /// Only light of all emitters but the projector.
+    Ambient,
 }
 
 /// Coordinate of a projector pixel.

@@ -266,7 +266,8 @@ impl SliceLayout {
                 | ProjectorSelect::Mask { .. }
                 | ProjectorSelect::Epipolar { .. }
                 | ProjectorSelect::NonEpipolar { .. }
-                | ProjectorSelect::Coaxial => {}
+                | ProjectorSelect::Coaxial
+                | ProjectorSelect::Ambient => {}
             }
         }
         let mut time = None;

@@ -62,6 +62,8 @@ pub enum ProjectorSelect {
     },
     /// Only s' = s (camera and projector have the same resolution). No axis.
     Coaxial,
+    /// Only light that has no s': of all emitters but the projector. No axis.
+    Ambient,
 }
 
 /// A rectangle of pixels: `x`, `y` the first column and row, `w`, `h` the size.

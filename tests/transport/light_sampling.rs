@@ -51,13 +51,20 @@ fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (
 
 fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, what: &str) {
     let (z, total) = chi2(&sample, &density);
-    assert!(z < 5.0 && (total - 1.0).abs() < 0.005, "{what}: z = {z:.1}, density of {total} in all");
+    assert!(
+        z < 5.0 && (total - 1.0).abs() < 0.005,
+        "{what}: z = {z:.1}, density of {total} in all"
+    );
     // A tenth of what is drawn, turned away by 3 degrees, must show.
     let turned = Quat::from_rotation_y(0.05);
     let (z, _) = chi2(
         |u| {
             let w = sample(u);
-            if (u[0] * 1000.0).fract() < 0.1 { turned * w } else { w }
+            if (u[0] * 1000.0).fract() < 0.1 {
+                turned * w
+            } else {
+                w
+            }
         },
         &density,
     );
@@ -70,7 +77,11 @@ fn chi2_sky() {
     let (w, h) = (24, 12);
     let texels = (0..w * h).map(|k| {
         let (i, j) = (k % w, k / w);
-        let v = if (i, j) == (5, 4) { 30.0 } else { f32::from(u8::from(i > 10)) * (1.0 + j as f32) };
+        let v = if (i, j) == (5, 4) {
+            30.0
+        } else {
+            f32::from(u8::from(i > 10)) * (1.0 + j as f32)
+        };
         [v, 0.5 * v, 0.0, 0.0]
     });
     let light = Polarized {

@@ -25,7 +25,10 @@ fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> St
 
 fn m00(r: &Rendered) -> (f64, f64) {
     let at = [(StokesOut, 0), (StokesIn, 0)];
-    (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
+    (
+        f64::from(r.mean("m").at(&at)),
+        f64::from(r.std_error("m").at(&at)),
+    )
 }
 
 /// Radiance of the plane under an irradiance, within five standard errors, which are below `error` of it.
@@ -57,7 +60,12 @@ fn disks_light_a_plane() {
                 "",
             );
             let text = text(integrator, 4000, 2, [0.2, 0.1 + d], &light);
-            check(&text, 2.0 * PI * factor, 0.02, &format!("{integrator}, disk {d} m off"));
+            check(
+                &text,
+                2.0 * PI * factor,
+                0.02,
+                &format!("{integrator}, disk {d} m off"),
+            );
         }
     }
 }
@@ -71,7 +79,10 @@ fn spheres_light_a_plane() {
             let to = centre - DVec3::new(at[0], at[1], 0.0);
             let d2 = to.length_squared();
             let irradiance = 2.0 * PI * r * r / d2 * (to.z / d2.sqrt());
-            let light = shining(&format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()), "");
+            let light = shining(
+                &format!("sphere = {{ center = {:?}, radius = {r} }}", centre.to_array()),
+                "",
+            );
             check(
                 &text(integrator, 4000, 2, at, &light),
                 irradiance,
@@ -108,7 +119,11 @@ fn rectangles_with_images_light_a_plane() {
         .expect("four pixels")
         .save(&image)
         .expect("a file");
-    let (corner, u, v) = (DVec3::new(-0.4, 0.2, 1.0), DVec3::new(0.0, 0.9, 0.3), DVec3::new(0.8, 0.0, 0.1));
+    let (corner, u, v) = (
+        DVec3::new(-0.4, 0.2, 1.0),
+        DVec3::new(0.0, 0.9, 0.3),
+        DVec3::new(0.8, 0.0, 0.1),
+    );
     let shape = format!(
         "rectangle = {{ corner = {:?}, u = {:?}, v = {:?} }}",
         corner.to_array(),
@@ -116,7 +131,10 @@ fn rectangles_with_images_light_a_plane() {
         v.to_array()
     );
     let place = |a: f64, b: f64| (corner + u * a + v * b, u.cross(v));
-    let (at, more) = ([0.4, -0.3], format!(", image = {{ image = {image:?}, filter = \"nearest\" }}"));
+    let (at, more) = (
+        [0.4, -0.3],
+        format!(", image = {{ image = {image:?}, filter = \"nearest\" }}"),
+    );
     let plain = quadrature(at, |a, b| (place(a, b).0, place(a, b).1, 1.0));
     let squares = quadrature(at, |a, b| {
         // White are the upper left and the lower right one.
@@ -125,8 +143,18 @@ fn rectangles_with_images_light_a_plane() {
     });
     assert!((squares / plain - 0.5).abs() > 0.01, "the image must show");
     for integrator in BOTH {
-        check(&text(integrator, 4000, 2, at, &shining(&shape, "")), plain, 0.02, integrator);
-        check(&text(integrator, 8000, 2, at, &shining(&shape, &more)), squares, 0.04, integrator);
+        check(
+            &text(integrator, 4000, 2, at, &shining(&shape, "")),
+            plain,
+            0.02,
+            integrator,
+        );
+        check(
+            &text(integrator, 8000, 2, at, &shining(&shape, &more)),
+            squares,
+            0.04,
+            integrator,
+        );
     }
 }
 
@@ -143,22 +171,45 @@ fn ellipsoids_and_tubes_light_a_plane() {
     let c = m.transpose();
     let matrix = format!(
         "transform.matrix = [[{}, {}, {}, {}], [{}, {}, {}, {}], [{}, {}, {}, {}], [0, 0, 0, 1]]\n",
-        c.x_axis.x, c.x_axis.y, c.x_axis.z, centre.x, c.y_axis.x, c.y_axis.y, c.y_axis.z, centre.y, c.z_axis.x,
-        c.z_axis.y, c.z_axis.z, centre.z
+        c.x_axis.x,
+        c.x_axis.y,
+        c.x_axis.z,
+        centre.x,
+        c.y_axis.x,
+        c.y_axis.y,
+        c.y_axis.z,
+        centre.y,
+        c.z_axis.x,
+        c.z_axis.y,
+        c.z_axis.z,
+        centre.z
     );
     let normals = m.inverse().transpose() * m.determinant();
     let ellipsoid = quadrature(at, |a, b| {
         let (z, phi) = (1.0 - 2.0 * a, TAU * b);
-        let o = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
+        let o = DVec3::new(
+            (1.0 - z * z).sqrt() * phi.cos(),
+            (1.0 - z * z).sqrt() * phi.sin(),
+            z,
+        );
         (centre + m * o, normals * o * 4.0 * PI, 1.0)
     });
     let tube = quadrature(at, |a, b| {
         let (s, c) = (TAU * a).sin_cos();
-        (centre + m * DVec3::new(c, s, b), normals * DVec3::new(c, s, 0.0) * TAU, 1.0)
+        (
+            centre + m * DVec3::new(c, s, b),
+            normals * DVec3::new(c, s, 0.0) * TAU,
+            1.0,
+        )
     });
     for integrator in BOTH {
         let sphere = shining("sphere.radius = 1", "") + &matrix;
-        check(&text(integrator, 8000, 2, at, &sphere), ellipsoid, 0.03, "ellipsoid");
+        check(
+            &text(integrator, 8000, 2, at, &sphere),
+            ellipsoid,
+            0.03,
+            "ellipsoid",
+        );
         // Open at its ends: through them its inside is dark, and hides nothing.
         let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
@@ -170,19 +221,28 @@ fn ellipsoids_and_tubes_light_a_plane() {
 fn lights_are_seen_as_they_are() {
     let seen = |more: &str, from: f64, integrator: &str| {
         let camera = Device::ray([0.0, 0.0, from], DVec3::new(0.0, 0.0, 1.0));
-        let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", more);
+        let light = shining(
+            "disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }",
+            more,
+        );
         let slices = SLICE.to_owned()
             + "[[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 10, bins = 2000 }\n";
         let render = format!("integrator = \"{integrator}\"\n");
         let matter = "[materials]\nblack.diffuse.albedo = 0\n";
-        (camera.clone(), render_text(&(head(16, 3, 1) + &render + &camera.keys("camera") + matter + &light + &slices)))
+        (
+            camera.clone(),
+            render_text(&(head(16, 3, 1) + &render + &camera.keys("camera") + matter + &light + &slices)),
+        )
     };
     for integrator in BOTH {
         let (_, r) = seen("", 3.0, integrator);
         assert!((m00(&r).0 - 2.0).abs() < 1e-5);
         let t = r.mean("t");
         let bin = (2.0 / C / 10.0) as usize;
-        assert!((f64::from(t.at(&[(T, bin)])) - 2.0).abs() < 1e-5, "light after the way of 2 m");
+        assert!(
+            (f64::from(t.at(&[(T, bin)])) - 2.0).abs() < 1e-5,
+            "light after the way of 2 m"
+        );
         assert_eq!(m00(&seen("", -1.0, integrator).1), (0.0, 0.0), "the back is dark");
         assert!((m00(&seen(", two_sided = true", -1.0, integrator).1).0 - 2.0).abs() < 1e-5);
 
@@ -215,12 +275,19 @@ fn light_through_two_polarizers_obeys_malus() {
     for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
         let camera = Device::ray([0.0, 0.0, 3.0], DVec3::new(0.0, 0.0, 1.0));
         let more = format!(", polarizer_deg = {degrees}");
-        let light = shining("disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }", &more);
+        let light = shining(
+            "disk = { center = [0, 0, 1], normal = [0, 0, 1], radius = 0.5 }",
+            &more,
+        );
         let sheet = "[materials]\nblack.diffuse.albedo = 0\npol.polarizer = { axis = [1, 0, 0] }\n[[objects]]\n\
                      material = \"pol\"\nshape.disk = { center = [0, 0, 2], normal = [0, 0, 1], radius = 0.5 }\n";
         let r = render_text(&(head(16, 6, 1) + &camera.keys("camera") + sheet + &light + SLICE));
         let want = 2.0 * 0.5 * degrees.to_radians().cos().powi(2);
-        assert!((m00(&r).0 - want).abs() < 1e-5, "{degrees}°: {}, Malus {want}", m00(&r).0);
+        assert!(
+            (m00(&r).0 - want).abs() < 1e-5,
+            "{degrees}°: {}, Malus {want}",
+            m00(&r).0
+        );
     }
 }
 
@@ -228,7 +295,10 @@ fn light_through_two_polarizers_obeys_malus() {
 #[test]
 fn sheets_and_mirrors_neither_lose_nor_double_light() {
     let (h, r) = (1.0, 0.5);
-    let light = shining(&format!("disk = {{ center = [0, 0, {h}], normal = [0, 0, -1], radius = {r} }}"), "");
+    let light = shining(
+        &format!("disk = {{ center = [0, 0, {h}], normal = [0, 0, -1], radius = {r} }}"),
+        "",
+    );
     let factor = r * r / (h * h + r * r);
     let sheet = "[[objects]]\nmaterial = \"p\"\nshape.rectangle = { corner = [-5, -5, 0.5], u = [10, 0, 0], v = [0, 10, 0] }\n";
     // Ideal polarizers pass half of unpolarized light each way.
@@ -242,7 +312,10 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
         // Seen from below the sheet, lit through it: oblique rays pass within the sheet's own law, so a small disk.
         let plain = m00(&render_text(&text(integrator, "")));
         let want = ALBEDO / PI * 2.0 * PI * factor;
-        assert!((plain.0 - want).abs() <= 5.0 * plain.1, "{integrator}: {plain:?}, {want}");
+        assert!(
+            (plain.0 - want).abs() <= 5.0 * plain.1,
+            "{integrator}: {plain:?}, {want}"
+        );
         let through = m00(&render_text(&text(integrator, &format!("{matter}{sheet}"))));
         // What comes back from the sheet's underside is nothing: it absorbs.
         assert!(
@@ -307,7 +380,12 @@ fn skies_light_planes() {
         for integrator in BOTH {
             let light = format!("[[emitters]]\nenvironment = {{ {turn}radiance = 2, image = {file:?} }}\n");
             let want = 2.0 * (PI + TAU / 3.0 * 0.7 * up.z);
-            check(&text(integrator, 20_000, 2, [0.0, 0.0], &light), want, 0.02, &format!("sky {turn}{integrator}"));
+            check(
+                &text(integrator, 20_000, 2, [0.0, 0.0], &light),
+                want,
+                0.02,
+                &format!("sky {turn}{integrator}"),
+            );
         }
     }
 }
@@ -319,11 +397,16 @@ fn suns_are_found_and_stand_where_they_should() {
     let file = folder.path().join("sun.exr");
     let (w, h) = (256_u32, 128_u32);
     let (i, j) = (40, 50);
-    image::Rgb32FImage::from_fn(w, h, |x, y| image::Rgb([if (x, y) == (i, j) { 1000.0 } else { 0.0 }; 3]))
-        .save(&file)
-        .expect("a file");
+    image::Rgb32FImage::from_fn(w, h, |x, y| {
+        image::Rgb([if (x, y) == (i, j) { 1000.0 } else { 0.0 }; 3])
+    })
+    .save(&file)
+    .expect("a file");
     // Column i runs with atan2(x, -z), row j from +y down.
-    let (phi, theta) = (TAU * (f64::from(i) + 0.5) / 256.0, PI * (f64::from(j) + 0.5) / 128.0);
+    let (phi, theta) = (
+        TAU * (f64::from(i) + 0.5) / 256.0,
+        PI * (f64::from(j) + 0.5) / 128.0,
+    );
     let sun = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
     let plate = crate::optics::plate(DVec3::ZERO, sun, 1.0, "m");
     let camera = Device::ray((sun * 2.0 + DVec3::new(0.3, 0.1, 0.2)).to_array(), DVec3::ZERO);
@@ -336,7 +419,11 @@ fn suns_are_found_and_stand_where_they_should() {
     let camera = Device::ray([0.0; 3], sun);
     let far = crate::optics::plate(DVec3::new(0.0, -50.0, 0.0), DVec3::Y, 1.0, "m");
     let r = render_text(&(head(4, 2, 3) + &camera.keys("camera") + &matter + &far + &sky + SLICE));
-    assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
+    assert!(
+        (m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3,
+        "the sun itself: {}",
+        m00(&r).0
+    );
 }
 
 /// Light of one direction and of points: irradiances at single points, exact but for rounding.
@@ -344,8 +431,11 @@ fn suns_are_found_and_stand_where_they_should() {
 fn spots_luminaires_directional_light_and_beams() {
     let folder = tempfile::tempdir().expect("a folder");
     let ies = folder.path().join("lamp.ies");
-    std::fs::write(&ies, "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 9\n0 30 90\n0 90\n100 80 20\n100 40 0\n")
-        .expect("a file");
+    std::fs::write(
+        &ies,
+        "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 9\n0 30 90\n0 90\n100 80 20\n100 40 0\n",
+    )
+    .expect("a file");
     let at = DVec2::new(0.6, -0.2);
     let p = DVec3::new(at.x, at.y, 0.0);
     let height = 2.0;
@@ -374,15 +464,24 @@ fn spots_luminaires_directional_light_and_beams() {
     let list = |v: DVec3| format!("{:?}", v.to_array());
     let cases = [
         (
-            format!("spot = {{ position = {}, direction = [0, 0, -1], intensity = 3, cutoff_deg = 30, beam_deg = 5 }}", list(lamp)),
+            format!(
+                "spot = {{ position = {}, direction = [0, 0, -1], intensity = 3, cutoff_deg = 30, beam_deg = 5 }}",
+                list(lamp)
+            ),
             3.0 * inverse * (30.0 - theta) / 25.0,
         ),
         (
-            format!("spot = {{ position = {}, direction = [0, 0, -1], intensity = 3, cutoff_deg = 10 }}", list(lamp)),
+            format!(
+                "spot = {{ position = {}, direction = [0, 0, -1], intensity = 3, cutoff_deg = 10 }}",
+                list(lamp)
+            ),
             0.0,
         ),
         (
-            format!("ies = {{ file = {ies:?}, position = {}, direction = [0, 0, -1], intensity = 3 }}", list(lamp)),
+            format!(
+                "ies = {{ file = {ies:?}, position = {}, direction = [0, 0, -1], intensity = 3 }}",
+                list(lamp)
+            ),
             3.0 * inverse * luminaire,
         ),
         (
@@ -394,15 +493,27 @@ fn spots_luminaires_directional_light_and_beams() {
             0.0,
         ),
         (
-            format!("beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8 }}", list(lamp), list(axis)),
+            format!(
+                "beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8 }}",
+                list(lamp),
+                list(axis)
+            ),
             5.0 / (PI * 0.64) * -axis.z,
         ),
         (
-            format!("beam = {{ origin = {}, direction = {}, power = 5, radius = 0.1 }}", list(lamp), list(axis)),
+            format!(
+                "beam = {{ origin = {}, direction = {}, power = 5, radius = 0.1 }}",
+                list(lamp),
+                list(axis)
+            ),
             0.0,
         ),
         (
-            format!("beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8, gaussian = true }}", list(lamp), list(axis)),
+            format!(
+                "beam = {{ origin = {}, direction = {}, power = 5, radius = 0.8, gaussian = true }}",
+                list(lamp),
+                list(axis)
+            ),
             5.0 * beam(straight.length_squared()) * -axis.z,
         ),
         (
@@ -431,7 +542,12 @@ fn spots_luminaires_directional_light_and_beams() {
 /// All the power of a beam lands on a plane: its irradiance over the plane, by the camera's grid of rays from far above.
 #[test]
 fn a_beam_loses_no_power() {
-    for more in ["", ", gaussian = true", ", divergence_mrad = 200", ", gaussian = true, divergence_mrad = 200"] {
+    for more in [
+        "",
+        ", gaussian = true",
+        ", divergence_mrad = 200",
+        ", gaussian = true, divergence_mrad = 200",
+    ] {
         let light = format!(
             "[[emitters]]\nbeam = {{ origin = [0, 0, 1.5], direction = [0.2, 0, -1], power = 5, radius = 0.1{more} }}\n"
         );
@@ -449,12 +565,26 @@ fn a_beam_loses_no_power() {
 #[test]
 fn light_takes_its_time() {
     let from = DVec3::new(0.3, -4.0, 2.5);
-    let small = shining("disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.001 }", "");
+    let small = shining(
+        "disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.001 }",
+        "",
+    );
     let cases = [
         (small, Some(2.0)),
-        ("[[emitters]]\nbeam = { origin = [0, 0, 1], direction = [0, 0, -1], power = 1, radius = 0.1 }\n".into(), Some(1.0)),
-        ("[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [5, 5, 3] }\n".into(), Some(3.0)),
-        ("[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1 }\n".into(), None),
+        (
+            "[[emitters]]\nbeam = { origin = [0, 0, 1], direction = [0, 0, -1], power = 1, radius = 0.1 }\n"
+                .into(),
+            Some(1.0),
+        ),
+        (
+            "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [5, 5, 3] }\n"
+                .into(),
+            Some(3.0),
+        ),
+        (
+            "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1 }\n".into(),
+            None,
+        ),
     ];
     for (light, way) in cases {
         for integrator in BOTH {
@@ -470,7 +600,10 @@ fn light_takes_its_time() {
                 }
                 None => late,
             };
-            assert!(all > 0.0 && (got / all - 1.0).abs() < 1e-4, "{integrator} {light}: {got} of {all} in time");
+            assert!(
+                all > 0.0 && (got / all - 1.0).abs() < 1e-4,
+                "{integrator} {light}: {got} of {all} in time"
+            );
         }
     }
 }
@@ -517,8 +650,41 @@ fn both_integrators_agree_in_a_room() {
     let n = f64::from(count);
     // Elements of one pixel go together, so less freely than n: five sigma of chi-squared with a quarter of them.
     let bound = n + 5.0 * (2.0 * n * 4.0).sqrt();
-    assert!(count > 400 && chi2 < bound, "chi² {chi2:.0} of {count} elements, at most {bound:.0}");
+    assert!(
+        count > 400 && chi2 < bound,
+        "chi² {chi2:.0} of {count} elements, at most {bound:.0}"
+    );
     let total = |r: &Rendered| r.mean("m").data.chunks(16).map(|m| f64::from(m[0])).sum::<f64>();
     let (ta, tb) = (total(&a), total(&b));
     assert!((ta / tb - 1.0).abs() < 0.01, "{ta} and {tb} in all");
+}
+
+/// All light is the projector's and the lamps'; `ambient` is the lamps' alone.
+#[test]
+fn ambient_light_is_apart() {
+    let camera = Device::look_at([0.0, -3.0, 2.0], DVec3::ZERO, [6, 6], 8.0);
+    let projector = Device::look_at([0.5, -3.0, 2.0], DVec3::ZERO, [4, 4], 6.0);
+    let lamp = "[[emitters]]\npoint = { position = [0, 0, 2], intensity = 2 }\n".to_owned()
+        + &shining("sphere = { center = [1, 1, 1], radius = 0.3 }", "");
+    let slices = "[[slices]]\nname = \"sum\"\n[[slices]]\nname = \"all\"\nprojector = \"all\"\n\
+                  [[slices]]\nname = \"lamps\"\nprojector = \"ambient\"\n";
+    for integrator in BOTH {
+        let text = head(64, 4, 5)
+            + &format!("integrator = \"{integrator}\"\n")
+            + &camera.keys("camera")
+            + &projector.keys("projector")
+            + PLANE
+            + &lamp
+            + slices;
+        let r = render_text(&text);
+        let (sum, all, lamps) = (r.mean("sum"), r.mean("all"), r.mean("lamps"));
+        for (i, sum) in sum.data.iter().enumerate() {
+            let own: f32 = all.data[i * 16..(i + 1) * 16].iter().sum();
+            assert!(
+                lamps.data[i] > 0.0 && (own + lamps.data[i] - sum).abs() <= 1e-5 * sum,
+                "pixel {i}, {integrator}"
+            );
+        }
+        assert!(all.data.iter().sum::<f32>() > 0.0);
+    }
 }

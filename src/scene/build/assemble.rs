@@ -86,7 +86,9 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
             let solid = placed.solid(ctx, object)?;
             if let Some(emission) = &object.emission {
                 let light = lights::area(ctx, &mut images, &mut materials.textures, emission, &solid)?;
-                lights.of_material.resize(material as usize, transport::light::NONE);
+                lights
+                    .of_material
+                    .resize(material as usize, transport::light::NONE);
                 lights.of_material.push(lights.areas.len() as u32);
                 lights.areas.push(light);
             }

@@ -85,7 +85,10 @@ fn polarized(
         if s0 != 1.0 || !(0.0..=1.0 + 1e-6).contains(&degree2) {
             return Err(ctx.error(
                 s.span(),
-                format!("there is no light with the Stokes vector {:?} over its intensity", **s),
+                format!(
+                    "there is no light with the Stokes vector {:?} over its intensity",
+                    **s
+                ),
                 "give [1, s1, s2, s3] with s1² + s2² + s3² at most 1",
             ));
         }

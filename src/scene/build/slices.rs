@@ -185,8 +185,10 @@ fn projector_select(
 ) -> Result<ProjectorSelect, InputError> {
     let s = &slice.projector;
     let span = s.span();
-    if matches!(**s, ProjectorSelectFile::Sum) {
-        return Ok(ProjectorSelect::Sum);
+    match **s {
+        ProjectorSelectFile::Sum => return Ok(ProjectorSelect::Sum),
+        ProjectorSelectFile::Ambient => return Ok(ProjectorSelect::Ambient),
+        _ => {}
     }
     let Some(projector) = projector else {
         return Err(ctx.error(
@@ -209,6 +211,7 @@ fn projector_select(
     };
     Ok(match &**s {
         ProjectorSelectFile::Sum => ProjectorSelect::Sum,
+        ProjectorSelectFile::Ambient => ProjectorSelect::Ambient,
         ProjectorSelectFile::All => ProjectorSelect::All,
         ProjectorSelectFile::Rows(r) => {
             ProjectorSelect::Rows(listed(ctx, r, size[1], span, "projector rows")?)

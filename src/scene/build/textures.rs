@@ -114,7 +114,10 @@ pub(super) fn radiances(
 }
 
 /// The texels of an image of the sky, for each wavelength, top row first, and its width and height.
-pub(super) fn sky(ctx: &mut Context, name: &Located<String>) -> Result<([u32; 2], Vec<[f32; 4]>), InputError> {
+pub(super) fn sky(
+    ctx: &mut Context,
+    name: &Located<String>,
+) -> Result<([u32; 2], Vec<[f32; 4]>), InputError> {
     let channels = if holds_light(name) {
         Channels::LinearColours
     } else {
@@ -128,7 +131,10 @@ pub(super) fn sky(ctx: &mut Context, name: &Located<String>) -> Result<([u32; 2]
 /// True of formats whose values are proportional to light.
 fn holds_light(name: &str) -> bool {
     let extension = std::path::Path::new(name).extension().and_then(|e| e.to_str());
-    matches!(extension.unwrap_or("").to_ascii_lowercase().as_str(), "exr" | "hdr" | "pic" | "rgbe")
+    matches!(
+        extension.unwrap_or("").to_ascii_lowercase().as_str(),
+        "exr" | "hdr" | "pic" | "rgbe"
+    )
 }
 
 /// The image of a normal map.

@@ -36,8 +36,12 @@ impl EmitterWriter<'_> {
             let these = file.emitters.iter().filter(move |e| is(e));
             these.map(base::locate::Located::span)
         };
-        let is_point =
-            |e: &EmitterFile| matches!(e, EmitterFile::Point(_) | EmitterFile::Spot(_) | EmitterFile::Ies(_));
+        let is_point = |e: &EmitterFile| {
+            matches!(
+                e,
+                EmitterFile::Point(_) | EmitterFile::Spot(_) | EmitterFile::Ies(_)
+            )
+        };
         for (point, at) in all.points.iter().zip(places(is_point)) {
             done.push(self.point(point, at)?);
         }
@@ -57,14 +61,16 @@ impl EmitterWriter<'_> {
     }
 
     fn cannot<T>(&self, at: Range<usize>, what: &str, mend: &str) -> Result<T, InputError> {
-        Err(self
-            .ctx
-            .error(at, format!("Mitsuba cannot express {what}"), mend))
+        Err(self.ctx.error(at, format!("Mitsuba cannot express {what}"), mend))
     }
 
     fn unpolarized(&self, light: &Polarized, at: Range<usize>) -> Result<(), InputError> {
         if light.filter.is_some() {
-            return self.cannot(at, "polarized light of an emitter", "take stokes and polarizer_deg away");
+            return self.cannot(
+                at,
+                "polarized light of an emitter",
+                "take stokes and polarizer_deg away",
+            );
         }
         Ok(())
     }
@@ -122,7 +128,11 @@ impl EmitterWriter<'_> {
         let rows = 2 * h + 1;
         let values = (0..rows * w).map(|n| value(n / w, n % w));
         let file = self.exr("sky.exr", [w as u32, rows as u32], values, at)?;
-        let columns = [sky.to_world().x_axis, sky.to_world().y_axis, sky.to_world().z_axis];
+        let columns = [
+            sky.to_world().x_axis,
+            sky.to_world().y_axis,
+            sky.to_world().z_axis,
+        ];
         let columns = columns.map(glam::Vec3A::as_dvec3);
         let place = DAffine3::from_mat3(DMat3::from_cols(columns[0], columns[1], columns[2]));
         Ok(Element::plugin("emitter", "envmap")
@@ -180,13 +190,12 @@ impl EmitterWriter<'_> {
         let image: Option<ImageBuffer<Rgb<f32>, Vec<f32>>> = ImageBuffer::from_raw(w, h, pixels);
         let image = DynamicImage::ImageRgb32F(image.unwrap_or_default());
         let mut bytes = std::io::Cursor::new(vec![]);
-        image.write_to(&mut bytes, image::ImageFormat::OpenExr).map_err(|e| {
-            self.ctx.error(
-                at,
-                format!("cannot encode an image: {e}"),
-                "use a smaller image",
-            )
-        })?;
+        image
+            .write_to(&mut bytes, image::ImageFormat::OpenExr)
+            .map_err(|e| {
+                self.ctx
+                    .error(at, format!("cannot encode an image: {e}"), "use a smaller image")
+            })?;
         Ok(self.out.file(name, Contents::Bytes(bytes.into_inner())))
     }
 }

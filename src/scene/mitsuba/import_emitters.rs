@@ -84,7 +84,11 @@ pub(super) fn add<'a>(
 fn spot<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     if let Some(child) = node.named("texture") {
-        return importer.error(child.span(), "sunstone has no spots with a texture", "take it away");
+        return importer.error(
+            child.span(),
+            "sunstone has no spots with a texture",
+            "take it away",
+        );
     }
     let place = node.transform(source, "to_world")?.unwrap_or_default();
     let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);

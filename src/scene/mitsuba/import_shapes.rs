@@ -118,7 +118,9 @@ pub(super) fn objects<'a>(
         None if interior.is_some() => reader.materials.table.unseen(),
         None => reader.materials.table.of_bare_shapes(),
     };
-    let emission = light.map(|l| import_emitters::area(importer, l, turned)).transpose()?;
+    let emission = light
+        .map(|l| import_emitters::area(importer, l, turned))
+        .transpose()?;
     images |= emission.as_ref().is_some_and(|(_, images)| *images);
     let at = || node.span.clone();
     let mut object = ObjectFile::new(Located::at(at(), shape));

@@ -218,6 +218,8 @@ impl SlicePlan {
         let mut cell = 0_u64;
         match &self.slice.projector {
             ProjectorSelect::Sum => {}
+            ProjectorSelect::Ambient if c.pixel == NO_PIXEL => {}
+            ProjectorSelect::Ambient => return None,
             _ if c.pixel == NO_PIXEL => return None,
             ProjectorSelect::Mask { weights, .. } => {
                 weight = weights[c.pixel as usize];

@@ -327,7 +327,10 @@ impl Materials {
         self.list.iter().any(|m| {
             matches!(
                 m,
-                Material::Conductor(_) | Material::CoatedConductor(_) | Material::Dielectric(_) | Material::Crystal(_)
+                Material::Conductor(_)
+                    | Material::CoatedConductor(_)
+                    | Material::Dielectric(_)
+                    | Material::Crystal(_)
             )
         })
     }

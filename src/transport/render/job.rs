@@ -123,6 +123,7 @@ fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<Strin
         P::Epipolar { half_width_px } => format!("epipolar, half width {half_width_px} px"),
         P::NonEpipolar { half_width_px } => format!("nonepipolar, half width {half_width_px} px"),
         P::Coaxial => "coaxial".into(),
+        P::Ambient => "ambient".into(),
     };
     map.insert("projector_selection".into(), json!(projector));
     map

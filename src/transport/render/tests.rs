@@ -3,13 +3,13 @@
 use super::schedule::{Unwatched, render};
 use crate::device::distortion::Distortion;
 use crate::device::emitter::{Environment, PointEmitter};
-use crate::light::Lights;
-use crate::light::profile::Profile;
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
 use crate::geometry::builder::GeometryBuilder;
 use crate::geometry::mesh::Mesh;
 use crate::geometry::quadric::{Quadric, QuadricKind};
+use crate::light::Lights;
+use crate::light::profile::Profile;
 use crate::material::conductor::Conductor;
 use crate::material::diffuse::Diffuse;
 use crate::material::facets::Roughness;
