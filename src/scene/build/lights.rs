@@ -177,9 +177,10 @@ fn beam(ctx: &Context, b: &BeamFile, at: Range<usize>) -> Result<Distant, InputE
         dir: direction(ctx, b.direction, at.clone(), "direction")?,
         origin: Some(vector(ctx, b.origin, at.clone(), "origin")?),
         spread: half.tan() as f32 / radius,
-        across: match b.gaussian {
-            true => Across::Gaussian { power, radius },
-            false => Across::Disk { power, radius },
+        across: if b.gaussian {
+            Across::Gaussian { power, radius }
+        } else {
+            Across::Disk { power, radius }
         },
         polarized: polarized(ctx, b.stokes.as_ref(), b.polarizer_deg.as_ref(), b.horizontal, at)?,
     })
@@ -272,6 +273,6 @@ pub(crate) fn area(
     let radiance = Spectrum { value, texture };
     Ok(match solid {
         Solid::Mesh(mesh) => AreaLight::mesh(mesh, radiance, file.two_sided, polarized),
-        Solid::Quadric(quadric) => AreaLight::quadric(quadric.clone(), radiance, file.two_sided, polarized),
+        Solid::Quadric(quadric) => AreaLight::quadric(*quadric, radiance, file.two_sided, polarized),
     })
 }

@@ -203,13 +203,12 @@ fn image(
     let name = &file.image;
     let uv = uv_map(ctx, file.uv.as_ref(), name.span())?;
     let key = (ctx.path(name), channels);
-    let (size, first) = match images.0.get(&key) {
-        Some(known) => *known,
-        None => {
-            let known = read(ctx, textures, name, channels)?;
-            images.0.insert(key, known);
-            known
-        }
+    let (size, first) = if let Some(known) = images.0.get(&key) {
+        *known
+    } else {
+        let known = read(ctx, textures, name, channels)?;
+        images.0.insert(key, known);
+        known
     };
     textures.images.push(Image {
         filter: file.filter,

@@ -1,8 +1,9 @@
 //! Kalibr's camera chains: `cam0`, `cam1`, … with `intrinsics: [fu, fv, pu, pv]`.
 
 use super::document::Document;
+use super::found::{Found, Lens, Options};
 use super::names::Node;
-use super::{Found, Lens, Options, opencv};
+use super::opencv;
 use base::locate::InputError;
 use glam::DMat4;
 use syntax::device::ExtrinsicsFile;

@@ -4,8 +4,9 @@
 //! is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t; `K`, and R of rigidtform3d in PatternExtrinsics, are for columns.
 
 use super::document::Document;
+use super::found::{Found, Lens, Options};
 use super::names::Node;
-use super::{Found, Lens, Options, opencv};
+use super::opencv;
 use base::locate::InputError;
 use syntax::device::ExtrinsicsFile;
 

@@ -1,8 +1,8 @@
 //! Files of OpenCV's users (`cv::FileStorage`, JSON, numpy.savez) and of ROS, by the names that they give things.
 
 use super::document::Document;
+use super::found::{Found, Lens, Options};
 use super::names::Node;
-use super::{Found, Lens, Options};
 use base::locate::InputError;
 use syntax::device::ExtrinsicsFile;
 

@@ -101,12 +101,11 @@ pub(super) fn principled<'a>(
     let source = importer.source;
     let base = albedo(importer, node, "base_color", 0.5, uv)?;
     let roughness = scalar(importer, node, "roughness", Some(0.5), uv)?;
-    let alpha = match &*roughness {
-        ScalarFile::Number(v) => at(node, (v * v).clamp(SMOOTH, 1.0).into()),
-        _ => {
-            importer.note("principled: the image of roughness is taken as alpha, not as its root");
-            roughness
-        }
+    let alpha = if let ScalarFile::Number(v) = &*roughness {
+        at(node, (v * v).clamp(SMOOTH, 1.0).into())
+    } else {
+        importer.note("principled: the image of roughness is taken as alpha, not as its root");
+        roughness
     };
     let metallic = scalar(importer, node, "metallic", Some(0.0), uv)?;
     let spec_trans = scalar(importer, node, "spec_trans", Some(0.0), uv)?;

@@ -64,9 +64,10 @@ fn homogeneous<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Medium
         let values: Vec<f64> = (0..nm.len())
             .map(|i| scale * f(at(&extinction, i), at(&albedo, i)))
             .collect();
-        let spectrum = match values.iter().all(|v| *v == values[0]) {
-            true => SpectrumFile::Scalar(values[0]),
-            false => SpectrumFile::PerWavelength(values),
+        let spectrum = if values.iter().all(|v| *v == values[0]) {
+            SpectrumFile::Scalar(values[0])
+        } else {
+            SpectrumFile::PerWavelength(values)
         };
         Located::at(node.span.clone(), spectrum)
     };

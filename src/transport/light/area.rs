@@ -3,7 +3,7 @@
 //! Points are drawn by area, triangle by triangle, but on balls, where directions are drawn within the cone that a ball
 //! fills as seen from outside (Shirley, Wang & Zimmerman 1996).
 
-use super::Drawn;
+use super::drawn::Drawn;
 use super::filter::Polarized;
 use super::profile::cone;
 use crate::geometry::mesh::Mesh;
@@ -60,10 +60,11 @@ impl AreaLight {
             let edges = [b - a, c - a];
             let cross = edges[0].cross(edges[1]);
             area += 0.5 * f64::from(cross.length());
-            let uvs = match mesh.uvs.is_empty() {
+            let uvs = if mesh.uvs.is_empty() {
                 // As the tracer numbers the points of triangles without coordinates.
-                true => [Vec2::ZERO, Vec2::X, Vec2::Y],
-                false => triangle.map(|i| mesh.uvs[i as usize]),
+                [Vec2::ZERO, Vec2::X, Vec2::Y]
+            } else {
+                triangle.map(|i| mesh.uvs[i as usize])
             };
             facets.push(Facet {
                 corner: a,
@@ -158,8 +159,8 @@ impl AreaLight {
                     uv.to_array(),
                 )
             }
-            Form::Quadric(quadric) => match Self::cone(quadric, p) {
-                Some((axis, least)) => {
+            Form::Quadric(quadric) => {
+                if let Some((axis, least)) = Self::cone(quadric, p) {
                     let dir = cone(axis, least, [u, v]);
                     let t = quadric.intersect(p, dir, f32::INFINITY);
                     if t == f32::INFINITY {
@@ -167,12 +168,11 @@ impl AreaLight {
                     }
                     let (at, normal, _) = quadric.surface(p + dir * t);
                     (at, normal, quadric.uv(at))
-                }
-                None => {
+                } else {
                     let (at, normal) = quadric.point([u, v]);
                     (at, normal, quadric.uv(at))
                 }
-            },
+            }
         };
         let to = position - p;
         let distance = to.length();

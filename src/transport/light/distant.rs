@@ -1,6 +1,6 @@
 //! Light with one direction: from afar, or a collimated beam.
 
-use super::Drawn;
+use super::drawn::Drawn;
 use super::filter::Polarized;
 use glam::Vec3A;
 use optics::spectrum::Spectral;
@@ -89,13 +89,12 @@ impl Distant {
         let way = p - position;
         let distance = way.length();
         let dir = way / distance;
-        let start_m = match self.spread > 0.0 {
-            true => {
-                let back = f64::from(1.0 / self.spread);
-                let aside2 = f64::from(aside2);
-                aside2 / (back + (back * back + aside2).sqrt())
-            }
-            false => 0.0,
+        let start_m = if self.spread > 0.0 {
+            let back = f64::from(1.0 / self.spread);
+            let aside2 = f64::from(aside2);
+            aside2 / (back + (back * back + aside2).sqrt())
+        } else {
+            0.0
         };
         let over = 1.0 / (growth * growth * dir.dot(self.dir));
         let irradiance = self.irradiance(aside2) * Spectral::splat(over);

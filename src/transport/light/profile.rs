@@ -130,17 +130,15 @@ impl Profile {
     #[must_use]
     pub fn solid_angle(&self) -> f32 {
         const N: usize = 128;
-        match self {
-            Self::Even => 4.0 * PI,
-            _ => {
-                let at = |i: usize| (i as f32 + 0.5) / N as f32;
-                let value = |k: usize| {
-                    let dir = self.sample([at(k % N), at(k / N)]);
-                    self.value(dir) / self.density(dir).max(f32::MIN_POSITIVE)
-                };
-                (0..N * N).map(|k| f64::from(value(k))).sum::<f64>() as f32 / (N * N) as f32
-            }
+        if let Self::Even = self {
+            return 4.0 * PI;
         }
+        let at = |i: usize| (i as f32 + 0.5) / N as f32;
+        let value = |k: usize| {
+            let dir = self.sample([at(k % N), at(k / N)]);
+            self.value(dir) / self.density(dir).max(f32::MIN_POSITIVE)
+        };
+        (0..N * N).map(|k| f64::from(value(k))).sum::<f64>() as f32 / (N * N) as f32
     }
 }
 

@@ -5,7 +5,7 @@
 //! constant over each texel: its brightness, smoothed with its neighbours so that wherever there is light some is drawn,
 //! times the solid angle (Pharr et al. 2023, sect. 12.5.2).
 
-use super::Drawn;
+use super::drawn::Drawn;
 use super::filter::Polarized;
 use glam::{Mat3A, Vec3A};
 use optics::spectrum::{Spectral, max_lane};

@@ -69,7 +69,10 @@ impl Fisheye {
             return Some(q);
         }
         let (mut low, mut high) = (0.0, WIDEST);
-        if !(self.radius(high)[0] >= want) {
+        if self.radius(high)[0]
+            .partial_cmp(&want)
+            .is_none_or(std::cmp::Ordering::is_lt)
+        {
             return None;
         }
         // Newton's method, halving the bracket where it leaves it.
