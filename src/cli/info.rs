@@ -92,6 +92,9 @@ fn scene(scene: &Scene) -> String {
     line("samples_per_pixel", s.spp.to_string());
     let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
     line("slices", slices.join(", "));
+    for note in &scene.notes {
+        let _ = writeln!(out, "note: {note}");
+    }
     for warning in missing(scene) {
         let _ = writeln!(out, "warning: {warning}");
     }

@@ -149,6 +149,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.threads == Some(0) {
         return Err(Failure::input("--threads is 0; give at least 1"));
     }
+    for note in &scene.notes {
+        eprintln!("note: {note}");
+    }
     let progress = Progress::new(missing(&scene));
     let render = Render::new(&scene)
         .watch(&progress)

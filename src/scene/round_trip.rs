@@ -600,6 +600,7 @@ impl Choices<'_> {
         let mesh = |c: &mut Self| MeshFile {
             file: c.text().into(),
             flat: c.yes(),
+            materials: c.yes(),
         };
         let shape = match self.below(8) {
             0 => ShapeFile::Sphere(SphereFile {

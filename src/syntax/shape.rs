@@ -64,6 +64,10 @@ pub struct MeshFile {
     /// Ignore the file's vertex normals: flat faces.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
+    /// Parts have the materials of the file (glTF's, or those of an OBJ's MTL library), as the nearest models of ours;
+    /// `part_materials` goes before, and `material` is for parts without one.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub materials: bool,
 }
 
 /// See [`ShapeFile::Sphere`].
@@ -197,6 +201,7 @@ impl ShapeFile {
         let mesh = MeshFile {
             file: file.into(),
             flat: false,
+            materials: false,
         };
         match ending.as_deref() {
             Some("obj") => Self::Obj(mesh),

@@ -47,6 +47,8 @@ pub struct SceneTables {
     pub sha256: String,
     /// Text of the scene file, kept with what is rendered from it.
     pub text: String,
+    /// What the scene's files hold that is not used, and what was mended in them, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// Everything a render needs: the tables, which it passes on, and what is worked out from them.

@@ -18,6 +18,7 @@ mod manifold;
 mod materials;
 mod measured;
 mod media;
+mod mesh_files;
 mod microfacet;
 mod mirrors;
 mod optics;

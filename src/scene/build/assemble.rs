@@ -2,7 +2,8 @@
 
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
-use super::{lights, materials, media, shapes, slices};
+use super::volumes::{self, Volume};
+use super::{file_materials, lights, materials, media, shapes, slices};
 use base::locate::InputError;
 use sha2::Digest;
 use std::collections::BTreeMap;
@@ -44,6 +45,7 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 
 /// Builds a scene from the value that its file holds.
 pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
+    let file = &file_materials::expand(ctx, file)?;
     ctx.hash.update(meaning(file));
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
@@ -73,8 +75,10 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     let (media, media_names, _) = media::build(ctx, &file.media)?;
     let mut boundaries = vec![Boundary::NONE; materials.list.len()];
     let mut geometry = GeometryBuilder::default();
+    let mut volumes = vec![];
     for object in &file.objects {
         let filling = filling(ctx, object, &media_names)?;
+        let (mut solids, mut numbers) = (vec![], vec![]);
         for mut placed in shapes::place(ctx, object, &names)? {
             if filling.is_some() || object.emission.is_some() {
                 // A number of its own tells this object's surfaces from others of the same material.
@@ -82,8 +86,13 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
                 boundaries.push(filling.unwrap_or(Boundary::NONE));
                 placed.material = boundaries.len() as u32 - 1;
             }
-            let material = placed.material;
-            let solid = placed.solid(ctx, object)?;
+            numbers.push(placed.material);
+            solids.push(placed.solid(ctx, object)?);
+        }
+        if let Some(filling) = filling {
+            volumes.push(Volume::new(ctx, object, filling, &mut solids)?);
+        }
+        for (solid, material) in solids.into_iter().zip(numbers) {
             if let Some(emission) = &object.emission {
                 let light = lights::area(ctx, &mut images, &mut materials.textures, emission, &solid)?;
                 lights
@@ -95,6 +104,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
             solid.add(material, &mut geometry);
         }
     }
+    volumes::overlaps(ctx, &volumes)?;
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
     let uses_epipolar = |s: &tensor::slice::Slice| {
         matches!(
@@ -132,6 +142,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
             .map(|b| format!("{b:02x}"))
             .collect(),
         text: ctx.text.to_string(),
+        notes: std::mem::take(&mut ctx.notes),
     }))
 }
 

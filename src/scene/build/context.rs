@@ -7,6 +7,7 @@ use optics::spectrum::{Spectral, Wavelengths};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::io::Read;
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,6 +26,8 @@ pub(crate) struct Context {
     /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
     pub listed: Wavelengths,
     pub hash: Sha256,
+    /// What files hold that is not used, and what was mended, a sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Context {
@@ -38,6 +41,7 @@ impl Context {
             wavelengths: Wavelengths::default(),
             listed: Wavelengths::default(),
             hash: Sha256::new(),
+            notes: vec![],
         };
         ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
             ctx.error(
@@ -79,9 +83,31 @@ impl Context {
         }
     }
 
+    /// Where a span begins, for people: ` of line 12`; nothing of scenes made in code.
+    pub fn line(&self, span: Range<usize>) -> String {
+        match self.text.get(..span.start) {
+            Some(before) if span != (0..0) => format!(" of line {}", before.matches('\n').count() + 1),
+            _ => String::new(),
+        }
+    }
+
     /// Path of a file that the scene names.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
+    }
+
+    /// Reads a file that the scene names, up to `most` bytes, without counting it into the scene's hash.
+    pub fn peek(&self, name: &str, most: u64) -> std::io::Result<Vec<u8>> {
+        let mut bytes = vec![];
+        match self.memory.get(name) {
+            Some(all) => bytes.clone_from(all),
+            None => {
+                std::fs::File::open(self.path(name))?
+                    .take(most)
+                    .read_to_end(&mut bytes)?;
+            }
+        }
+        Ok(bytes)
     }
 
     /// Reads a file that the scene names, and counts it into the scene's hash.

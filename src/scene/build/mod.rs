@@ -3,6 +3,7 @@
 pub(crate) mod assemble;
 pub(crate) mod context;
 pub(crate) mod devices;
+pub(crate) mod file_materials;
 mod indices;
 mod lens;
 pub(crate) mod lights;
@@ -13,3 +14,4 @@ mod pose;
 pub(crate) mod shapes;
 pub(crate) mod slices;
 mod textures;
+mod volumes;

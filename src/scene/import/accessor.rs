@@ -235,7 +235,7 @@ fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, Im
 }
 
 /// Undoes percent-encoding (RFC 3986); `None` if what results is not UTF-8.
-fn percent_decoded(uri: &str) -> Option<String> {
+pub(super) fn percent_decoded(uri: &str) -> Option<String> {
     let mut out = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let Some((&b, tail)) = rest.split_first() {

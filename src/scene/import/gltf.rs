@@ -4,6 +4,7 @@
 //! The node tree is walked in double precision and every mesh is baked to world space once per node that uses it.
 //! glTF is right-handed with +y up and in metres, as Sunstone is.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec2, Vec3};
@@ -39,29 +40,9 @@ const KNOWN: [&str; 4] = [
 /// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension that is not read (Draco and
 /// meshopt compression among them), uses points or lines, skins or morph weights, or no triangles are left.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>, ImportError> {
-    if bytes.is_empty() {
-        return Err(ImportProblem::EmptyFile.into());
-    }
-    let glb;
-    let (json, blob) = if bytes.starts_with(b"glTF") {
-        // The crate subtracts the header's size from its length field unchecked.
-        let length = bytes
-            .get(8..12)
-            .and_then(|b| b.try_into().ok())
-            .map_or(0, u32::from_le_bytes);
-        if length < 12 {
-            return Err(broken(
-                "the GLB header is cut off or gives a length of less than 12",
-            ));
-        }
-        glb =
-            gltf::Glb::from_slice(bytes).map_err(|e| broken(format!("the GLB container is broken ({e})")))?;
-        (&*glb.json, glb.bin.as_deref())
-    } else {
-        (bytes, None)
-    };
+    let (json, blob) = container(bytes)?;
     // Not `deserialize::from_slice`, which would be compiled for `Root` here, optimized, once more.
-    let root = Root::from_slice(json).map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
+    let root = Root::from_slice(&json).map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
     if !root.asset.version.starts_with("2.") {
         let what = format!("the glTF version is {}", root.asset.version);
         return Err(ImportError::unsupported(what, "export as glTF 2.0"));
@@ -74,7 +55,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>
             "export again without it (for compression: switch it off)",
         ));
     }
-    let data = Data::new(&root, blob, base_dir)?;
+    let data = Data::new(&root, blob.as_deref(), base_dir)?;
     let mut importer = Importer {
         data,
         primitives: vec![None; root.meshes.len()],
@@ -86,6 +67,29 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>
         return Err(broken("no node of the scene has a mesh"));
     }
     Ok(importer.parts)
+}
+
+/// A file's JSON, and the chunk of bytes behind it in a GLB.
+pub(super) fn container(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<Cow<'_, [u8]>>), ImportError> {
+    if bytes.is_empty() {
+        return Err(ImportProblem::EmptyFile.into());
+    }
+    if !bytes.starts_with(b"glTF") {
+        return Ok((bytes.into(), None));
+    }
+    // The crate subtracts the header's size from its length field unchecked.
+    let length = bytes
+        .get(8..12)
+        .and_then(|b| b.try_into().ok())
+        .map_or(0, u32::from_le_bytes);
+    if length < 12 {
+        return Err(broken(
+            "the GLB header is cut off or gives a length of less than 12",
+        ));
+    }
+    let glb =
+        gltf::Glb::from_slice(bytes).map_err(|e| broken(format!("the GLB container is broken ({e})")))?;
+    Ok((glb.json, glb.bin))
 }
 
 struct Importer<'a> {
@@ -337,7 +341,12 @@ fn read_primitive(data: &Data, p: &Primitive, name: &str) -> Result<Mesh, Import
         .transpose()?
         .unwrap_or_default();
     let uvs = match attribute(Semantic::TexCoords(0)) {
-        Some(index) => data.floats(index)?.into_iter().map(Vec2::from_array).collect(),
+        // Theirs count from the image's upper left corner, ours from its lower left.
+        Some(index) => data
+            .floats(index)?
+            .into_iter()
+            .map(|[u, v]| Vec2::new(u, 1.0 - v))
+            .collect(),
         None => Vec::new(),
     };
     let order = match p.indices {

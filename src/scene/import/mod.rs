@@ -6,8 +6,11 @@
 //! normals are made unit length (or dropped where one has no length), and the result is validated.
 
 mod accessor;
+pub mod appearance;
 mod error;
 mod gltf;
+mod gltf_materials;
+pub mod mtl;
 mod obj;
 mod part;
 mod ply;
@@ -22,9 +25,10 @@ use std::path::Path;
 
 pub use self::error::{ImportError, ImportProblem};
 pub use self::gltf::parse_gltf;
+pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
 pub use self::part::MeshPart;
-pub use self::ply::parse_ply;
+pub use self::ply::{has_colours as ply_has_colours, parse_ply};
 
 /// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, in any case).
 ///

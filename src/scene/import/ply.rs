@@ -52,6 +52,18 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Vec<MeshPart>, ImportError> {
     Ok(vec![finish(String::new(), None, mesh)?])
 }
 
+/// Whether a file's vertices have colours.
+#[must_use]
+pub fn has_colours(bytes: &[u8]) -> bool {
+    let head = &bytes[..bytes.len().min(1 << 16)];
+    let head = String::from_utf8_lossy(head);
+    let header = head.split("end_header").next().unwrap_or("");
+    header.lines().any(|line| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        words.first() == Some(&"property") && matches!(words.last(), Some(&"red" | &"diffuse_red"))
+    })
+}
+
 /// ASCII files get the newline that `serde_ply` needs to end the last number.
 fn with_last_newline(bytes: &[u8]) -> Cow<'_, [u8]> {
     let head = &bytes[..bytes.len().min(200)];

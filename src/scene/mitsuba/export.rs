@@ -16,6 +16,7 @@ use super::xml::{Element, number};
 use crate::build::assemble::settings;
 use crate::build::context::{Context, read};
 use crate::build::devices::{pinhole, projector};
+use crate::build::file_materials;
 use crate::build::lights;
 use crate::build::shapes::{Form, Placed, moved, place};
 use crate::build::{materials, slices};
@@ -83,6 +84,7 @@ impl Export {
 }
 
 fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
+    let file = &file_materials::expand(ctx, file)?;
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
     let projector = file
@@ -163,7 +165,10 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     Ok(Export {
         xml: scene.document(),
         files: out.files,
-        notes: out.notes,
+        notes: std::mem::take(&mut ctx.notes)
+            .into_iter()
+            .chain(out.notes)
+            .collect(),
     })
 }
 

@@ -59,7 +59,11 @@ pub(super) fn objects<'a>(
             let file = mesh_file()?;
             let flat = node.boolean(source, "face_normals")?.unwrap_or(false);
             turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
-            let mesh = MeshFile { file, flat };
+            let mesh = MeshFile {
+                file,
+                flat,
+                materials: false,
+            };
             if kind == "obj" {
                 ShapeFile::Obj(mesh)
             } else {

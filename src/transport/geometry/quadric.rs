@@ -263,6 +263,17 @@ impl Quadric {
         1.0 / (own * self.growth(o))
     }
 
+    /// True if the point is inside of it (of a tube, between its ends), `grown` times as large about its middle.
+    #[must_use]
+    pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
+        let o = self.to_object.transform_point3a(p);
+        match self.kind {
+            QuadricKind::Sphere => o.length() < grown,
+            QuadricKind::Disk => false,
+            QuadricKind::Cylinder => o.truncate().length() < grown && (o.z - 0.5).abs() < 0.5 * grown,
+        }
+    }
+
     /// Square metres.
     #[must_use]
     pub fn area(&self) -> f32 {

@@ -120,6 +120,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
             tile: 8,
         },
         sha256: String::new(),
+        notes: vec![],
     })
 }
 

@@ -1,0 +1,345 @@
+//! Objects that a medium fills: closed, their normals outward, and none that cut into another of the same priority.
+
+use super::context::Context;
+use super::shapes::Solid;
+use base::locate::{InputError, Located};
+use glam::{DVec3, Vec3};
+use std::collections::HashMap;
+use syntax::shape::ObjectFile;
+use transport::geometry::mesh::Mesh;
+use transport::geometry::quadric::{Quadric, QuadricKind};
+use transport::medium::nesting::Boundary;
+
+/// A filled object.
+pub(crate) struct Volume<'a> {
+    object: &'a Located<ObjectFile>,
+    filling: Boundary,
+    inside: Inside,
+    low: DVec3,
+    high: DVec3,
+    /// Points of its surface.
+    points: Vec<DVec3>,
+}
+
+/// What tells whether a point is inside.
+enum Inside {
+    /// Of a sphere, or a tube with caps.
+    Quadric(Box<Quadric>),
+    Triangles(Vec<[DVec3; 3]>),
+}
+
+/// How many points of a surface are asked whether they are inside of another object.
+const POINTS: usize = 96;
+
+impl<'a> Volume<'a> {
+    /// Checks an object's surfaces; meshes whose normals point inward are turned round, and it is said in a note.
+    ///
+    /// # Errors
+    /// [`InputError`] at the object if they are open, with a place in the mesh.
+    pub fn new(
+        ctx: &mut Context,
+        object: &'a Located<ObjectFile>,
+        filling: Boundary,
+        solids: &mut [Solid],
+    ) -> Result<Self, InputError> {
+        let open = |ctx: &Context, what: String| {
+            let name = object.interior.as_ref().map_or(0..0, Located::span);
+            Err(ctx.error(
+                name,
+                format!("this object is filled, but {what}"),
+                "close the surface (weld its vertices, fill its holes, give a cylinder caps), or take interior away",
+            ))
+        };
+        if let [Solid::Quadric(q), rest @ ..] = &*solids {
+            let caps = rest
+                .iter()
+                .filter(|s| matches!(s, Solid::Quadric(q) if q.kind == QuadricKind::Disk));
+            let closed = match q.kind {
+                QuadricKind::Sphere => rest.is_empty(),
+                QuadricKind::Cylinder => caps.count() == 2 && rest.len() == 2,
+                QuadricKind::Disk => false,
+            };
+            if !closed {
+                return open(ctx, "its surface is open".into());
+            }
+            let (low, high) = q.bounds();
+            let at = |k: usize| (k as f32 + 0.5) / POINTS as f32;
+            // A spiral over the surface, dense enough for what it is asked.
+            let point = |k: usize| q.point([(at(k) * 38.2).fract(), at(k)]).0.as_dvec3();
+            return Ok(Self {
+                object,
+                filling,
+                inside: Inside::Quadric(Box::new(*q)),
+                low: low.as_dvec3(),
+                high: high.as_dvec3(),
+                points: (0..POINTS).map(point).collect(),
+            });
+        }
+        let mut meshes: Vec<&mut Mesh> = solids
+            .iter_mut()
+            .filter_map(|s| match s {
+                Solid::Mesh(mesh) => Some(mesh),
+                Solid::Quadric(_) => None,
+            })
+            .collect();
+        if let Some(what) = fault(&meshes) {
+            return open(ctx, what);
+        }
+        if turn_outward(&mut meshes) {
+            let line = ctx.line(object.shape.span());
+            ctx.notes.push(format!(
+                "the filled mesh{line} had normals that point inward: it is turned round"
+            ));
+        }
+        let corner = |mesh: &Mesh, i: u32| mesh.positions[i as usize].as_dvec3();
+        let triangles: Vec<[DVec3; 3]> = meshes
+            .iter()
+            .flat_map(|m| m.indices.iter().map(|t| t.map(|i| corner(m, i))))
+            .collect();
+        let all = triangles.iter().flatten();
+        let low = all.clone().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = all.copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let step = triangles.len().div_ceil(POINTS);
+        let points = triangles.iter().step_by(step).map(|[a, b, c]| (a + b + c) / 3.0);
+        Ok(Self {
+            object,
+            filling,
+            low,
+            high,
+            points: points.collect(),
+            inside: Inside::Triangles(triangles),
+        })
+    }
+
+    /// Whether a point is inside; `None` so near to the surface that it is either.
+    fn holds(&self, p: DVec3) -> Option<bool> {
+        let near = 1e-4 * (self.high - self.low).max_element();
+        match &self.inside {
+            Inside::Quadric(q) => {
+                let [a, b] = [1.0 - 1e-3, 1.0 + 1e-3].map(|grown| q.holds(p.as_vec3a(), grown));
+                (a == b).then_some(a)
+            }
+            Inside::Triangles(triangles) => {
+                // A direction that no edge of a model is likely to run along.
+                let dir = DVec3::new(0.5213, 0.6731, 0.5247).normalize();
+                let mut crossings = 0;
+                for t in triangles {
+                    if let Some(at) = met(t, p, dir) {
+                        if at.abs() < near {
+                            return None;
+                        }
+                        crossings += usize::from(at > 0.0);
+                    }
+                }
+                Some(crossings % 2 == 1)
+            }
+        }
+    }
+
+    /// True if some of its surface is inside of another volume, and some outside.
+    fn cuts(&self, other: &Self) -> bool {
+        let found: Vec<bool> = self.points.iter().filter_map(|p| other.holds(*p)).collect();
+        found.contains(&true) && found.contains(&false)
+    }
+}
+
+/// Checks that no volume cuts into another one of the same priority with another medium.
+///
+/// # Errors
+/// [`InputError`] at the second of two that do.
+pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputError> {
+    for (i, b) in volumes.iter().enumerate() {
+        for a in &volumes[..i] {
+            let apart = a.low.cmpgt(b.high).any() || b.low.cmpgt(a.high).any();
+            let told = a.filling.priority != b.filling.priority || a.filling.medium == b.filling.medium;
+            if apart || told || !(a.cuts(b) || b.cuts(a)) {
+                continue;
+            }
+            let other = match &a.object.name {
+                Some(name) => format!(" (`{name}`)"),
+                None => ctx.line(a.object.shape.span()),
+            };
+            return Err(ctx.error(
+                b.object.interior.as_ref().map_or(0..0, Located::span),
+                format!(
+                    "this object and another{other} cut into one another with equal priorities ({}): which medium fills \
+                     both is not said",
+                    b.filling.priority
+                ),
+                "give them a priority each; the higher one fills what both enclose",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Bits of a position, -0 as 0.
+fn key(p: Vec3) -> [u32; 3] {
+    p.to_array().map(|x| (x + 0.0).to_bits())
+}
+
+/// What is wrong with a surface that should be closed.
+fn fault(meshes: &[&mut Mesh]) -> Option<String> {
+    // How often each edge is run along from its smaller end, less how often from its larger one.
+    type Edge = ([u32; 3], [u32; 3]);
+    let mut edges: HashMap<Edge, (i32, u32)> = HashMap::new();
+    for mesh in meshes {
+        for t in &mesh.indices {
+            let [a, b, c] = t.map(|i| key(mesh.positions[i as usize]));
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                let (edge, way) = if from < to {
+                    ((from, to), 1)
+                } else {
+                    ((to, from), -1)
+                };
+                let entry = edges.entry(edge).or_default();
+                entry.0 += way;
+                entry.1 += 1;
+            }
+        }
+    }
+    let bad: Vec<_> = edges.iter().filter(|(_, (balance, _))| *balance != 0).collect();
+    let (edge, (_, count)) = bad.iter().min_by_key(|(edge, _)| **edge)?;
+    let point = |p: [u32; 3]| format!("{:?}", p.map(f32::from_bits));
+    let what = if count % 2 == 1 {
+        "its surface is open"
+    } else {
+        "its triangles are wound both ways"
+    };
+    Some(format!(
+        "{what}: at {} of its {} edges, one of them from {} to {}",
+        bad.len(),
+        edges.len(),
+        point(edge.0),
+        point(edge.1)
+    ))
+}
+
+/// Turns pieces of a closed surface round whose normals point inward, but for hollows in others; true if there were some.
+fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
+    let mut ids: HashMap<[u32; 3], usize> = HashMap::new();
+    let mut parents: Vec<usize> = vec![];
+    fn root(parents: &mut [usize], mut i: usize) -> usize {
+        while parents[i] != i {
+            parents[i] = parents[parents[i]];
+            i = parents[i];
+        }
+        i
+    }
+    let mut corners: Vec<Vec<[usize; 3]>> = vec![];
+    for mesh in meshes.iter() {
+        let list = mesh.indices.iter().map(|t| {
+            let t = t.map(|i| {
+                *ids.entry(key(mesh.positions[i as usize])).or_insert_with(|| {
+                    parents.push(parents.len());
+                    parents.len() - 1
+                })
+            });
+            for other in &t[1..] {
+                let (a, b) = (root(&mut parents, t[0]), root(&mut parents, *other));
+                parents[a] = b;
+            }
+            t
+        });
+        corners.push(list.collect());
+    }
+    // Signed volume and bounds of each piece.
+    let mut pieces: HashMap<usize, (f64, DVec3, DVec3)> = HashMap::new();
+    for (mesh, list) in meshes.iter().zip(&corners) {
+        for (t, ids) in mesh.indices.iter().zip(list) {
+            let [a, b, c] = t.map(|i| mesh.positions[i as usize].as_dvec3());
+            let piece = pieces.entry(root(&mut parents, ids[0])).or_insert((
+                0.0,
+                DVec3::INFINITY,
+                DVec3::NEG_INFINITY,
+            ));
+            piece.0 += a.dot(b.cross(c)) / 6.0;
+            for p in [a, b, c] {
+                (piece.1, piece.2) = (piece.1.min(p), piece.2.max(p));
+            }
+        }
+    }
+    let within = |inner: &(f64, DVec3, DVec3), outer: &(f64, DVec3, DVec3)| {
+        inner.1.cmpgt(outer.1).all() && inner.2.cmplt(outer.2).all()
+    };
+    let inward: Vec<usize> = pieces
+        .iter()
+        .filter(|(_, piece)| piece.0 < 0.0 && !pieces.values().any(|p| within(piece, p)))
+        .map(|(id, _)| *id)
+        .collect();
+    for (mesh, list) in meshes.iter_mut().zip(&corners) {
+        let turned: Vec<bool> = list
+            .iter()
+            .map(|t| inward.contains(&root(&mut parents, t[0])))
+            .collect();
+        let mut vertices = vec![false; mesh.positions.len()];
+        for (t, turned) in mesh.indices.iter_mut().zip(turned) {
+            if turned {
+                t.iter().for_each(|i| vertices[*i as usize] = true);
+                t.swap(1, 2);
+            }
+        }
+        for (normal, turned) in mesh.normals.iter_mut().zip(vertices) {
+            if turned {
+                *normal = -*normal;
+            }
+        }
+    }
+    !inward.is_empty()
+}
+
+/// Distance along `dir` to a triangle, which may lie behind (Möller & Trumbore 1997).
+fn met([a, b, c]: &[DVec3; 3], p: DVec3, dir: DVec3) -> Option<f64> {
+    let (e1, e2) = (b - a, c - a);
+    let h = dir.cross(e2);
+    let det = e1.dot(h);
+    if det.abs() < 1e-300 {
+        return None;
+    }
+    let s = p - a;
+    let u = s.dot(h) / det;
+    let q = s.cross(e1);
+    let v = dir.dot(q) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| e2.dot(q) / det)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Affine3A;
+
+    fn ball() -> Mesh {
+        let mut mesh = Mesh::cube();
+        mesh.normals.clear();
+        mesh
+    }
+
+    #[test]
+    fn a_cube_is_closed_and_a_cube_without_a_triangle_is_not() {
+        let mut cube = ball();
+        assert_eq!(fault(&[&mut cube]), None);
+        assert!(!turn_outward(&mut [&mut cube]));
+        let mut open = ball();
+        open.indices.pop();
+        let what = fault(&[&mut open]).expect("a hole");
+        assert!(what.contains("open: at 3 of its"), "{what}");
+        let mut wound = ball();
+        wound.indices[0].swap(0, 1);
+        let what = fault(&[&mut wound]).expect("a triangle the wrong way");
+        assert!(what.contains("wound both ways"), "{what}");
+    }
+
+    #[test]
+    fn inward_pieces_are_turned_and_hollows_are_not() {
+        let mut inward = ball();
+        inward.indices.iter_mut().for_each(|t| t.swap(0, 1));
+        assert!(turn_outward(&mut [&mut inward]));
+        assert!(!turn_outward(&mut [&mut inward]), "once is enough");
+        let mut hollow = ball();
+        hollow.indices.iter_mut().for_each(|t| t.swap(0, 1));
+        hollow.transform(&Affine3A::from_scale(Vec3::splat(0.5)));
+        let before = hollow.clone();
+        assert!(!turn_outward(&mut [&mut ball(), &mut hollow]));
+        assert_eq!(before, hollow);
+    }
+}
