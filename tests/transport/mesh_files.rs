@@ -61,12 +61,12 @@ fn picture(folder: &Path, more: &str) -> (Tensor, Vec<String>) {
     (render_scene(&scene).mean("m"), scene.notes.clone())
 }
 
-const PLAIN: &str = r#"{"name": "painted"}"#;
+const PLAIN: &str = r#"{"name": "painted", "emissiveFactor": [1, 0, 0]}"#;
 
 #[test]
 fn gltf_and_obj_show_the_same_picture() {
     let folder = tempfile::tempdir().expect("a folder");
-    square(folder.path(), PLAIN, "newmtl painted\n");
+    square(folder.path(), PLAIN, "newmtl painted\nKd 1 0 0\n");
     let object = |shape: &str| {
         format!(
             "[materials]\np.diffuse.albedo = {{ image = \"picture.png\" }}\n[[objects]]\nmaterial = \"p\"\nshape.{shape}\n"

@@ -162,9 +162,10 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
         vec![]
     };
     let mut what = vec![];
-    if !list.is_empty() {
-        let names: Vec<&str> = list.iter().map(|a| a.name.as_str()).take(4).collect();
-        let more = if list.len() > 4 { ", ..." } else { "" };
+    let telling: Vec<&str> = list.iter().filter(|a| !a.is_plain()).map(|a| a.name.as_str()).collect();
+    if !telling.is_empty() {
+        let more = if telling.len() > 4 { ", ..." } else { "" };
+        let names = &telling[..telling.len().min(4)];
         what.push(format!("its materials ({}{more})", names.join(", ")));
     }
     if coloured {

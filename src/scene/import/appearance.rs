@@ -49,6 +49,22 @@ pub enum Source {
 }
 
 impl Appearance {
+    /// True if the file gives no more than a name.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        let Self { alpha, metallic, base, .. } = self;
+        let plain = Self {
+            alpha: *alpha,
+            metallic: *metallic,
+            base: *base,
+            ..Self::new(self.name.clone())
+        };
+        // The defaults of glTF, and of an MTL library.
+        let gltf = *base == [1.0; 3] && *metallic == 1.0 && *alpha == Some(1.0);
+        let mtl = base[0] == base[1] && base[1] == base[2] && alpha.is_none();
+        plain == *self && (gltf || mtl)
+    }
+
     /// A grey diffuse material.
     pub(super) fn new(name: String) -> Self {
         Self {
