@@ -6,6 +6,7 @@
 pub mod builder;
 pub mod bvh;
 mod eight;
+mod instance;
 pub mod many;
 pub mod mesh;
 mod pack;

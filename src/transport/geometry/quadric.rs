@@ -69,6 +69,13 @@ impl Quadric {
         }
     }
 
+    /// The same surface elsewhere, metres.
+    pub(super) fn shifted(&self, by: Vec3A) -> Self {
+        let mut to_world = self.to_world;
+        to_world.translation += by;
+        Self::new(self.kind, to_world, self.material)
+    }
+
     /// Centre and radius, if this is a sphere in the world.
     #[must_use]
     pub fn ball(&self) -> Option<(Vec3A, f32)> {

@@ -18,10 +18,17 @@ pub struct Hit {
     pub t: f32,
     /// Index of the primitive in BVH leaf order.
     pub leaf: u32,
+    /// Number of the instance that it belongs to, [`Hit::NO_INSTANCE`] for what stands in the world itself.
+    pub instance: u32,
     /// Barycentric coordinate of a triangle's second vertex (0 for quadrics).
     pub u: f32,
     /// Barycentric coordinate of a triangle's third vertex (0 for quadrics).
     pub v: f32,
+}
+
+impl Hit {
+    /// What is not of an instance.
+    pub const NO_INSTANCE: u32 = u32::MAX;
 }
 
 /// A point on a surface.

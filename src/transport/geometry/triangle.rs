@@ -65,6 +65,13 @@ impl Triangle {
         }
     }
 
+    /// Moves it, metres.
+    pub(super) fn shift(&mut self, by: Vec3A) {
+        for (v, by) in self.v0.iter_mut().zip(by.to_array()) {
+            *v += by;
+        }
+    }
+
     #[inline(always)]
     pub(super) fn material(&self) -> u32 {
         index(&self.v0)

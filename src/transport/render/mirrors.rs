@@ -258,6 +258,7 @@ fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, boo
     let hit = Hit {
         t: 0.0,
         leaf,
+        instance: Hit::NO_INSTANCE,
         u: INSIDE,
         v: INSIDE,
     };
