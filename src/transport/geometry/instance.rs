@@ -13,13 +13,13 @@
 //! group's triangles from as near as their size, wherever it comes from, and the skin that closes the gaps between them
 //! (see [`super::bvh::SKIN`]) is one of the group's size too.
 
-use super::bvh::{Any, Geometry, Nearest, QUADRIC};
+use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC};
 use super::pack::Wide;
-use super::quadric::normalized_slope;
+use super::quadric::{normalized_slope, similarity};
 use super::ray::{Hit, Ray, Surface};
-use super::tree::Tree;
+use super::tree::{Child, Tree};
 use super::triangle::{Triangle, vector};
-use glam::{DAffine3, Mat3A, Vec3A};
+use glam::{Affine3A, DAffine3, Mat3A, Vec3A};
 use obvhs::aabb::Aabb;
 
 /// Surfaces that may have many copies.
@@ -87,9 +87,7 @@ impl Instance {
 
     /// At most so many metres in the world come of one in the group.
     pub(super) fn stretch(&self) -> f32 {
-        // The Frobenius norm bounds the spectral one.
-        let m = self.to_world;
-        (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
+        stretch(self.to_world)
     }
 
     /// Bounds in the world.
@@ -139,7 +137,63 @@ impl Instance {
     }
 }
 
+impl Outline {
+    /// Where an affine map takes it.
+    #[must_use]
+    pub fn placed(&self, map: &Affine3A) -> Self {
+        let grown = similarity(map.matrix3);
+        match *self {
+            Self::Flat { corners } => Self::Flat {
+                corners: corners.map(|c| map.transform_point3a(c)),
+            },
+            Self::Ball { centre, radius } if grown > 0.0 => Self::Ball {
+                centre: map.transform_point3a(centre),
+                radius: radius * grown,
+            },
+            Self::Ball { centre, radius } | Self::Inside { centre, radius } => Self::Inside {
+                centre: map.transform_point3a(centre),
+                radius: radius * stretch(map.matrix3),
+            },
+        }
+    }
+}
+
+/// No vector grows by more than this in a map.
+fn stretch(m: Mat3A) -> f32 {
+    // The Frobenius norm bounds the spectral one.
+    (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
+}
+
 impl Geometry {
+    /// Every instance: its number, that of its group, and its place.
+    pub fn instances(&self) -> impl Iterator<Item = (u32, u32, Affine3A)> + '_ {
+        self.instances.iter().zip(0..).map(|(i, number)| {
+            let place = Affine3A {
+                matrix3: i.to_world,
+                translation: i.origin,
+            };
+            (number, i.group, place)
+        })
+    }
+
+    /// Every primitive of a group, in the group's coordinates, with the number that [`Hit::leaf`] gives it.
+    #[must_use]
+    pub fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
+        let tree = &self.groups[group as usize].tree;
+        let (mut found, mut todo) = (vec![], vec![0]);
+        while let Some(node) = todo.pop() {
+            for (_, child) in tree.children(node) {
+                match child {
+                    Child::Branch(node) => todo.push(node),
+                    Child::Leaf(leaf) if leaf & 1 == 1 => found.push(QUADRIC | leaf >> 1),
+                    Child::Leaf(leaf) => found.extend((0..8).map(|lane| 8 * (leaf >> 1) + lane)),
+                }
+            }
+        }
+        let outline = |leaf| Some((leaf, self.outline(leaf)?));
+        found.into_iter().filter_map(outline).collect()
+    }
+
     /// The nearest hit closer than `tmax` in an instance.
     #[inline]
     pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {

@@ -7,6 +7,8 @@ pub mod builder;
 pub mod bvh;
 mod eight;
 mod instance;
+#[cfg(test)]
+mod instance_tests;
 pub mod many;
 pub mod mesh;
 mod pack;

@@ -255,7 +255,7 @@ pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
 }
 
 /// The factor of a map that scales all directions alike, 0 if it does not.
-fn similarity(m: Mat3A) -> f32 {
+pub(super) fn similarity(m: Mat3A) -> f32 {
     let r = m.x_axis.length();
     let uneven = [
         m.y_axis.length() - r,

@@ -13,6 +13,7 @@ mod join;
 mod join_manifold;
 mod manifold;
 mod mirrors;
+mod mirrors_copied;
 mod path;
 mod point;
 mod roulette;
