@@ -180,8 +180,7 @@ fn instances_are_copies() {
         }
     }
     let [one, two] = pair(&groups, &where_to);
-    let plain = pair(&groups, &where_to)[0..1].len();
-    assert_eq!((one.copies(), plain), ((40, 2), 1));
+    assert_eq!((one.copies(), two.copies()), ((40, 2), (0, 0)));
     let [mut hits, mut in_instances, mut apart, mut bends] = [0; 4];
     let mut kinds = [0; 9];
     for _ in 0..200_000 {
@@ -204,7 +203,8 @@ fn instances_are_copies() {
         in_instances += usize::from(ha.instance != Hit::NO_INSTANCE);
         kinds[a.material as usize] += 1;
         assert_eq!(hb.instance, Hit::NO_INSTANCE);
-        assert!((a.p - b.p).length() < 3e-5, "{a:?} {b:?}");
+        // The copies of the far group are rounded to its distance, 60 m; instances of it are not.
+        assert!((a.p - b.p).length() < 1e-4, "{a:?} {b:?}");
         // Flat triangles' neighbours have other normals: at an edge either may be met.
         if a.ng.dot(b.ng) < 0.99999 {
             apart += 1;
@@ -225,7 +225,7 @@ fn instances_are_copies() {
             assert!((da - db).length() < 0.02 * (1.0 + db.length()), "{a:?} {da} {db}");
             bends += usize::from(db.length() > 0.1);
         }
-        assert!(one.occluded(&ray, ha.t * 1.001) && two.occluded(&ray, ha.t * 1.001));
+        assert!(one.occluded(&ray, ha.t * 1.001) && two.occluded(&ray, hb.t * 1.001));
     }
     assert!(in_instances > 20_000 && bends > 10_000, "{in_instances} {bends}");
     assert!(apart < hits / 500, "{apart} of {hits}");
