@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntax::device::*;
+use syntax::instance::*;
 use syntax::material::*;
 use syntax::medium::*;
 use syntax::scene::{RenderFile, SceneFile};
@@ -35,7 +36,8 @@ fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
 fn tables(s: &Scene) -> String {
     let materials = (&s.materials.list, &s.materials.textures.images, &s.boundaries);
     let devices = (&s.wavelengths, &s.camera, &s.projector, &s.points, &s.environment);
-    let rest = (&s.name, &s.settings, s.geometry.counts());
+    let copies: Vec<_> = s.geometry.instances().collect();
+    let rest = (&s.name, &s.settings, s.geometry.counts(), copies);
     format!("{materials:?} {devices:?} {rest:?} {:?} {:?}", s.media, s.slices)
 }
 
@@ -575,16 +577,27 @@ impl Choices<'_> {
             part_materials: self.map(|c| c.text().into()),
             interior: self.some_text(),
             priority: self.whole() as i32,
-            transform: self.some(|c| {
-                Located::nowhere(TransformFile {
-                    scale: c.some_spectrum(),
-                    rotate_deg: c.some(Self::three),
-                    translate: c.some(Self::three),
-                    matrix: c.some(Self::rows),
-                })
-            }),
+            transform: self.some(Self::transform),
         };
         object.into()
+    }
+
+    fn transform(&mut self) -> Located<TransformFile> {
+        Located::nowhere(TransformFile {
+            scale: self.some_spectrum(),
+            rotate_deg: self.some(Self::three),
+            translate: self.some(Self::three),
+            matrix: self.some(Self::rows),
+        })
+    }
+
+    fn instance(&mut self) -> Located<InstanceFile> {
+        Located::nowhere(InstanceFile {
+            name: self.some(Self::text),
+            group: self.text().into(),
+            places: self.some_text(),
+            transform: self.some(Self::transform),
+        })
     }
 
     fn bins(&mut self) -> BinSize {
@@ -658,6 +671,11 @@ impl Choices<'_> {
             materials: self.map(Self::material),
             media: self.map(Self::medium),
             objects: self.list(Self::object),
+            groups: self.map(|c| {
+                let objects = c.list(Self::object);
+                Located::nowhere(GroupFile { objects })
+            }),
+            instances: self.list(Self::instance),
             slices: self.list(Self::slice),
             figures: self.list(|c| {
                 let text = c.text();

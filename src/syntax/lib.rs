@@ -9,6 +9,7 @@
 
 mod defaults;
 pub mod device;
+pub mod instance;
 pub mod material;
 pub mod medium;
 pub mod scene;

@@ -2,18 +2,15 @@
 
 use super::context::{self, Context};
 use super::devices::{emitters, pinhole, projector};
-use super::{materials, media, shapes, slices};
+use super::surfaces::Surfaces;
+use super::{materials, media, slices};
 use base::locate::InputError;
 use sha2::Digest;
-use std::collections::BTreeMap;
 use std::path::Path;
 use syntax::Syntax;
 use syntax::scene::{RenderFile, SceneFile};
-use syntax::shape::ObjectFile;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
-use transport::geometry::builder::GeometryBuilder;
-use transport::medium::nesting::Boundary;
 use transport::scene::{Integrator, Scene, SceneTables, Settings};
 
 /// Reads the text of a scene file.
@@ -62,20 +59,10 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     }
     let (mut materials, names) = materials::build(ctx, &file.materials)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
-    let mut boundaries = vec![Boundary::NONE; materials.list.len()];
-    let mut geometry = GeometryBuilder::default();
-    for object in &file.objects {
-        let filling = filling(ctx, object, &media_names)?;
-        for mut placed in shapes::place(ctx, object, &names)? {
-            if let Some(filling) = filling {
-                // A number of its own tells this object's surfaces from others of the same material.
-                materials.list.push(materials.list[placed.material as usize]);
-                boundaries.push(filling);
-                placed.material = boundaries.len() as u32 - 1;
-            }
-            shapes::add(ctx, object, placed, &mut geometry)?;
-        }
-    }
+    let mut surfaces = Surfaces::new(&mut materials, &names, &media_names);
+    surfaces.objects(ctx, &file.objects)?;
+    surfaces.instances(ctx, &file.groups, &file.instances)?;
+    let (geometry, boundaries) = (surfaces.geometry.build(), surfaces.boundaries);
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
     let uses_epipolar = |s: &tensor::slice::Slice| {
         matches!(
@@ -96,7 +83,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     Ok(Scene::new(SceneTables {
         name,
         wavelengths: ctx.wavelengths.clone(),
-        geometry: geometry.build(),
+        geometry,
         materials,
         media,
         boundaries,
@@ -131,33 +118,6 @@ fn meaning(file: &SceneFile) -> String {
         ..file.clone()
     };
     serde_json::to_string(&meaning).expect("tables with names for keys")
-}
-
-/// What fills an object.
-fn filling(
-    ctx: &Context,
-    object: &ObjectFile,
-    media: &BTreeMap<&str, u32>,
-) -> Result<Option<Boundary>, InputError> {
-    let Some(name) = &object.interior else {
-        return Ok(None);
-    };
-    let Some(medium) = media.get(name.as_str()) else {
-        let known = media.keys().copied().collect::<Vec<_>>().join(", ");
-        return Err(ctx.error(
-            name.span(),
-            format!("there is no medium `{}`", **name),
-            if known.is_empty() {
-                format!("add [media.{}]", **name)
-            } else {
-                format!("add [media.{}], or use one of: {known}", **name)
-            },
-        ));
-    };
-    Ok(Some(Boundary {
-        medium: *medium,
-        priority: object.priority,
-    }))
 }
 
 /// The folder's name for `…/NAME/scene.toml`, the file's stem otherwise.
