@@ -12,6 +12,7 @@ mod energy;
 mod frames;
 mod glass;
 mod indirect;
+mod instances;
 mod manifold;
 mod materials;
 mod measured;
