@@ -148,11 +148,11 @@ fn compare(a: &Rendered, b: &Rendered, alike: f64) {
         off += (p - q).abs();
         all += q.abs();
         lit += usize::from(q != 0.0);
-        // A pixel with few bright samples knows its own error badly: two bright ones are allowed for.
         let bound = 5.0 * ep.hypot(eq) + 1e-4 * q.abs();
         assert!((p - q).abs() <= bound, "{i}: {p} ± {ep} {q} ± {eq}");
     }
-    assert!(lit > x.data.len() / 4, "{lit} of {}", x.data.len());
+    // Of the 16 elements most are 0 where a rough surface is lit.
+    assert!(lit > x.data.len() / 12, "{lit} of {}", x.data.len());
     assert!(off < alike * all, "{off} of {all}");
 }
 
