@@ -10,17 +10,19 @@
 use super::export_materials::MaterialWriter;
 use super::export_output::{Needs, Output, bitmap, is_even, png, spectrum};
 use super::files::{Contents, WriteError, write};
-use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
+use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS, plain};
 use super::xml::{Element, number, single};
 use crate::build::assemble::settings;
 use crate::build::context::{Context, read};
 use crate::build::devices::{emitters, pinhole, projector};
 use crate::build::shapes::{Form, Placed, moved, place};
+use crate::build::surfaces::{copies, group_number};
 use crate::build::{materials, slices};
 use crate::import::write_ply;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
 use optics::spectrum::Wavelengths;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::Path;
@@ -92,21 +94,13 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     let (points, environment) = emitters(ctx, file)?;
     let (materials, names) = materials::build(ctx, &file.materials)?;
     let mut out = Output::default();
-    let mut shapes = vec![];
-    let mut used = vec![];
-    for object in &file.objects {
-        if let Some(name) = &object.interior {
-            return Err(ctx.error(
-                name.span(),
-                "objects filled with a medium are not exported",
-                "remove `interior`, and the medium",
-            ));
-        }
-        for placed in place(ctx, object, &names)? {
-            used.push(placed.material);
-            shapes.push((object, placed));
-        }
+    let shapes = all_placed(ctx, &file.objects, &names)?;
+    let mut groups = vec![];
+    for (name, group) in &file.groups {
+        groups.push((name.as_str(), all_placed(ctx, &group.objects, &names)?));
     }
+    let all = groups.iter().flat_map(|g| &g.1).chain(&shapes);
+    let used: Vec<u32> = all.map(|(_, placed)| placed.material).collect();
     let mut writer = MaterialWriter::new(ctx, &file.materials, &materials, &names, &mut out);
     let bsdfs = writer.all(&used)?;
     let (ids, needs) = (writer.ids(), writer.needs());
@@ -124,13 +118,43 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     scene.push(integrator(&settings));
     scene.push(sensor(ctx, &camera, file.camera.span(), settings.spp)?);
     bsdfs.into_iter().for_each(|b| scene.push(b));
-    for (i, (object, placed)) in shapes.iter().enumerate() {
-        let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
-        let shape = shape(ctx, i, object, placed, needs[&placed.material], &mut out)?;
-        if let Some(name) = &object.name {
+    let mut count = 0;
+    let mut add = |shapes: &[(&Located<ObjectFile>, Placed)], parent: &mut Element| {
+        for (object, placed) in shapes {
+            let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
+            let shape = shape(ctx, count, object, placed, needs[&placed.material], &mut out)?;
+            count += 1;
+            if let Some(name) = &object.name {
+                parent.comment(name.as_str());
+            }
+            parent.push(shape.child(bsdf));
+        }
+        Ok(())
+    };
+    add(&shapes, &mut scene)?;
+    let mut group_ids = BTreeMap::new();
+    for (name, shapes) in &groups {
+        let taken = |id: &String| ids.values().any(|i| i == id) || group_ids.values().any(|i| i == id);
+        let mut id = plain(name);
+        while taken(&id) {
+            id += "_group";
+        }
+        let mut element = Element::plugin("shape", "shapegroup").with("id", &id);
+        add(shapes, &mut element)?;
+        scene.push(element);
+        group_ids.insert(*name, id);
+    }
+    let group_ids = group_ids.iter().map(|(name, id)| (*name, id.as_str())).collect();
+    for instance in &file.instances {
+        let id = group_number(ctx, &instance.group, &group_ids)?;
+        if let Some(name) = &instance.name {
             scene.comment(name.as_str());
         }
-        scene.push(shape.child(bsdf));
+        for place in copies(ctx, instance)? {
+            let group = Element::new("ref").with("id", id);
+            let shape = Element::plugin("shape", "instance").transform("to_world", &place);
+            scene.push(shape.child(group));
+        }
     }
     if let Some((p, span)) = &projector {
         scene.push(projector_element(ctx, p, span.clone(), &mut out)?);
@@ -158,6 +182,26 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         files: out.files,
         notes: out.notes,
     })
+}
+
+/// The shapes of objects, with their objects.
+fn all_placed<'a>(
+    ctx: &mut Context,
+    objects: &'a [Located<ObjectFile>],
+    names: &BTreeMap<&str, u32>,
+) -> Result<Vec<(&'a Located<ObjectFile>, Placed)>, InputError> {
+    let mut shapes = vec![];
+    for object in objects {
+        if let Some(name) = &object.interior {
+            return Err(ctx.error(
+                name.span(),
+                "objects filled with a medium are not exported",
+                "remove `interior`, and the medium",
+            ));
+        }
+        shapes.extend(place(ctx, object, names)?.into_iter().map(|p| (object, p)));
+    }
+    Ok(shapes)
 }
 
 fn default(name: &str, value: &str) -> Element {
