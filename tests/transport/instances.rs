@@ -82,7 +82,9 @@ const GROUPS: [(&str, &[&str]); 3] = [
     ),
     (
         "cloud",
-        &["shape.cube = { min = [-0.3, -0.3, -0.3], max = [0.4, 0.3, 0.3] }\nmaterial = \"bound\"\ninterior = \"fog\""],
+        &[
+            "shape.cube = { min = [-0.3, -0.3, -0.3], max = [0.4, 0.3, 0.3] }\nmaterial = \"bound\"\ninterior = \"fog\"",
+        ],
     ),
 ];
 
@@ -96,9 +98,15 @@ const PLACES: [(&str, &str); 6] = [
         "things",
         "matrix = [[0.6, 0.2, 0, -1.2], [0, -0.7, 0.3, -1.1], [0.1, 0, 0.9, 0.1], [0, 0, 0, 1]]",
     ),
-    ("lens", "scale = [1.2, 1, 0.7], rotate_deg = [0, 30, 0], translate = [0.1, 0, 0.8]"),
+    (
+        "lens",
+        "scale = [1.2, 1, 0.7], rotate_deg = [0, 30, 0], translate = [0.1, 0, 0.8]",
+    ),
     ("lens", "scale = [1, 1, -1], translate = [1.4, -0.2, 0.5]"),
-    ("cloud", "scale = 1.3, rotate_deg = [10, 20, 30], translate = [0.8, -1.3, 0.2]"),
+    (
+        "cloud",
+        "scale = 1.3, rotate_deg = [10, 20, 30], translate = [0.8, -1.3, 0.2]",
+    ),
 ];
 
 fn instanced(head: &str) -> String {
@@ -109,7 +117,10 @@ fn instanced(head: &str) -> String {
         }
     }
     for (name, place) in PLACES {
-        let _ = writeln!(text, "[[instances]]\ngroup = \"{name}\"\ntransform = {{ {place} }}");
+        let _ = writeln!(
+            text,
+            "[[instances]]\ngroup = \"{name}\"\ntransform = {{ {place} }}"
+        );
     }
     text
 }

@@ -130,7 +130,11 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
                     "give 4, 5, 8, 12 or 14 in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
                 )
             })?;
-            (opencv(&file), list.to_vec(), "check signs and order: k1, k2, p1, p2, k3, ...")
+            (
+                opencv(&file),
+                list.to_vec(),
+                "check signs and order: k1, k2, p1, p2, k3, ...",
+            )
         }
         (None, Some(k)) => (
             Distortion::Fisheye(Fisheye { k: **k }),
@@ -140,7 +144,11 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
         (None, None) => {
             let file = p.distortion.as_deref().cloned().unwrap_or_default();
             let all = names(&file).map(|v| *v).to_vec();
-            (opencv(&file), all, "check the signs and the order of k1, k2, k3, p1, p2")
+            (
+                opencv(&file),
+                all,
+                "check the signs and the order of k1, k2, k3, p1, p2",
+            )
         }
     };
     let finite = coefficients.iter().all(|c| c.abs() < 1e6);
@@ -161,7 +169,8 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
 /// All coefficients in OpenCV's order.
 fn names(f: &DistortionFile) -> [&f64; 14] {
     [
-        &f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x, &f.tau_y,
+        &f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x,
+        &f.tau_y,
     ]
 }
 

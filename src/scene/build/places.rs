@@ -52,7 +52,10 @@ fn text(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     for (line, number) in text.lines().zip(1..) {
         let line = line.split('#').next().unwrap_or_default();
         let words = line.split([' ', ',', ';', '\t']).filter(|w| !w.is_empty());
-        let values = words.map(|w| w.parse::<f64>().map_err(|_| format!(", line {number}: `{w}` is no number")));
+        let values = words.map(|w| {
+            w.parse::<f64>()
+                .map_err(|_| format!(", line {number}: `{w}` is no number"))
+        });
         let values = values.collect::<Result<Vec<f64>, String>>()?;
         match values.len() {
             0 => {}
@@ -72,7 +75,11 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
         _ => return Err(format!(": its shape is {shape:?}")),
     };
     // Before anything is set aside for what a damaged head promises.
-    if shape.iter().try_fold(1_u64, |n, k| n.checked_mul(*k)).is_none_or(|n| n > bytes.len() as u64) {
+    if shape
+        .iter()
+        .try_fold(1_u64, |n, k| n.checked_mul(*k))
+        .is_none_or(|n| n > bytes.len() as u64)
+    {
         return Err(": it ends too early".into());
     }
     let by_column = file.order() == Order::Fortran;

@@ -73,8 +73,12 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
 fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(Vec3A, Mat3A), InputError> {
     let error = |message: String, help: &str| ctx.error(span.clone(), message, help);
     let rotation = match (e.rotation, e.rvec) {
-        (Some(rows), None) => rotation(rows)
-            .map_err(|why| error(why, "give the rows of the rotation from world to device as calibration prints them"))?,
+        (Some(rows), None) => rotation(rows).map_err(|why| {
+            error(
+                why,
+                "give the rows of the rotation from world to device as calibration prints them",
+            )
+        })?,
         (None, Some(v)) if v.iter().all(|x| x.abs() < 1e3) => {
             let v = DVec3::from_array(v);
             DMat3::from_quat(DQuat::from_scaled_axis(v))
@@ -100,7 +104,12 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
     };
     let axes = rotation.transpose();
     let origin = -(axes * DVec3::from_array(t));
-    let origin = vector(ctx, origin.to_array(), span.clone(), "the position that R and t give")?;
+    let origin = vector(
+        ctx,
+        origin.to_array(),
+        span.clone(),
+        "the position that R and t give",
+    )?;
     let axes = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::as_vec3a);
     Ok((origin, Mat3A::from_cols(axes[0], axes[1], axes[2])))
 }

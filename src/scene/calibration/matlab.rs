@@ -9,7 +9,12 @@ use super::{Found, Lens, Options, opencv};
 use base::locate::InputError;
 use syntax::device::ExtrinsicsFile;
 
-const NAMES: [&str; 4] = ["FocalLength", "PrincipalPoint", "IntrinsicMatrix", "RadialDistortion"];
+const NAMES: [&str; 4] = [
+    "FocalLength",
+    "PrincipalPoint",
+    "IntrinsicMatrix",
+    "RadialDistortion",
+];
 
 /// The table that MATLAB's names are in: the whole, or the one that holds it, or that was asked for.
 pub(super) fn find(document: &Document) -> Option<Node<'_>> {
@@ -31,7 +36,10 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
     if let Some(skew) = get("Skew")
         && skew.number()? != 0.0
     {
-        return Err(skew.error("pixels here have right angles", "calibrate without skew (EstimateSkew = false)"));
+        return Err(skew.error(
+            "pixels here have right angles",
+            "calibrate without skew (EstimateSkew = false)",
+        ));
     }
     let matrix = if let (Some(f), Some(c)) = (get("FocalLength"), get("PrincipalPoint")) {
         let [cx, cy] = c.vector::<2>()?;
@@ -93,7 +101,11 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
     })
 }
 
-fn pose(camera: &Node, options: &Options, notes: &mut Vec<String>) -> Result<Option<ExtrinsicsFile>, InputError> {
+fn pose(
+    camera: &Node,
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<Option<ExtrinsicsFile>, InputError> {
     let either = |a: &str, b: &str| camera.get(a).or_else(|| camera.get(b));
     let found = |rotation: [[f64; 3]; 3], t: [f64; 3]| {
         Some(ExtrinsicsFile {
@@ -122,27 +134,45 @@ fn pose(camera: &Node, options: &Options, notes: &mut Vec<String>) -> Result<Opt
         (None, 1) => 0,
         (Some(view), n) if view < n => view,
         (Some(view), n) => {
-            return Err(camera.error(&format!("there is no view {view}: {n} have a pose"), "count from 0"));
+            return Err(camera.error(
+                &format!("there is no view {view}: {n} have a pose"),
+                "count from 0",
+            ));
         }
         (None, n) => {
-            notes.push(format!("The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.", n - 1));
+            notes.push(format!(
+                "The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.",
+                n - 1
+            ));
             return Ok(None);
         }
     };
     if let Some(views) = views {
         let one = views.item(view).unwrap_or_else(|| views.clone());
         let (Some(r), Some(t)) = (one.get("R"), one.get("Translation")) else {
-            return Err(one.error("a view has no R or no Translation", "write jsonencode of the rigidtform3d objects"));
+            return Err(one.error(
+                "a view has no R or no Translation",
+                "write jsonencode of the rigidtform3d objects",
+            ));
         };
         return Ok(found(r.matrix::<3>()?, t.vector::<3>()?));
     }
     let (Some(r), Some(t)) = (camera.get("RotationMatrices"), camera.get("TranslationVectors")) else {
-        return Err(camera.error("there are TranslationVectors, but no RotationMatrices", "give both"));
+        return Err(camera.error(
+            "there are TranslationVectors, but no RotationMatrices",
+            "give both",
+        ));
     };
     let (rotations, translations) = (r.array()?, t.array()?.values);
     // 3 × 3 × views, of which MATLAB drops a last axis of one.
     if rotations.values.len() != 9 * count || rotations.shape.get(..2) != Some(&[3, 3]) {
-        return Err(r.error(&format!("it is of shape {:?}, where 3 × 3 × {count} is wanted", rotations.shape), "give all views"));
+        return Err(r.error(
+            &format!(
+                "it is of shape {:?}, where 3 × 3 × {count} is wanted",
+                rotations.shape
+            ),
+            "give all views",
+        ));
     }
     let m = std::array::from_fn(|i| std::array::from_fn(|j| rotations.values[(3 * i + j) * count + view]));
     notes.push("Rotation matrices are MATLAB's, for row vectors: they were transposed.".into());

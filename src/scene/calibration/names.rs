@@ -61,7 +61,9 @@ impl<'a> Node<'a> {
     /// The value of the first of some names, however people vary capitals and underscores.
     pub(super) fn any(&self, names: &[&str]) -> Option<Self> {
         names.iter().find_map(|name| {
-            let mut of = self.table().filter(|(k, v)| plain(k) == plain(name) && !v.is_null());
+            let mut of = self
+                .table()
+                .filter(|(k, v)| plain(k) == plain(name) && !v.is_null());
             of.next().map(|(k, v)| self.child(k, v))
         })
     }
@@ -90,14 +92,23 @@ impl<'a> Node<'a> {
 
     /// Numbers: a list, lists of lists of one shape, or a matrix as OpenCV and ROS write it.
     pub(super) fn array(&self) -> Result<Array, InputError> {
-        let bad = || self.error("it is no array of finite numbers", "write numbers as lists of rows");
+        let bad = || {
+            self.error(
+                "it is no array of finite numbers",
+                "write numbers as lists of rows",
+            )
+        };
         if let Some(table) = self.value.as_object() {
             let size = |key: &str| table.get(key).and_then(Value::as_u64).map(|n| n as usize);
-            let (Some(rows), Some(columns), Some(data)) = (size("rows"), size("cols"), self.get("data")) else {
+            let (Some(rows), Some(columns), Some(data)) = (size("rows"), size("cols"), self.get("data"))
+            else {
                 return Err(bad());
             };
             let values = data.array()?.values;
-            if rows.checked_mul(columns).is_none_or(|n| n == 0 || !values.len().is_multiple_of(n)) {
+            if rows
+                .checked_mul(columns)
+                .is_none_or(|n| n == 0 || !values.len().is_multiple_of(n))
+            {
                 return Err(self.error(
                     &format!("{rows} rows of {columns} are not {} numbers", values.len()),
                     "write as many numbers as rows and cols say",
@@ -146,7 +157,9 @@ impl<'a> Node<'a> {
                 "write it as rows",
             ));
         }
-        Ok(std::array::from_fn(|i| std::array::from_fn(|j| array.values[i * N + j])))
+        Ok(std::array::from_fn(|i| {
+            std::array::from_fn(|j| array.values[i * N + j])
+        }))
     }
 
     /// Width and height, from two whole numbers in that order.

@@ -17,7 +17,10 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     let mut out = Map::new();
     for i in 0..archive.len().min(1024) {
         let entry = archive.by_index(i).map_err(|e| format!("this is no .npz: {e}"))?;
-        let name = entry.name().map_err(|e| format!("this is no .npz: {e}"))?.into_owned();
+        let name = entry
+            .name()
+            .map_err(|e| format!("this is no .npz: {e}"))?
+            .into_owned();
         let Some(key) = name.strip_suffix(".npy") else {
             continue;
         };
@@ -49,9 +52,19 @@ fn array(bytes: &[u8]) -> Option<Value> {
     let values: Vec<f64> = match (plain.type_char(), plain.size_field()) {
         (TypeChar::Float, 8) => file.into_vec::<f64>().ok()?,
         (TypeChar::Float, 4) => file.into_vec::<f32>().ok()?.into_iter().map(f64::from).collect(),
-        (TypeChar::Int, 8) => file.into_vec::<i64>().ok()?.into_iter().map(|v| v as f64).collect(),
+        (TypeChar::Int, 8) => file
+            .into_vec::<i64>()
+            .ok()?
+            .into_iter()
+            .map(|v| v as f64)
+            .collect(),
         (TypeChar::Int, 4) => file.into_vec::<i32>().ok()?.into_iter().map(f64::from).collect(),
-        (TypeChar::Uint, 8) => file.into_vec::<u64>().ok()?.into_iter().map(|v| v as f64).collect(),
+        (TypeChar::Uint, 8) => file
+            .into_vec::<u64>()
+            .ok()?
+            .into_iter()
+            .map(|v| v as f64)
+            .collect(),
         (TypeChar::Uint, 4) => file.into_vec::<u32>().ok()?.into_iter().map(f64::from).collect(),
         _ => return None,
     };

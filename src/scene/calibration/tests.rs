@@ -35,13 +35,23 @@ fn same(name: &str, text: &str, options: &Options) -> Calibration {
     let c = read(name, text, options).unwrap_or_else(|e| panic!("{e}\n{text}"));
     let p = built(&c);
     assert_eq!(p.resolution, [640, 480], "{text}");
-    assert!((p.focal - glam::DVec2::new(600.0, 610.0)).length() < 1e-12, "{text}");
-    assert!((p.principal - glam::DVec2::new(320.0, 239.75)).length() < 1e-12, "{text}");
+    assert!(
+        (p.focal - glam::DVec2::new(600.0, 610.0)).length() < 1e-12,
+        "{text}"
+    );
+    assert!(
+        (p.principal - glam::DVec2::new(320.0, 239.75)).length() < 1e-12,
+        "{text}"
+    );
     let k = c.device.opencv.as_ref().map(|k| k.to_vec());
     assert_eq!(k.as_deref(), Some(&LENS[..]), "{text}");
     let r = DMat3::from_cols_array_2d(&rotation()).transpose();
     let origin = -(r.transpose() * DVec3::from_array(T));
-    assert!((p.origin.as_dvec3() - origin).length() < 1e-6, "{text} {}", p.origin);
+    assert!(
+        (p.origin.as_dvec3() - origin).length() < 1e-6,
+        "{text} {}",
+        p.origin
+    );
     assert!((p.axes.z_axis.as_dvec3() - r.row(2)).length() < 1e-6, "{text}");
     assert!((p.axes.x_axis.as_dvec3() - r.row(0)).length() < 1e-6, "{text}");
     c
@@ -97,7 +107,15 @@ fn two_devices_of_one_file() {
         ..options("2")
     };
     let small = read("a.json", stereo.to_string(), &unit).unwrap();
-    assert!((built(&small).origin.length() - 0.001 * built(&same("a.json", &stereo.to_string(), &options("2"))).origin.length()).abs() < 1e-9);
+    assert!(
+        (built(&small).origin.length()
+            - 0.001
+                * built(&same("a.json", &stereo.to_string(), &options("2")))
+                    .origin
+                    .length())
+        .abs()
+            < 1e-9
+    );
 }
 
 #[test]
@@ -114,14 +132,28 @@ fn archives_of_numpy() {
             archive.write_all(b"\x93NUMPY\x01\x00").unwrap();
             archive.write_all(&(header.len() as u16).to_le_bytes()).unwrap();
             archive.write_all(header.as_bytes()).unwrap();
-            archive.write_all(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>()).unwrap();
+            archive
+                .write_all(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
+                .unwrap();
         };
         use zip::CompressionMethod as M;
         put("mtx.npy", "(3, 3)", order, values, M::Stored);
         put("dist.npy", "(1, 5)", "False", &LENS, M::Deflated);
         let [other, tvec] = [[9.0; 3], T];
-        put("rvecs.npy", "(2, 3, 1)", "False", &[other, RVEC].concat(), M::Stored);
-        put("tvecs.npy", "(2, 3, 1)", "False", &[other, tvec].concat(), M::Deflated);
+        put(
+            "rvecs.npy",
+            "(2, 3, 1)",
+            "False",
+            &[other, RVEC].concat(),
+            M::Stored,
+        );
+        put(
+            "tvecs.npy",
+            "(2, 3, 1)",
+            "False",
+            &[other, tvec].concat(),
+            M::Deflated,
+        );
         let bytes = archive.finish().unwrap().into_inner();
         let options = Options {
             view: Some(1),
@@ -130,10 +162,20 @@ fn archives_of_numpy() {
         };
         let c = read("a.npz", bytes.clone(), &options).unwrap();
         let again = serde_json::json!({"K": MATRIX, "D": LENS, "rvec": RVEC, "tvec": T});
-        assert_eq!(c.device, same("a.json", &again.to_string(), &options_of(&options)).device);
-        let all = Options { view: None, ..options };
+        assert_eq!(
+            c.device,
+            same("a.json", &again.to_string(), &options_of(&options)).device
+        );
+        let all = Options {
+            view: None,
+            ..options
+        };
         let c = read("a.npz", bytes, &all).unwrap();
-        assert!(c.notes.iter().any(|n| n.contains("--view 0 to 1")), "{:?}", c.notes);
+        assert!(
+            c.notes.iter().any(|n| n.contains("--view 0 to 1")),
+            "{:?}",
+            c.notes
+        );
     }
 }
 
@@ -158,20 +200,27 @@ fn matlab_counts_from_one_and_has_row_vectors() {
         all
     };
     let millimetres = T.map(|x| x * 1000.0);
-    let intrinsics = with(serde_json::json!({"FocalLength": [fx, fy], "PrincipalPoint": [cx + 1.0, cy + 1.0]}));
+    let intrinsics =
+        with(serde_json::json!({"FocalLength": [fx, fy], "PrincipalPoint": [cx + 1.0, cy + 1.0]}));
     let views = serde_json::json!({"Intrinsics": intrinsics, "WorldUnits": "millimeters", "PatternExtrinsics": [
         {"Dimensionality": 3, "R": rotation(), "Translation": millimetres}]});
     same("a.json", &views.to_string(), &Options::default());
     // 3 × 3 × 2 as jsonencode writes it.
     let r = transposed(rotation());
     let stacked = r.map(|row| row.map(|x| [7.0, x]));
-    let old = with(serde_json::json!({"IntrinsicMatrix": transposed(one), "WorldUnits": "mm", "RotationMatrices": stacked,
-                                      "TranslationVectors": [[1, 2, 3], millimetres]}));
+    let old = with(
+        serde_json::json!({"IntrinsicMatrix": transposed(one), "WorldUnits": "mm", "RotationMatrices": stacked,
+                                      "TranslationVectors": [[1, 2, 3], millimetres]}),
+    );
     let second = Options {
         view: Some(1),
         ..Options::default()
     };
-    same("a.json", &serde_json::json!({ "cameraParams": old }).to_string(), &second);
+    same(
+        "a.json",
+        &serde_json::json!({ "cameraParams": old }).to_string(),
+        &second,
+    );
     let extrinsics = with(serde_json::json!({"K": one, "RotationMatrix": r, "TranslationVector": T}));
     same("a.json", &extrinsics.to_string(), &Options::default());
 }
@@ -179,7 +228,9 @@ fn matlab_counts_from_one_and_has_row_vectors() {
 #[test]
 fn kalibrs_chains() {
     let four = |r: [[f64; 3]; 3], t: [f64; 3]| {
-        let rows: Vec<String> = (0..3).map(|i| format!("  - [{}, {}, {}, {}]", r[i][0], r[i][1], r[i][2], t[i])).collect();
+        let rows: Vec<String> = (0..3)
+            .map(|i| format!("  - [{}, {}, {}, {}]", r[i][0], r[i][1], r[i][2], t[i]))
+            .collect();
         format!("{}\n  - [0.0, 0.0, 0.0, 1.0]\n", rows.join("\n"))
     };
     let camera = |transform: &str| {
@@ -189,7 +240,10 @@ fn kalibrs_chains() {
         )
     };
     let turn = DMat3::from_rotation_y(0.4);
-    let (r, t) = (DMat3::from_cols_array_2d(&rotation()).transpose(), DVec3::from_array(T));
+    let (r, t) = (
+        DMat3::from_cols_array_2d(&rotation()).transpose(),
+        DVec3::from_array(T),
+    );
     // The last link of the chain is what is left of the whole after the first.
     let step = DVec3::new(0.1, 0.0, 0.0);
     let last = r * turn.transpose();
@@ -198,7 +252,10 @@ fn kalibrs_chains() {
         "cam0:\n  cam_overlaps: [1]\n{}cam1:\n{}cam2:\n{}",
         camera(""),
         camera(&format!("  T_cn_cnm1:\n{}", four(rows(turn), step.to_array()))),
-        camera(&format!("  T_cn_cnm1:\n{}", four(rows(last), (t - last * step).to_array())))
+        camera(&format!(
+            "  T_cn_cnm1:\n{}",
+            four(rows(last), (t - last * step).to_array())
+        ))
     );
     let options = Options {
         camera: Some("cam2".into()),
@@ -208,11 +265,15 @@ fn kalibrs_chains() {
     let want = serde_json::json!({"K": MATRIX, "dist": &LENS[..4], "R": rotation(), "T": T, "resolution": [640, 480]});
     let want = built(&read("a.json", want.to_string(), &Options::default()).unwrap());
     let got = built(&c);
-    assert!((got.origin - want.origin).length() < 1e-6 && (got.axes.z_axis - want.axes.z_axis).length() < 1e-6);
+    assert!(
+        (got.origin - want.origin).length() < 1e-6 && (got.axes.z_axis - want.axes.z_axis).length() < 1e-6
+    );
     assert_eq!((got.principal, got.distortion), (want.principal, want.distortion));
     let e = read("a.yaml", text.clone(), &Options::default()).unwrap_err();
     assert!(e.help.unwrap().contains("cam0, cam1, cam2"));
-    let equi = text.replace("radtan", "equidistant").replace("0.001, -0.002]", "0.0, 0.0]");
+    let equi = text
+        .replace("radtan", "equidistant")
+        .replace("0.001, -0.002]", "0.0, 0.0]");
     let c = read("a.yaml", equi, &options).unwrap();
     assert_eq!(c.device.fisheye.as_deref(), Some(&[-0.1, 0.02, 0.0, 0.0]));
     let e = read("a.yaml", text.replace("pinhole", "omni"), &options).unwrap_err();
@@ -240,18 +301,33 @@ fn what_is_wrong_is_said_with_its_place() {
     let good = "K: [[600, 0, 320], [0, 600, 240], [0, 0, 1]]\nD: [0.1, 0, 0, 0, 0]\nsize: [640, 480]\nR: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nt: [0, 0, 1]\n";
     assert!(read("a.yaml", good, &Options::default()).is_ok());
     let cases = [
-        ("[[600, 0, 320], [0, 600, 240], [0, 0, 1]]", "[[600, 0, 0], [0, 600, 0], [320, 240, 1]]", "1:1", "MATLAB"),
+        (
+            "[[600, 0, 320], [0, 600, 240], [0, 0, 1]]",
+            "[[600, 0, 0], [0, 600, 0], [320, 240, 1]]",
+            "1:1",
+            "MATLAB",
+        ),
         ("[600, 0, 320]", "[600, 2, 320]", "1:1", "skew"),
         ("[0.1, 0, 0, 0, 0]", "[0.1, 0, 0]", "2:1", "3 coefficients"),
         ("[0.1, 0, 0, 0, 0]", "[0.1, .nan, 0, 0]", "2:1", "no array"),
         ("[640, 480]", "[640.5, 480]", "3:1", "640.5"),
         ("size: [640, 480]", "", "", "--resolution"),
-        ("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "[[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "", "reflection"),
+        (
+            "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+            "[[1, 0, 0], [0, 1, 0], [0, 0, -1]]",
+            "",
+            "reflection",
+        ),
         ("[0.1, 0, 0, 0, 0]", "[-9.1, 0, 0, 0, 0]", "", "folds"),
         ("D: [0.1", "D: [&a 0.1, *a", "2:12", "alias"),
         ("D:", "K:", "", "twice"),
         ("K:", "k_nothing:", "", "no camera matrix"),
-        ("t: [0, 0, 1]", "t: [0, 0, 1, 0, 0, 1]", "4:1", "no poses of 2 views"),
+        (
+            "t: [0, 0, 1]",
+            "t: [0, 0, 1, 0, 0, 1]",
+            "4:1",
+            "no poses of 2 views",
+        ),
     ];
     for (from, to, place, says) in cases {
         assert!(good.contains(from));
@@ -261,9 +337,22 @@ fn what_is_wrong_is_said_with_its_place() {
         };
         let e = read("a.yaml", good.replacen(from, to, 1), &options).expect_err(says);
         let e = e.to_string();
-        assert!(e.contains(says) && e.starts_with(&format!("a.yaml{}{place}", if place.is_empty() { "" } else { ":" })), "{e}");
+        assert!(
+            e.contains(says)
+                && e.starts_with(&format!(
+                    "a.yaml{}{place}",
+                    if place.is_empty() { "" } else { ":" }
+                )),
+            "{e}"
+        );
     }
-    for (name, bytes) in [("a.json", &b"{"[..]), ("a.npz", b"PK"), ("a.yaml", b"a: [1\n"), ("a.yaml", b"\xff"), ("a.yaml", b"")] {
+    for (name, bytes) in [
+        ("a.json", &b"{"[..]),
+        ("a.npz", b"PK"),
+        ("a.yaml", b"a: [1\n"),
+        ("a.yaml", b"\xff"),
+        ("a.yaml", b""),
+    ] {
         assert!(read(name, bytes, &Options::default()).is_err(), "{name}");
     }
 }

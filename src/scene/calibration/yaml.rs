@@ -46,7 +46,10 @@ pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
             _ => None,
         };
         if open.len() > DEEPEST {
-            return Err((at(), format!("lists and tables stand more than {DEEPEST} deep in one another")));
+            return Err((
+                at(),
+                format!("lists and tables stand more than {DEEPEST} deep in one another"),
+            ));
         }
         let Some(value) = value else { continue };
         match open.last_mut() {

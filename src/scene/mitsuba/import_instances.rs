@@ -37,19 +37,21 @@ impl<'a> Groups<'a> {
         self.groups
             .insert(name.clone(), Located::at(node.span.clone(), group.clone()));
         for child in node.children() {
-            let objects = importer.resolve(child).and_then(|inner| match inner.kind.as_str() {
-                "shapegroup" | "instance" => importer.error(
-                    &inner.span,
-                    format!("a {} within a shapegroup", inner.kind),
-                    "put its shapes into the group, or out of it: groups do not nest",
-                ),
-                _ if inner.tag != "shape" => importer.error(
-                    child.span(),
-                    format!("a {} does nothing in a shapegroup", inner.tag),
-                    "give it to one of the group's shapes, or take it away",
-                ),
-                _ => Ok((inner, import_shapes::objects(importer, reader, inner)?)),
-            });
+            let objects = importer
+                .resolve(child)
+                .and_then(|inner| match inner.kind.as_str() {
+                    "shapegroup" | "instance" => importer.error(
+                        &inner.span,
+                        format!("`{}` within a shapegroup", inner.kind),
+                        "put its shapes into the group, or out of it: groups do not nest",
+                    ),
+                    _ if inner.tag != "shape" => importer.error(
+                        child.span(),
+                        format!("a {} does nothing in a shapegroup", inner.tag),
+                        "give it to one of the group's shapes, or take it away",
+                    ),
+                    _ => Ok((inner, import_shapes::objects(importer, reader, inner)?)),
+                });
             match objects {
                 Ok((inner, new)) => {
                     let at = |o| Located::at(inner.span.clone(), o);
@@ -61,7 +63,9 @@ impl<'a> Groups<'a> {
         if node.children().is_empty() {
             let message = "the shapegroup is empty";
             let mend = "put shapes into it, or take it and its instances away";
-            importer.source.report(importer.source.error(&node.span, message, mend));
+            importer
+                .source
+                .report(importer.source.error(&node.span, message, mend));
         }
         node.finish(importer.source, &[]);
         self.groups

@@ -350,7 +350,12 @@ impl Geometry {
 /// Derivative of the unit shading normal by the position on a triangle, of the normals at its corners, its edges and
 /// barycentric coordinates; `ns` says which way the normal points.
 #[inline]
-pub(super) fn triangle_bend([a, b, c]: [Vec3A; 3], [e1, e2]: [Vec3A; 2], [u, v]: [f32; 2], ns: Vec3A) -> Mat3A {
+pub(super) fn triangle_bend(
+    [a, b, c]: [Vec3A; 3],
+    [e1, e2]: [Vec3A; 2],
+    [u, v]: [f32; 2],
+    ns: Vec3A,
+) -> Mat3A {
     let n = e1.cross(e2);
     let area2 = n.length_squared();
     // Gradients of the barycentric coordinates.

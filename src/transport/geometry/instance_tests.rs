@@ -117,7 +117,11 @@ fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
             }
             let at = DVec3::new(any(), any(), any()) * 8.0 - 4.0;
             let skew = DAffine3::from_quat(turn(any(), any(), any()));
-            let squeeze = if i % 4 == 3 { DVec3::new(1.0, 0.5, 1.3) } else { DVec3::ONE };
+            let squeeze = if i % 4 == 3 {
+                DVec3::new(1.0, 0.5, 1.3)
+            } else {
+                DVec3::ONE
+            };
             DAffine3::from_scale_rotation_translation(squeeze, turn(any(), any(), any()), at)
                 * skew
                 * DAffine3::from_scale(scale)
@@ -380,7 +384,10 @@ fn views_know_of_instances() {
             if let Some(hit) = view.first_hit(cell, &g, &ray) {
                 firsts += 1;
                 let found = found.expect("a hit");
-                assert_eq!((hit.leaf, hit.instance, hit.t), (found.leaf, found.instance, found.t));
+                assert_eq!(
+                    (hit.leaf, hit.instance, hit.t),
+                    (found.leaf, found.instance, found.t)
+                );
             }
             // A point anywhere, seen back from a surface.
             let Some((hit, s)) = met(&g, &from_around(&mut stream, 8.0)) else {
@@ -400,5 +407,8 @@ fn views_know_of_instances() {
             }
         }
     }
-    assert!(views >= 3 && spoken > 1000 && firsts > 10_000, "{views} {spoken} {firsts}");
+    assert!(
+        views >= 3 && spoken > 1000 && firsts > 10_000,
+        "{views} {spoken} {firsts}"
+    );
 }

@@ -263,10 +263,7 @@ impl Mirrors {
 
 /// Everything that may be a mirror, with its number and its instance's; not what is in instances, and false, where that is
 /// too much.
-fn candidates(
-    geometry: &Geometry,
-    is_mirror: impl Fn(&Surface) -> bool,
-) -> (Vec<([u32; 2], Outline)>, bool) {
+fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<([u32; 2], Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ([leaf, Hit::NO_INSTANCE], o));
     let mut all: Vec<_> = world.collect();
     let own = all.len();
@@ -275,13 +272,19 @@ fn candidates(
         let mirrors = groups.entry(group).or_insert_with(|| {
             let surface = |leaf, o: &Outline| primitive(geometry, [leaf, number], o).0;
             let outlines = geometry.group_outlines(group).into_iter();
-            outlines.filter(|(leaf, o)| is_mirror(&surface(*leaf, o))).collect()
+            outlines
+                .filter(|(leaf, o)| is_mirror(&surface(*leaf, o)))
+                .collect()
         });
         if all.len() - own + mirrors.len() > MOST_LISTED {
             all.truncate(own);
             return (all, false);
         }
-        all.extend(mirrors.iter().map(|(leaf, o)| ([*leaf, number], o.placed(&place))));
+        all.extend(
+            mirrors
+                .iter()
+                .map(|(leaf, o)| ([*leaf, number], o.placed(&place))),
+        );
     }
     (all, true)
 }
@@ -305,7 +308,10 @@ fn copied(
             }
         }
     }
-    Copied::new(groups, geometry.instances().map(|(_, group, place)| (group, place)))
+    Copied::new(
+        groups,
+        geometry.instances().map(|(_, group, place)| (group, place)),
+    )
 }
 
 /// A point on something, for two uniform numbers.

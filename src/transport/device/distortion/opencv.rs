@@ -61,10 +61,7 @@ impl Opencv {
             2.0 * self.p1 * xy + self.p2 * (r2 + 2.0 * p.x * p.x),
             self.p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * self.p2 * xy,
         );
-        let prism = DVec2::new(
-            r2 * (self.s1 + r2 * self.s2),
-            r2 * (self.s3 + r2 * self.s4),
-        );
+        let prism = DVec2::new(r2 * (self.s1 + r2 * self.s2), r2 * (self.s3 + r2 * self.s4));
         p * radial + tangential + prism
     }
 
