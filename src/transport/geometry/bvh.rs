@@ -3,12 +3,12 @@
 //! Triangles stand in packs of eight that a ray meets at once; two triangles that make a parallelogram are one
 //! primitive. Both loops, over boxes and over packs, are compiled twice on x86-64: for any processor and for AVX2.
 
-use super::instance::{Group, Instance, triangle_bend};
+use super::instance::{Group, Instance};
 use super::pack::{Pack, Wide};
 use super::quadric::Quadric;
 use super::ray::{Hit, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
-use super::triangle::{Triangle, vector};
+use super::triangle::{self, Triangle, vector};
 use glam::{Mat3A, Vec3A};
 
 /// Set in [`Hit::leaf`] and in [`Primitive::id`](super::pack::Primitive) for quadrics.
@@ -317,7 +317,7 @@ impl Geometry {
         };
         let normals = corners.map(|i| Vec3A::from_array(self.normals[i as usize]));
         let edges = [tri.e1, tri.e2].map(vector);
-        triangle_bend(normals, edges, [hit.u, hit.v], surface.ns)
+        triangle::bend(normals, edges, [hit.u, hit.v], surface.ns)
     }
 
     /// The hit of a ray with one primitive, of which a view knows that nothing else comes first.

@@ -20,3 +20,4 @@ mod tests;
 mod tree;
 mod triangle;
 pub mod view;
+mod within;

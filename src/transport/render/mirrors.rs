@@ -9,13 +9,12 @@
 //! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
 
-use super::mirrors_copied::Copied;
+use super::mirrors_copied::{Copied, area, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::{Lobe, Materials};
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
-use optics::sampling::warp;
 use optics::spectrum::max_lane;
 use std::collections::HashMap;
 
@@ -117,17 +116,6 @@ fn is_mirror(materials: &Materials, material: u32) -> bool {
         found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
     };
     reflects(Vec3A::Z) || reflects(-Vec3A::Z)
-}
-
-pub(super) fn area(outline: &Outline) -> f32 {
-    match outline {
-        Outline::Flat {
-            corners: [a, b, c, d],
-        } => 0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length()),
-        Outline::Ball { radius, .. } | Outline::Inside { radius, .. } => {
-            4.0 * std::f32::consts::PI * radius * radius
-        }
-    }
 }
 
 impl Mirrors {
@@ -312,24 +300,6 @@ fn copied(
         groups,
         geometry.instances().map(|(_, group, place)| (group, place)),
     )
-}
-
-/// A point on something, for two uniform numbers.
-pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
-    match *outline {
-        Outline::Flat {
-            corners: [a, b, c, d],
-        } => {
-            let [mut u, mut v] = uniforms;
-            if c == d && u + v > 1.0 {
-                (u, v) = (1.0 - u, 1.0 - v);
-            }
-            a + (b - a) * u + (d - a) * v
-        }
-        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
-            centre + warp::sphere(uniforms) * radius
-        }
-    }
 }
 
 /// A primitive's surface at some point, and whether it is flat.

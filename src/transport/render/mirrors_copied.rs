@@ -1,9 +1,9 @@
 //! Mirrors in groups with so many copies that there is no list of all: points are drawn on them in two steps, first a copy,
 //! then a place in its group.
 
-use super::mirrors::{area, point_on};
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
+use optics::sampling::warp;
 
 /// Mirrors of groups, and where their copies are.
 #[derive(Debug, Default)]
@@ -51,5 +51,35 @@ impl Copied {
         let at = part * parts.last().map_or(0.0, |p| p.1);
         let i = parts.partition_point(|p| p.1 <= at);
         place.transform_point3a(point_on(&parts[i.min(parts.len() - 1)].0, uniforms))
+    }
+}
+
+/// About the area of an outline, m².
+pub(super) fn area(outline: &Outline) -> f32 {
+    match outline {
+        Outline::Flat {
+            corners: [a, b, c, d],
+        } => 0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length()),
+        Outline::Ball { radius, .. } | Outline::Inside { radius, .. } => {
+            4.0 * std::f32::consts::PI * radius * radius
+        }
+    }
+}
+
+/// A point on something, for two uniform numbers.
+pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
+    match *outline {
+        Outline::Flat {
+            corners: [a, b, c, d],
+        } => {
+            let [mut u, mut v] = uniforms;
+            if c == d && u + v > 1.0 {
+                (u, v) = (1.0 - u, 1.0 - v);
+            }
+            a + (b - a) * u + (d - a) * v
+        }
+        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+            centre + warp::sphere(uniforms) * radius
+        }
     }
 }
