@@ -190,41 +190,48 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        if !self.instances.is_empty() {
+            return self.intersect_instances(ray, tmax);
+        }
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.intersect_avx2(ray, tmax) };
         }
-        self.intersect_any(ray, tmax)
+        self.intersect_any::<false>(ray, tmax)
     }
 
     /// True if anything lies strictly between the origin and `tmax`.
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
+        if !self.instances.is_empty() {
+            return self.occluded_instances(ray, tmax);
+        }
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: as above.
             return unsafe { self.occluded_avx2(ray, tmax) };
         }
-        self.occluded_any(ray, tmax)
+        self.occluded_any::<false>(ray, tmax)
     }
 
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        self.intersect_any(ray, tmax)
+        self.intersect_any::<false>(ray, tmax)
     }
 
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
-        self.occluded_any(ray, tmax)
+        self.occluded_any::<false>(ray, tmax)
     }
 
+    /// The search itself, compiled for whom it is put into; `WORLD` if there may be instances.
     #[inline(always)]
-    fn intersect_any(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        let mut nearest = Nearest::<true> {
+    pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        let mut nearest = Nearest::<WORLD> {
             geometry: self,
             ray,
             wide: Wide::new(ray),
@@ -235,8 +242,8 @@ impl Geometry {
     }
 
     #[inline(always)]
-    fn occluded_any(&self, ray: &Ray, tmax: f32) -> bool {
-        let mut any = Any::<true> {
+    pub(super) fn occluded_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> bool {
+        let mut any = Any::<WORLD> {
             geometry: self,
             ray,
             wide: Wide::new(ray),

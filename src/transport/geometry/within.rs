@@ -68,12 +68,46 @@ impl Geometry {
         found.into_iter().filter_map(outline).collect()
     }
 
+    /// [`Geometry::intersect`] where there are instances: compiled apart, so that worlds without them are no slower.
+    #[inline(never)]
+    pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if self.avx2 {
+            // SAFETY: the processor was asked when the geometry was built.
+            return unsafe { self.intersect_instances_avx2(ray, tmax) };
+        }
+        self.intersect_any::<true>(ray, tmax)
+    }
+
+    /// [`Geometry::occluded`] likewise.
+    #[inline(never)]
+    pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool {
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if self.avx2 {
+            // SAFETY: as above.
+            return unsafe { self.occluded_instances_avx2(ray, tmax) };
+        }
+        self.occluded_any::<true>(ray, tmax)
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn intersect_instances_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        self.intersect_any::<true>(ray, tmax)
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn occluded_instances_avx2(&self, ray: &Ray, tmax: f32) -> bool {
+        self.occluded_any::<true>(ray, tmax)
+    }
+
     /// The nearest hit closer than `tmax` in an instance.
     #[inline]
     pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
-            // SAFETY: the processor was asked when the geometry was built.
+            // SAFETY: as above.
             return unsafe { self.nearest_in_avx2(number, ray, tmax) };
         }
         self.nearest_in_any(number, ray, tmax)
