@@ -6,7 +6,7 @@
 use super::instance::{Group, Instance};
 use super::pack::{Pack, Wide};
 use super::quadric::Quadric;
-use super::ray::{Hit, Ray, Surface};
+use super::ray::{Hit, Owner, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
 use super::triangle::{self, Triangle, vector};
 use glam::{Mat3A, Vec3A};
@@ -95,15 +95,15 @@ impl<const WORLD: bool> Visit for Nearest<'_, WORLD> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         if leaf & 1 == 1 {
-            let Some(quadric) = self.geometry.quadrics.get(index) else {
-                return if WORLD { self.instance(index, end) } else { end };
-            };
-            let t = quadric.intersect(self.ray.origin, self.ray.dir, end);
+            if WORLD && index >= self.geometry.quadrics.len() {
+                return self.instance(index, end);
+            }
+            let t = self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end);
             if t < end {
                 self.hit = Some(Hit {
                     t,
                     leaf: QUADRIC | index as u32,
-                    instance: Hit::NO_INSTANCE,
+                    owner: Owner::WORLD,
                     u: 0.0,
                     v: 0.0,
                 });
@@ -120,7 +120,7 @@ impl<const WORLD: bool> Visit for Nearest<'_, WORLD> {
                 self.hit = Some(Hit {
                     t: end,
                     leaf: (8 * index + lane) as u32,
-                    instance: Hit::NO_INSTANCE,
+                    owner: Owner::WORLD,
                     u: u.0[lane],
                     v: v.0[lane],
                 });
@@ -163,12 +163,11 @@ impl<const WORLD: bool> Visit for Any<'_, WORLD> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         self.found = if leaf & 1 == 1 {
-            match self.geometry.quadrics.get(index) {
-                Some(quadric) => quadric.intersect(self.ray.origin, self.ray.dir, end) < end,
-                None => {
-                    let number = index.wrapping_sub(self.geometry.quadrics.len()) as u32;
-                    WORLD && self.geometry.any_in(number, self.ray, end)
-                }
+            if WORLD && index >= self.geometry.quadrics.len() {
+                let number = index - self.geometry.quadrics.len();
+                self.geometry.any_in(number as u32, self.ray, end)
+            } else {
+                self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end) < end
             }
         } else {
             self.geometry.packs[index].intersect(&self.wide, end).0 != 0
@@ -191,7 +190,9 @@ impl Geometry {
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         if !self.instances.is_empty() {
-            return self.intersect_instances(ray, tmax);
+            // Field by field, so that hits in worlds without instances need not be in memory to be returned.
+            let Hit { t, leaf, owner, u, v } = self.intersect_instances(ray, tmax)?;
+            return Some(Hit { t, leaf, owner, u, v });
         }
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
@@ -257,8 +258,17 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        if hit.instance != Hit::NO_INSTANCE {
-            return self.surface_in_instance(ray, hit);
+        if let Some(number) = hit.owner.number() {
+            // Field by field, so that surfaces of the world need not be in memory to be returned.
+            let s = self.surface_in_instance(number, ray, hit);
+            return Surface {
+                p: s.p,
+                ng: s.ng,
+                ns: s.ns,
+                tangent: s.tangent,
+                uv: s.uv,
+                material: s.material,
+            };
         }
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
@@ -312,8 +322,8 @@ impl Geometry {
     /// Derivative ∂n/∂p of the unit shading normal by the position along the surface, 1/m.
     #[must_use]
     pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
-        if hit.instance != Hit::NO_INSTANCE {
-            return self.bend_in_instance(hit, surface);
+        if let Some(number) = hit.owner.number() {
+            return self.bend_in_instance(number, hit, surface);
         }
         if hit.leaf & QUADRIC != 0 {
             return self.quadrics[(hit.leaf ^ QUADRIC) as usize].bend(surface.p);
@@ -336,7 +346,7 @@ impl Geometry {
             return (t < f32::INFINITY).then_some(Hit {
                 t,
                 leaf,
-                instance: Hit::NO_INSTANCE,
+                owner: Owner::WORLD,
                 u: 0.0,
                 v: 0.0,
             });
@@ -346,7 +356,7 @@ impl Geometry {
         (bits >> lane & 1 == 1).then_some(Hit {
             t: t.0[lane],
             leaf,
-            instance: Hit::NO_INSTANCE,
+            owner: Owner::WORLD,
             u: u.0[lane],
             v: v.0[lane],
         })

@@ -4,7 +4,7 @@ use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
 use super::mesh::Mesh;
 use super::quadric::{Quadric, QuadricKind};
-use super::ray::{Hit, Ray, Surface};
+use super::ray::{Hit, Owner, Ray, Surface};
 use super::view::View;
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
@@ -204,9 +204,9 @@ fn instances_are_copies() {
         if b.ng.dot(ray.dir).abs() < 0.1 {
             continue;
         }
-        in_instances += usize::from(ha.instance != Hit::NO_INSTANCE);
+        in_instances += usize::from(ha.owner != Owner::WORLD);
         kinds[a.material as usize] += 1;
-        assert_eq!(hb.instance, Hit::NO_INSTANCE);
+        assert_eq!(hb.owner, Owner::WORLD);
         // The copies of the far group are rounded to its distance, 60 m; instances of it are not.
         assert!((a.p - b.p).length() < 1e-4, "{a:?} {b:?}");
         // Flat triangles' neighbours have other normals: at an edge either may be met.
@@ -248,7 +248,7 @@ fn plain_code_gives_the_same_bits() {
         let ray = from_around(&mut stream, 8.0);
         let [a, b] = [&one, &two].map(|g| {
             let hit = g.intersect(&ray, f32::INFINITY);
-            hit.map(|h| (h.t.to_bits(), h.leaf, h.instance, h.u.to_bits(), h.v.to_bits()))
+            hit.map(|h| (h.t.to_bits(), h.leaf, h.owner, h.u.to_bits(), h.v.to_bits()))
         });
         assert_eq!(a, b);
         assert_eq!(one.occluded(&ray, 4.0), two.occluded(&ray, 4.0));
@@ -314,6 +314,16 @@ fn nothing_leaks() {
     }
 }
 
+/// A hit takes no more room for saying whether it is one.
+#[test]
+fn hits_are_small() {
+    assert_eq!(size_of::<Option<Hit>>(), 20);
+    for number in [0, 1, 77, 1 << 30] {
+        assert_eq!(Owner::instance(number).number(), Some(number));
+    }
+    assert_eq!(Owner::WORLD.number(), None);
+}
+
 /// A thousand copies take the memory of one, and a little more each.
 #[test]
 fn a_thousand_copies_in_the_memory_of_one() {
@@ -340,14 +350,14 @@ fn a_thousand_copies_in_the_memory_of_one() {
     assert!(each < 300.0, "{each}");
     assert!(many.bytes() < one.bytes() + one.bytes() / 5);
     assert_eq!((many.counts().0, many.copies()), (mesh.indices.len(), (1000, 1)));
-    let found: std::collections::BTreeSet<u32> = (0..1000)
+    let found: std::collections::BTreeSet<Owner> = (0..1000)
         .filter_map(|i| {
             let at = Vec3A::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 3.0;
             let ray = Ray {
                 origin: at + Vec3A::new(0.1, 0.2, 1.4),
                 dir: -Vec3A::Z,
             };
-            many.intersect(&ray, 1.0).map(|h| h.instance)
+            many.intersect(&ray, 1.0).map(|h| h.owner)
         })
         .collect();
     assert_eq!(found.len(), 1000);
@@ -384,10 +394,7 @@ fn views_know_of_instances() {
             if let Some(hit) = view.first_hit(cell, &g, &ray) {
                 firsts += 1;
                 let found = found.expect("a hit");
-                assert_eq!(
-                    (hit.leaf, hit.instance, hit.t),
-                    (found.leaf, found.instance, found.t)
-                );
+                assert_eq!((hit.leaf, hit.owner, hit.t), (found.leaf, found.owner, found.t));
             }
             // A point anywhere, seen back from a surface.
             let Some((hit, s)) = met(&g, &from_around(&mut stream, 8.0)) else {

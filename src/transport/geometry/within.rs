@@ -12,7 +12,7 @@ use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC};
 use super::instance::{Instance, stretch};
 use super::pack::Wide;
 use super::quadric::{normalized_slope, similarity};
-use super::ray::{Hit, Ray, Surface};
+use super::ray::{Hit, Owner, Ray, Surface};
 use super::tree::Child;
 use super::triangle::{Triangle, bend, vector};
 use glam::{Affine3A, Mat3A, Vec3A};
@@ -154,7 +154,7 @@ impl Geometry {
         let hit = nearest.hit?;
         Some(Hit {
             t: local.world(hit.t).min(tmax),
-            instance: number,
+            owner: Owner::instance(number),
             ..hit
         })
     }
@@ -179,8 +179,8 @@ impl Geometry {
 
     /// [`Geometry::surface`] of a hit in an instance.
     #[inline(never)]
-    pub(super) fn surface_in_instance(&self, ray: &Ray, hit: &Hit) -> Surface {
-        let instance = &self.instances[hit.instance as usize];
+    pub(super) fn surface_in_instance(&self, number: u32, ray: &Ray, hit: &Hit) -> Surface {
+        let instance = &self.instances[number as usize];
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let local = instance.local(ray, self.groups[instance.group as usize].reach);
@@ -236,8 +236,8 @@ impl Geometry {
 
     /// [`Geometry::bend`] of a hit in an instance.
     #[inline(never)]
-    pub(super) fn bend_in_instance(&self, hit: &Hit, surface: &Surface) -> Mat3A {
-        let instance = &self.instances[hit.instance as usize];
+    pub(super) fn bend_in_instance(&self, number: u32, hit: &Hit, surface: &Surface) -> Mat3A {
+        let instance = &self.instances[number as usize];
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let slope = quadric.bend(instance.to_local * (surface.p - instance.origin));

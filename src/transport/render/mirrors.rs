@@ -11,7 +11,7 @@
 
 use super::mirrors_copied::{Copied, area, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
-use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::ray::{Hit, Owner, Ray, Surface};
 use crate::material::{Lobe, Materials};
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
@@ -23,7 +23,7 @@ const NONE: u32 = u32::MAX;
 const CURVED: u32 = u32::MAX - 1;
 
 /// Any instance.
-const EVERY: u32 = u32::MAX - 1;
+const EVERY: Owner = Owner::instance(u32::MAX);
 
 /// Up to so many mirrors in instances are listed like those of the world; beyond, each group's are listed once, and flat ones
 /// are looked for at random like curved ones.
@@ -70,8 +70,8 @@ pub(super) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Curved mirrors besides those, of groups with many copies.
     copied: Copied,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::instance`], [`EVERY`] for all of them.
-    groups: HashMap<[u32; 2], u32>,
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
+    groups: HashMap<(u32, Owner), u32>,
     /// Interfaces may move the point of reflection.
     bent: bool,
     /// Some interface sends wavelengths different ways.
@@ -133,10 +133,10 @@ impl Mirrors {
         let (mut all, listed) = candidates(geometry, is_mirror);
         if !listed {
             out.copied = copied(geometry, is_mirror, &mut out.groups);
-            all.retain(|(key, _)| key[1] == Hit::NO_INSTANCE);
+            all.retain(|(key, _)| key.1 == Owner::WORLD);
         }
         let mut planes = HashMap::new();
-        let mut pieces: Vec<([u32; 2], Outline, u32)> = vec![];
+        let mut pieces: Vec<((u32, Owner), Outline, u32)> = vec![];
         for (key, outline) in all {
             let (surface, flat) = primitive(geometry, key, &outline);
             if !is_mirror(&surface) {
@@ -191,8 +191,8 @@ impl Mirrors {
     /// The group of what is hit, a number that no seed has for all but mirrors.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
-        let of = |instance| self.groups.get(&[hit.leaf, instance]).copied();
-        of(hit.instance).or_else(|| of(EVERY)).unwrap_or(NONE)
+        let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
+        of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
     }
 
     /// True if there are none.
@@ -251,14 +251,17 @@ impl Mirrors {
 
 /// Everything that may be a mirror, with its number and its instance's; not what is in instances, and false, where that is
 /// too much.
-fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<([u32; 2], Outline)>, bool) {
-    let world = geometry.outlines().map(|(leaf, o)| ([leaf, Hit::NO_INSTANCE], o));
+fn candidates(
+    geometry: &Geometry,
+    is_mirror: impl Fn(&Surface) -> bool,
+) -> (Vec<((u32, Owner), Outline)>, bool) {
+    let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();
     let own = all.len();
     let mut groups: HashMap<u32, Vec<(u32, Outline)>> = HashMap::new();
     for (number, group, place) in geometry.instances() {
         let mirrors = groups.entry(group).or_insert_with(|| {
-            let surface = |leaf, o: &Outline| primitive(geometry, [leaf, number], o).0;
+            let surface = |leaf, o: &Outline| primitive(geometry, (leaf, Owner::instance(number)), o).0;
             let outlines = geometry.group_outlines(group).into_iter();
             outlines
                 .filter(|(leaf, o)| is_mirror(&surface(*leaf, o)))
@@ -271,7 +274,7 @@ fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec
         all.extend(
             mirrors
                 .iter()
-                .map(|(leaf, o)| ([*leaf, number], o.placed(&place))),
+                .map(|(leaf, o)| ((*leaf, Owner::instance(number)), o.placed(&place))),
         );
     }
     (all, true)
@@ -281,7 +284,7 @@ fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec
 fn copied(
     geometry: &Geometry,
     is_mirror: impl Fn(&Surface) -> bool,
-    numbers: &mut HashMap<[u32; 2], u32>,
+    numbers: &mut HashMap<(u32, Owner), u32>,
 ) -> Copied {
     let mut groups = vec![vec![]; geometry.copies().1];
     let mut done = vec![false; groups.len()];
@@ -290,8 +293,8 @@ fn copied(
             continue;
         }
         for (leaf, outline) in geometry.group_outlines(group) {
-            if is_mirror(&primitive(geometry, [leaf, number], &outline).0) {
-                numbers.insert([leaf, EVERY], CURVED);
+            if is_mirror(&primitive(geometry, (leaf, Owner::instance(number)), &outline).0) {
+                numbers.insert((leaf, EVERY), CURVED);
                 groups[group as usize].push(outline);
             }
         }
@@ -303,7 +306,7 @@ fn copied(
 }
 
 /// A primitive's surface at some point, and whether it is flat.
-fn primitive(geometry: &Geometry, [leaf, instance]: [u32; 2], outline: &Outline) -> (Surface, bool) {
+fn primitive(geometry: &Geometry, (leaf, owner): (u32, Owner), outline: &Outline) -> (Surface, bool) {
     let (lo, hi) = ends(outline);
     let ray = Ray {
         origin: 0.5 * (lo + hi),
@@ -312,7 +315,7 @@ fn primitive(geometry: &Geometry, [leaf, instance]: [u32; 2], outline: &Outline)
     let hit = Hit {
         t: 0.0,
         leaf,
-        instance,
+        owner,
         u: INSIDE,
         v: INSIDE,
     };
