@@ -189,15 +189,13 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        if !self.instances.is_empty() {
-            // Field by field, so that hits in worlds without instances need not be in memory to be returned.
-            let Hit { t, leaf, owner, u, v } = self.intersect_instances(ray, tmax)?;
-            return Some(Hit { t, leaf, owner, u, v });
-        }
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.intersect_avx2(ray, tmax) };
+        }
+        if !self.instances.is_empty() {
+            return self.intersect_instances(ray, tmax);
         }
         self.intersect_any::<false>(ray, tmax)
     }
@@ -206,13 +204,13 @@ impl Geometry {
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
-        if !self.instances.is_empty() {
-            return self.occluded_instances(ray, tmax);
-        }
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
             // SAFETY: as above.
             return unsafe { self.occluded_avx2(ray, tmax) };
+        }
+        if !self.instances.is_empty() {
+            return self.occluded_instances(ray, tmax);
         }
         self.occluded_any::<false>(ray, tmax)
     }
@@ -220,12 +218,18 @@ impl Geometry {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        if !self.instances.is_empty() {
+            return self.intersect_instances(ray, tmax);
+        }
         self.intersect_any::<false>(ray, tmax)
     }
 
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
+        if !self.instances.is_empty() {
+            return self.occluded_instances(ray, tmax);
+        }
         self.occluded_any::<false>(ray, tmax)
     }
 
@@ -259,8 +263,9 @@ impl Geometry {
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if let Some(number) = hit.owner.number() {
-            // Field by field, so that surfaces of the world need not be in memory to be returned.
-            let s = self.surface_in_instance(number, ray, hit);
+            // Copies, and field by field, so that neither rays nor surfaces must be in memory for the world's sake.
+            let (ray, hit) = (*ray, *hit);
+            let s = self.surface_in_instance(number, &ray, &hit);
             return Surface {
                 p: s.p,
                 ng: s.ng,

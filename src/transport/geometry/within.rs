@@ -69,6 +69,7 @@ impl Geometry {
     }
 
     /// [`Geometry::intersect`] where there are instances: compiled apart, so that worlds without them are no slower.
+    #[cold]
     #[inline(never)]
     pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -80,6 +81,7 @@ impl Geometry {
     }
 
     /// [`Geometry::occluded`] likewise.
+    #[cold]
     #[inline(never)]
     pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -178,6 +180,7 @@ impl Geometry {
     }
 
     /// [`Geometry::surface`] of a hit in an instance.
+    #[cold]
     #[inline(never)]
     pub(super) fn surface_in_instance(&self, number: u32, ray: &Ray, hit: &Hit) -> Surface {
         let instance = &self.instances[number as usize];
@@ -235,6 +238,7 @@ impl Geometry {
     }
 
     /// [`Geometry::bend`] of a hit in an instance.
+    #[cold]
     #[inline(never)]
     pub(super) fn bend_in_instance(&self, number: u32, hit: &Hit, surface: &Surface) -> Mat3A {
         let instance = &self.instances[number as usize];
