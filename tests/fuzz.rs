@@ -137,6 +137,10 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
                        "max": [0.3, 0.3, 0]}],
     });
     put("shape.gltf", gltf.to_string().as_bytes());
+    put(
+        "places.txt",
+        b"1 0 0 0.2  0 1 0 1.2  0 0 1 -0.7\n0,-1,0,0.5, 1,0,0,1.2, 0,0,0.5,-0.7\n",
+    );
     for (name, size) in [("image.png", 2), ("mask.png", 8)] {
         let image = image::RgbImage::from_pixel(size, size, image::Rgb([128, 130, 250]));
         image.save(made.path().join(name)).expect("an image");

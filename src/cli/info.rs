@@ -84,6 +84,10 @@ fn scene(scene: &Scene) -> String {
     }
     let (triangles, quadrics) = scene.geometry.counts();
     line("geometry", format!("{triangles} triangles, {quadrics} quadrics"));
+    let (instances, groups) = scene.geometry.copies();
+    if instances > 0 {
+        line("instances", format!("{instances} of {groups} groups"));
+    }
     line("media", scene.media.list.len().to_string());
     let s = &scene.settings;
     line("integrator", format!("{:?}", s.integrator).to_lowercase());

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntax::Syntax;
 use syntax::device::{EmitterFile, PinholeFile, ProjectorFile};
+use syntax::instance::{GroupFile, InstanceFile};
 use syntax::material::MaterialFile;
 use syntax::medium::MediumFile;
 use syntax::scene::{RenderFile, SceneFile};
@@ -197,6 +198,23 @@ impl SceneBuilder {
     #[must_use]
     pub fn object(mut self, object: ObjectFile) -> Self {
         self.file.objects.push(object.into());
+        self
+    }
+
+    /// Adds a group of objects under a name of its own, which is seen where instances put it.
+    #[must_use]
+    pub fn group(mut self, name: impl Into<String>, group: GroupFile) -> Self {
+        let name = name.into();
+        if self.file.groups.insert(name.clone(), group.into()).is_some() {
+            self.twice(format!("groups.{name}"));
+        }
+        self
+    }
+
+    /// Adds copies of a group.
+    #[must_use]
+    pub fn instance(mut self, instance: InstanceFile) -> Self {
+        self.file.instances.push(instance.into());
         self
     }
 

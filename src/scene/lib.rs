@@ -30,6 +30,10 @@ pub type Material = syntax::material::MaterialFile;
 pub type Medium = syntax::medium::MediumFile;
 /// An object of a [`SceneBuilder`].
 pub type Object = syntax::shape::ObjectFile;
+/// A group of objects of a [`SceneBuilder`], in memory once however many copies there are.
+pub type Group = syntax::instance::GroupFile;
+/// Copies of a group of a [`SceneBuilder`].
+pub type Instance = syntax::instance::InstanceFile;
 /// A slice of a [`SceneBuilder`].
 pub type Slice = syntax::slice::SliceFile;
 

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntax::device::*;
 use syntax::emitter::*;
+use syntax::instance::*;
 use syntax::material::*;
 use syntax::medium::*;
 use syntax::scene::{RenderFile, SceneFile};
@@ -38,7 +39,8 @@ fn tables(s: &Scene) -> String {
     let materials = (&s.materials.list, &s.materials.textures.images, &s.boundaries);
     let light = (&s.points, &s.environment, &s.lights);
     let devices = (&s.wavelengths, &s.camera, &s.projector, light);
-    let rest = (&s.name, &s.settings, s.geometry.counts());
+    let copies: Vec<_> = s.geometry.instances().collect();
+    let rest = (&s.name, &s.settings, s.geometry.counts(), copies);
     format!("{materials:?} {devices:?} {rest:?} {:?} {:?}", s.media, s.slices)
 }
 
@@ -648,6 +650,15 @@ impl Choices<'_> {
         object.into()
     }
 
+    fn instance(&mut self) -> Located<InstanceFile> {
+        Located::nowhere(InstanceFile {
+            name: self.some(Self::text),
+            group: self.text().into(),
+            places: self.some_text(),
+            transform: self.some(Self::transform),
+        })
+    }
+
     fn bins(&mut self) -> BinSize {
         BinSize([self.whole(), self.below(3) as u32])
     }
@@ -720,6 +731,11 @@ impl Choices<'_> {
             materials: self.map(Self::material),
             media: self.map(Self::medium),
             objects: self.list(Self::object),
+            groups: self.map(|c| {
+                let objects = c.list(Self::object);
+                Located::nowhere(GroupFile { objects })
+            }),
+            instances: self.list(Self::instance),
             slices: self.list(Self::slice),
             figures: self.list(|c| {
                 let text = c.text();

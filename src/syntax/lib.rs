@@ -10,6 +10,7 @@
 mod defaults;
 pub mod device;
 pub mod emitter;
+pub mod instance;
 pub mod material;
 pub mod medium;
 pub mod scene;

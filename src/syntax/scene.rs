@@ -2,6 +2,7 @@
 
 use super::defaults::{self, is_default};
 use super::device::{EmitterFile, PinholeFile, ProjectorFile};
+use super::instance::{GroupFile, InstanceFile};
 use super::material::MaterialFile;
 use super::medium::MediumFile;
 use super::shape::ObjectFile;
@@ -44,6 +45,12 @@ pub struct SceneFile {
     /// What there is to see.
     #[serde(default, skip_serializing_if = "is_default")]
     pub objects: Vec<Located<ObjectFile>>,
+    /// Groups of objects by name, which are in memory once however many copies there are.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub groups: BTreeMap<String, Located<GroupFile>>,
+    /// Copies of groups.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub instances: Vec<Located<InstanceFile>>,
     /// What to keep of T(s, s', p, p', t).
     #[serde(default, skip_serializing_if = "is_default")]
     pub slices: Vec<Located<SliceFile>>,
@@ -108,6 +115,8 @@ impl SceneFile {
             materials: BTreeMap::new(),
             media: BTreeMap::new(),
             objects: vec![],
+            groups: BTreeMap::new(),
+            instances: vec![],
             slices: vec![],
             figures: vec![],
         }

@@ -12,6 +12,7 @@ mod energy;
 mod frames;
 mod glass;
 mod indirect;
+mod instances;
 mod light_sampling;
 mod lights;
 mod manifold;

@@ -2,19 +2,15 @@
 
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
-use super::volumes::{self, Volume};
-use super::{file_materials, lights, materials, media, shapes, slices};
+use super::surfaces::Surfaces;
+use super::{file_materials, lights, materials, media, slices};
 use base::locate::InputError;
 use sha2::Digest;
-use std::collections::BTreeMap;
 use std::path::Path;
 use syntax::Syntax;
 use syntax::scene::{RenderFile, SceneFile};
-use syntax::shape::ObjectFile;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
-use transport::geometry::builder::GeometryBuilder;
-use transport::medium::nesting::Boundary;
 use transport::scene::{Integrator, Scene, SceneTables, Settings};
 
 /// Reads the text of a scene file.
@@ -73,38 +69,11 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         mut images,
     } = materials::build(ctx, &file.materials)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
-    let mut boundaries = vec![Boundary::NONE; materials.list.len()];
-    let mut geometry = GeometryBuilder::default();
-    let mut volumes = vec![];
-    for object in &file.objects {
-        let filling = filling(ctx, object, &media_names)?;
-        let (mut solids, mut numbers) = (vec![], vec![]);
-        for mut placed in shapes::place(ctx, object, &names)? {
-            if filling.is_some() || object.emission.is_some() {
-                // A number of its own tells this object's surfaces from others of the same material.
-                materials.list.push(materials.list[placed.material as usize]);
-                boundaries.push(filling.unwrap_or(Boundary::NONE));
-                placed.material = boundaries.len() as u32 - 1;
-            }
-            numbers.push(placed.material);
-            solids.push(placed.solid(ctx, object)?);
-        }
-        if let Some(filling) = filling {
-            volumes.push(Volume::new(ctx, object, filling, &mut solids)?);
-        }
-        for (solid, material) in solids.into_iter().zip(numbers) {
-            if let Some(emission) = &object.emission {
-                let light = lights::area(ctx, &mut images, &mut materials.textures, emission, &solid)?;
-                lights
-                    .of_material
-                    .resize(material as usize, transport::light::NONE);
-                lights.of_material.push(lights.areas.len() as u32);
-                lights.areas.push(light);
-            }
-            solid.add(material, &mut geometry);
-        }
-    }
-    volumes::overlaps(ctx, &volumes)?;
+    let mut surfaces = Surfaces::new(&mut materials, &mut images, &names, &media_names);
+    surfaces.objects(ctx, &file.objects)?;
+    surfaces.instances(ctx, &file.groups, &file.instances)?;
+    let (geometry, boundaries) = (surfaces.geometry.build(), surfaces.boundaries);
+    (lights.areas, lights.of_material) = surfaces.shining;
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
     let uses_epipolar = |s: &tensor::slice::Slice| {
         matches!(
@@ -125,7 +94,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     Ok(Scene::new(SceneTables {
         name,
         wavelengths: ctx.wavelengths.clone(),
-        geometry: geometry.build(),
+        geometry,
         materials,
         media,
         boundaries,
@@ -176,33 +145,6 @@ fn without_nulls(value: &mut serde_json::Value) {
         serde_json::Value::Array(list) => list.iter_mut().for_each(without_nulls),
         _ => {}
     }
-}
-
-/// What fills an object.
-fn filling(
-    ctx: &Context,
-    object: &ObjectFile,
-    media: &BTreeMap<&str, u32>,
-) -> Result<Option<Boundary>, InputError> {
-    let Some(name) = &object.interior else {
-        return Ok(None);
-    };
-    let Some(medium) = media.get(name.as_str()) else {
-        let known = media.keys().copied().collect::<Vec<_>>().join(", ");
-        return Err(ctx.error(
-            name.span(),
-            format!("there is no medium `{}`", **name),
-            if known.is_empty() {
-                format!("add [media.{}]", **name)
-            } else {
-                format!("add [media.{}], or use one of: {known}", **name)
-            },
-        ));
-    };
-    Ok(Some(Boundary {
-        medium: *medium,
-        priority: object.priority,
-    }))
 }
 
 /// The folder's name for `…/NAME/scene.toml`, the file's stem otherwise.

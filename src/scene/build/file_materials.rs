@@ -162,7 +162,11 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
         vec![]
     };
     let mut what = vec![];
-    let telling: Vec<&str> = list.iter().filter(|a| !a.is_plain()).map(|a| a.name.as_str()).collect();
+    let telling: Vec<&str> = list
+        .iter()
+        .filter(|a| !a.is_plain())
+        .map(|a| a.name.as_str())
+        .collect();
     if !telling.is_empty() {
         let more = if telling.len() > 4 { ", ..." } else { "" };
         let names = &telling[..telling.len().min(4)];

@@ -235,7 +235,7 @@ pub(crate) fn moved(
 }
 
 /// True if the map keeps volume apart from zero, so that it can be inverted.
-fn is_solid(map: &DAffine3) -> bool {
+pub(crate) fn is_solid(map: &DAffine3) -> bool {
     map.is_finite() && map.matrix3.determinant().abs() > 1e-30
 }
 
@@ -258,8 +258,8 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-/// The map that a transform is.
-pub(super) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
+/// The map that a transform says.
+pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
     if let Some(m) = t.matrix {
         if t.scale.is_some()
             || t.rotate_deg.is_some()

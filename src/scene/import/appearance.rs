@@ -52,7 +52,12 @@ impl Appearance {
     /// True if the file gives no more than a name.
     #[must_use]
     pub fn is_plain(&self) -> bool {
-        let Self { alpha, metallic, base, .. } = self;
+        let Self {
+            alpha,
+            metallic,
+            base,
+            ..
+        } = self;
         let plain = Self {
             alpha: *alpha,
             metallic: *metallic,

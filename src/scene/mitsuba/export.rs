@@ -11,7 +11,7 @@ use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;
 use super::export_output::{Needs, Output, bitmap, is_even, png, spectrum};
 use super::files::{Contents, WriteError, write};
-use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS};
+use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS, plain};
 use super::xml::{Element, number};
 use crate::build::assemble::settings;
 use crate::build::context::{Context, read};
@@ -19,11 +19,14 @@ use crate::build::devices::{pinhole, projector};
 use crate::build::file_materials;
 use crate::build::lights;
 use crate::build::shapes::{Form, Placed, moved, place};
+use crate::build::surfaces::{copies, group_number};
+use crate::build::textures::Images;
 use crate::build::{materials, slices};
 use crate::import::write_ply;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
 use optics::spectrum::Wavelengths;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::Path;
@@ -34,7 +37,8 @@ use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::QuadricKind;
-use transport::material::texture::Image;
+use transport::light::area::AreaLight;
+use transport::material::texture::{Image, Textures};
 use transport::scene::Settings;
 
 /// A scene in Mitsuba's language.
@@ -100,29 +104,15 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         mut images,
     } = materials::build(ctx, &file.materials)?;
     let mut out = Output::default();
-    let mut shapes = vec![];
-    let mut used = vec![];
-    for object in &file.objects {
-        if let Some(name) = &object.interior {
-            return Err(ctx.error(
-                name.span(),
-                "objects filled with a medium are not exported",
-                "remove `interior`, and the medium",
-            ));
-        }
-        for placed in place(ctx, object, &names)? {
-            used.push(placed.material);
-            let light = match &object.emission {
-                None => None,
-                Some(emission) => {
-                    let solid = placed.solid(ctx, object)?;
-                    let textures = &mut materials.textures;
-                    Some(lights::area(ctx, &mut images, textures, emission, &solid)?)
-                }
-            };
-            shapes.push((object, placed, light));
-        }
+    let textures = &mut materials.textures;
+    let shapes = all_placed(ctx, &file.objects, &names, textures, &mut images)?;
+    let mut groups = vec![];
+    for (name, group) in &file.groups {
+        let shapes = all_placed(ctx, &group.objects, &names, &mut materials.textures, &mut images)?;
+        groups.push((name.as_str(), shapes));
     }
+    let all = groups.iter().flat_map(|g| &g.1).chain(&shapes);
+    let used: Vec<u32> = all.map(|s| s.placed.material).collect();
     let mut writer = MaterialWriter::new(ctx, &file.materials, &materials, &names, &mut out);
     let bsdfs = writer.all(&used)?;
     let (ids, needs) = (writer.ids(), writer.needs());
@@ -140,20 +130,54 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     scene.push(integrator(&settings));
     scene.push(sensor(ctx, &camera, file.camera.span(), settings.spp)?);
     bsdfs.into_iter().for_each(|b| scene.push(b));
-    for (i, (object, placed, light)) in shapes.iter().enumerate() {
-        let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
-        let mut needs = needs[&placed.material];
-        needs.uv |= light.as_ref().is_some_and(|l| l.radiance.texture.is_some());
-        let shape = shape(ctx, i, object, placed, needs, &mut out)?;
-        if let Some(name) = &object.name {
+    let mut count = 0;
+    let mut add = |shapes: &[Shape], parent: &mut Element| {
+        for Shape {
+            object,
+            placed,
+            light,
+        } in shapes
+        {
+            let bsdf = Element::new("ref").with("id", ids[&placed.material].as_str());
+            let mut needs = needs[&placed.material];
+            needs.uv |= light.as_ref().is_some_and(|l| l.radiance.texture.is_some());
+            let mut shape = shape(ctx, count, object, placed, needs, &mut out)?.child(bsdf);
+            if let (Some(light), Some(emission)) = (light, &object.emission) {
+                let mut writer = EmitterWriter { ctx, out: &mut out };
+                shape.push(writer.area(light, &materials.textures, emission.span())?);
+            }
+            count += 1;
+            if let Some(name) = &object.name {
+                parent.comment(name.as_str());
+            }
+            parent.push(shape);
+        }
+        Ok::<_, InputError>(())
+    };
+    add(&shapes, &mut scene)?;
+    let mut group_ids = BTreeMap::new();
+    for (name, shapes) in &groups {
+        let taken = |id: &String| ids.values().any(|i| i == id) || group_ids.values().any(|i| i == id);
+        let mut id = plain(name);
+        while taken(&id) {
+            id += "_group";
+        }
+        let mut element = Element::plugin("shape", "shapegroup").with("id", &id);
+        add(shapes, &mut element)?;
+        scene.push(element);
+        group_ids.insert(*name, id);
+    }
+    let group_ids = group_ids.iter().map(|(name, id)| (*name, id.as_str())).collect();
+    for instance in &file.instances {
+        let id = group_number(ctx, &instance.group, &group_ids)?;
+        if let Some(name) = &instance.name {
             scene.comment(name.as_str());
         }
-        let mut shape = shape.child(bsdf);
-        if let (Some(light), Some(emission)) = (light, &object.emission) {
-            let mut writer = EmitterWriter { ctx, out: &mut out };
-            shape.push(writer.area(light, &materials.textures, emission.span())?);
+        for place in copies(ctx, instance)? {
+            let group = Element::new("ref").with("id", id);
+            let shape = Element::plugin("shape", "instance").transform("to_world", &place);
+            scene.push(shape.child(group));
         }
-        scene.push(shape);
     }
     if let Some((p, span)) = &projector {
         scene.push(projector_element(ctx, p, span.clone(), &mut out)?);
@@ -170,6 +194,48 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
             .chain(out.notes)
             .collect(),
     })
+}
+
+/// A shape with its object, and the light that it is.
+struct Shape<'a> {
+    object: &'a Located<ObjectFile>,
+    placed: Placed,
+    light: Option<AreaLight>,
+}
+
+/// The shapes of objects.
+fn all_placed<'a>(
+    ctx: &mut Context,
+    objects: &'a [Located<ObjectFile>],
+    names: &BTreeMap<&str, u32>,
+    textures: &mut Textures,
+    images: &mut Images,
+) -> Result<Vec<Shape<'a>>, InputError> {
+    let mut shapes = vec![];
+    for object in objects {
+        if let Some(name) = &object.interior {
+            return Err(ctx.error(
+                name.span(),
+                "objects filled with a medium are not exported",
+                "remove `interior`, and the medium",
+            ));
+        }
+        for placed in place(ctx, object, names)? {
+            let light = match &object.emission {
+                None => None,
+                Some(emission) => {
+                    let solid = placed.solid(ctx, object)?;
+                    Some(lights::area(ctx, images, textures, emission, &solid)?)
+                }
+            };
+            shapes.push(Shape {
+                object,
+                placed,
+                light,
+            });
+        }
+    }
+    Ok(shapes)
 }
 
 fn default(name: &str, value: &str) -> Element {

@@ -9,6 +9,7 @@ use super::files::{Contents, WriteError, write_one};
 use super::folders::read_text;
 use super::import_devices;
 use super::import_emitters::{self, Emitters};
+use super::import_instances::Groups;
 use super::import_shapes::{self, Readers};
 use super::importer::Importer;
 use super::source::Source;
@@ -129,10 +130,19 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError
     for node in parts.bsdfs.iter().filter(|n| !n.broken) {
         reader.materials.named(&mut importer, node, false);
     }
+    let mut groups = Groups::default();
     for node in parts.shapes.iter().filter(|n| !n.broken) {
-        match import_shapes::objects(&mut importer, &mut reader, node) {
-            Ok(new) => objects.extend(new.into_iter().map(|o| Located::at(node.span.clone(), o))),
-            Err(e) => source.report(e),
+        let added = match node.kind.as_str() {
+            "shapegroup" => {
+                groups.group(&mut importer, &mut reader, node);
+                Ok(())
+            }
+            "instance" => groups.instance(&mut importer, &mut reader, node),
+            _ => import_shapes::objects(&mut importer, &mut reader, node)
+                .map(|new| objects.extend(new.into_iter().map(|o| Located::at(node.span.clone(), o)))),
+        };
+        if let Err(e) = added {
+            source.report(e);
         }
     }
     for node in parts.emitters.iter().filter(|n| !n.broken) {
@@ -164,6 +174,8 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError
     file.materials = reader.materials.table.materials;
     file.media = reader.media.media;
     file.objects = objects;
+    file.groups = groups.groups;
+    file.instances = groups.instances;
     file.emitters = emitters.emitters;
     file.projector = emitters.projector;
     let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));

@@ -12,6 +12,7 @@
 //! | polarizer angle | counter-clockwise | clockwise |
 //! | texture coordinate v | from the lower edge of the image | from the upper edge |
 //! | caps of a tube | part of it | disks of their own |
+//! | copies | `[groups]` and `[[instances]]` | `shapegroup` and `instance` |
 //! | light | any Stokes vector in | unpolarized: column 0 of T |
 //!
 //! [`export`] writes, [`import`] reads the same subset; `xml` and `reader` hold the two directions' syntax.
@@ -27,6 +28,7 @@ mod folders;
 pub mod import;
 mod import_devices;
 mod import_emitters;
+mod import_instances;
 mod import_layered;
 mod import_materials;
 mod import_media;

@@ -1,20 +1,26 @@
 //! From meshes and quadrics to the flat tables of a [`Geometry`].
 
 use super::bvh::{Geometry, QUADRIC, SKIN, avx2};
+use super::instance::{Group, Instance};
 use super::mesh::Mesh;
 use super::pack::{Pack, Primitive};
 use super::quadric::Quadric;
 use super::tree::Tree;
 use super::triangle::Triangle;
 use bytemuck::Zeroable;
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{DAffine3, Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
 /// Collects surfaces, then builds the tree.
 #[derive(Default)]
 pub struct GeometryBuilder {
-    primitives: Vec<Primitive>,
-    bounds: Vec<Aabb>,
+    /// What stands in the world itself.
+    world: Set,
+    groups: Vec<Set>,
+    /// Surfaces go to the last group, not to the world.
+    in_group: bool,
+    /// Groups, and their places.
+    instances: Vec<(u32, DAffine3)>,
     triangles: Vec<Triangle>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
@@ -23,7 +29,58 @@ pub struct GeometryBuilder {
     triangle_count: usize,
 }
 
+/// What has a tree of its own.
+#[derive(Default)]
+struct Set {
+    primitives: Vec<Primitive>,
+    bounds: Vec<Aabb>,
+}
+
+impl Set {
+    fn extent(&self) -> Aabb {
+        let mut all = Aabb::empty();
+        for b in &self.bounds {
+            all.extend(b.min);
+            all.extend(b.max);
+        }
+        all
+    }
+}
+
+/// Packs of all trees so far, and their triangles.
+#[derive(Default)]
+struct Packs {
+    packs: Vec<Pack>,
+    triangles: Vec<Triangle>,
+}
+
 impl GeometryBuilder {
+    fn set(&mut self) -> &mut Set {
+        match self.groups.last_mut() {
+            Some(group) if self.in_group => group,
+            _ => &mut self.world,
+        }
+    }
+
+    /// What is added until [`Self::end_group`] is a group's, in its own coordinates, and is seen where
+    /// [`Self::instance`] puts it. Returns the group's number.
+    pub fn begin_group(&mut self) -> u32 {
+        self.groups.push(Set::default());
+        self.in_group = true;
+        self.groups.len() as u32 - 1
+    }
+
+    /// What is added from now on stands in the world.
+    pub fn end_group(&mut self) {
+        self.in_group = false;
+    }
+
+    /// Puts a copy of a group into the world; `to_world` must be invertible (the scene builder checks). Copies of a group
+    /// take 128 bytes each, and their place in the tree.
+    pub fn instance(&mut self, group: u32, to_world: DAffine3) {
+        self.instances.push((group, to_world));
+    }
+
     /// Adds a mesh in world space.
     pub fn mesh(&mut self, mesh: &Mesh, material: u32) {
         let first_normal = self.normals.len() as u32;
@@ -52,14 +109,16 @@ impl GeometryBuilder {
                     corners.map(|i| first + i)
                 }
             };
-            self.primitives.push(Primitive {
+            let id = self.triangles.len() as u32;
+            self.set().primitives.push(Primitive {
                 v0,
                 e1: v1 - v0,
                 e2: v2 - v0,
                 parallelogram: parallelogram.is_some(),
-                id: self.triangles.len() as u32,
+                id,
             });
-            self.bounds
+            self.set()
+                .bounds
                 .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
             let uvs = (!mesh.uvs.is_empty()).then(|| corners.map(|i| mesh.uvs[i as usize].to_array()));
             let normals = shifted(first_normal, mesh.normals.is_empty());
@@ -72,64 +131,144 @@ impl GeometryBuilder {
     /// Adds a quadric.
     pub fn quadric(&mut self, quadric: Quadric) {
         let (lo, hi) = quadric.bounds();
-        self.primitives.push(Primitive {
+        let id = QUADRIC | self.quadrics.len() as u32;
+        self.set().primitives.push(Primitive {
             v0: Vec3A::ZERO,
             e1: Vec3A::ZERO,
             e2: Vec3A::ZERO,
             parallelogram: false,
-            id: QUADRIC | self.quadrics.len() as u32,
+            id,
         });
-        self.bounds.push(Aabb::new(lo, hi));
+        self.set().bounds.push(Aabb::new(lo, hi));
         self.quadrics.push(quadric);
     }
 
-    /// Builds the tree.
+    /// Builds the trees.
     #[must_use]
-    pub fn build(self) -> Geometry {
-        let mut bounds = Aabb::empty();
-        for b in &self.bounds {
-            bounds.extend(b.min);
-            bounds.extend(b.max);
+    pub fn build(mut self) -> Geometry {
+        // Groups lie about their origins, so that coordinates in them are no larger than they must be.
+        let shifts: Vec<Vec3A> = (0..self.groups.len()).map(|g| self.centre(g)).collect();
+        let own_quadrics = self.sort_quadrics();
+        let mut packs = Packs::default();
+        let mut groups = vec![];
+        for set in &self.groups {
+            let all = set.extent();
+            let skin = (all.max - all.min).max_element().max(0.0) * SKIN;
+            let reach = all.min.abs().max(all.max.abs()).length() + skin;
+            let tree = self.tree(set, skin, &mut packs);
+            groups.push(Group { tree, reach, skin });
         }
-        let extent = if self.bounds.is_empty() {
+        let own_packs = packs.packs.len();
+        let mut world = std::mem::take(&mut self.world);
+        let mut instances = vec![];
+        let mut largest = 0.0_f32;
+        for (group, place) in &self.instances {
+            let shift = shifts[*group as usize].as_dvec3();
+            let instance = Instance::new(*group, &(*place * DAffine3::from_translation(shift)));
+            let group = &groups[*group as usize];
+            if self.groups[instance.group as usize].bounds.is_empty() {
+                continue;
+            }
+            largest = largest.max(instance.stretch() * group.reach);
+            world.primitives.push(Primitive {
+                v0: Vec3A::ZERO,
+                e1: Vec3A::ZERO,
+                e2: Vec3A::ZERO,
+                parallelogram: false,
+                id: QUADRIC | (self.quadrics.len() + instances.len()) as u32,
+            });
+            world.bounds.push(instance.bounds(group));
+            instances.push(instance);
+        }
+        let bounds = world.extent();
+        let extent = if world.bounds.is_empty() {
             1.0
         } else {
             (bounds.max - bounds.min).max_element()
         };
-        let (mut packs, mut triangles) = (vec![], vec![]);
-        let tree = Tree::build(
-            &self.bounds,
-            |run| run.iter().all(|i| self.primitives[*i as usize].id & QUADRIC == 0),
-            |run| {
-                let members: Vec<Primitive> = run.iter().map(|i| self.primitives[*i as usize]).collect();
-                if members[0].id & QUADRIC != 0 {
-                    return (members[0].id ^ QUADRIC) << 1 | 1;
-                }
-                packs.push(Pack::new(&members, extent * SKIN));
-                triangles.extend(members.iter().map(|p| self.triangles[p.id as usize]));
-                triangles.resize(8 * packs.len(), Triangle::zeroed());
-                (packs.len() as u32 - 1) << 1
-            },
-        );
+        let tree = self.tree(&world, extent * SKIN, &mut packs);
         Geometry {
             tree,
-            packs,
-            triangles,
+            packs: packs.packs,
+            triangles: packs.triangles,
             normals: self.normals,
             uvs: self.uvs,
             quadrics: self.quadrics,
+            instances,
+            groups,
+            own: [own_packs, own_quadrics].map(|n| n as u32),
             triangle_count: self.triangle_count,
             textured: true,
             avx2: avx2(),
             extent,
-            bounds: if self.bounds.is_empty() {
+            bounds: if world.bounds.is_empty() {
                 [Vec3A::ZERO; 2]
             } else {
                 [bounds.min, bounds.max]
             },
+            least: (0.01 * extent).max(ROUNDING * largest),
         }
     }
+
+    /// Builds the tree over a set, whose packs come after those that are there.
+    fn tree(&self, set: &Set, skin: f32, out: &mut Packs) -> Tree {
+        Tree::build(
+            &set.bounds,
+            |run| run.iter().all(|i| set.primitives[*i as usize].id & QUADRIC == 0),
+            |run| {
+                let members: Vec<Primitive> = run.iter().map(|i| set.primitives[*i as usize]).collect();
+                if members[0].id & QUADRIC != 0 {
+                    return (members[0].id ^ QUADRIC) << 1 | 1;
+                }
+                out.packs.push(Pack::new(&members, skin));
+                out.triangles
+                    .extend(members.iter().map(|p| self.triangles[p.id as usize]));
+                out.triangles.resize(8 * out.packs.len(), Triangle::zeroed());
+                (out.packs.len() as u32 - 1) << 1
+            },
+        )
+    }
+
+    /// Moves a group so that its middle is the origin, if it is far away; returns where the middle was.
+    fn centre(&mut self, group: usize) -> Vec3A {
+        let set = &mut self.groups[group];
+        let all = set.extent();
+        let (middle, half) = ((all.min + all.max) * 0.5, (all.max - all.min) * 0.5);
+        if set.bounds.is_empty() || middle.abs().cmple(half).all() {
+            return Vec3A::ZERO;
+        }
+        for (p, b) in set.primitives.iter_mut().zip(&mut set.bounds) {
+            *b = Aabb::new(b.min - middle, b.max - middle);
+            if p.id & QUADRIC == 0 {
+                p.v0 -= middle;
+                self.triangles[p.id as usize].shift(-middle);
+            } else {
+                let quadric = &mut self.quadrics[(p.id ^ QUADRIC) as usize];
+                *quadric = quadric.shifted(-middle);
+            }
+        }
+        middle
+    }
+
+    /// Puts the quadrics of groups before those of the world; returns how many they are.
+    fn sort_quadrics(&mut self) -> usize {
+        let mut sorted = Vec::with_capacity(self.quadrics.len());
+        let mut own = 0;
+        for set in self.groups.iter_mut().chain([&mut self.world]) {
+            own = sorted.len();
+            for p in set.primitives.iter_mut().filter(|p| p.id & QUADRIC != 0) {
+                sorted.push(self.quadrics[(p.id ^ QUADRIC) as usize]);
+                p.id = QUADRIC | (sorted.len() as u32 - 1);
+            }
+        }
+        self.quadrics = sorted;
+        own
+    }
 }
+
+/// Rays leave instances as if coordinates were no smaller than this share of the largest one: some units of their rounding
+/// then come to a small part of the step off the surface.
+const ROUNDING: f32 = 0.1;
 
 /// Where two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
 /// coordinates are those of one plane: its corner d.

@@ -3,11 +3,12 @@
 //! Triangles stand in packs of eight that a ray meets at once; two triangles that make a parallelogram are one
 //! primitive. Both loops, over boxes and over packs, are compiled twice on x86-64: for any processor and for AVX2.
 
+use super::instance::{Group, Instance};
 use super::pack::{Pack, Wide};
-use super::quadric::{Quadric, normalized_slope};
-use super::ray::{Hit, Ray, Surface};
+use super::quadric::Quadric;
+use super::ray::{Hit, Owner, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
-use super::triangle::{Triangle, vector};
+use super::triangle::{self, Triangle, vector};
 use glam::{Mat3A, Vec3A};
 
 /// Set in [`Hit::leaf`] and in [`Primitive::id`](super::pack::Primitive) for quadrics.
@@ -58,6 +59,12 @@ pub struct Geometry {
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
     pub(super) quadrics: Vec<Quadric>,
+    /// Copies of groups in the world, and the groups. Leaves of the tree whose numbers are beyond those of the quadrics are
+    /// instances.
+    pub(super) instances: Vec<Instance>,
+    pub(super) groups: Vec<Group>,
+    /// How many of the packs and of the quadrics, from the first on, are those of groups and not the world's own.
+    pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
     /// Someone reads texture coordinates; they are 0 otherwise.
     pub(crate) textured: bool,
@@ -67,17 +74,20 @@ pub struct Geometry {
     pub(super) extent: f32,
     /// Lowest and highest corner of the world bounds.
     pub(super) bounds: [Vec3A; 2],
+    /// Coordinates are taken for no smaller than this where a ray leaves a surface, metres: the rounding of a point on a large
+    /// surface is not that of its own coordinates.
+    pub(super) least: f32,
 }
 
-/// Looks for the nearest hit.
-struct Nearest<'a> {
-    geometry: &'a Geometry,
-    ray: &'a Ray,
-    wide: Wide,
-    hit: Option<Hit>,
+/// Looks for the nearest hit; `WORLD` if there may be instances among the leaves.
+pub(super) struct Nearest<'a, const WORLD: bool> {
+    pub(super) geometry: &'a Geometry,
+    pub(super) ray: &'a Ray,
+    pub(super) wide: Wide,
+    pub(super) hit: Option<Hit>,
 }
 
-impl Visit for Nearest<'_> {
+impl<const WORLD: bool> Visit for Nearest<'_, WORLD> {
     #[inline(always)]
     fn expect(&self, leaf: u32) {
         self.geometry.expect(leaf);
@@ -87,11 +97,15 @@ impl Visit for Nearest<'_> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         if leaf & 1 == 1 {
+            if WORLD && index >= self.geometry.quadrics.len() {
+                return self.instance(index, end);
+            }
             let t = self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end);
             if t < end {
                 self.hit = Some(Hit {
                     t,
                     leaf: QUADRIC | index as u32,
+                    owner: Owner::WORLD,
                     u: 0.0,
                     v: 0.0,
                 });
@@ -108,6 +122,7 @@ impl Visit for Nearest<'_> {
                 self.hit = Some(Hit {
                     t: end,
                     leaf: (8 * index + lane) as u32,
+                    owner: Owner::WORLD,
                     u: u.0[lane],
                     v: v.0[lane],
                 });
@@ -117,15 +132,30 @@ impl Visit for Nearest<'_> {
     }
 }
 
-/// Looks for any hit.
-struct Any<'a> {
-    geometry: &'a Geometry,
-    ray: &'a Ray,
-    wide: Wide,
-    found: bool,
+impl<const WORLD: bool> Nearest<'_, WORLD> {
+    /// The leaf of an instance.
+    #[inline(never)]
+    fn instance(&mut self, index: usize, end: f32) -> f32 {
+        let number = index - self.geometry.quadrics.len();
+        match self.geometry.nearest_in(number as u32, self.ray, end) {
+            Some(hit) => {
+                self.hit = Some(hit);
+                hit.t
+            }
+            None => end,
+        }
+    }
 }
 
-impl Visit for Any<'_> {
+/// Looks for any hit; `WORLD` as there.
+pub(super) struct Any<'a, const WORLD: bool> {
+    pub(super) geometry: &'a Geometry,
+    pub(super) ray: &'a Ray,
+    pub(super) wide: Wide,
+    pub(super) found: bool,
+}
+
+impl<const WORLD: bool> Visit for Any<'_, WORLD> {
     #[inline(always)]
     fn expect(&self, leaf: u32) {
         self.geometry.expect(leaf);
@@ -135,7 +165,12 @@ impl Visit for Any<'_> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let index = (leaf >> 1) as usize;
         self.found = if leaf & 1 == 1 {
-            self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end) < end
+            if WORLD && index >= self.geometry.quadrics.len() {
+                let number = index - self.geometry.quadrics.len();
+                self.geometry.any_in(number as u32, self.ray, end)
+            } else {
+                self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end) < end
+            }
         } else {
             self.geometry.packs[index].intersect(&self.wide, end).0 != 0
         };
@@ -161,7 +196,10 @@ impl Geometry {
             // SAFETY: the processor was asked when the geometry was built.
             return unsafe { self.intersect_avx2(ray, tmax) };
         }
-        self.intersect_any(ray, tmax)
+        if !self.instances.is_empty() {
+            return self.intersect_instances(ray, tmax);
+        }
+        self.intersect_any::<false>(ray, tmax)
     }
 
     /// True if anything lies strictly between the origin and `tmax`.
@@ -173,24 +211,34 @@ impl Geometry {
             // SAFETY: as above.
             return unsafe { self.occluded_avx2(ray, tmax) };
         }
-        self.occluded_any(ray, tmax)
+        if !self.instances.is_empty() {
+            return self.occluded_instances(ray, tmax);
+        }
+        self.occluded_any::<false>(ray, tmax)
     }
 
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn intersect_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        self.intersect_any(ray, tmax)
+        if !self.instances.is_empty() {
+            return self.intersect_instances(ray, tmax);
+        }
+        self.intersect_any::<false>(ray, tmax)
     }
 
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn occluded_avx2(&self, ray: &Ray, tmax: f32) -> bool {
-        self.occluded_any(ray, tmax)
+        if !self.instances.is_empty() {
+            return self.occluded_instances(ray, tmax);
+        }
+        self.occluded_any::<false>(ray, tmax)
     }
 
+    /// The search itself, compiled for whom it is put into; `WORLD` if there may be instances.
     #[inline(always)]
-    fn intersect_any(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        let mut nearest = Nearest {
+    pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        let mut nearest = Nearest::<WORLD> {
             geometry: self,
             ray,
             wide: Wide::new(ray),
@@ -201,8 +249,8 @@ impl Geometry {
     }
 
     #[inline(always)]
-    fn occluded_any(&self, ray: &Ray, tmax: f32) -> bool {
-        let mut any = Any {
+    pub(super) fn occluded_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> bool {
+        let mut any = Any::<WORLD> {
             geometry: self,
             ray,
             wide: Wide::new(ray),
@@ -216,6 +264,19 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        if let Some(number) = hit.owner.number() {
+            // Copies, and field by field, so that neither rays nor surfaces must be in memory for the world's sake.
+            let (ray, hit) = (*ray, *hit);
+            let s = self.surface_in_instance(number, &ray, &hit);
+            return Surface {
+                p: s.p,
+                ng: s.ng,
+                ns: s.ns,
+                tangent: s.tangent,
+                uv: s.uv,
+                material: s.material,
+            };
+        }
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
@@ -268,6 +329,9 @@ impl Geometry {
     /// Derivative ∂n/∂p of the unit shading normal by the position along the surface, 1/m.
     #[must_use]
     pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
+        if let Some(number) = hit.owner.number() {
+            return self.bend_in_instance(number, hit, surface);
+        }
         if hit.leaf & QUADRIC != 0 {
             return self.quadrics[(hit.leaf ^ QUADRIC) as usize].bend(surface.p);
         }
@@ -275,20 +339,9 @@ impl Geometry {
         let Some(corners) = tri.normals() else {
             return Mat3A::ZERO;
         };
-        let [a, b, c] = corners.map(|i| Vec3A::from_array(self.normals[i as usize]));
-        let (e1, e2) = (vector(tri.e1), vector(tri.e2));
-        let n = e1.cross(e2);
-        let area2 = n.length_squared();
-        // Gradients of the barycentric coordinates.
-        let (du, dv) = (e2.cross(n) / area2, n.cross(e1) / area2);
-        let raw = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-        let column = |k: usize| (b - a) * du[k] + (c - a) * dv[k];
-        let slope = normalized_slope(raw, Mat3A::from_cols(column(0), column(1), column(2)));
-        if raw.dot(surface.ns) < 0.0 {
-            slope * -1.0
-        } else {
-            slope
-        }
+        let normals = corners.map(|i| Vec3A::from_array(self.normals[i as usize]));
+        let edges = [tri.e1, tri.e2].map(vector);
+        triangle::bend(normals, edges, [hit.u, hit.v], surface.ns)
     }
 
     /// The hit of a ray with one primitive, of which a view knows that nothing else comes first.
@@ -300,6 +353,7 @@ impl Geometry {
             return (t < f32::INFINITY).then_some(Hit {
                 t,
                 leaf,
+                owner: Owner::WORLD,
                 u: 0.0,
                 v: 0.0,
             });
@@ -309,43 +363,48 @@ impl Geometry {
         (bits >> lane & 1 == 1).then_some(Hit {
             t: t.0[lane],
             leaf,
+            owner: Owner::WORLD,
             u: u.0[lane],
             v: v.0[lane],
         })
     }
 
-    /// Every primitive with the number that [`Hit::leaf`] gives it.
+    /// Every primitive of the world itself with the number that [`Hit::leaf`] gives it.
     pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
-        let flat = (0..self.triangles.len() as u32).filter_map(|leaf| {
-            let pack = &self.packs[leaf as usize / 8];
-            let [v0, e1, e2] = pack.lane(leaf as usize);
-            // Unused places are all zero.
-            let used = e1 != Vec3A::ZERO || e2 != Vec3A::ZERO;
-            let opposite = pack.parallelogram.bits() >> (leaf & 7) & 1 == 1;
-            used.then_some((
-                leaf,
-                Outline::Flat {
-                    corners: [
-                        v0,
-                        v0 + e1,
-                        if opposite { v0 + e1 + e2 } else { v0 + e2 },
-                        v0 + e2,
-                    ],
-                },
-            ))
-        });
-        let round = self.quadrics.iter().enumerate().map(|(i, q)| {
-            let (lo, hi) = q.bounds();
-            let outline = q.ball().map_or(
+        let [packs, quadrics] = self.own;
+        let flat = 8 * packs..self.triangles.len() as u32;
+        let flat = flat.filter_map(|leaf| Some((leaf, self.outline(leaf)?)));
+        let round = (quadrics..self.quadrics.len() as u32).map(|i| QUADRIC | i);
+        flat.chain(round.filter_map(|leaf| Some((leaf, self.outline(leaf)?))))
+    }
+
+    /// Where a primitive is (in its own coordinates, if it is a group's), by the number that [`Hit::leaf`] gives it; `None`
+    /// of an unused place.
+    pub fn outline(&self, leaf: u32) -> Option<Outline> {
+        if leaf & QUADRIC != 0 {
+            let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];
+            let (lo, hi) = quadric.bounds();
+            return Some(quadric.ball().map_or(
                 Outline::Inside {
                     centre: (lo + hi) * 0.5,
                     radius: (hi - lo).length() * 0.5,
                 },
                 |(centre, radius)| Outline::Ball { centre, radius },
-            );
-            (QUADRIC | i as u32, outline)
-        });
-        flat.chain(round)
+            ));
+        }
+        let pack = &self.packs[leaf as usize / 8];
+        let [v0, e1, e2] = pack.lane(leaf as usize);
+        // Unused places are all zero.
+        let used = e1 != Vec3A::ZERO || e2 != Vec3A::ZERO;
+        let opposite = pack.parallelogram.bits() >> (leaf & 7) & 1 == 1;
+        used.then_some(Outline::Flat {
+            corners: [
+                v0,
+                v0 + e1,
+                if opposite { v0 + e1 + e2 } else { v0 + e2 },
+                v0 + e2,
+            ],
+        })
     }
 
     /// A point just off the surface on the side that `dir` leaves to, so that a ray from there misses the surface
@@ -353,7 +412,7 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
-        let scale = surface.p.abs().max_element().max(0.01 * self.extent);
+        let scale = surface.p.abs().max_element().max(self.least);
         surface.p + surface.ng * (scale * 7.629_394_5e-6_f32).copysign(surface.ng.dot(dir))
     }
 
@@ -371,11 +430,31 @@ impl Geometry {
         self
     }
 
-    /// Number of triangles and of quadrics.
+    /// Number of triangles and of quadrics, those of groups once.
     #[inline]
     #[must_use]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())
+    }
+
+    /// Number of instances and of groups.
+    #[inline]
+    #[must_use]
+    pub fn copies(&self) -> (usize, usize) {
+        (self.instances.len(), self.groups.len())
+    }
+
+    /// Memory that all tables take, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.tree.bytes()
+            + size_of_val(&self.packs[..])
+            + size_of_val(&self.triangles[..])
+            + size_of_val(&self.normals[..])
+            + size_of_val(&self.uvs[..])
+            + size_of_val(&self.quadrics[..])
+            + size_of_val(&self.instances[..])
+            + self.groups.iter().map(Group::bytes).sum::<usize>()
     }
 
     /// How far triangles reach beyond their edges, metres.

@@ -6,6 +6,9 @@
 pub mod builder;
 pub mod bvh;
 mod eight;
+mod instance;
+#[cfg(test)]
+mod instance_tests;
 pub mod many;
 pub mod mesh;
 mod pack;
@@ -17,3 +20,4 @@ mod tests;
 mod tree;
 mod triangle;
 pub mod view;
+mod within;

@@ -70,6 +70,13 @@ impl Quadric {
         }
     }
 
+    /// The same surface elsewhere, metres.
+    pub(super) fn shifted(&self, by: Vec3A) -> Self {
+        let mut to_world = self.to_world;
+        to_world.translation += by;
+        Self::new(self.kind, to_world, self.material)
+    }
+
     /// Centre and radius, if this is a sphere in the world.
     #[must_use]
     pub fn ball(&self) -> Option<(Vec3A, f32)> {
@@ -310,7 +317,7 @@ pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
 }
 
 /// The factor of a map that scales all directions alike, 0 if it does not.
-fn similarity(m: Mat3A) -> f32 {
+pub(super) fn similarity(m: Mat3A) -> f32 {
     let r = m.x_axis.length();
     let uneven = [
         m.y_axis.length() - r,

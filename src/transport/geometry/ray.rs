@@ -1,6 +1,7 @@
 //! Rays, and hits before anything but their distance is known.
 
 use glam::{Mat3A, Vec3A};
+use std::num::NonZeroU32;
 
 /// A ray; `dir` is a unit vector, distances are metres.
 #[derive(Clone, Copy, Debug)]
@@ -18,10 +19,35 @@ pub struct Hit {
     pub t: f32,
     /// Index of the primitive in BVH leaf order.
     pub leaf: u32,
+    /// What the primitive belongs to.
+    pub owner: Owner,
     /// Barycentric coordinate of a triangle's second vertex (0 for quadrics).
     pub u: f32,
     /// Barycentric coordinate of a triangle's third vertex (0 for quadrics).
     pub v: f32,
+}
+
+/// What a primitive belongs to: the world itself, or an instance. Never 0, so that a hit and no hit take no more room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Owner(NonZeroU32);
+
+impl Owner {
+    /// The world itself.
+    pub const WORLD: Self = Self(NonZeroU32::MIN);
+
+    /// The instance of a number, below 2³¹.
+    #[inline]
+    #[must_use]
+    pub const fn instance(number: u32) -> Self {
+        Self(NonZeroU32::MIN.saturating_add(number).saturating_add(1))
+    }
+
+    /// The instance's number; `None` for the world itself.
+    #[inline(always)]
+    #[must_use]
+    pub fn number(self) -> Option<u32> {
+        self.0.get().checked_sub(2)
+    }
 }
 
 /// A point on a surface.

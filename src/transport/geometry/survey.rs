@@ -2,6 +2,8 @@
 //! what hides everything behind it. All are conservative.
 
 use super::bvh::{Geometry, Outline};
+use super::instance::Instance;
+use super::tree::Child;
 use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
 
@@ -22,6 +24,8 @@ const EDGE_ON: f32 = 1e-3;
 const ROUND_MARGIN: f32 = 1e-3;
 /// Rounding of angles between directions, radians: arc tangents of single precision stay a hundred times below.
 const ANGLE_MARGIN: f32 = 1e-4;
+/// Boxes of an instance are taken this much larger than they are, in units of its group's size.
+const BOX_MARGIN: f32 = 1e-5;
 /// A direction this share of a ball's rim off its middle still hits it for certain.
 const WELL_INSIDE: f32 = 0.99;
 /// Beyond this angle off the axis a tangent is as good as infinite: just below π/2, where single precision changes its sign.
@@ -72,6 +76,18 @@ struct Window {
 }
 
 impl Window {
+    /// The bounds of points.
+    fn about(points: &[Vec2]) -> Self {
+        let nothing = Self {
+            lo: Vec2::INFINITY,
+            hi: Vec2::NEG_INFINITY,
+        };
+        points.iter().fold(nothing, |w, p| Self {
+            lo: w.lo.min(*p),
+            hi: w.hi.max(*p),
+        })
+    }
+
     fn corners(&self) -> [Vec2; 4] {
         let (a, b) = (self.lo, self.hi);
         [a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)]
@@ -91,7 +107,7 @@ impl Survey {
             match outline {
                 Outline::Flat { corners } => {
                     let corners = corners.map(|p| to_local * (p - origin));
-                    survey.flat(leaf, corners, near, geometry.skin())?;
+                    survey.flat(Some(leaf), corners, near, geometry.skin())?;
                 }
                 Outline::Ball { centre, radius } => {
                     survey.round(leaf, to_local * (centre - origin), radius, true)?;
@@ -101,7 +117,75 @@ impl Survey {
                 }
             }
         }
+        for instance in &geometry.instances {
+            let place = |p| to_local * (instance.place(p) - origin);
+            survey.boxes(geometry, instance, place, near)?;
+        }
         Some(survey)
+    }
+
+    /// Enters the boxes of an instance's tree, the first ones that are not too close; what `place` does to the group's points
+    /// makes them right, down, forward of the pinhole.
+    fn boxes(
+        &mut self,
+        geometry: &Geometry,
+        instance: &Instance,
+        place: impl Fn(Vec3A) -> Vec3A,
+        near: f32,
+    ) -> Option<()> {
+        let group = &geometry.groups[instance.group as usize];
+        let mut todo = vec![0];
+        while let Some(node) = todo.pop() {
+            for (aabb, child) in group.tree.children(node) {
+                let pad = Vec3A::splat(BOX_MARGIN * group.reach);
+                let (lo, hi) = (aabb.min - pad, aabb.max + pad);
+                let corner = |i: usize| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k]));
+                if self.cuboid([0, 1, 2, 3, 4, 5, 6, 7].map(|i| place(corner(i))), near) {
+                    continue;
+                }
+                match child {
+                    Child::Branch(node) => todo.push(node),
+                    // A quadric.
+                    Child::Leaf(leaf) if leaf & 1 == 1 => return None,
+                    Child::Leaf(leaf) => {
+                        for place_in_pack in 0..8 {
+                            let outline = geometry.outline(8 * (leaf >> 1) + place_in_pack);
+                            if let Some(Outline::Flat { corners }) = outline {
+                                let skin = group.skin * instance.stretch() + geometry.skin();
+                                self.flat(None, corners.map(&place), near, skin)?;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Enters something of unknown shape inside the hull of corners; false, and nothing is entered, where that is too close.
+    fn cuboid(&mut self, corners: [Vec3A; 8], near: f32) -> bool {
+        let all = |f: &dyn Fn(&Vec3A) -> f32| corners.iter().all(|c| f(c) > 0.0);
+        let whole = self.whole();
+        let outside = all(&|c| -c.z)
+            || all(&|c| whole.lo.x * c.z - c.x)
+            || all(&|c| c.x - whole.hi.x * c.z)
+            || all(&|c| whole.lo.y * c.z - c.y)
+            || all(&|c| c.y - whole.hi.y * c.z);
+        if outside {
+            return true;
+        }
+        let least = corners.iter().fold(f32::INFINITY, |m, c| m.min(c.z));
+        if least <= near {
+            return false;
+        }
+        let points = corners.map(|c| Vec2::new(c.x, c.y) / c.z);
+        let [columns, rows] = self.touched(Window::about(&points), 0.0);
+        for row in rows {
+            for column in columns.clone() {
+                self.enter(column, row, NOTHING, least * (1.0 - DEPTH_MARGIN), f32::INFINITY);
+            }
+        }
+        true
     }
 
     /// Enters a primitive into a pyramid: least depth, and the depth that it surely hides all behind.
@@ -138,7 +222,8 @@ impl Survey {
         }
     }
 
-    fn flat(&mut self, leaf: u32, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
+    /// A flat primitive; one of an instance has no number, and nothing counts as hidden by it.
+    fn flat(&mut self, leaf: Option<u32>, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
         let behind = corners.iter().all(|c| c.z <= near);
         // What lies between the pinhole and the near plane must be outside of the whole image.
         if corners.iter().any(|c| c.z <= near) {
@@ -161,16 +246,7 @@ impl Survey {
         let points: ArrayVec<Vec2, 8> = polygon.iter().map(|c| Vec2::new(c.x, c.y) / c.z).collect();
         let fold = |f: fn(f32, f32) -> f32, start: f32| polygon.iter().fold(start, |m, c| f(m, c.z));
         let (least, greatest) = (fold(f32::min, f32::INFINITY), fold(f32::max, 0.0));
-        let bounds = points.iter().fold(
-            Window {
-                lo: Vec2::INFINITY,
-                hi: Vec2::NEG_INFINITY,
-            },
-            |w, p| Window {
-                lo: w.lo.min(*p),
-                hi: w.hi.max(*p),
-            },
-        );
+        let bounds = Window::about(&points);
         let area: f32 = (1..points.len())
             .map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0]))
             .sum();
@@ -215,7 +291,7 @@ impl Survey {
                 } else {
                     least
                 };
-                let cover = if !inside {
+                let cover = if !inside || leaf.is_none() {
                     f32::INFINITY
                 } else if sloped && lo > 0.0 {
                     greatest.min(1.0 / lo)
@@ -225,7 +301,7 @@ impl Survey {
                 self.enter(
                     column,
                     row,
-                    leaf,
+                    leaf.unwrap_or(NOTHING),
                     depth * (1.0 - DEPTH_MARGIN),
                     cover * (1.0 + DEPTH_MARGIN),
                 );

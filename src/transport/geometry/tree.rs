@@ -79,6 +79,15 @@ pub fn fetch<T>(at: &T) {
     let _ = at;
 }
 
+/// What a box of a tree holds.
+#[derive(Clone, Copy, Debug)]
+pub enum Child {
+    /// Leaf of this number.
+    Leaf(u32),
+    /// Further boxes, those of this node.
+    Branch(u32),
+}
+
 /// The tree over leaves that the caller numbers.
 #[derive(Default)]
 pub struct Tree {
@@ -114,6 +123,27 @@ impl Tree {
         tree.filter(|t| 7 * t.depth() + 8 <= STACK)
             .or_else(|| binary.halved(bounds).collapse(&fits, &mut leaf))
             .unwrap_or_default()
+    }
+
+    /// Boxes and contents of a node's children; node 0 is the root. Nothing of a tree over nothing.
+    pub fn children(&self, node: u32) -> impl Iterator<Item = (Aabb, Child)> + '_ {
+        let node = self.nodes.get(node as usize);
+        node.into_iter().flat_map(|n| {
+            let used = (0..8).filter(|lane| n.child[*lane] != NONE);
+            used.map(|lane| {
+                let corner = |first: usize| Vec3A::from_array([0, 1, 2].map(|k| n.bounds[first + k].0[lane]));
+                let what = match n.child[lane] {
+                    leaf if leaf & LEAF != 0 => Child::Leaf(leaf ^ LEAF),
+                    branch => Child::Branch(branch),
+                };
+                (Aabb::new(corner(0), corner(3)), what)
+            })
+        })
+    }
+
+    /// Memory that the nodes take, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.nodes[..])
     }
 
     fn depth(&self) -> usize {

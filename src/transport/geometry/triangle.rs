@@ -2,8 +2,9 @@
 //!
 //! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with their steps (u, v) of texture coordinates.
 
+use super::quadric::normalized_slope;
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec3A, Vec4};
+use glam::{Mat3A, Vec3A, Vec4};
 
 /// One triangle. Its vectors are rows of four, which load at once; the fourth number of each is an index, see
 /// [`INDEX`].
@@ -65,6 +66,13 @@ impl Triangle {
         }
     }
 
+    /// Moves it, metres.
+    pub(super) fn shift(&mut self, by: Vec3A) {
+        for (v, by) in self.v0.iter_mut().zip(by.to_array()) {
+            *v += by;
+        }
+    }
+
     #[inline(always)]
     pub(super) fn material(&self) -> u32 {
         index(&self.v0)
@@ -83,4 +91,18 @@ impl Triangle {
         let a = index(&self.tangent);
         (a != u32::MAX).then_some([a, self.uvs[0], self.uvs[1]])
     }
+}
+
+/// Derivative of the unit shading normal by the position on a triangle, of the normals at its corners, its edges and
+/// barycentric coordinates; `ns` says which way the normal points.
+#[inline]
+pub(super) fn bend([a, b, c]: [Vec3A; 3], [e1, e2]: [Vec3A; 2], [u, v]: [f32; 2], ns: Vec3A) -> Mat3A {
+    let n = e1.cross(e2);
+    let area2 = n.length_squared();
+    // Gradients of the barycentric coordinates.
+    let (du, dv) = (e2.cross(n) / area2, n.cross(e1) / area2);
+    let raw = a * (1.0 - u - v) + b * u + c * v;
+    let column = |k: usize| (b - a) * du[k] + (c - a) * dv[k];
+    let slope = normalized_slope(raw, Mat3A::from_cols(column(0), column(1), column(2)));
+    if raw.dot(ns) < 0.0 { slope * -1.0 } else { slope }
 }

@@ -9,18 +9,25 @@
 //! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
 
+use super::mirrors_copied::{Copied, area, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
-use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::ray::{Hit, Owner, Ray, Surface};
 use crate::material::{Lobe, Materials};
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
-use optics::sampling::warp;
 use optics::spectrum::max_lane;
 use std::collections::HashMap;
 
 /// No mirror, and any curved one.
 const NONE: u32 = u32::MAX;
 const CURVED: u32 = u32::MAX - 1;
+
+/// Any instance.
+const EVERY: Owner = Owner::instance(u32::MAX);
+
+/// Up to so many mirrors in instances are listed like those of the world; beyond, each group's are listed once, and flat ones
+/// are looked for at random like curved ones.
+const MOST_LISTED: usize = 65536;
 
 /// Above so many planes, flat mirrors are looked for at random like curved ones.
 const MOST_FLATS: usize = 2048;
@@ -61,8 +68,10 @@ pub(super) struct Mirrors {
     flats: Vec<Flat>,
     /// Curved mirrors, each with the area of all up to it.
     curved: Vec<(Outline, f32)>,
-    /// Group of each primitive, by [`Hit::leaf`].
-    groups: HashMap<u32, u32>,
+    /// Curved mirrors besides those, of groups with many copies.
+    copied: Copied,
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
+    groups: HashMap<(u32, Owner), u32>,
     /// Interfaces may move the point of reflection.
     bent: bool,
     /// Some interface sends wavelengths different ways.
@@ -109,17 +118,6 @@ fn is_mirror(materials: &Materials, material: u32) -> bool {
     reflects(Vec3A::Z) || reflects(-Vec3A::Z)
 }
 
-fn area(outline: &Outline) -> f32 {
-    match outline {
-        Outline::Flat {
-            corners: [a, b, c, d],
-        } => 0.5 * ((*b - *a).cross(*c - *a).length() + (*c - *a).cross(*d - *a).length()),
-        Outline::Ball { radius, .. } | Outline::Inside { radius, .. } => {
-            4.0 * std::f32::consts::PI * radius * radius
-        }
-    }
-}
-
 impl Mirrors {
     /// All surfaces of a scene that light is mirrored at.
     pub fn new(geometry: &Geometry, materials: &Materials) -> Self {
@@ -131,11 +129,17 @@ impl Mirrors {
         let mirrors: Vec<bool> = (0..materials.list.len() as u32)
             .map(|id| is_mirror(materials, id))
             .collect();
+        let is_mirror = |s: &Surface| mirrors.get(s.material as usize).copied().unwrap_or(false);
+        let (mut all, listed) = candidates(geometry, is_mirror);
+        if !listed {
+            out.copied = copied(geometry, is_mirror, &mut out.groups);
+            all.retain(|(key, _)| key.1 == Owner::WORLD);
+        }
         let mut planes = HashMap::new();
-        let mut pieces: Vec<(u32, Outline, u32)> = vec![];
-        for (leaf, outline) in geometry.outlines() {
-            let (surface, flat) = primitive(geometry, leaf, &outline);
-            if !mirrors.get(surface.material as usize).copied().unwrap_or(false) {
+        let mut pieces: Vec<((u32, Owner), Outline, u32)> = vec![];
+        for (key, outline) in all {
+            let (surface, flat) = primitive(geometry, key, &outline);
+            if !is_mirror(&surface) {
                 continue;
             }
             let group = if flat {
@@ -154,7 +158,7 @@ impl Mirrors {
             } else {
                 CURVED
             };
-            pieces.push((leaf, outline, group));
+            pieces.push((key, outline, group));
         }
         if out.flats.len() > MOST_FLATS {
             out.flats.clear();
@@ -163,8 +167,8 @@ impl Mirrors {
             }
         }
         let mut all = 0.0;
-        for (leaf, outline, group) in &pieces {
-            out.groups.insert(*leaf, *group);
+        for (key, outline, group) in &pieces {
+            out.groups.insert(*key, *group);
             if *group == CURVED {
                 all += area(outline);
                 out.curved.push((*outline, all));
@@ -187,7 +191,8 @@ impl Mirrors {
     /// The group of what is hit, a number that no seed has for all but mirrors.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
-        self.groups.get(&hit.leaf).copied().unwrap_or(NONE)
+        let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
+        of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
     }
 
     /// True if there are none.
@@ -226,30 +231,82 @@ impl Mirrors {
 
     /// A random point of the curved mirrors, if there are any.
     pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
-        let (_, all) = self.curved.last()?;
+        let listed = self.curved.last().map_or(0.0, |c| c.1);
+        let all = listed + self.copied.area();
+        if all <= 0.0 {
+            return None;
+        }
         let at = stream.uniform() * all;
-        let i = self.curved.partition_point(|(_, area)| *area <= at);
-        let uniforms = stream.uniform2();
-        let point = match self.curved[i.min(self.curved.len() - 1)].0 {
-            Outline::Flat {
-                corners: [a, b, c, d],
-            } => {
-                let [mut u, mut v] = uniforms;
-                if c == d && u + v > 1.0 {
-                    (u, v) = (1.0 - u, 1.0 - v);
-                }
-                a + (b - a) * u + (d - a) * v
-            }
-            Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
-                centre + warp::sphere(uniforms) * radius
-            }
+        let point = if at < listed || self.copied.area() <= 0.0 {
+            let i = self.curved.partition_point(|(_, area)| *area <= at);
+            let uniforms = stream.uniform2();
+            point_on(&self.curved[i.min(self.curved.len() - 1)].0, uniforms)
+        } else {
+            self.copied
+                .point(at - listed, stream.uniform(), stream.uniform2())
         };
         Some(Seed { group: CURVED, point })
     }
 }
 
+/// Everything that may be a mirror, with its number and its instance's; not what is in instances, and false, where that is
+/// too much.
+fn candidates(
+    geometry: &Geometry,
+    is_mirror: impl Fn(&Surface) -> bool,
+) -> (Vec<((u32, Owner), Outline)>, bool) {
+    let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
+    let mut all: Vec<_> = world.collect();
+    let own = all.len();
+    let mut groups: HashMap<u32, Vec<(u32, Outline)>> = HashMap::new();
+    for (number, group, place) in geometry.instances() {
+        let mirrors = groups.entry(group).or_insert_with(|| {
+            let surface = |leaf, o: &Outline| primitive(geometry, (leaf, Owner::instance(number)), o).0;
+            let outlines = geometry.group_outlines(group).into_iter();
+            outlines
+                .filter(|(leaf, o)| is_mirror(&surface(*leaf, o)))
+                .collect()
+        });
+        if all.len() - own + mirrors.len() > MOST_LISTED {
+            all.truncate(own);
+            return (all, false);
+        }
+        all.extend(
+            mirrors
+                .iter()
+                .map(|(leaf, o)| ((*leaf, Owner::instance(number)), o.placed(&place))),
+        );
+    }
+    (all, true)
+}
+
+/// The mirrors of instances, listed by group.
+fn copied(
+    geometry: &Geometry,
+    is_mirror: impl Fn(&Surface) -> bool,
+    numbers: &mut HashMap<(u32, Owner), u32>,
+) -> Copied {
+    let mut groups = vec![vec![]; geometry.copies().1];
+    let mut done = vec![false; groups.len()];
+    for (number, group, _) in geometry.instances() {
+        if std::mem::replace(&mut done[group as usize], true) {
+            continue;
+        }
+        for (leaf, outline) in geometry.group_outlines(group) {
+            if is_mirror(&primitive(geometry, (leaf, Owner::instance(number)), &outline).0) {
+                numbers.insert((leaf, EVERY), CURVED);
+                groups[group as usize].push(outline);
+            }
+        }
+    }
+    Copied::new(
+        groups,
+        geometry.instances().map(|(_, group, place)| (group, place)),
+    )
+}
+
 /// A primitive's surface at some point, and whether it is flat.
-fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, bool) {
+fn primitive(geometry: &Geometry, (leaf, owner): (u32, Owner), outline: &Outline) -> (Surface, bool) {
     let (lo, hi) = ends(outline);
     let ray = Ray {
         origin: 0.5 * (lo + hi),
@@ -258,6 +315,7 @@ fn primitive(geometry: &Geometry, leaf: u32, outline: &Outline) -> (Surface, boo
     let hit = Hit {
         t: 0.0,
         leaf,
+        owner,
         u: INSIDE,
         v: INSIDE,
     };

@@ -14,6 +14,7 @@ mod join_lights;
 mod join_manifold;
 mod manifold;
 mod mirrors;
+mod mirrors_copied;
 mod path;
 mod point;
 mod roulette;

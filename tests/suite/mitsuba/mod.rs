@@ -18,6 +18,7 @@ use sunstone::transport::scene::Scene;
 
 mod export;
 mod import;
+mod instances;
 mod there_and_back;
 
 /// Every material and every shape that Mitsuba has too.

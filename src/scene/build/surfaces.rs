@@ -1,0 +1,219 @@
+//! Objects, groups and instances of a scene file → the geometry, with a number of its own for every filled object.
+
+use super::context::{Context, HUGE};
+use super::lights;
+use super::places;
+use super::shapes;
+use super::textures::Images;
+use super::volumes::{self, Volume};
+use base::locate::{InputError, Located};
+use glam::DAffine3;
+use std::collections::BTreeMap;
+use syntax::instance::{GroupFile, InstanceFile};
+use syntax::shape::ObjectFile;
+use transport::geometry::builder::GeometryBuilder;
+use transport::light::area::AreaLight;
+use transport::material::Materials;
+use transport::medium::nesting::Boundary;
+
+/// More copies than this are a mistake.
+const MOST_COPIES: usize = 1 << 26;
+
+/// The surfaces so far.
+pub(crate) struct Surfaces<'a> {
+    pub geometry: GeometryBuilder,
+    pub materials: &'a mut Materials,
+    /// One a material.
+    pub boundaries: Vec<Boundary>,
+    /// Numbers of materials and media.
+    names: &'a BTreeMap<&'a str, u32>,
+    media: &'a BTreeMap<&'a str, u32>,
+    images: &'a mut Images,
+    /// Surfaces that shine, and their numbers by material.
+    pub shining: (Vec<AreaLight>, Vec<u32>),
+}
+
+impl<'a> Surfaces<'a> {
+    pub fn new(
+        materials: &'a mut Materials,
+        images: &'a mut Images,
+        names: &'a BTreeMap<&'a str, u32>,
+        media: &'a BTreeMap<&'a str, u32>,
+    ) -> Self {
+        Self {
+            geometry: GeometryBuilder::default(),
+            boundaries: vec![Boundary::NONE; materials.list.len()],
+            materials,
+            names,
+            media,
+            images,
+            shining: (vec![], vec![]),
+        }
+    }
+
+    /// Adds objects.
+    pub fn objects(&mut self, ctx: &mut Context, objects: &[Located<ObjectFile>]) -> Result<(), InputError> {
+        let mut volumes = vec![];
+        for object in objects {
+            let filling = filling(ctx, object, self.media)?;
+            let (mut solids, mut numbers) = (vec![], vec![]);
+            for mut placed in shapes::place(ctx, object, self.names)? {
+                if filling.is_some() || object.emission.is_some() {
+                    // A number of its own tells this object's surfaces from others of the same material. Copies of an object
+                    // share it: light that leaves one of them leaves the one that it entered last.
+                    let material = self.materials.list[placed.material as usize];
+                    self.materials.list.push(material);
+                    self.boundaries.push(filling.unwrap_or(Boundary::NONE));
+                    placed.material = self.boundaries.len() as u32 - 1;
+                }
+                numbers.push(placed.material);
+                solids.push(placed.solid(ctx, object)?);
+            }
+            if let Some(filling) = filling {
+                volumes.push(Volume::new(ctx, object, filling, &mut solids)?);
+            }
+            for (solid, material) in solids.into_iter().zip(numbers) {
+                if let Some(emission) = &object.emission {
+                    let textures = &mut self.materials.textures;
+                    let light = lights::area(ctx, self.images, textures, emission, &solid)?;
+                    let (areas, of_material) = &mut self.shining;
+                    of_material.resize(material as usize, transport::light::NONE);
+                    of_material.push(areas.len() as u32);
+                    areas.push(light);
+                }
+                solid.add(material, &mut self.geometry);
+            }
+        }
+        volumes::overlaps(ctx, &volumes)
+    }
+
+    /// Adds groups and their copies.
+    pub fn instances(
+        &mut self,
+        ctx: &mut Context,
+        groups: &BTreeMap<String, Located<GroupFile>>,
+        instances: &[Located<InstanceFile>],
+    ) -> Result<(), InputError> {
+        let mut numbers = BTreeMap::new();
+        for (name, group) in groups {
+            if group.objects.is_empty() {
+                return Err(ctx.error(
+                    group.span(),
+                    format!("the group `{name}` is empty"),
+                    format!("add [[groups.{name}.objects]], or take the group away"),
+                ));
+            }
+            if let Some(emission) = group.objects.iter().find_map(|o| o.emission.as_ref()) {
+                return Err(ctx.error(
+                    emission.span(),
+                    "an object of a group shines, and copies cannot",
+                    "put it into [[objects]]",
+                ));
+            }
+            numbers.insert(name.as_str(), self.geometry.begin_group());
+            self.objects(ctx, &group.objects)?;
+            self.geometry.end_group();
+        }
+        let mut count = 0;
+        for instance in instances {
+            let number = group_number(ctx, &instance.group, &numbers)?;
+            let all = copies(ctx, instance)?;
+            count += all.len();
+            if count > MOST_COPIES {
+                return Err(ctx.error(
+                    instance.span(),
+                    format!("the scene has more than {MOST_COPIES} copies of groups"),
+                    "put several into one group",
+                ));
+            }
+            for place in all {
+                self.geometry.instance(number, place);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The number of a group by its name.
+pub(crate) fn group_number<T: Copy>(
+    ctx: &Context,
+    name: &Located<String>,
+    groups: &BTreeMap<&str, T>,
+) -> Result<T, InputError> {
+    groups.get(name.as_str()).copied().ok_or_else(|| {
+        let known = groups.keys().copied().collect::<Vec<_>>().join(", ");
+        ctx.error(
+            name.span(),
+            format!("there is no group `{}`", **name),
+            if known.is_empty() {
+                format!("add [groups.{}]", **name)
+            } else {
+                format!("add [groups.{}], or use one of: {known}", **name)
+            },
+        )
+    })
+}
+
+/// The places of all copies that an entry stands for.
+pub(crate) fn copies(
+    ctx: &mut Context,
+    instance: &Located<InstanceFile>,
+) -> Result<Vec<DAffine3>, InputError> {
+    let outer = match &instance.transform {
+        Some(t) => shapes::transform(ctx, t)?,
+        None => DAffine3::IDENTITY,
+    };
+    let places = match &instance.places {
+        Some(file) => places::read(ctx, file)?,
+        None => vec![DAffine3::IDENTITY],
+    };
+    let mut all = Vec::with_capacity(places.len());
+    for (i, inner) in places.into_iter().enumerate() {
+        let place = outer * inner;
+        let m = place.matrix3;
+        let columns = [m.x_axis, m.y_axis, m.z_axis, place.translation];
+        let sane = columns.iter().all(|c| c.abs().max_element() <= HUGE);
+        if !sane || !shapes::is_solid(&place) {
+            let span = instance.places.as_ref().map_or(instance.span(), Located::span);
+            let which = if instance.places.is_some() {
+                format!("copy {} of the group", i + 1)
+            } else {
+                "the copy of the group".into()
+            };
+            return Err(ctx.error(
+                span,
+                format!("{which} is squashed flat, or reaches to infinity"),
+                "give it extent above 0 along every direction, and keep coordinates below 1e12 m",
+            ));
+        }
+        all.push(place);
+    }
+    Ok(all)
+}
+
+/// What fills an object.
+fn filling(
+    ctx: &Context,
+    object: &ObjectFile,
+    media: &BTreeMap<&str, u32>,
+) -> Result<Option<Boundary>, InputError> {
+    let Some(name) = &object.interior else {
+        return Ok(None);
+    };
+    let Some(medium) = media.get(name.as_str()) else {
+        let known = media.keys().copied().collect::<Vec<_>>().join(", ");
+        return Err(ctx.error(
+            name.span(),
+            format!("there is no medium `{}`", **name),
+            if known.is_empty() {
+                format!("add [media.{}]", **name)
+            } else {
+                format!("add [media.{}], or use one of: {known}", **name)
+            },
+        ));
+    };
+    Ok(Some(Boundary {
+        medium: *medium,
+        priority: object.priority,
+    }))
+}

@@ -1,0 +1,119 @@
+//! Mitsuba's `shapegroup` and `instance` → groups and instances of a scene file.
+
+use super::import_shapes::{self, Readers};
+use super::importer::{Importer, rows};
+use super::names::plain;
+use super::tree::Node;
+use base::locate::{InputError, Located};
+use glam::DAffine3;
+use std::collections::BTreeMap;
+use syntax::instance::{GroupFile, InstanceFile};
+use syntax::transform::TransformFile;
+
+/// The groups and instances so far.
+#[derive(Default)]
+pub(super) struct Groups<'a> {
+    pub groups: BTreeMap<String, Located<GroupFile>>,
+    pub instances: Vec<Located<InstanceFile>>,
+    /// Groups that were read, and their names.
+    read: Vec<(&'a Node, String)>,
+}
+
+impl<'a> Groups<'a> {
+    /// Adds the group that a `shapegroup` is, unless it is there; returns its name.
+    pub fn group(&mut self, importer: &mut Importer<'a>, reader: &mut Readers, node: &'a Node) -> String {
+        if let Some((_, name)) = self.read.iter().find(|(n, _)| std::ptr::eq(*n, node)) {
+            return name.clone();
+        }
+        let wanted = plain(node.id.as_deref().unwrap_or("group"));
+        let others = (2..).map(|i| format!("{wanted}_{i}"));
+        let free = std::iter::once(wanted.clone())
+            .chain(others)
+            .find(|n| !self.groups.contains_key(n));
+        let name = free.unwrap_or(wanted);
+        self.read.push((node, name.clone()));
+        // The name is taken from now on, whatever is wrong in the group.
+        let mut group = GroupFile::default();
+        self.groups
+            .insert(name.clone(), Located::at(node.span.clone(), group.clone()));
+        for child in node.children() {
+            let objects = importer
+                .resolve(child)
+                .and_then(|inner| match inner.kind.as_str() {
+                    "shapegroup" | "instance" => importer.error(
+                        &inner.span,
+                        format!("`{}` within a shapegroup", inner.kind),
+                        "put its shapes into the group, or out of it: groups do not nest",
+                    ),
+                    _ if inner.tag != "shape" => importer.error(
+                        child.span(),
+                        format!("a {} does nothing in a shapegroup", inner.tag),
+                        "give it to one of the group's shapes, or take it away",
+                    ),
+                    _ => Ok((inner, import_shapes::objects(importer, reader, inner)?)),
+                });
+            match objects {
+                Ok((inner, new)) => {
+                    let at = |o| Located::at(inner.span.clone(), o);
+                    group.objects.extend(new.into_iter().map(at));
+                }
+                Err(e) => importer.source.report(e),
+            }
+        }
+        if node.children().is_empty() {
+            let message = "the shapegroup is empty";
+            let mend = "put shapes into it, or take it and its instances away";
+            importer
+                .source
+                .report(importer.source.error(&node.span, message, mend));
+        }
+        node.finish(importer.source, &[]);
+        self.groups
+            .insert(name.clone(), Located::at(node.span.clone(), group));
+        name
+    }
+
+    /// Adds an `instance`.
+    pub fn instance(
+        &mut self,
+        importer: &mut Importer<'a>,
+        reader: &mut Readers,
+        node: &'a Node,
+    ) -> Result<(), InputError> {
+        let place = node.transform(importer.source, "to_world")?;
+        let mut group = None;
+        for child in node.children() {
+            let inner = importer.resolve(child)?;
+            if inner.kind != "shapegroup" || group.is_some() {
+                return importer.error(
+                    child.span(),
+                    "an instance is of one shapegroup, and of nothing else",
+                    "refer to one shapegroup: its shapes bring their materials along",
+                );
+            }
+            group = Some(inner);
+        }
+        let Some(group) = group else {
+            return importer.error(
+                &node.span,
+                "the instance has no shapegroup",
+                "add <ref id=\"…\"/> with a shapegroup's id",
+            );
+        };
+        node.finish(importer.source, &[]);
+        let name = self.group(importer, reader, group);
+        let at = || node.span.clone();
+        let mut instance = InstanceFile::new(name);
+        instance.group = Located::at(at(), instance.group.to_string());
+        instance.name.clone_from(&node.id);
+        if let Some(place) = place.filter(|p| *p != DAffine3::IDENTITY) {
+            let matrix = TransformFile {
+                matrix: Some(rows(&place)),
+                ..TransformFile::default()
+            };
+            instance.transform = Some(Located::at(at(), matrix));
+        }
+        self.instances.push(Located::at(at(), instance));
+        Ok(())
+    }
+}

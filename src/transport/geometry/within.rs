@@ -1,0 +1,260 @@
+//! What rays meet in copies of groups: the second level of the tree.
+//!
+//! A group has a tree over its own packs and quadrics, in its own coordinates, and is there once. An instance is a leaf of
+//! the world's tree: an affine map that takes the group to its place. A ray is met in the group's coordinates, where the
+//! copy's surfaces are as exact as those of the group, and the hit is taken to the world.
+//!
+//! What a hit says is what it would say of a copy that [`Mesh::transform`](super::mesh::Mesh::transform) made: normals
+//! turn by the inverse transpose, corner by corner before they are interpolated, and what faces outward does so in a
+//! mirror image too.
+
+use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC};
+use super::instance::{Instance, stretch};
+use super::pack::Wide;
+use super::quadric::{normalized_slope, similarity};
+use super::ray::{Hit, Owner, Ray, Surface};
+use super::tree::Child;
+use super::triangle::{Triangle, bend, vector};
+use glam::{Affine3A, Mat3A, Vec3A};
+
+impl Outline {
+    /// Where an affine map takes it.
+    #[must_use]
+    pub fn placed(&self, map: &Affine3A) -> Self {
+        let grown = similarity(map.matrix3);
+        match *self {
+            Self::Flat { corners } => Self::Flat {
+                corners: corners.map(|c| map.transform_point3a(c)),
+            },
+            Self::Ball { centre, radius } if grown > 0.0 => Self::Ball {
+                centre: map.transform_point3a(centre),
+                radius: radius * grown,
+            },
+            Self::Ball { centre, radius } | Self::Inside { centre, radius } => Self::Inside {
+                centre: map.transform_point3a(centre),
+                radius: radius * stretch(map.matrix3),
+            },
+        }
+    }
+}
+
+impl Geometry {
+    /// Every instance: its number, that of its group, and its place.
+    pub fn instances(&self) -> impl Iterator<Item = (u32, u32, Affine3A)> + '_ {
+        self.instances.iter().zip(0..).map(|(i, number)| {
+            let place = Affine3A {
+                matrix3: i.to_world,
+                translation: i.origin,
+            };
+            (number, i.group, place)
+        })
+    }
+
+    /// Every primitive of a group, in the group's coordinates, with the number that [`Hit::leaf`] gives it.
+    #[must_use]
+    pub fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
+        let tree = &self.groups[group as usize].tree;
+        let (mut found, mut todo) = (vec![], vec![0]);
+        while let Some(node) = todo.pop() {
+            for (_, child) in tree.children(node) {
+                match child {
+                    Child::Branch(node) => todo.push(node),
+                    Child::Leaf(leaf) if leaf & 1 == 1 => found.push(QUADRIC | leaf >> 1),
+                    Child::Leaf(leaf) => found.extend((0..8).map(|lane| 8 * (leaf >> 1) + lane)),
+                }
+            }
+        }
+        let outline = |leaf| Some((leaf, self.outline(leaf)?));
+        found.into_iter().filter_map(outline).collect()
+    }
+
+    /// [`Geometry::intersect`] where there are instances: compiled apart, so that worlds without them are no slower.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if self.avx2 {
+            // SAFETY: the processor was asked when the geometry was built.
+            return unsafe { self.intersect_instances_avx2(ray, tmax) };
+        }
+        self.intersect_any::<true>(ray, tmax)
+    }
+
+    /// [`Geometry::occluded`] likewise.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool {
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if self.avx2 {
+            // SAFETY: as above.
+            return unsafe { self.occluded_instances_avx2(ray, tmax) };
+        }
+        self.occluded_any::<true>(ray, tmax)
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn intersect_instances_avx2(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+        self.intersect_any::<true>(ray, tmax)
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn occluded_instances_avx2(&self, ray: &Ray, tmax: f32) -> bool {
+        self.occluded_any::<true>(ray, tmax)
+    }
+
+    /// The nearest hit closer than `tmax` in an instance.
+    #[inline]
+    pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if self.avx2 {
+            // SAFETY: as above.
+            return unsafe { self.nearest_in_avx2(number, ray, tmax) };
+        }
+        self.nearest_in_any(number, ray, tmax)
+    }
+
+    /// True if anything of an instance lies strictly between the origin and `tmax`.
+    #[inline(never)]
+    pub(super) fn any_in(&self, number: u32, ray: &Ray, tmax: f32) -> bool {
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if self.avx2 {
+            // SAFETY: as above.
+            return unsafe { self.any_in_avx2(number, ray, tmax) };
+        }
+        self.any_in_any(number, ray, tmax)
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn nearest_in_avx2(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
+        self.nearest_in_any(number, ray, tmax)
+    }
+
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn any_in_avx2(&self, number: u32, ray: &Ray, tmax: f32) -> bool {
+        self.any_in_any(number, ray, tmax)
+    }
+
+    #[inline(always)]
+    fn nearest_in_any(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
+        let instance = &self.instances[number as usize];
+        let group = &self.groups[instance.group as usize];
+        let local = instance.local(ray, group.reach);
+        let end = tmax * local.scale - local.start;
+        let mut nearest = Nearest::<false> {
+            geometry: self,
+            ray: &local.ray,
+            wide: Wide::new(&local.ray),
+            hit: None,
+        };
+        if end > 0.0 {
+            group.tree.traverse::<true>(&local.ray, end, &mut nearest);
+        }
+        let hit = nearest.hit?;
+        Some(Hit {
+            t: local.world(hit.t).min(tmax),
+            owner: Owner::instance(number),
+            ..hit
+        })
+    }
+
+    #[inline(always)]
+    fn any_in_any(&self, number: u32, ray: &Ray, tmax: f32) -> bool {
+        let instance = &self.instances[number as usize];
+        let group = &self.groups[instance.group as usize];
+        let local = instance.local(ray, group.reach);
+        let end = tmax * local.scale - local.start;
+        let mut any = Any::<false> {
+            geometry: self,
+            ray: &local.ray,
+            wide: Wide::new(&local.ray),
+            found: false,
+        };
+        if end > 0.0 {
+            group.tree.traverse::<false>(&local.ray, end, &mut any);
+        }
+        any.found
+    }
+
+    /// [`Geometry::surface`] of a hit in an instance.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn surface_in_instance(&self, number: u32, ray: &Ray, hit: &Hit) -> Surface {
+        let instance = &self.instances[number as usize];
+        if hit.leaf & QUADRIC != 0 {
+            let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
+            let local = instance.local(ray, self.groups[instance.group as usize].reach);
+            let t = hit.t * local.scale - local.start;
+            let (p, n, tangent) = quadric.surface(local.ray.origin + local.ray.dir * t);
+            let n = instance.normal(n);
+            return Surface {
+                p: instance.place(p),
+                ng: n,
+                ns: n,
+                tangent: instance.to_world * tangent,
+                uv: if self.textured { quadric.uv(p) } else { [0.0; 2] },
+                material: quadric.material,
+            };
+        }
+        let tri = &self.triangles[hit.leaf as usize];
+        let [v0, e1, e2] = [tri.v0, tri.e1, tri.e2].map(vector);
+        let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
+        let ng = instance.normal(vector(tri.normal));
+        let ns = match self.corner_normals(instance, tri) {
+            None => ng,
+            Some([a, b, c]) => {
+                let n = (a * w + b * u + c * v).normalize_or(ng);
+                if n.dot(ng) < 0.0 { -n } else { n }
+            }
+        };
+        let (mut tangent, mut uv) = (vector(tri.tangent), [u, v]);
+        match tri.uvs() {
+            Some(corners) => {
+                let [a, b, c] = corners.map(|i| self.uvs[i as usize]);
+                uv = [0, 1].map(|k| a[k] * w + b[k] * u + c[k] * v);
+            }
+            // A mirror image runs the other way round its corners: its first edge is the group's second.
+            None if instance.mirrors() => (tangent, uv) = (e2, [v, u]),
+            None => {}
+        }
+        Surface {
+            p: instance.place(v0 + e1 * u + e2 * v),
+            ng,
+            ns,
+            tangent: instance.to_world * tangent,
+            uv: if self.textured { uv } else { [0.0; 2] },
+            material: tri.material(),
+        }
+    }
+
+    /// Unit shading normals at the corners of a copy of a triangle; `None` for a flat one.
+    #[inline]
+    fn corner_normals(&self, instance: &Instance, tri: &Triangle) -> Option<[Vec3A; 3]> {
+        let corners = tri.normals()?;
+        Some(corners.map(|i| instance.normal(Vec3A::from_array(self.normals[i as usize]))))
+    }
+
+    /// [`Geometry::bend`] of a hit in an instance.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn bend_in_instance(&self, number: u32, hit: &Hit, surface: &Surface) -> Mat3A {
+        let instance = &self.instances[number as usize];
+        if hit.leaf & QUADRIC != 0 {
+            let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
+            let slope = quadric.bend(instance.to_local * (surface.p - instance.origin));
+            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ: the local unit normal is N⁻¹ n' = Aᵀ n', up to its length.
+            let turn = instance.to_local.transpose();
+            let n = (instance.to_world.transpose() * surface.ng).normalize();
+            return normalized_slope(turn * n, turn * slope * instance.to_local);
+        }
+        let tri = &self.triangles[hit.leaf as usize];
+        let Some([a, b, c]) = self.corner_normals(instance, tri) else {
+            return Mat3A::ZERO;
+        };
+        let [e1, e2] = [tri.e1, tri.e2].map(|e| instance.to_world * vector(e));
+        bend([a, b, c], [e1, e2], [hit.u, hit.v], surface.ns)
+    }
+}
