@@ -17,8 +17,9 @@ import sys
 
 import environment
 
-if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
-    environment.enter()
+if not {"-h", "--help"} & set(sys.argv):
+    if __name__ == "__main__":
+        environment.enter()
     import mitsuba as mi
     import numpy as np
     import xarray

@@ -16,6 +16,7 @@ use syntax::slice::*;
 use syntax::texture::*;
 use syntax::transform::TransformFile;
 use syntax::values::*;
+use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 use transport::scene::{Integrator, Scene};
 
@@ -480,6 +481,7 @@ impl Choices<'_> {
             13 => MaterialFile::Polarizer(PolarizerFile {
                 angle_deg: self.some_number(),
                 axis: self.some(|c| c.three().into()),
+                passes: [Passes::Linear, Passes::Right, Passes::Left][self.below(3) as usize],
                 transmittance: self.spectrum().into(),
                 extinction: self.spectrum().into(),
             }),

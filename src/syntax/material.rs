@@ -8,6 +8,7 @@ use optics::sampling::microfacet::{Distribution, Masking};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 
 /// A file of materials alone: what `sunstone pbrdf eval` reads.
@@ -280,7 +281,10 @@ pub struct PolarizerFile {
     pub angle_deg: Option<Located<f64>>,
     /// Transmitting axis as a direction in the world, instead of angle_deg.
     pub axis: Option<Located<[f64; 3]>>,
-    /// Share of the power along the transmitting axis that passes, 0..1.
+    /// A circular polarizer: `right` or `left`; `linear` if absent.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub passes: Passes,
+    /// Share of the power of what passes that passes, 0..1.
     #[serde(
         default = "defaults::unit_spectrum",
         skip_serializing_if = "defaults::is_unit_spectrum"
@@ -438,6 +442,7 @@ impl MaterialFile {
         Self::Polarizer(PolarizerFile {
             angle_deg: Some(angle_deg.into()),
             axis: None,
+            passes: Passes::Linear,
             transmittance: defaults::unit_spectrum(),
             extinction: defaults::zero_spectrum(),
         })

@@ -13,7 +13,7 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::coated_conductor::{CoatedConductor, MAX_FILMS};
 use transport::material::crystal::Crystal;
 use transport::material::dielectric::Dielectric;
-use transport::material::polarizer::Polarizer;
+use transport::material::polarizer::{Passes, Polarizer};
 use transport::material::retarder::{Retarder, Tilt};
 use transport::material::sheet::SheetAxis;
 use transport::material::varies;
@@ -72,7 +72,20 @@ fn film(ctx: &Context, film: &FilmFile) -> Result<Film, InputError> {
 }
 
 pub(super) fn polarizer(ctx: &Context, file: &PolarizerFile) -> Result<Polarizer, InputError> {
+    let axial = file
+        .angle_deg
+        .as_ref()
+        .map(Located::span)
+        .or(file.axis.as_ref().map(Located::span));
+    if let (true, Some(at)) = (file.passes != Passes::Linear, axial) {
+        return Err(ctx.error(
+            at,
+            "a circular polarizer has no axis",
+            "take angle_deg and axis away",
+        ));
+    }
     Ok(Polarizer {
+        passes: file.passes,
         axis: sheet_axis(ctx, &file.angle_deg, &file.axis)?,
         transmittance: ctx.located(&file.transmittance, "transmittance", 0.0..=1.0)?,
         extinction: ctx.located(&file.extinction, "extinction", 0.0..=1.0)?,

@@ -16,6 +16,7 @@ use syntax::material::MaterialFile;
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
 use transport::material::plastic::Plastic;
+use transport::material::polarizer::Passes;
 use transport::material::retarder::Tilt;
 use transport::material::sheet::SheetAxis;
 use transport::material::texture::{Scalar, Spectrum};
@@ -160,6 +161,11 @@ impl<'a> MaterialWriter<'a> {
                         "a polarizer that lets some of the blocked light pass",
                         "take extinction away",
                     );
+                }
+                if p.passes != Passes::Linear {
+                    let left = p.passes == Passes::Left;
+                    let out = open("circular").boolean("left_handed", left);
+                    return Ok(out.child(self.spectrum("transmittance", p.transmittance)));
                 }
                 let SheetAxis::Angle(angle) = p.axis else {
                     return self.cannot(id, "an axis in world space", "give angle_deg instead");

@@ -17,6 +17,7 @@ use syntax::material::{
 };
 use syntax::texture::AlbedoFile;
 use syntax::values::IndexFile;
+use transport::material::polarizer::Passes;
 
 /// All BSDFs that are read.
 pub(super) const KNOWN: [&str; 19] = [
@@ -32,12 +33,12 @@ pub(super) const KNOWN: [&str; 19] = [
     "principled",
     "measured_polarized",
     "polarizer",
+    "circular",
     "retarder",
     "blendbsdf",
     "twosided",
     "mask",
     "normalmap",
-    "bumpmap",
     "null",
 ];
 
@@ -253,6 +254,19 @@ impl MaterialReader {
                 MaterialFile::Polarizer(PolarizerFile {
                     angle_deg: Some(at(node, angle)),
                     axis: None,
+                    passes: Passes::Linear,
+                    transmittance: importer.spectrum_or(node, "transmittance", 1.0)?,
+                    extinction: at(node, 0.0.into()),
+                })
+            }
+            "circular" => {
+                // Turning it changes nothing.
+                angle(importer, node)?;
+                let left = node.boolean(source, "left_handed")?.unwrap_or(false);
+                MaterialFile::Polarizer(PolarizerFile {
+                    angle_deg: None,
+                    axis: None,
+                    passes: if left { Passes::Left } else { Passes::Right },
                     transmittance: importer.spectrum_or(node, "transmittance", 1.0)?,
                     extinction: at(node, 0.0.into()),
                 })

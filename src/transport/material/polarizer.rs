@@ -8,21 +8,44 @@
 //! > M00 = M11 = T(1 + ε)/2,  M01 = M10 = T(1 - ε)/2,  M22 = M33 = T√ε.
 //!
 //! Reflection by the faces is neglected; T may include it.
+//!
+//! A circular polarizer passes one handedness of circular light and blocks the other, whichever way light comes: in any frame
+//!
+//! > M00 = M33 = T(1 + ε)/2,  M03 = M30 = ±T(1 - ε)/2 (+ right),  M11 = M22 = T√ε.
 
 use super::lobe::Specular;
 use super::sheet;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
-use optics::polarization::frame::project;
+use optics::polarization::frame::{perpendicular, project};
 use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::mueller::Mueller;
+use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use sheet::SheetAxis;
+
+/// The state of light that passes a polarizer sheet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Passes {
+    /// Linear, along the axis.
+    #[default]
+    Linear,
+    /// Right circular, s3 > 0.
+    Right,
+    /// Left circular, s3 < 0.
+    Left,
+}
 
 /// A polarizer sheet.
 #[derive(Clone, Copy, Debug)]
 pub struct Polarizer {
     /// Transmitting axis.
     pub axis: SheetAxis,
+    /// What passes; the axis is that of linear polarizers.
+    pub passes: Passes,
     /// T: power transmittance of light along the transmitting axis, 0..1.
     pub transmittance: Spectral,
     /// ε: how much of the blocked component passes, as a share of T, 0..1.
@@ -34,6 +57,9 @@ impl Polarizer {
     #[inline]
     #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
+        if self.passes != Passes::Linear {
+            return self.circular(wo);
+        }
         let absorbing = project(at.ns.cross(self.axis.at(at)), wo);
         let half = self.transmittance * Spectral::HALF;
         let block = FresnelBlock {
@@ -44,12 +70,37 @@ impl Polarizer {
         };
         sheet::straight(wo, block, wo.cross(absorbing))
     }
+
+    fn circular(&self, wo: Vec3A) -> Specular {
+        let half = self.transmittance * Spectral::HALF;
+        let hand = if self.passes == Passes::Right { 1.0 } else { -1.0 };
+        let sum = half * (Spectral::ONE + self.extinction);
+        let difference = half * (Spectral::ONE - self.extinction) * Spectral::splat(hand);
+        let linear = self.transmittance * self.extinction.sqrt();
+        let o = Spectral::ZERO;
+        let frame = perpendicular(wo);
+        Specular {
+            wi: -wo,
+            scatter: Scatter::Full {
+                mueller: Mueller {
+                    m: [
+                        [sum, o, o, difference],
+                        [o, linear, o, o],
+                        [o, o, linear, o],
+                        [difference, o, o, sum],
+                    ],
+                },
+                frame_out: frame,
+                frame_in: frame,
+            },
+            filling: None,
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use optics::polarization::frame::perpendicular;
 
     /// Mitsuba 3.9.1's `polarizer` with `theta = -30` (its angle runs the other way), in the same frames.
     #[test]
@@ -65,6 +116,7 @@ mod tests {
         };
         let sheet = Polarizer {
             axis: SheetAxis::Angle(30_f32.to_radians()),
+            passes: Passes::Linear,
             transmittance: Spectral::ONE,
             extinction: Spectral::ZERO,
         };
