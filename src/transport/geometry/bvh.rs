@@ -384,6 +384,7 @@ impl Geometry {
 
     /// Where a primitive is (in its own coordinates, if it is a group's), by the number that [`Hit::leaf`] gives it; `None`
     /// of an unused place.
+    #[must_use]
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];
