@@ -264,19 +264,25 @@ impl Geometry {
     #[inline(always)]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        let mut out = self.own_surface(ray, hit);
         if let Some(number) = hit.owner.number() {
-            // Copies, and field by field, so that neither rays nor surfaces must be in memory for the world's sake.
-            let (ray, hit) = (*ray, *hit);
-            let s = self.surface_in_instance(number, &ray, &hit);
-            return Surface {
-                p: s.p,
-                ng: s.ng,
-                ns: s.ns,
-                tangent: s.tangent,
-                uv: s.uv,
-                material: s.material,
-            };
+            out = self.surface_in_instance(number, ray, hit);
         }
+        out
+    }
+
+    /// [`Self::surface`] into a place in memory, which spares the way over another one.
+    #[inline(always)]
+    pub fn surface_into(&self, ray: &Ray, hit: &Hit, out: &mut Surface) {
+        *out = self.own_surface(ray, hit);
+        if let Some(number) = hit.owner.number() {
+            *out = self.surface_in_instance(number, ray, hit);
+        }
+    }
+
+    /// [`Self::surface`] of what stands in the world itself; something without meaning in an instance.
+    #[inline(always)]
+    fn own_surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
@@ -380,6 +386,7 @@ impl Geometry {
 
     /// Where a primitive is (in its own coordinates, if it is a group's), by the number that [`Hit::leaf`] gives it; `None`
     /// of an unused place.
+    #[must_use]
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];

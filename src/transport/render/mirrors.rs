@@ -22,6 +22,9 @@ use std::collections::HashMap;
 const NONE: u32 = u32::MAX;
 const CURVED: u32 = u32::MAX - 1;
 
+/// The number of a primitive and what it belongs to.
+type Key = (u32, Owner);
+
 /// Any instance.
 const EVERY: Owner = Owner::instance(u32::MAX);
 
@@ -71,7 +74,7 @@ pub(super) struct Mirrors {
     /// Curved mirrors besides those, of groups with many copies.
     copied: Copied,
     /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
-    groups: HashMap<(u32, Owner), u32>,
+    groups: HashMap<Key, u32>,
     /// Interfaces may move the point of reflection.
     bent: bool,
     /// Some interface sends wavelengths different ways.
@@ -136,7 +139,7 @@ impl Mirrors {
             all.retain(|(key, _)| key.1 == Owner::WORLD);
         }
         let mut planes = HashMap::new();
-        let mut pieces: Vec<((u32, Owner), Outline, u32)> = vec![];
+        let mut pieces: Vec<(Key, Outline, u32)> = vec![];
         for (key, outline) in all {
             let (surface, flat) = primitive(geometry, key, &outline);
             if !is_mirror(&surface) {
@@ -251,10 +254,7 @@ impl Mirrors {
 
 /// Everything that may be a mirror, with its number and its instance's; not what is in instances, and false, where that is
 /// too much.
-fn candidates(
-    geometry: &Geometry,
-    is_mirror: impl Fn(&Surface) -> bool,
-) -> (Vec<((u32, Owner), Outline)>, bool) {
+fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();
     let own = all.len();
@@ -284,7 +284,7 @@ fn candidates(
 fn copied(
     geometry: &Geometry,
     is_mirror: impl Fn(&Surface) -> bool,
-    numbers: &mut HashMap<(u32, Owner), u32>,
+    numbers: &mut HashMap<Key, u32>,
 ) -> Copied {
     let mut groups = vec![vec![]; geometry.copies().1];
     let mut done = vec![false; groups.len()];
@@ -306,7 +306,7 @@ fn copied(
 }
 
 /// A primitive's surface at some point, and whether it is flat.
-fn primitive(geometry: &Geometry, (leaf, owner): (u32, Owner), outline: &Outline) -> (Surface, bool) {
+fn primitive(geometry: &Geometry, (leaf, owner): Key, outline: &Outline) -> (Surface, bool) {
     let (lo, hi) = ends(outline);
     let ray = Ray {
         origin: 0.5 * (lo + hi),

@@ -268,7 +268,7 @@ impl Path {
             return;
         };
         let state = &mut self.state;
-        self.surface = scene.geometry.surface(&state.ray, hit);
+        scene.geometry.surface_into(&state.ray, hit, &mut self.surface);
         let surface = &self.surface;
         state.optical_m += f64::from(state.filling.index) * f64::from((surface.p - state.from).length());
         if let Some(scatter) = state.crossed(scene, surface) {

@@ -57,7 +57,9 @@ impl Roulette {
     /// From what some camera samples bring, in a scene with media or without.
     pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
-        let mean = |f: &dyn Fn(f32) -> f32| samples.iter().map(|x| f(*x)).sum::<f32>() / count;
+        // Samples that are not finite are discarded, here too.
+        let sound = |x: &&f32| x.is_finite() && **x >= 0.0;
+        let mean = |f: &dyn Fn(f32) -> f32| samples.iter().filter(sound).map(|x| f(*x)).sum::<f32>() / count;
         // Not moved by the few that bring most.
         let typical = mean(&f32::sqrt).powi(2);
         let (first, second) = (mean(&|x| x), mean(&|x| x * x));
