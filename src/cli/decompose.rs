@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::matrices::MatrixSource;
+use super::places;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use sunstone::matrices::Matrices;
@@ -46,12 +47,8 @@ fn quantity(text: &str) -> Result<Quantity, String> {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    if a.output.extension().is_none_or(|e| e != "npz") {
-        return Err(Failure::input(format!(
-            "{}: arrays are written as .npz; name the file so",
-            a.output.display()
-        )));
-    }
+    places::files([Some(&a.from.source), a.errors.as_ref()], [Some(&a.output)])?;
+    places::extension(&a.output, "arrays are", &["npz"])?;
     let Matrices {
         shape,
         values,

@@ -31,6 +31,11 @@ impl Failure {
         Self::Failed(e.to_string())
     }
 
+    /// Failure on the way if the system refused, else bad input.
+    pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
+        if is_of_system { Self::failed(e) } else { Self::input(e) }
+    }
+
     /// Tells the user, and gives the exit code.
     pub fn report(&self) -> ExitCode {
         match self {

@@ -1,6 +1,7 @@
 //! `sunstone import`.
 
 use super::failure::Failure;
+use super::places;
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -102,6 +103,10 @@ fn definition(text: &str) -> Result<(String, String), String> {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if let Some(output) = &a.output {
+        places::files([Some(&a.scene)], [Some(output)])?;
+        places::extension(output, "scenes are", &["toml"])?;
+    }
     if calibration::is_calibration(&a.scene) {
         return calibrated(a);
     }

@@ -1,6 +1,7 @@
 //! `sunstone scheme`: making, showing and checking capture schemes.
 
 use super::failure::Failure;
+use super::places;
 use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
 use sunstone::base::whole_file;
@@ -73,7 +74,7 @@ struct Show {
     #[arg(required = true, value_name = "SCHEME")]
     schemes: Vec<PathBuf>,
     /// Wavelengths, nanometres.
-    #[arg(long, value_delimiter = ',', default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
 }
 
@@ -82,13 +83,13 @@ struct Matrix {
     #[arg(value_name = "SCHEME")]
     scheme: PathBuf,
     /// Wavelength, nanometres.
-    #[arg(long, default_value_t = 550.0)]
+    #[arg(long, default_value_t = 550.0, value_parser = super::places::wavelength)]
     wavelength: f64,
     /// Angle of the rays to the optical axis, degrees.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, value_parser = super::places::finite)]
     incidence: f64,
     /// Azimuth of their plane of incidence, degrees.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, value_parser = super::places::finite)]
     azimuth: f64,
     /// File to write: (K, 16) or (4K, 16), columns the elements of a Mueller matrix row by row.
     #[arg(short, long, value_name = "A.npy")]
@@ -126,6 +127,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 const MOST: usize = 100_000;
 
 fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {
+    places::files([], [Some(&new.output)])?;
+    places::extension(&new.output, "schemes are", &["toml"])?;
     if new.captures > MOST {
         return Err(Failure::input(format!(
             "-k {}: at most {MOST} captures",
@@ -140,12 +143,7 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
 
 /// Writes a scheme file.
 pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
-    if path.extension().is_none_or(|e| e != "toml") {
-        return Err(Failure::input(format!(
-            "{}: schemes are written as .toml; name the file so",
-            path.display()
-        )));
-    }
+    places::extension(path, "schemes are", &["toml"])?;
     let text = to_toml(scheme).map_err(Failure::failed)?;
     whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
         .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
@@ -184,6 +182,8 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
 }
 
 fn write_matrix(a: &Matrix) -> Result<(), Failure> {
+    places::files([Some(&a.scheme)], [Some(&a.output)])?;
+    places::extension(&a.output, "arrays are", &["npy"])?;
     let scheme = load(&a.scheme)?;
     let ray = Ray {
         nm: a.wavelength,
@@ -198,6 +198,7 @@ fn write_matrix(a: &Matrix) -> Result<(), Failure> {
 }
 
 fn draw(a: &Plot) -> Result<(), Failure> {
+    places::files([Some(&a.scheme)], [Some(&a.output)])?;
     let scheme = load(&a.scheme)?;
     picture(&scheme, &a.output)?;
     super::output::print(&a.output.display().to_string())

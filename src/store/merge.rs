@@ -96,6 +96,18 @@ pub enum MergeError {
     Access(#[from] AccessError),
 }
 
+impl MergeError {
+    /// Whether the system refused to write, not the stores to be merged.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        match self {
+            Self::Create(e) => e.is_of_system(),
+            Self::Access(e) => e.is_of_system(),
+            _ => false,
+        }
+    }
+}
+
 /// One store to merge, with what is known of its samples.
 struct Input {
     store: TensorStore,

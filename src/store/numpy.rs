@@ -107,7 +107,7 @@ impl NumpyReader {
             path: path.to_owned(),
             cause,
         };
-        let file = File::open(path).map_err(failed)?;
+        let file = base::input::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
         // The numbers are read in pieces of any place, for which a buffer would read too much.
         let mut buffered = BufReader::new(file);

@@ -51,6 +51,11 @@ impl MaterialSource {
         .map_err(Failure::input)
     }
 
+    /// The folder of tables, if one is given.
+    pub fn folder(&self) -> Option<&PathBuf> {
+        self.folder.as_ref()
+    }
+
     /// The frames asked for.
     pub fn frames(&self) -> Frames {
         match self.frames {

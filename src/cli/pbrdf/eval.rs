@@ -4,6 +4,7 @@ use crate::cli::failure::Failure;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use sunstone::base::input;
 use sunstone::pbrdf::evaluate::{Direction, Specimen};
 use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::material::Lobe;
@@ -209,7 +210,7 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, 
 
 /// Reads a list of directions.
 fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>, Failure> {
-    let text = std::fs::read_to_string(path)
+    let text = input::read_text(path)
         .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
     let mut list = vec![];
     for (i, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {

@@ -2,6 +2,7 @@
 
 use super::data::MaterialSource;
 use crate::cli::failure::Failure;
+use crate::cli::places;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
@@ -57,15 +58,15 @@ enum Mapping {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    if let Some(path) = a
-        .npz
-        .as_deref()
-        .filter(|p| p.extension().is_none_or(|e| e != "npz"))
-    {
-        return Err(Failure::input(format!(
-            "{}: arrays are written as .npz; name the file so",
-            path.display()
-        )));
+    places::files([a.data.folder()], [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()])?;
+    if let Some(path) = &a.npz {
+        places::extension(path, "arrays are", &["npz"])?;
+    }
+    if let Some(path) = &a.prior {
+        places::extension(path, "priors are", &["toml"])?;
+    }
+    if !(a.c > 0.0 && a.c <= 1e6) {
+        return Err(Failure::input(format!("-c {}: give a number above 0, at most 1e6", a.c)));
     }
     let data = a.data.load_mapped(a.c, 0)?;
     let moments = match a.map {

@@ -22,7 +22,7 @@ pub struct Arguments {
     #[arg(short, long, default_value = "sheet.png", value_parser = crate::cli::figure::picture)]
     output: PathBuf,
     /// Wavelength to show, nanometres (the nearest there is).
-    #[arg(short, long, default_value_t = 550.0)]
+    #[arg(short, long, default_value_t = 550.0, value_parser = crate::cli::places::wavelength)]
     wavelength: f64,
     /// Materials a row.
     #[arg(long, default_value_t = 5)]
@@ -36,6 +36,7 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    crate::cli::places::files([Some(&a.material)], [Some(&a.output)])?;
     let set = MaterialSet::load(&a.material)?;
     let grids: Result<Vec<Grid>, Failure> = set
         .names

@@ -3,6 +3,7 @@
 use super::data::banded_failure;
 use super::resolution::Resolution;
 use crate::cli::failure::Failure;
+use crate::cli::places;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use sunstone::pbrdf::stand_ins::BandedMaterials;
@@ -42,6 +43,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let axes = Axes::even(a.resolution.0, a.bands.clone());
     let materials = BandedMaterials::load(a.material.as_deref(), &a.bands).map_err(banded_failure)?;
     let names = names(a, &materials)?;
+    let written: Vec<PathBuf> = (names.iter().map(|name| format!("{name}.pbsdf")))
+        .chain(["materials.toml".to_owned()])
+        .map(|name| a.output.join(name))
+        .collect();
+    places::folders([], [Some(&a.output)])?;
+    places::files([a.material.as_ref()], written.iter().map(Some))?;
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::failed(format!("cannot make {}: {e}", a.output.display())))?;
     let bar = ProgressBar::new(names.len() as u64);

@@ -1,6 +1,7 @@
 //! `sunstone pbrdf info`, `slice` and `plot`: what a `.pbsdf` file holds.
 
 use crate::cli::failure::Failure;
+use crate::cli::places;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use sunstone::base::whole_file;
@@ -85,6 +86,7 @@ pub struct PlotArguments {
 }
 
 pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
+    places::files([Some(&a.source.file)], [Some(&a.output)])?;
     let table = a.source.open()?;
     let [phi_d, theta_d, theta_h] = table.angles();
     let p = nearest_angle(phi_d, a.phi_d);
@@ -142,6 +144,8 @@ pub struct SliceArguments {
 }
 
 pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
+    places::files([Some(&a.source.file)], [Some(&a.output)])?;
+    places::extension(&a.output, "parts of tables are", &["npy", "csv"])?;
     let table = a.source.open()?;
     let part = TablePart::new(&table, [a.phi_d, a.theta_d, a.theta_h], a.wavelength);
     match a.output.extension().and_then(|e| e.to_str()) {

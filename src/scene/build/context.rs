@@ -89,7 +89,7 @@ impl Context {
         let path = self.path(name);
         let bytes = match self.memory.get(name) {
             Some(bytes) => bytes.clone(),
-            None => std::fs::read(&path).map_err(|e| {
+            None => base::input::read(&path).map_err(|e| {
                 self.error(
                     span,
                     format!("cannot read {}: {e}", path.display()),
