@@ -68,11 +68,11 @@ impl NoiseArguments {
     /// What they mean for some matrices.
     pub fn resolve(&self, target: &MuellerImage) -> Result<Noise, Failure> {
         let good = |name: &str, sigma: f64| {
-            if sigma >= 0.0 && sigma.is_finite() {
+            if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {
                 Ok(sigma)
             } else {
                 Err(Failure::input(format!(
-                    "{name} {sigma}: give zero or a positive number"
+                    "{name} {sigma}: give zero or a positive number, 1e-30 to 1e30"
                 )))
             }
         };

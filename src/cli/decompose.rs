@@ -139,5 +139,15 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
             path.display()
         )));
     }
+    let negative = match &sigmas {
+        Values::Single(v) => v.iter().any(|e| *e < 0.0),
+        Values::Double(v) => v.iter().any(|e| *e < 0.0),
+    };
+    if negative {
+        return Err(Failure::input(format!(
+            "{}: some of the standard errors are negative; give 0 or more",
+            path.display()
+        )));
+    }
     Ok(sigmas)
 }

@@ -90,7 +90,7 @@ fn resolution(text: &str) -> Result<[u32; 2], String> {
 
 fn unit(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
+        Ok(v) if (1e-12..=1e12).contains(&v) => Ok(v),
         _ => Err("give metres, such as 0.001".into()),
     }
 }

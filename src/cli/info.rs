@@ -76,6 +76,15 @@ fn scene(scene: &Scene) -> String {
         let what = if p.coaxial { "coaxial, " } else { "" };
         line("projector", format!("{what}{}", device(&p.pinhole)));
     }
+    let lanes = |all: [f32; 4]| list(&all[..scene.wavelengths.count()].iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
+    for p in &scene.points {
+        let intensity = lanes(p.intensity.to_array());
+        line("emitter", format!("point at {}, {intensity} W/(sr nm)", p.position));
+    }
+    if let Some(e) = &scene.environment {
+        let radiance = lanes(e.radiance.to_array());
+        line("emitter", format!("environment, {radiance} W/(m² sr nm)"));
+    }
     let (triangles, quadrics) = scene.geometry.counts();
     line("geometry", format!("{triangles} triangles, {quadrics} quadrics"));
     line("media", scene.media.list.len().to_string());

@@ -205,11 +205,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 fn check(a: &Arguments) -> Result<(), Failure> {
-    if !(a.noise > 0.0 && a.noise.is_finite()) {
-        return Err(Failure::input("--noise: give a positive number"));
+    if !(1e-9..=1e6).contains(&a.noise) {
+        return Err(Failure::input("--noise: give a positive number, 1e-9 to 1e6"));
     }
-    if !(a.angle_error >= 0.0 && a.angle_error.is_finite()) {
-        return Err(Failure::input("--angle-error: give degrees, 0 or more"));
+    if !(0.0..=90.0).contains(&a.angle_error) {
+        return Err(Failure::input("--angle-error: give degrees, 0 to 90"));
     }
     if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
         return Err(Failure::input(

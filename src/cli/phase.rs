@@ -79,7 +79,10 @@ impl FromStr for Angles {
                 _ => Err(format!("`{t}` is not an angle in 0..180")),
             })
             .collect();
-        degrees.map(Self)
+        match degrees? {
+            degrees if degrees.is_empty() => Err("give at least one angle".into()),
+            degrees => Ok(Self(degrees)),
+        }
     }
 }
 

@@ -2,8 +2,7 @@
 //! written.
 
 use super::failure::Failure;
-use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use sunstone::base::input::is_special;
 use sunstone::base::whole_file::is_same;
 
@@ -35,6 +34,12 @@ pub fn folders<'a>(
 ) -> Result<(), Failure> {
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     for output in &outputs {
+        if output.exists() && !output.is_dir() {
+            return Err(Failure::input(format!(
+                "{}: it is there and is no folder; give another name",
+                output.display()
+            )));
+        }
         let extension = lower_extension(output);
         if OF_FILES.contains(&extension.as_str()) && !output.is_dir() {
             return Err(Failure::input(format!(
@@ -87,6 +92,10 @@ fn check<'a>(
         if is_special(output) {
             return refused("it is a device or a pipe; name a file to write".into());
         }
+        let above = output.ancestors().skip(1).find(|a| a.exists());
+        if let Some(file) = above.filter(|a| !a.is_dir()) {
+            return refused(format!("{} is a file, and no folder to write into", file.display()));
+        }
         let real = real(output);
         for input in &inputs {
             let read = input.display();
@@ -124,15 +133,17 @@ fn is_within(real: &Path, store: &Path) -> bool {
 /// A path, of which the end need not exist, without links and dots.
 fn real(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut rest: Vec<OsString> = vec![];
-    for folder in absolute.ancestors() {
-        if let Ok(mut found) = folder.canonicalize() {
-            found.extend(rest.iter().rev());
-            return found;
+    let mut found = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                found.pop();
+            }
+            part => found.push(part),
         }
-        rest.push(folder.file_name().unwrap_or_default().to_owned());
+        found = found.canonicalize().unwrap_or(found);
     }
-    absolute
+    found
 }
 
 /// A wavelength of a command line, nanometres.
@@ -140,13 +151,5 @@ pub fn wavelength(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(nm) if (100.0..=100_000.0).contains(&nm) => Ok(nm),
         _ => Err("give nanometres, 100 to 100000".into()),
-    }
-}
-
-/// A finite number of a command line.
-pub fn finite(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err("give a number".into()),
     }
 }

@@ -72,13 +72,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         places::extension(path, "arrays are", &["npy"])?;
     }
     let scheme = load(&a.scheme)?;
-    if a.noise.is_some_and(|n| !(n > 0.0 && n.is_finite())) {
+    if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
         return Err(Failure::input(
-            "--noise: give a positive number, in units of the intensities",
+            "--noise: give a positive number, 1e-18 to 1e18, in units of the intensities",
         ));
     }
-    if a.saturation.is_some_and(f64::is_nan) {
-        return Err(Failure::input("--saturation: give a number, in units of the intensities"));
+    if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
+        return Err(Failure::input("--saturation: give a positive number, in units of the intensities"));
     }
     if a.prior.is_some() && a.noise.is_none() {
         return Err(Failure::input(
@@ -177,6 +177,9 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                 read(&mut reader, &mut i, first, n, pixels)?;
                 if let Some(variances) = &mut variances {
                     read(variances, &mut v, first, n, pixels)?;
+                    if v[..n * count].iter().any(|v| v.get() < 0.0) {
+                        return Err(Failure::input("--variance: some of them are negative; give squares of noise"));
+                    }
                 }
                 let begun = Instant::now();
                 let weights = (!v.is_empty()).then(|| &v[..n * count]);

@@ -117,8 +117,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let text = sunstone::scene::read(&a.scene)?;
     let mut scene = sunstone::scene::from_text(&a.scene, &text)?;
-    let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
-    let mut figures = spec::from_text(&a.scene, &text, &slices)?;
+    let mut figures = spec::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
     if let Some(spp) = a.spp {
         if !(1..=1 << 30).contains(&spp) {
             return Err(Failure::input(format!("--spp is {spp}; give 1 to {}", 1 << 30)));
@@ -158,6 +157,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
             Failure::failed(e)
         }
+        RenderError::Sink(SinkError::Create(ref cause)) => Failure::of_system(cause.is_of_system(), e),
         RenderError::Sink(_) | RenderError::NoSlices => Failure::input(e),
     })?;
     if let Some(bar) = &progress.bar {

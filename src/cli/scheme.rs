@@ -86,14 +86,28 @@ struct Matrix {
     #[arg(long, default_value_t = 550.0, value_parser = super::places::wavelength)]
     wavelength: f64,
     /// Angle of the rays to the optical axis, degrees.
-    #[arg(long, default_value_t = 0.0, value_parser = super::places::finite)]
+    #[arg(long, default_value_t = 0.0, value_parser = incidence)]
     incidence: f64,
     /// Azimuth of their plane of incidence, degrees.
-    #[arg(long, default_value_t = 0.0, value_parser = super::places::finite)]
+    #[arg(long, default_value_t = 0.0, value_parser = azimuth, allow_hyphen_values = true)]
     azimuth: f64,
     /// File to write: (K, 16) or (4K, 16), columns the elements of a Mueller matrix row by row.
     #[arg(short, long, value_name = "A.npy")]
     output: PathBuf,
+}
+
+fn incidence(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(deg) if (0.0..90.0).contains(&deg) => Ok(deg),
+        _ => Err("give degrees, from 0 to less than 90".into()),
+    }
+}
+
+fn azimuth(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(deg) if deg.abs() <= 360.0 => Ok(deg),
+        _ => Err("give degrees, -360 to 360".into()),
+    }
 }
 
 #[derive(clap::Args)]

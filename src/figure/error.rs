@@ -65,7 +65,7 @@ pub enum FigureError {
     #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
     Encode(String),
     /// The picture could not be written.
-    #[error("cannot write picture {path}")]
+    #[error("cannot write picture {path}: {source}")]
     Write {
         /// Where it should have gone.
         path: String,

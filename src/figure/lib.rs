@@ -21,6 +21,7 @@ pub use panel::Panel;
 
 pub mod angles;
 pub mod chart;
+mod check;
 pub mod colour;
 pub mod components;
 mod drawing;

@@ -1,10 +1,12 @@
 //! Views: which picture to draw of which slice. Plain data shared by scene files, stores and the command line.
 
+use crate::check::check;
 use base::document;
 use base::locate::{InputError, Located};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use tensor::slice::Slice;
 
 /// A named picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -23,11 +25,13 @@ struct Figures {
     figures: Vec<Located<Figure>>,
 }
 
-/// Reads the figures of a scene file from its text; `path` names it in messages, `slices` are those of the scene.
+/// Reads the figures of a scene file from its text; `path` names it in messages, `slices` are those of the scene,
+/// `nm` its wavelengths.
 ///
 /// # Errors
-/// [`InputError`] at the place of a figure that is no figure, draws no slice of the scene, or cannot name a file.
-pub fn from_text(path: &Path, text: &str, slices: &[&str]) -> Result<Vec<Figure>, InputError> {
+/// [`InputError`] at the place of a figure that is no figure, cannot be drawn of the scene's slices, cannot name a file, or
+/// has the name of another.
+pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Result<Vec<Figure>, InputError> {
     let file: Figures = document::parse(path, text, |_| {
         "`sunstone schema` describes figures under [[figures]]".to_owned()
     })?;
@@ -38,15 +42,16 @@ pub fn from_text(path: &Path, text: &str, slices: &[&str]) -> Result<Vec<Figure>
         message,
         help: Some(help),
     };
-    for figure in &file.figures {
+    for (i, figure) in file.figures.iter().enumerate() {
         let (name, slice) = (&figure.name, figure.view.slice());
-        if !slices.contains(&slice) {
+        let Some(drawn) = slices.iter().find(|s| s.name == slice) else {
+            let known: Vec<&str> = slices.iter().map(|s| s.name.as_str()).collect();
             return Err(error(
                 figure,
                 format!("figure `{name}` draws slice `{slice}`, which is not in the scene"),
-                format!("name one of: {}", slices.join(", ")),
+                format!("name one of: {}", known.join(", ")),
             ));
-        }
+        };
         if name.is_empty() || name.contains(['/', '\\']) {
             return Err(error(
                 figure,
@@ -54,6 +59,20 @@ pub fn from_text(path: &Path, text: &str, slices: &[&str]) -> Result<Vec<Figure>
                 "use letters, digits, _ and -".to_owned(),
             ));
         }
+        if file.figures[..i].iter().any(|f| f.name == *name) {
+            return Err(error(
+                figure,
+                format!("a second figure `{name}`"),
+                "rename one of them: figures are files".to_owned(),
+            ));
+        }
+        check(&figure.view, drawn, nm).map_err(|e| {
+            error(
+                figure,
+                format!("figure `{name}` cannot be drawn: {e}"),
+                "correct the view, or what its slice keeps".to_owned(),
+            )
+        })?;
     }
     Ok(file.figures.iter().map(|f| (**f).clone()).collect())
 }

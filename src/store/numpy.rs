@@ -3,7 +3,7 @@
 use base::whole_file;
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tensor::number::Number;
 use thiserror::Error;
@@ -47,8 +47,8 @@ pub enum NumpyError {
         /// What they are.
         found: String,
     },
-    /// Its elements are in column-major order.
-    #[error("{}: its elements are in column-major order; save numpy.ascontiguousarray(array)", path.display())]
+    /// Its elements are in column-major order, and there is not the memory to put them in row-major order.
+    #[error("{}: its elements are in column-major order and too many to be put in order; save numpy.ascontiguousarray(array)", path.display())]
     Order {
         /// The file.
         path: PathBuf,
@@ -65,17 +65,67 @@ pub enum NumpyError {
 
 /// An opened `.npy` file of real numbers, of which parts are read.
 ///
-/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`.
+/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`. Numbers in column-major order, as of a
+/// transpose that was saved, are held in memory.
 #[derive(Debug)]
 pub struct NumpyReader {
     path: PathBuf,
-    file: File,
+    bytes: Bytes,
     /// Length of every axis; the last is fastest.
     pub shape: Vec<usize>,
     element: Element,
     big_endian: bool,
     /// Where the numbers begin, bytes.
     start: u64,
+}
+
+/// Where the numbers are.
+#[derive(Debug)]
+enum Bytes {
+    File(File),
+    /// In row-major order where the file has them in column-major order.
+    Memory(Cursor<Vec<u8>>),
+}
+
+impl Bytes {
+    /// Fills `out` from place `at` on.
+    fn read_at(&mut self, at: u64, out: &mut [u8]) -> io::Result<()> {
+        match self {
+            Self::File(file) => {
+                file.seek(SeekFrom::Start(at))?;
+                file.read_exact(out)
+            }
+            Self::Memory(cursor) => {
+                cursor.set_position(at);
+                cursor.read_exact(out)
+            }
+        }
+    }
+}
+
+/// Elements of `size` bytes in row-major order that stand in column-major order in `bytes`; `None` without the memory.
+fn row_major(bytes: &[u8], shape: &[usize], size: usize) -> Option<Vec<u8>> {
+    let mut out = vec![];
+    out.try_reserve_exact(bytes.len()).ok()?;
+    let mut index = vec![0; shape.len()];
+    let mut steps = vec![size; shape.len()];
+    for k in 1..shape.len() {
+        steps[k] = steps[k - 1] * shape[k - 1];
+    }
+    let mut at = 0;
+    while out.len() < bytes.len() {
+        out.extend_from_slice(&bytes[at..at + size]);
+        for k in (0..shape.len()).rev() {
+            index[k] += 1;
+            at += steps[k];
+            if index[k] < shape[k] {
+                break;
+            }
+            at -= steps[k] * shape[k];
+            index[k] = 0;
+        }
+    }
+    Some(out)
 }
 
 /// Types of numbers that are read.
@@ -113,7 +163,7 @@ impl NumpyReader {
         let mut buffered = BufReader::new(file);
         let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;
-        let file = buffered.into_inner();
+        let mut file = buffered.into_inner();
         let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
         let elements = |found: String| NumpyError::Elements {
             path: path.to_owned(),
@@ -122,11 +172,6 @@ impl NumpyReader {
         let DType::Plain(plain) = header.dtype() else {
             return Err(elements("records".to_owned()));
         };
-        if header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1 {
-            return Err(NumpyError::Order {
-                path: path.to_owned(),
-            });
-        }
         let element = match (plain.type_char(), plain.size_field()) {
             (TypeChar::Float, 4) => Element::Float4,
             (TypeChar::Float, 8) => Element::Float8,
@@ -136,16 +181,37 @@ impl NumpyReader {
         };
         // Before anything is allocated for a length that a damaged file claims.
         let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
-        count
+        let length = count
             .and_then(|n| n.checked_mul(element.size() as u64))
             .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
             .ok_or_else(|| NumpyError::Short {
                 path: path.to_owned(),
                 shape: shape.clone(),
             })?;
+        let column_major = header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1;
+        let (bytes, start) = if column_major && length > 0 {
+            let order = || NumpyError::Order {
+                path: path.to_owned(),
+            };
+            let mut all = vec![];
+            let room = usize::try_from(length).map_err(|_| order())?;
+            all.try_reserve_exact(room).map_err(|_| order())?;
+            file.seek(SeekFrom::Start(start)).map_err(failed)?;
+            Read::by_ref(&mut file).take(length).read_to_end(&mut all).map_err(failed)?;
+            if all.len() < room {
+                return Err(NumpyError::Short {
+                    path: path.to_owned(),
+                    shape,
+                });
+            }
+            let ordered = row_major(&all, &shape, element.size()).ok_or_else(order)?;
+            (Bytes::Memory(Cursor::new(ordered)), 0)
+        } else {
+            (Bytes::File(file), start)
+        };
         Ok(Self {
             path: path.to_owned(),
-            file,
+            bytes,
             shape,
             element,
             big_endian: plain.endianness() == Endianness::Big,
@@ -197,7 +263,6 @@ impl NumpyReader {
     fn try_read<T: Number>(&mut self, first: usize, out: &mut [T]) -> io::Result<()> {
         let size = self.element.size();
         let at = self.start + first as u64 * size as u64;
-        self.file.seek(SeekFrom::Start(at))?;
         let native = self.big_endian == cfg!(target_endian = "big");
         let same = match self.element {
             Element::Float4 => size_of::<T>() == 4,
@@ -205,12 +270,12 @@ impl NumpyReader {
             _ => false,
         };
         if native && same {
-            return self.file.read_exact(bytemuck::cast_slice_mut(out));
+            return self.bytes.read_at(at, bytemuck::cast_slice_mut(out));
         }
         let mut buffer = vec![0_u8; size * out.len().min(1 << 14)];
-        for part in out.chunks_mut(1 << 14) {
+        for (i, part) in out.chunks_mut(1 << 14).enumerate() {
             let bytes = &mut buffer[..part.len() * size];
-            self.file.read_exact(bytes)?;
+            self.bytes.read_at(at + ((i * size) << 14) as u64, bytes)?;
             for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
                 // Little-endian, in the low bytes of a word.
                 let mut word = [0_u8; 8];

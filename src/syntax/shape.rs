@@ -72,6 +72,7 @@ pub struct SphereFile {
     pub center: [f64; 3],
     /// Metres.
     #[serde(skip_serializing_if = "defaults::is_one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
 }
 
@@ -122,6 +123,7 @@ pub struct DiskFile {
     pub normal: [f64; 3],
     /// Metres.
     #[serde(skip_serializing_if = "defaults::is_one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
 }
 
@@ -168,6 +170,7 @@ pub struct CylinderFile {
     pub p1: [f64; 3],
     /// Metres.
     #[serde(skip_serializing_if = "defaults::is_one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// Close both ends with disks.
     #[serde(skip_serializing_if = "is_default")]

@@ -16,7 +16,7 @@ pub struct MaterialSource {
     #[arg(long = "data", value_name = "FOLDER")]
     folder: Option<PathBuf>,
     /// Bands, nanometres; of tables the nearest they have.
-    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650])]
+    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650], value_parser = clap::value_parser!(u16).range(100..))]
     bands: Vec<u16>,
     /// Frames between which matrices are expected.
     #[arg(long, value_enum, default_value_t)]

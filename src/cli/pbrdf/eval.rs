@@ -92,8 +92,8 @@ impl Pair {
 fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split(',')
         .map(|n| match n.trim().parse::<f64>() {
-            Ok(v) if v.is_finite() => Ok(v),
-            _ => Err(format!("`{n}` is not a number")),
+            Ok(v) if v.abs() <= 36_000.0 => Ok(v),
+            _ => Err(format!("`{n}` is not a number in -36000..36000")),
         })
         .collect()
 }

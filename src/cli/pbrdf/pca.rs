@@ -65,8 +65,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.prior {
         places::extension(path, "priors are", &["toml"])?;
     }
-    if !(a.c > 0.0 && a.c <= 1e6) {
-        return Err(Failure::input(format!("-c {}: give a number above 0, at most 1e6", a.c)));
+    if !(1e-6..=1e6).contains(&a.c) {
+        return Err(Failure::input(format!("-c {}: give a number, 1e-6 to 1e6", a.c)));
     }
     let data = a.data.load_mapped(a.c, 0)?;
     let moments = match a.map {

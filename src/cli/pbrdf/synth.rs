@@ -10,6 +10,7 @@ use sunstone::pbrdf::stand_ins::BandedMaterials;
 use sunstone::pbrdf::synth;
 use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::tabulate;
+use sunstone::transport::material::measured::error::PbsdfError;
 
 /// Tabulate analytic materials as .pbsdf files.
 ///
@@ -35,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PHI_DxTHETA_DxTHETA_H", default_value = "41x31x91")]
     resolution: Resolution,
     /// Bands, nanometres.
-    #[arg(long, value_delimiter = ',', default_values_t = [450, 500, 550, 600, 650])]
+    #[arg(long, value_delimiter = ',', default_values_t = [450, 500, 550, 600, 650], value_parser = clap::value_parser!(u16).range(100..))]
     bands: Vec<u16>,
 }
 
@@ -49,6 +50,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .collect();
     places::folders([], [Some(&a.output)])?;
     places::files([a.material.as_ref()], written.iter().map(Some))?;
+    let there = a.output.exists();
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::failed(format!("cannot make {}: {e}", a.output.display())))?;
     let bar = ProgressBar::new(names.len() as u64);
@@ -59,7 +61,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         bar.set_message(name.clone());
         let file = a.output.join(format!("{name}.pbsdf"));
         tabulate(&file, &axes, &materials.sources(name))
-            .map_err(|e| Failure::input(format!("{}: {e}", file.display())))?;
+            .map_err(|e| {
+                if !there {
+                    // Only if nothing is in it.
+                    let _ = std::fs::remove_dir(&a.output);
+                }
+                let of_system = matches!(e, PbsdfError::Write(_));
+                Failure::of_system(of_system, format!("{}: {e}", file.display()))
+            })?;
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -119,12 +119,18 @@ impl Context {
         let list = match s {
             SpectrumFile::Scalar(v) => vec![*v; self.wavelengths.count()],
             SpectrumFile::PerWavelength(list) if list.len() == n => at(SpectralTable { nm, values: list }),
-            SpectrumFile::Table(table) if table.table().is_sound() => at(table.table()),
+            SpectrumFile::Table(table) if table.table().is_sound() => {
+                // Those between which none of the scene's wavelengths lies as well.
+                for value in &table.values {
+                    self.within(*value, span.clone(), what, &range)?;
+                }
+                at(table.table())
+            }
             SpectrumFile::Table(_) => {
                 return Err(self.error(
                     span,
                     format!("the table of {what} is uneven"),
-                    "give nm, rising, and as many values",
+                    "give nm, above 0 and rising, and as many values",
                 ));
             }
             SpectrumFile::PerWavelength(list) => {
