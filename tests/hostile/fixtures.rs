@@ -27,10 +27,17 @@ name = "flight"
 time = { start_ps = 20000, bin_ps = 1000, bins = 12 }
 camera = { rows = [1, 2] }
 
+[[slices]]
+name = "lit"
+projector = "all"
+
 [[figures]]
 name = "picture"
 view.photo = { slice = "mueller" }
 "#;
+
+/// Matrices of the arrays: enough not to fit a disk that is nearly full.
+const PIXELS: usize = 60;
 
 /// A camera of OpenCV.
 const CALIBRATION: &str = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [60, 0, 32, 0, 60, 24, 0, 0, 1]\n\
@@ -86,9 +93,14 @@ impl Fixtures {
         fs::create_dir(at.join("tables")).expect("a folder");
         fs::copy(at.join("table.pbsdf"), at.join("tables/one.pbsdf")).expect("a copy");
         fs::create_dir(at.join("empty")).expect("a folder");
-        let matrices: Vec<f32> = (0..6 * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
-        numpy::save(&at.join("M.npy"), &[6, 4, 4], &matrices).expect("an array");
-        numpy::save(&at.join("E.npy"), &[6, 4, 4], &[0.01_f32; 96]).expect("an array");
+        let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
+        let shape = [PIXELS, 4, 4];
+        numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
+        let errors = |v: f32| vec![v; PIXELS * 16];
+        numpy::save(&at.join("E.npy"), &shape, &errors(0.01)).expect("an array");
+        numpy::save(&at.join("negative_errors.npy"), &shape, &errors(-0.01)).expect("an array");
+        let variances = vec![-1.0_f32; 36 * PIXELS];
+        numpy::save(&at.join("negative.npy"), &[36, PIXELS], &variances).expect("an array");
         let lines = [
             "render scene.toml -o s.zarr --no-figures",
             "render scene.toml -o t.zarr --no-figures --seed 9",

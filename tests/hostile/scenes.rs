@@ -49,6 +49,20 @@ fn places(value: &Value, at: &mut Vec<Step>, out: &mut Vec<Vec<Step>>) {
     }
 }
 
+/// Whether three numbers stand at a place.
+fn is_vector(scene: &Value, path: &[Step]) -> bool {
+    let mut value = scene;
+    for step in path {
+        let next = match step {
+            Step::Key(k) => value.get(k),
+            Step::Index(i) => value.get(i),
+        };
+        value = next.expect("a place");
+    }
+    let number = |v: &Value| v.is_float() || v.is_integer();
+    value.as_array().is_some_and(|l| l.len() == 3 && l.iter().all(number))
+}
+
 /// Puts a value at a place, or takes away what is there.
 fn set(value: &mut Value, path: &[Step], new: Option<Value>) {
     let (last, way) = path.split_last().expect("a place");
@@ -82,6 +96,7 @@ fn spoilt() -> Vec<(&'static str, Option<Value>)> {
         ("list", Some(Value::Array(vec![]))),
         ("table", Some(Value::Table(Table::new()))),
         ("missing", None),
+        ("zeros", Some(Value::Array(vec![Value::Float(0.0); 3]))),
     ]
 }
 
@@ -97,6 +112,10 @@ pub fn cases() -> Vec<Case> {
     ];
     for place in all {
         for (name, value) in spoilt() {
+            // A direction that is none, where there is one.
+            if name == "zeros" && !is_vector(&scene, &place) {
+                continue;
+            }
             let mut text = scene.clone();
             set(&mut text, &place, value);
             let key = format!("{} = {name}", shown(&place));
