@@ -427,6 +427,26 @@ mod tests {
         }
     }
 
+    /// As numpy.save writes a transpose: the first index is fastest in the file.
+    #[test]
+    fn column_major_arrays_are_read_by_their_indices() {
+        let value = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f64;
+        let mut header = "{'descr': '<f8', 'fortran_order': True, 'shape': (2, 3, 4), }".to_owned();
+        header.push_str(&" ".repeat(127 - 10 - header.len()));
+        header.push('\n');
+        let mut all = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+        all.extend_from_slice(header.as_bytes());
+        for (k, j, i) in (0..4).flat_map(|k| (0..3).flat_map(move |j| (0..2).map(move |i| (k, j, i)))) {
+            all.extend_from_slice(&value(i, j, k).to_le_bytes());
+        }
+        let rows = (0..2).flat_map(|i| (0..3).flat_map(move |j| (0..4).map(move |k| value(i, j, k))));
+        let array = NumpyArray::read(file(&all).path()).expect("an array");
+        assert_eq!(array.shape, [2, 3, 4]);
+        assert_eq!(array.values, Values::Double(rows.collect()));
+        all.truncate(all.len() - 1);
+        assert!(NumpyArray::read(file(&all).path()).is_err());
+    }
+
     #[test]
     fn what_is_written_is_read() {
         let single = NumpyArray {
