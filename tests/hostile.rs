@@ -12,6 +12,8 @@ mod harness;
 mod case;
 #[path = "hostile/disk.rs"]
 mod disk;
+#[path = "hostile/documents.rs"]
+mod documents;
 #[path = "hostile/fixtures.rs"]
 mod fixtures;
 #[path = "hostile/inputs.rs"]
@@ -20,6 +22,8 @@ mod inputs;
 mod options;
 #[path = "hostile/outputs.rs"]
 mod outputs;
+#[path = "hostile/permissions.rs"]
+mod permissions;
 #[path = "hostile/scenes.rs"]
 mod scenes;
 
@@ -40,6 +44,8 @@ fn hostile_cases_are_answered() {
         inputs::cases(),
         outputs::cases(),
         disk::cases(),
+        documents::cases(),
+        permissions::cases(),
     ]
     .concat();
     let count = all.len();

@@ -4,7 +4,7 @@ use crate::fixtures::Fixtures;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{self, File};
-use std::os::unix::fs::FileTypeExt;
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
@@ -57,6 +57,8 @@ pub struct Case {
     pub limit: Option<u32>,
     /// Store that must not be called finished after it.
     pub verify: Option<&'static str>,
+    /// Mode of files that are put, and whether nobody runs the program, where the user may do everything.
+    pub mode: Option<u32>,
     /// Outputs that may be there after a failure, because they are finished.
     pub may_leave: &'static [&'static str],
 }
@@ -72,6 +74,7 @@ impl Case {
             says: "",
             limit: None,
             verify: None,
+            mode: None,
             may_leave: &[],
         }
     }
@@ -219,6 +222,10 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         place(&at.join(name), put, fixtures.path(), &root);
     }
     let before = contents(&at);
+    if let Some(mode) = case.mode {
+        let set = |path: &Path, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("the owner");
+        case.files.iter().for_each(|(name, _)| set(&at.join(name), mode));
+    }
     let [out, err] = ["out", "err"].map(|name| folder.path().join(name));
     let file = |path: &Path| Stdio::from(File::create(path).expect("a file"));
     let arguments: Vec<String> = case.arguments.iter().map(|a| a.replace("{f}", &root)).collect();
@@ -228,6 +235,10 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         command = Command::new("sh");
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
         command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_sunstone"));
+    }
+    if case.mode.is_some() && is_root() {
+        command = Command::new("setpriv");
+        command.args(["--reuid=65534", "--regid=65534", "--clear-groups", env!("CARGO_BIN_EXE_sunstone")]);
     }
     let mut child = command
         .args(&arguments)
@@ -255,12 +266,17 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     let length = fs::metadata(&err).map_or(0, |m| m.len());
     let bytes = if length <= FLOOD * 4 { fs::read(&err).unwrap_or_default() } else { vec![] };
     let stderr = String::from_utf8_lossy(&bytes).into_owned();
+    if case.mode.is_some() {
+        for (name, _) in &case.files {
+            fs::set_permissions(at.join(name), fs::Permissions::from_mode(0o755)).expect("the owner");
+        }
+    }
     let after = contents(&at);
     let left = if code == Some(0) {
         vec![]
     } else {
         let new = after.iter().filter(|(name, what)| {
-            let finished = case.may_leave.iter().any(|n| name.starts_with(n));
+            let finished = case.may_leave.iter().any(|n| name.to_string_lossy().starts_with(n));
             before.get(*name) != Some(*what) && !finished
         });
         let gone = before.keys().filter(|name| !after.contains_key(*name));
@@ -289,6 +305,11 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         unsaid: !stderr.contains(case.says) || (code != Some(0) && stderr.trim().is_empty()),
         stderr,
     }
+}
+
+/// Whether this process may do everything.
+pub fn is_root() -> bool {
+    fs::metadata("/proc/self").is_ok_and(|m| m.uid() == 0)
 }
 
 fn place(path: &Path, put: &Put, fixtures: &Path, root: &str) {

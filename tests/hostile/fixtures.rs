@@ -4,6 +4,7 @@ use crate::case::contents;
 use crate::harness;
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use sunstone::store::numpy;
 use sunstone::transport::material::measured::axes::Axes;
@@ -96,6 +97,9 @@ impl Fixtures {
         let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
+        // With time bins, for a diode that counts.
+        let bins = vec![1.0_f32; 12 * 16];
+        numpy::save(&at.join("T.npy"), &[12, 4, 4], &bins).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
         numpy::save(&at.join("E.npy"), &shape, &errors(0.01)).expect("an array");
         numpy::save(&at.join("negative_errors.npy"), &shape, &errors(-0.01)).expect("an array");
@@ -136,5 +140,8 @@ impl Fixtures {
 
 /// A folder in memory where the system has one.
 fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
+    let made = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder");
+    // Another user runs some of the cases.
+    fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
+    made
 }

@@ -29,7 +29,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ("probe {f}/s.zarr {v} -o out.npy", &[]),
     ("probe {f}/s.zarr mueller -k {v} -o out.npy", &[]),
     ("probe {f}/s.zarr mueller -k x={v} -o out.npy", &["0", "1e-308"]),
-    ("probe {f}/s.zarr mueller -k y={v}:2 -o out.npy", &["", "0", "1e-308"]),
+    ("probe {f}/s.zarr mueller -k y={v}:2 -o out.npy", &["", "0", "1e-308", "-1"]),
     ("probe {f}/s.zarr mueller -k wavelength={v} -o out.npy", &[]),
     ("probe {f}/s.zarr mueller -k stokes_in={v} -o out.npy", &["0", "1e-308"]),
     ("probe {f}/s.zarr flight -k t={v} -o out.npy", &[]),

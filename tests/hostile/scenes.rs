@@ -100,35 +100,47 @@ fn spoilt() -> Vec<(&'static str, Option<Value>)> {
     ]
 }
 
-pub fn cases() -> Vec<Case> {
-    let scene: Value = Value::Table(SCENE.parse().expect("TOML"));
-    let accepted: BTreeSet<&str> = ACCEPTED.lines().filter(|l| !l.starts_with('#')).collect();
+/// A document once for every place and every spoilt value, with `place = value`.
+pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     let mut all = vec![];
-    places(&scene, &mut vec![], &mut all);
+    places(document, &mut vec![], &mut all);
+    let mut out = vec![];
+    for place in all {
+        for (name, value) in spoilt() {
+            // A direction that is none, where there is one.
+            if name == "zeros" && !is_vector(document, &place) {
+                continue;
+            }
+            let mut text = document.clone();
+            set(&mut text, &place, value);
+            out.push((format!("{} = {name}", shown(&place)), text));
+        }
+    }
+    out
+}
+
+pub fn cases() -> Vec<Case> {
+    let accepted: BTreeSet<&str> = ACCEPTED.lines().filter(|l| !l.starts_with('#')).collect();
     let mut cases = vec![
         Case::new("scene as it is", "info scene.toml")
             .put("scene.toml", Put::Text(SCENE.into()))
             .expect(Expect::Accepted),
     ];
-    for place in all {
-        for (name, value) in spoilt() {
-            // A direction that is none, where there is one.
-            if name == "zeros" && !is_vector(&scene, &place) {
-                continue;
-            }
-            let mut text = scene.clone();
-            set(&mut text, &place, value);
-            let key = format!("{} = {name}", shown(&place));
-            let expect = if accepted.contains(key.as_str()) {
-                Expect::Accepted
-            } else {
-                Expect::Refused
-            };
-            let text = toml::to_string(&text).expect("TOML");
-            let command = if key.starts_with("figures") { "render scene.toml -o s.zarr" } else { "info scene.toml" };
-            let case = Case::new(format!("scene {key}"), command);
-            cases.push(case.put("scene.toml", Put::Text(text)).expect(expect).says(""));
-        }
+    for (key, value) in spoil(&Value::Table(SCENE.parse().expect("TOML"))) {
+        let expect = if accepted.contains(key.as_str()) {
+            Expect::Accepted
+        } else {
+            Expect::Refused
+        };
+        let text = toml::to_string(&value).expect("TOML");
+        // Figures are read where they are drawn.
+        let command = if key.starts_with("figures") {
+            "render scene.toml -o s.zarr"
+        } else {
+            "info scene.toml"
+        };
+        let case = Case::new(format!("scene {key}"), command);
+        cases.push(case.put("scene.toml", Put::Text(text)).expect(expect));
     }
     cases
 }
