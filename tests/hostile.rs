@@ -26,6 +26,8 @@ mod outputs;
 mod permissions;
 #[path = "hostile/scenes.rs"]
 mod scenes;
+#[path = "hostile/stores.rs"]
+mod stores;
 
 use case::{Case, Finding, Tally, run_all};
 use fixtures::Fixtures;
@@ -46,6 +48,7 @@ fn hostile_cases_are_answered() {
         disk::cases(),
         documents::cases(),
         permissions::cases(),
+        stores::cases(),
     ]
     .concat();
     let count = all.len();

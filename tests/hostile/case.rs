@@ -25,6 +25,8 @@ pub enum Put {
     Copy(&'static str),
     /// The first half of a file of the fixtures.
     Half(&'static str),
+    /// Nothing: what was put there before is taken away.
+    Gone,
     Folder,
     Fifo,
     /// A link to a path as it stands.
@@ -324,6 +326,7 @@ fn place(path: &Path, put: &Put, fixtures: &Path, root: &str) {
             let bytes = fs::read(fixtures.join(name)).expect("a file");
             fs::write(path, &bytes[..bytes.len() / 2]).expect("a file");
         }
+        Put::Gone => fs::remove_file(path).expect("it was there"),
         Put::Folder => fs::create_dir(path).expect("a folder"),
         Put::Fifo => {
             let made = Command::new("mkfifo").arg(path).status().expect("mkfifo");

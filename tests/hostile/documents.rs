@@ -112,7 +112,7 @@ enum Format {
 const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("scheme", SCHEME, "x.toml", Format::Toml, "scheme show x.toml"),
     ("cmos", CMOS, "x.toml", Format::Toml, "capture {f}/M.npy --scheme {f}/drr9.toml --detector x.toml -o out.npy"),
-    ("spad", SPAD, "x.toml", Format::Toml, "capture {f}/T.npy --scheme {f}/drr9.toml --detector x.toml -o out.npy"),
+    ("spad", SPAD, "x.toml", Format::Toml, "capture {f}/s.zarr timed --scheme {f}/drr9.toml --detector x.toml -o out.npy"),
     ("materials", MATERIALS, "x.toml", Format::Toml, "pbrdf eval x.toml --name white --in 40,0 --out 20,120"),
     ("media", MEDIA, "x.toml", Format::Toml, "phase eval x.toml --angles 3 -o out.csv"),
     ("opencv", OPENCV, "x.json", Format::Json, "import x.json -o out.toml"),

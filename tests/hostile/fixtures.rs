@@ -29,6 +29,11 @@ time = { start_ps = 20000, bin_ps = 1000, bins = 12 }
 camera = { rows = [1, 2] }
 
 [[slices]]
+name = "timed"
+polarization = "mueller"
+time = { start_ps = 20000, bin_ps = 1000, bins = 12 }
+
+[[slices]]
 name = "lit"
 projector = "all"
 
@@ -97,9 +102,6 @@ impl Fixtures {
         let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
-        // With time bins, for a diode that counts.
-        let bins = vec![1.0_f32; 12 * 16];
-        numpy::save(&at.join("T.npy"), &[12, 4, 4], &bins).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
         numpy::save(&at.join("E.npy"), &shape, &errors(0.01)).expect("an array");
         numpy::save(&at.join("negative_errors.npy"), &shape, &errors(-0.01)).expect("an array");
