@@ -23,7 +23,10 @@ pub fn is_special(path: &Path) -> bool {
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     if !kind.is_file() {
-        return Err(Error::new(ErrorKind::InvalidInput, format!("it is {}, not a file", name(kind))));
+        return Err(Error::new(
+            ErrorKind::InvalidInput,
+            format!("it is {}, not a file", name(kind)),
+        ));
     }
     File::open(path)
 }
@@ -37,9 +40,13 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let length = file.metadata()?.len();
     let mut bytes = vec![];
     let room = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
-    bytes.try_reserve_exact(room).map_err(|_| ErrorKind::OutOfMemory)?;
+    bytes
+        .try_reserve_exact(room)
+        .map_err(|_| ErrorKind::OutOfMemory)?;
     // What is written to it meanwhile, or what claims no length, does not make it endless.
-    file.by_ref().take(length.max(MOST_TEXT)).read_to_end(&mut bytes)?;
+    file.by_ref()
+        .take(length.max(MOST_TEXT))
+        .read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -52,7 +59,10 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     let length = file.take(MOST_TEXT + 1).read_to_string(&mut text)?;
     if length as u64 > MOST_TEXT {
-        let message = format!("it is larger than {} MiB, which no text of this kind is", MOST_TEXT >> 20);
+        let message = format!(
+            "it is larger than {} MiB, which no text of this kind is",
+            MOST_TEXT >> 20
+        );
         return Err(Error::new(ErrorKind::FileTooLarge, message));
     }
     Ok(text)
@@ -73,7 +83,11 @@ fn name(kind: FileType) -> &'static str {
             return "a device";
         }
     }
-    if kind.is_dir() { "a folder" } else { "something else" }
+    if kind.is_dir() {
+        "a folder"
+    } else {
+        "something else"
+    }
 }
 
 #[cfg(all(test, unix))]
@@ -90,7 +104,9 @@ mod tests {
         let said = |path: &Path| open(path).expect_err("refused").to_string();
         assert_eq!(said(Path::new("/dev/zero")), "it is a device, not a file");
         assert_eq!(said(dir.path()), "it is a folder, not a file");
-        let status = std::process::Command::new("mkfifo").arg(dir.path().join("p")).status();
+        let status = std::process::Command::new("mkfifo")
+            .arg(dir.path().join("p"))
+            .status();
         if status.is_ok_and(|s| s.success()) {
             assert_eq!(said(&dir.path().join("p")), "it is a pipe, not a file");
             assert!(is_special(&dir.path().join("p")));
@@ -104,6 +120,11 @@ mod tests {
     fn texts_are_bounded() {
         let file = tempfile::NamedTempFile::new().expect("a file");
         file.as_file().set_len(1 << 40).expect("sparse");
-        assert!(read_text(file.path()).expect_err("too large").to_string().contains("256 MiB"));
+        assert!(
+            read_text(file.path())
+                .expect_err("too large")
+                .to_string()
+                .contains("256 MiB")
+        );
     }
 }

@@ -113,7 +113,10 @@ fn is_running(id: i32) -> bool {
 
 fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     if input::is_special(path) {
-        return Err(io::Error::new(ErrorKind::InvalidInput, "it is a device or a pipe, not a file"));
+        return Err(io::Error::new(
+            ErrorKind::InvalidInput,
+            "it is a device or a pipe, not a file",
+        ));
     }
     let parent = path.parent().unwrap_or(Path::new(""));
     let made: Vec<&Path> = parent

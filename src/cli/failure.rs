@@ -33,7 +33,11 @@ impl Failure {
 
     /// Failure on the way if the system refused, else bad input.
     pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
-        if is_of_system { Self::failed(e) } else { Self::input(e) }
+        if is_of_system {
+            Self::failed(e)
+        } else {
+            Self::input(e)
+        }
     }
 
     /// Tells the user, and gives the exit code.
@@ -142,7 +146,14 @@ fn report_scene(e: &InputError) {
         return;
     }
     let shown = Shown {
-        message: e.message.lines().next().unwrap_or_default().chars().take(LONGEST).collect(),
+        message: e
+            .message
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .chars()
+            .take(LONGEST)
+            .collect(),
         help: None,
         source: NamedSource::new(e.file.display().to_string(), e.text.to_string()),
         label: LabeledSpan::new(Some("here".into()), span.start, length),

@@ -81,7 +81,9 @@ enum Device {
 }
 
 fn resolution(text: &str) -> Result<[u32; 2], String> {
-    let sizes = text.split_once(['x', 'X', '×']).map(|(w, h)| (w.trim().parse(), h.trim().parse()));
+    let sizes = text
+        .split_once(['x', 'X', '×'])
+        .map(|(w, h)| (w.trim().parse(), h.trim().parse()));
     match sizes {
         Some((Ok(w), Ok(h))) if w > 0 && h > 0 => Ok([w, h]),
         _ => Err("give WIDTHxHEIGHT, such as 640x480".into()),
@@ -126,7 +128,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn calibrated(a: &Arguments) -> Result<(), Failure> {
     let c = &a.calibration;
     if !a.define.is_empty() {
-        return Err(Failure::input("-D is for scenes of Mitsuba; a calibration has no parameters"));
+        return Err(Failure::input(
+            "-D is for scenes of Mitsuba; a calibration has no parameters",
+        ));
     }
     let options = Options {
         camera: c.camera.clone(),
@@ -137,7 +141,9 @@ fn calibrated(a: &Arguments) -> Result<(), Failure> {
         imu: c.imu,
     };
     let found = calibration::load(&a.scene, &options)?;
-    let text = found.to_toml(c.device == Device::Projector).map_err(Failure::failed)?;
+    let text = found
+        .to_toml(c.device == Device::Projector)
+        .map_err(Failure::failed)?;
     let Some(output) = &a.output else {
         return super::output::print(text.trim_end());
     };
@@ -149,10 +155,15 @@ fn calibrated(a: &Arguments) -> Result<(), Failure> {
 fn write(input: &Path, output: &Path, text: &str, force: bool) -> Result<(), Failure> {
     let shown = output.display();
     if whole_file::is_same(input, output) {
-        return Err(Failure::input(format!("{shown} is what is read; give another name")));
+        return Err(Failure::input(format!(
+            "{shown} is what is read; give another name"
+        )));
     }
     if output.exists() && !force {
-        return Err(Failure::input(format!("{shown} exists; give another name, or --force to replace it")));
+        return Err(Failure::input(format!(
+            "{shown} exists; give another name, or --force to replace it"
+        )));
     }
-    whole_file::write(output, text.as_bytes()).map_err(|e| Failure::failed(format!("cannot write {shown}: {e}")))
+    whole_file::write(output, text.as_bytes())
+        .map_err(|e| Failure::failed(format!("cannot write {shown}: {e}")))
 }

@@ -76,10 +76,20 @@ fn scene(scene: &Scene) -> String {
         let what = if p.coaxial { "coaxial, " } else { "" };
         line("projector", format!("{what}{}", device(&p.pinhole)));
     }
-    let lanes = |all: [f32; 4]| list(&all[..scene.wavelengths.count()].iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
+    let lanes = |all: [f32; 4]| {
+        list(
+            &all[..scene.wavelengths.count()]
+                .iter()
+                .map(|v| f64::from(*v))
+                .collect::<Vec<_>>(),
+        )
+    };
     for p in &scene.points {
         let intensity = lanes(p.intensity.to_array());
-        line("emitter", format!("point at {}, {intensity} W/(sr nm)", p.position));
+        line(
+            "emitter",
+            format!("point at {}, {intensity} W/(sr nm)", p.position),
+        );
     }
     if let Some(e) = &scene.environment {
         let radiance = lanes(e.radiance.to_array());

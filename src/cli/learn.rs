@@ -1,8 +1,8 @@
 //! `sunstone learn`.
 
 use super::failure::Failure;
-use super::places;
 use super::pbrdf::data::MaterialSource;
+use super::places;
 use super::scheme::{SensorArgument, picture, save, table};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -247,7 +247,12 @@ fn check_places(a: &Arguments, templates: &[Scheme], several: bool) -> Result<()
     let schemes: Vec<PathBuf> = (a.estimator.iter())
         .flat_map(|e| templates.iter().map(|t| scheme_path(a, t, *e, several)))
         .collect();
-    let others = [a.save_prior.as_ref(), a.angles.as_ref(), a.figure.as_ref(), a.csv.as_ref()];
+    let others = [
+        a.save_prior.as_ref(),
+        a.angles.as_ref(),
+        a.figure.as_ref(),
+        a.csv.as_ref(),
+    ];
     places::files(inputs, schemes.iter().map(Some).chain(others))?;
     if let Some(path) = &a.save_prior {
         places::extension(path, "priors are", &["toml"])?;

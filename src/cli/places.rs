@@ -8,8 +8,8 @@ use sunstone::base::whole_file::is_same;
 
 /// Extensions of files that people know, none of which a folder or a store is named with by intent.
 const OF_FILES: [&str; 28] = [
-    "apng", "bin", "bmp", "csv", "exr", "gif", "glb", "gltf", "h5", "hdr", "jpeg", "jpg", "json", "mat", "nc", "npy",
-    "npz", "obj", "pbsdf", "pdf", "ply", "png", "svg", "tif", "tiff", "toml", "txt", "xml",
+    "apng", "bin", "bmp", "csv", "exr", "gif", "glb", "gltf", "h5", "hdr", "jpeg", "jpg", "json", "mat",
+    "nc", "npy", "npz", "obj", "pbsdf", "pdf", "ply", "png", "svg", "tif", "tiff", "toml", "txt", "xml",
 ];
 
 /// Refuses files to write that are read by the same command, that are one file, or that cannot be a file.
@@ -68,7 +68,10 @@ pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure>
 }
 
 fn lower_extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+    path.extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase()
 }
 
 fn check<'a>(
@@ -81,32 +84,45 @@ fn check<'a>(
         let refused = |why: String| Err(Failure::input(format!("{shown}: {why}")));
         let text = output.to_string_lossy();
         if text.is_empty() {
-            return Err(Failure::input("the name of an output is empty; give a file or a folder"));
+            return Err(Failure::input(
+                "the name of an output is empty; give a file or a folder",
+            ));
         }
         if text == "-" {
             return refused("outputs are files; give one a name".into());
         }
         if is_address(&text) {
-            return refused("it is an address, and only files of this machine are written; give a path".into());
+            return refused(
+                "it is an address, and only files of this machine are written; give a path".into(),
+            );
         }
         if is_special(output) {
             return refused("it is a device or a pipe; name a file to write".into());
         }
         let above = output.ancestors().skip(1).find(|a| a.exists());
         if let Some(file) = above.filter(|a| !a.is_dir()) {
-            return refused(format!("{} is a file, and no folder to write into", file.display()));
+            return refused(format!(
+                "{} is a file, and no folder to write into",
+                file.display()
+            ));
         }
         let real = real(output);
         for input in &inputs {
             let read = input.display();
             if is_same(input, output) {
-                return refused(format!("it is what is read ({read}); give the output another name"));
+                return refused(format!(
+                    "it is what is read ({read}); give the output another name"
+                ));
             }
             if is_within(&real, input) {
-                return refused(format!("it lies in the store that is read ({read}); write elsewhere"));
+                return refused(format!(
+                    "it lies in the store that is read ({read}); write elsewhere"
+                ));
             }
             if input.exists() && is_within(&self::real(input), output) {
-                return refused(format!("it is a store with {read} in it, which is read; write elsewhere"));
+                return refused(format!(
+                    "it is a store with {read} in it, which is read; write elsewhere"
+                ));
             }
         }
         for other in &outputs[..i] {
@@ -121,7 +137,10 @@ fn check<'a>(
 /// Whether a text is an address as of a web page or a bucket: a scheme of at least two letters before `://`.
 fn is_address(text: &str) -> bool {
     text.split_once("://").is_some_and(|(scheme, _)| {
-        scheme.len() > 1 && scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+        scheme.len() > 1
+            && scheme
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
     })
 }
 

@@ -5,9 +5,7 @@ use super::places;
 use std::fmt::Write;
 use std::path::PathBuf;
 use sunstone::base::input;
-use sunstone::store::probe::{
-    Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes, std_error_path,
-};
+use sunstone::store::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes, std_error_path};
 use sunstone::tensor::array::Tensor;
 
 /// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
@@ -110,7 +108,10 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e == "zarr") {
         return places::folders(inputs, [Some(path)]);
     }
-    let errors = path.extension().is_some_and(|e| e == "npy").then(|| std_error_path(path));
+    let errors = path
+        .extension()
+        .is_some_and(|e| e == "npy")
+        .then(|| std_error_path(path));
     places::files(inputs, [Some(path), errors.as_ref()])
 }
 

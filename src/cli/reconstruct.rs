@@ -66,7 +66,12 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let outputs = [Some(&a.output), a.errors.as_ref()];
-    let inputs = [Some(&a.source), Some(&a.scheme), a.variance.as_ref(), a.prior.as_ref()];
+    let inputs = [
+        Some(&a.source),
+        Some(&a.scheme),
+        a.variance.as_ref(),
+        a.prior.as_ref(),
+    ];
     places::files(inputs, outputs)?;
     for path in outputs.into_iter().flatten() {
         places::extension(path, "arrays are", &["npy"])?;
@@ -78,7 +83,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ));
     }
     if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        return Err(Failure::input("--saturation: give a positive number, in units of the intensities"));
+        return Err(Failure::input(
+            "--saturation: give a positive number, in units of the intensities",
+        ));
     }
     if a.prior.is_some() && a.noise.is_none() {
         return Err(Failure::input(
@@ -178,7 +185,9 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                 if let Some(variances) = &mut variances {
                     read(variances, &mut v, first, n, pixels)?;
                     if v[..n * count].iter().any(|v| v.get() < 0.0) {
-                        return Err(Failure::input("--variance: some of them are negative; give squares of noise"));
+                        return Err(Failure::input(
+                            "--variance: some of them are negative; give squares of noise",
+                        ));
                     }
                 }
                 let begun = Instant::now();

@@ -75,7 +75,7 @@ fn is_inside(kept: &[f64], pixel: f64) -> bool {
     };
     let spacing = kept.windows(2).map(|w| w[1] - w[0]).fold(2.0, f64::max);
     let slack = if kept.len() < 2 { 1e6 } else { spacing / 2.0 };
-    pixel >= (first - slack).min(0.0).max(-0.5) && (first - slack..=last + slack).contains(&pixel)
+    pixel >= -0.5 && (first - slack..=last + slack).contains(&pixel)
 }
 
 /// Indices of the kept pixel nearest to the one asked for, and of the element.
@@ -92,7 +92,11 @@ fn picks(
     let (xs, ys) = (source.need(AxisKind::X)?, source.need(AxisKind::Y)?);
     if !is_inside(xs, view.pixel[0]) || !is_inside(ys, view.pixel[1]) {
         let value = format!("{:?}", view.pixel);
-        return Err(FigureError::option("pixel", value, "a pixel among those that the slice keeps"));
+        return Err(FigureError::option(
+            "pixel",
+            value,
+            "a pixel among those that the slice keeps",
+        ));
     }
     let x = nearest(xs, view.pixel[0]);
     let y = nearest(ys, view.pixel[1]);

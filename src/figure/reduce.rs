@@ -1,8 +1,8 @@
 //! From a tensor of any axes to the few that a picture shows: pick, sum and check in one pass.
 
+use super::error::FigureError;
 use crate::check::WAVELENGTH;
 use base::spectral_table::nearest_within;
-use super::error::FigureError;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
@@ -92,8 +92,9 @@ impl<'a> Source<'a> {
         let all = self.wavelengths();
         match nm {
             // A tensor that does not say is of all of them.
-            Some(nm) if !all.is_empty() => nearest_within(all, nm)
-                .ok_or_else(|| FigureError::option("wavelength_nm", nm, WAVELENGTH)),
+            Some(nm) if !all.is_empty() => {
+                nearest_within(all, nm).ok_or_else(|| FigureError::option("wavelength_nm", nm, WAVELENGTH))
+            }
             _ => Ok(all.len() / 2),
         }
     }

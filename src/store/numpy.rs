@@ -197,7 +197,10 @@ impl NumpyReader {
             let room = usize::try_from(length).map_err(|_| order())?;
             all.try_reserve_exact(room).map_err(|_| order())?;
             file.seek(SeekFrom::Start(start)).map_err(failed)?;
-            Read::by_ref(&mut file).take(length).read_to_end(&mut all).map_err(failed)?;
+            Read::by_ref(&mut file)
+                .take(length)
+                .read_to_end(&mut all)
+                .map_err(failed)?;
             if all.len() < room {
                 return Err(NumpyError::Short {
                     path: path.to_owned(),

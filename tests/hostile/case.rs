@@ -150,7 +150,14 @@ impl Finding {
             why.push(format!("code {:?}, expected {:?}", self.code, self.expect));
         }
         let said: String = self.stderr.lines().take(3).collect::<Vec<_>>().join(" | ");
-        (!why.is_empty()).then(|| format!("{}: {}: {}", self.name, why.join(", "), said.chars().take(300).collect::<String>()))
+        (!why.is_empty()).then(|| {
+            format!(
+                "{}: {}: {}",
+                self.name,
+                why.join(", "),
+                said.chars().take(300).collect::<String>()
+            )
+        })
     }
 }
 
@@ -225,7 +232,9 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     }
     let before = contents(&at);
     if let Some(mode) = case.mode {
-        let set = |path: &Path, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("the owner");
+        let set = |path: &Path, mode| {
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("the owner")
+        };
         case.files.iter().for_each(|(name, _)| set(&at.join(name), mode));
     }
     let [out, err] = ["out", "err"].map(|name| folder.path().join(name));
@@ -240,7 +249,12 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     }
     if case.mode.is_some() && is_root() {
         command = Command::new("setpriv");
-        command.args(["--reuid=65534", "--regid=65534", "--clear-groups", env!("CARGO_BIN_EXE_sunstone")]);
+        command.args([
+            "--reuid=65534",
+            "--regid=65534",
+            "--clear-groups",
+            env!("CARGO_BIN_EXE_sunstone"),
+        ]);
     }
     let mut child = command
         .args(&arguments)
@@ -266,7 +280,11 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         std::thread::sleep(Duration::from_millis(2));
     };
     let length = fs::metadata(&err).map_or(0, |m| m.len());
-    let bytes = if length <= FLOOD * 4 { fs::read(&err).unwrap_or_default() } else { vec![] };
+    let bytes = if length <= FLOOD * 4 {
+        fs::read(&err).unwrap_or_default()
+    } else {
+        vec![]
+    };
     let stderr = String::from_utf8_lossy(&bytes).into_owned();
     if case.mode.is_some() {
         for (name, _) in &case.files {
@@ -278,7 +296,10 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
         vec![]
     } else {
         let new = after.iter().filter(|(name, what)| {
-            let finished = case.may_leave.iter().any(|n| name.to_string_lossy().starts_with(n));
+            let finished = case
+                .may_leave
+                .iter()
+                .any(|n| name.to_string_lossy().starts_with(n));
             before.get(*name) != Some(*what) && !finished
         });
         let gone = before.keys().filter(|name| !after.contains_key(*name));
@@ -333,7 +354,9 @@ fn place(path: &Path, put: &Put, fixtures: &Path, root: &str) {
             assert!(made.success(), "no pipe");
         }
         Put::Link(to) => std::os::unix::fs::symlink(to.replace("{f}", root), path).expect("a link"),
-        Put::Sparse(length) => File::create(path).and_then(|f| f.set_len(*length)).expect("a file"),
+        Put::Sparse(length) => File::create(path)
+            .and_then(|f| f.set_len(*length))
+            .expect("a file"),
     }
 }
 

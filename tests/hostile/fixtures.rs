@@ -60,8 +60,14 @@ impl Fixtures {
         let at = fixtures.path();
         let put = |name: &str, text: &str| fs::write(at.join(name), text).expect("a file");
         put("scene.toml", SMALL);
-        put("materials.toml", "materials.gold.rough_conductor = { metal = \"Au\", alpha = 0.2 }\n");
-        put("media.toml", "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n");
+        put(
+            "materials.toml",
+            "materials.gold.rough_conductor = { metal = \"Au\", alpha = 0.2 }\n",
+        );
+        put(
+            "media.toml",
+            "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n",
+        );
         put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
         put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");
         put("directions.csv", "10,0,20,180\n30,0,20,180\n");
@@ -99,7 +105,9 @@ impl Fixtures {
         fs::create_dir(at.join("tables")).expect("a folder");
         fs::copy(at.join("table.pbsdf"), at.join("tables/one.pbsdf")).expect("a copy");
         fs::create_dir(at.join("empty")).expect("a folder");
-        let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
+        let matrices: Vec<f32> = (0..PIXELS * 16)
+            .map(|i| if i % 16 == 0 { 2.0 } else { 0.1 })
+            .collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
@@ -142,7 +150,9 @@ impl Fixtures {
 
 /// A folder in memory where the system has one.
 fn folder() -> tempfile::TempDir {
-    let made = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder");
+    let made = tempfile::tempdir_in("/dev/shm")
+        .or_else(|_| tempfile::tempdir())
+        .expect("a folder");
     // Another user runs some of the cases.
     fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
     made

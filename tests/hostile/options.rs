@@ -4,7 +4,20 @@ use crate::case::{Case, Expect};
 
 /// Values that no option takes for what they are, and those that some do.
 const VALUES: [&str; 14] = [
-    "nan", "inf", "-inf", "-1", "0", "1e308", "1e-308", "text", "", ",", "18446744073709551616", "1,2,3,4,5,6", "١", "0x10",
+    "nan",
+    "inf",
+    "-inf",
+    "-1",
+    "0",
+    "1e308",
+    "1e-308",
+    "text",
+    "",
+    ",",
+    "18446744073709551616",
+    "1,2,3,4,5,6",
+    "١",
+    "0x10",
 ];
 
 /// Commands with `{v}` for an option's value, and the values of [`VALUES`] that are right after all.
@@ -155,7 +168,11 @@ pub fn cases() -> Vec<Case> {
                 }
             }
             case.arguments = arguments;
-            cases.push(if right.contains(&value) { case.expect(Expect::Accepted) } else { case });
+            cases.push(if right.contains(&value) {
+                case.expect(Expect::Accepted)
+            } else {
+                case
+            });
         }
     }
     cases.extend(ODD.iter().map(|line| Case::new(format!("odd: {line}"), line)));

@@ -73,7 +73,9 @@ fn named(extension: &str) -> String {
 }
 
 fn copy_of(input: &'static str) -> (String, Option<Put>) {
-    let name = Path::new(input).file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
+    let name = Path::new(input)
+        .file_name()
+        .map_or(String::new(), |n| n.to_string_lossy().into_owned());
     let put = (!input.is_empty()).then_some(Put::Copy(input));
     (name, put)
 }
@@ -83,10 +85,15 @@ pub fn cases() -> Vec<Case> {
     for (line, extension, input) in WRITERS {
         let (name, put) = copy_of(input);
         let make = |what: &str, output: &str| {
-            let case = Case::new(format!("{line}: .{extension} is {what}"), &line.replace("{i}", &name));
+            let case = Case::new(
+                format!("{line}: .{extension} is {what}"),
+                &line.replace("{i}", &name),
+            );
             let mut case = case;
             // A name may be empty, and so is no word of the line.
-            case.arguments.iter_mut().for_each(|a| *a = a.replace("{o}", output));
+            case.arguments
+                .iter_mut()
+                .for_each(|a| *a = a.replace("{o}", output));
             match put.clone() {
                 Some(put) => case.put(name.clone(), put),
                 None => case,
@@ -115,7 +122,9 @@ pub fn cases() -> Vec<Case> {
             cases.push(make("a folder", &out).put(out.clone(), Put::Folder));
         }
         if store {
-            cases.push(make("a folder of something", &out).put(format!("{out}/f"), Put::Text("precious".into())));
+            cases.push(
+                make("a folder of something", &out).put(format!("{out}/f"), Put::Text("precious".into())),
+            );
         }
         // Their formats go by the name.
         let by_name = line.starts_with("probe") || line.starts_with("pbrdf slice");
@@ -137,14 +146,28 @@ pub fn cases() -> Vec<Case> {
     cases.push(own("in a store", "figure s.zarr -o s.zarr/new").put("s.zarr", Put::Copy("s.zarr")));
     cases.push(own("in a store", "probe s.zarr mueller -o s.zarr/a.npy").put("s.zarr", Put::Copy("s.zarr")));
     cases.push(own("in a store", "export s.zarr mueller -o s.zarr/a.exr").put("s.zarr", Put::Copy("s.zarr")));
-    cases.push(own("in a store", "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy").put("s.zarr", Put::Copy("s.zarr")));
     cases.push(
-        own("around the scene", "render s.zarr/scene.toml -o s.zarr --force --no-figures")
-            .put("s.zarr", Put::Copy("s.zarr"))
-            .put("s.zarr/scene.toml", Put::Copy("scene.toml")),
+        own(
+            "in a store",
+            "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy",
+        )
+        .put("s.zarr", Put::Copy("s.zarr")),
     );
-    cases.push(own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")));
-    cases.push(own("its own", "pbrdf synth t/materials.toml -o t --resolution 3x3x3").put("t/materials.toml", Put::Copy("materials.toml")));
+    cases.push(
+        own(
+            "around the scene",
+            "render s.zarr/scene.toml -o s.zarr --force --no-figures",
+        )
+        .put("s.zarr", Put::Copy("s.zarr"))
+        .put("s.zarr/scene.toml", Put::Copy("scene.toml")),
+    );
+    cases.push(
+        own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")),
+    );
+    cases.push(
+        own("its own", "pbrdf synth t/materials.toml -o t --resolution 3x3x3")
+            .put("t/materials.toml", Put::Copy("materials.toml")),
+    );
     cases
 }
 

@@ -60,7 +60,9 @@ fn is_vector(scene: &Value, path: &[Step]) -> bool {
         value = next.expect("a place");
     }
     let number = |v: &Value| v.is_float() || v.is_integer();
-    value.as_array().is_some_and(|l| l.len() == 3 && l.iter().all(number))
+    value
+        .as_array()
+        .is_some_and(|l| l.len() == 3 && l.iter().all(number))
 }
 
 /// Puts a value at a place, or takes away what is there.

@@ -210,8 +210,8 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, 
 
 /// Reads a list of directions.
 fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>, Failure> {
-    let text = input::read_text(path)
-        .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
+    let text =
+        input::read_text(path).map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
     let mut list = vec![];
     for (i, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
         let place = |m: String| Failure::input(format!("{}:{}: {m}", path.display(), i + 1));

@@ -58,7 +58,10 @@ enum Mapping {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    places::files([a.data.folder()], [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()])?;
+    places::files(
+        [a.data.folder()],
+        [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()],
+    )?;
     if let Some(path) = &a.npz {
         places::extension(path, "arrays are", &["npz"])?;
     }

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use sunstone::pbrdf::stand_ins::BandedMaterials;
 use sunstone::pbrdf::synth;
 use sunstone::transport::material::measured::axes::Axes;
-use sunstone::transport::material::measured::write::tabulate;
 use sunstone::transport::material::measured::error::PbsdfError;
+use sunstone::transport::material::measured::write::tabulate;
 
 /// Tabulate analytic materials as .pbsdf files.
 ///
@@ -60,15 +60,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for name in &names {
         bar.set_message(name.clone());
         let file = a.output.join(format!("{name}.pbsdf"));
-        tabulate(&file, &axes, &materials.sources(name))
-            .map_err(|e| {
-                if !there {
-                    // Only if nothing is in it.
-                    let _ = std::fs::remove_dir(&a.output);
-                }
-                let of_system = matches!(e, PbsdfError::Write(_));
-                Failure::of_system(of_system, format!("{}: {e}", file.display()))
-            })?;
+        tabulate(&file, &axes, &materials.sources(name)).map_err(|e| {
+            if !there {
+                // Only if nothing is in it.
+                let _ = std::fs::remove_dir(&a.output);
+            }
+            let of_system = matches!(e, PbsdfError::Write(_));
+            Failure::of_system(of_system, format!("{}: {e}", file.display()))
+        })?;
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -142,10 +142,18 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
             continue;
         };
         if name.is_empty() {
-            return Err(ctx.error(object.span(), "the object's name is empty", "name it, or leave the line out"));
+            return Err(ctx.error(
+                object.span(),
+                "the object's name is empty",
+                "name it, or leave the line out",
+            ));
         }
         if file.objects[..i].iter().any(|o| o.name.as_ref() == Some(name)) {
-            return Err(ctx.error(object.span(), format!("a second object `{name}`"), "rename one of them"));
+            return Err(ctx.error(
+                object.span(),
+                format!("a second object `{name}`"),
+                "rename one of them",
+            ));
         }
     }
     Ok(())

@@ -42,7 +42,11 @@ impl Document {
 
     /// Of a file's bytes.
     pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, InputError> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
         let error = |text: &str, at: Option<usize>, message: String| InputError {
             file: path.to_owned(),
             text: text.into(),
@@ -63,8 +67,9 @@ impl Document {
                     error(&text, Some(boundary(&text, at)), format!("this is not JSON: {e}"))
                 })?
             } else {
-                yaml::read(&text)
-                    .map_err(|(at, e)| error(&text, Some(boundary(&text, at)), format!("this is not YAML: {e}")))?
+                yaml::read(&text).map_err(|(at, e)| {
+                    error(&text, Some(boundary(&text, at)), format!("this is not YAML: {e}"))
+                })?
             };
             (text, root)
         };

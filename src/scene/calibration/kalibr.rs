@@ -42,7 +42,10 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     let camera = &cameras[at].1;
     for key in ["camera_model", "distortion_model"] {
         if let Some(node) = camera.get(key).filter(|n| n.text().is_none_or(str::is_empty)) {
-            return Err(node.error(&format!("`{key}` is no name"), "give it as Kalibr writes it: pinhole, radtan, equidistant"));
+            return Err(node.error(
+                &format!("`{key}` is no name"),
+                "give it as Kalibr writes it: pinhole, radtan, equidistant",
+            ));
         }
     }
     let text = |key: &str| camera.get(key).and_then(|n| n.text().map(|t| (n.clone(), t)));
@@ -56,7 +59,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         return Err(camera.error("there are no intrinsics", "give [fu, fv, pu, pv]"));
     };
     let [fu, fv, pu, pv] = intrinsics.vector::<4>()?;
-    let mut notes = vec!["Kalibr's pixel centres are taken as OpenCV's, whose corner detection it uses.".to_owned()];
+    let mut notes =
+        vec!["Kalibr's pixel centres are taken as OpenCV's, whose corner detection it uses.".to_owned()];
     let lens = match (text("distortion_model"), camera.get("distortion_coeffs")) {
         (Some((_, "none")), _) | (_, None) => Lens::None,
         (model, Some(node)) => opencv::lens(&node, model.map(|m| m.1), options.fisheye, &mut notes)?,
@@ -64,7 +68,10 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     let size = camera.get("resolution").map(|n| n.size()).transpose()?;
     let pose = if options.imu {
         let Some(node) = camera.get("T_cam_imu") else {
-            return Err(camera.error("there is no T_cam_imu", "leave --imu away: the world is then the first camera's frame"));
+            return Err(camera.error(
+                "there is no T_cam_imu",
+                "leave --imu away: the world is then the first camera's frame",
+            ));
         };
         notes.push("The world is the IMU's frame (T_cam_imu).".into());
         transform(&node)?
@@ -98,7 +105,10 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
 fn transform(node: &Node) -> Result<DMat4, InputError> {
     let rows = node.matrix::<4>()?;
     if rows[3] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(node.error("it is no rotation and translation", "its last row must be 0, 0, 0, 1"));
+        return Err(node.error(
+            "it is no rotation and translation",
+            "its last row must be 0, 0, 0, 1",
+        ));
     }
     Ok(DMat4::from_cols_array_2d(&rows).transpose())
 }

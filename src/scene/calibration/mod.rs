@@ -129,7 +129,8 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
             "give it: --resolution 640x480",
         ));
     };
-    let mut notes = vec!["opencv_matrix counts pixels as OpenCV does: (0, 0) is the centre of the first.".to_owned()];
+    let mut notes =
+        vec!["opencv_matrix counts pixels as OpenCV does: (0, 0) is the centre of the first.".to_owned()];
     notes.append(&mut found.notes);
     let pose = if let Some(mut pose) = found.pose {
         let unit = options.metres_per_unit.or(found.unit).unwrap_or(1.0);
@@ -137,12 +138,17 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
             *t = t.map(|x| x * unit);
         }
         notes.push(match (options.metres_per_unit, found.unit) {
-            (None, None) => "Lengths are taken as metres; --metres-per-unit 0.001 takes them as millimetres.".to_owned(),
+            (None, None) => {
+                "Lengths are taken as metres; --metres-per-unit 0.001 takes them as millimetres.".to_owned()
+            }
             _ => format!("The file's unit of length is taken as {unit} m."),
         });
         pose
     } else {
-        notes.push("The file has no pose: the device stands at the origin, looks along +z, and +y is down.".to_owned());
+        notes.push(
+            "The file has no pose: the device stands at the origin, looks along +z, and +y is down."
+                .to_owned(),
+        );
         let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         ExtrinsicsFile {
             rotation: Some(rows),
@@ -167,10 +173,9 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
 fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
     let wavelengths = Located::nowhere(vec![550.0]);
     let ctx = Context::new(&document.file, "", &wavelengths)?;
-    pinhole(&ctx, device, 0..0).map(|_| ()).map_err(|e| InputError {
-        span: None,
-        ..e
-    })
+    pinhole(&ctx, device, 0..0)
+        .map(|_| ())
+        .map_err(|e| InputError { span: None, ..e })
 }
 
 /// A table that a scene file may hold.

@@ -30,7 +30,14 @@ const LENS: [&str; 9] = [
 ];
 const ROTATION: [&str; 3] = ["R", "rotation_matrix", "rot"];
 const ROTATION_VECTOR: [&str; 4] = ["rvec", "rvecs", "rotation_vector", "rotation_vectors"];
-const TRANSLATION: [&str; 6] = ["T", "tvec", "tvecs", "translation", "translation_vector", "translation_vectors"];
+const TRANSLATION: [&str; 6] = [
+    "T",
+    "tvec",
+    "tvecs",
+    "translation",
+    "translation_vector",
+    "translation_vectors",
+];
 
 /// Reads a camera of a file.
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
@@ -48,7 +55,10 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     if matches!(lens, Lens::None) {
         notes.push("The file has no distortion.".into());
     }
-    let size = match (named(&["image_size", "img_size", "resolution", "size"]), named(&["image_width", "width"])) {
+    let size = match (
+        named(&["image_size", "img_size", "resolution", "size"]),
+        named(&["image_width", "width"]),
+    ) {
         (Some(both), _) => Some(both.size()?),
         (None, Some(w)) => match named(&["image_height", "height"]) {
             Some(h) => Some(w.pixels(w.number()?, h.number()?)?),
@@ -146,7 +156,9 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
     }
     let number = |names: &[&str]| match camera.any(names) {
         Some(node) => node.number(),
-        None => Err(camera.node.error(&format!("there is no {}", names[0]), "give fx, fy, cx and cy")),
+        None => Err(camera
+            .node
+            .error(&format!("there is no {}", names[0]), "give fx, fy, cx and cy")),
     };
     let (fx, cx) = (number(&["fx"])?, number(&["cx", "ppx"])?);
     let (fy, cy) = (number(&["fy"])?, number(&["cy", "ppy"])?);
@@ -162,14 +174,21 @@ pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], In
         ));
     }
     if m[0][1] != 0.0 {
-        return Err(node.error("it has a skew, but pixels here have right angles", "calibrate without skew"));
+        return Err(node.error(
+            "it has a skew, but pixels here have right angles",
+            "calibrate without skew",
+        ));
     }
     Ok(m)
 }
 
 fn fisheye(camera: &Camera, options: &Options) -> bool {
     let flag = camera.node.any(&["fisheye_model", "fisheye"]);
-    let set = flag.is_some_and(|f| f.value.as_bool().unwrap_or_else(|| f.number().is_ok_and(|n| n != 0.0)));
+    let set = flag.is_some_and(|f| {
+        f.value
+            .as_bool()
+            .unwrap_or_else(|| f.number().is_ok_and(|n| n != 0.0))
+    });
     options.fisheye || set
 }
 
@@ -217,10 +236,21 @@ pub(super) fn lens(
     }
 }
 
-fn pose(camera: &Camera, options: &Options, notes: &mut Vec<String>) -> Result<Option<ExtrinsicsFile>, InputError> {
-    let first = matches!(camera.affix.as_deref(), Some("1" | "cam" | "cam_" | "left" | "l" | "0"));
+fn pose(
+    camera: &Camera,
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<Option<ExtrinsicsFile>, InputError> {
+    let first = matches!(
+        camera.affix.as_deref(),
+        Some("1" | "cam" | "cam_" | "left" | "l" | "0")
+    );
     let own = |names: &[&str]| {
-        let shared = || (camera.affix.is_some() && !first).then(|| camera.node.any(names)).flatten();
+        let shared = || {
+            (camera.affix.is_some() && !first)
+                .then(|| camera.node.any(names))
+                .flatten()
+        };
         camera.any(names).or_else(shared)
     };
     let rotation = own(&ROTATION).or_else(|| own(&ROTATION_VECTOR));
@@ -248,7 +278,10 @@ fn pose(camera: &Camera, options: &Options, notes: &mut Vec<String>) -> Result<O
             ));
         }
         (None, n) => {
-            notes.push(format!("The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.", n - 1));
+            notes.push(format!(
+                "The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.",
+                n - 1
+            ));
             return Ok(None);
         }
     };
