@@ -96,6 +96,7 @@ impl Case {
 }
 
 /// What came of a case.
+#[allow(clippy::struct_excessive_bools)]
 #[derive(Debug)]
 pub struct Finding {
     name: String,
@@ -233,7 +234,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     let before = contents(&at);
     if let Some(mode) = case.mode {
         let set = |path: &Path, mode| {
-            fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("the owner")
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("the owner");
         };
         case.files.iter().for_each(|(name, _)| set(&at.join(name), mode));
     }

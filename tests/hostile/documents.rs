@@ -72,26 +72,26 @@ white.diffuse.albedo = [0.70, 0.73, 0.74]
 gold.rough_conductor = { metal = "Au", alpha = 0.2 }
 "#;
 
-const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
+const MEDIA: &str = r"wavelengths_nm = [450, 550, 660]
 [media.beads.polystyrene]
 diameter_nm = 100
 spread = 0.02
 amount.volume_fraction = 1e-4
-"#;
+";
 
-const OPENCV: &str = r#"image_width = 64
+const OPENCV: &str = r"image_width = 64
 image_height = 48
 camera_matrix = [[60, 0, 32], [0, 60, 24], [0, 0, 1]]
 distortion_coefficients = [0.1, 0.01, 0.001, 0.001, 0]
 rvec = [0.1, 0.2, 0.3]
 tvec = [0.1, 0, 2]
-"#;
+";
 
-const MATLAB: &str = r#"ImageSize = [48, 64]
+const MATLAB: &str = r"ImageSize = [48, 64]
 IntrinsicMatrix = [[60, 0, 0], [0, 60, 0], [32, 24, 1]]
 RadialDistortion = [0.1, 0.01]
 TangentialDistortion = [0, 0]
-"#;
+";
 
 const KALIBR: &str = r#"[cam0]
 camera_model = "pinhole"
