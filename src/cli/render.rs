@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use sunstone::figure::spec::{self, Figure};
+use sunstone::figure::listed;
+use sunstone::figure::spec::Figure;
 use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
 use sunstone::store::sink::is_finished;
 use sunstone::transport::render::coverage::missing;
@@ -117,7 +118,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let text = sunstone::scene::read(&a.scene)?;
     let mut scene = sunstone::scene::from_text(&a.scene, &text)?;
-    let mut figures = spec::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
+    let mut figures = listed::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
     if let Some(spp) = a.spp {
         if !(1..=1 << 30).contains(&spp) {
             return Err(Failure::input(format!("--spp is {spp}; give 1 to {}", 1 << 30)));

@@ -1,6 +1,6 @@
 //! Whether a view can be drawn of a slice, told before the slice is rendered.
 
-use crate::error::FigureError;
+use crate::error::{FigureError, WAVELENGTH};
 use crate::flight::MOST;
 use crate::spec::View;
 use base::spectral_table;
@@ -98,6 +98,3 @@ pub(crate) fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), Figure
         }
     }
 }
-
-/// What a wavelength must be.
-pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";

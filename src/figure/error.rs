@@ -1,5 +1,8 @@
 //! Why a picture was not drawn, and the mend.
 
+/// What a wavelength to draw must be.
+pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";
+
 /// Why a picture was not drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {

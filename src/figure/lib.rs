@@ -28,6 +28,7 @@ mod drawing;
 mod error;
 mod flight;
 mod layout;
+pub mod listed;
 mod map;
 pub mod maps;
 mod marker;

@@ -1,7 +1,7 @@
 //! From a tensor of any axes to the few that a picture shows: pick, sum and check in one pass.
 
 use super::error::FigureError;
-use crate::check::WAVELENGTH;
+use super::error::WAVELENGTH;
 use base::spectral_table::nearest_within;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;

@@ -1,8 +1,10 @@
 //! NumPy's files: arrays of numbers that other programs bring and take.
 
+mod bytes;
+
 use base::whole_file;
+use bytes::{Bytes, row_major};
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
-use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tensor::number::Number;
@@ -77,55 +79,6 @@ pub struct NumpyReader {
     big_endian: bool,
     /// Where the numbers begin, bytes.
     start: u64,
-}
-
-/// Where the numbers are.
-#[derive(Debug)]
-enum Bytes {
-    File(File),
-    /// In row-major order where the file has them in column-major order.
-    Memory(Cursor<Vec<u8>>),
-}
-
-impl Bytes {
-    /// Fills `out` from place `at` on.
-    fn read_at(&mut self, at: u64, out: &mut [u8]) -> io::Result<()> {
-        match self {
-            Self::File(file) => {
-                file.seek(SeekFrom::Start(at))?;
-                file.read_exact(out)
-            }
-            Self::Memory(cursor) => {
-                cursor.set_position(at);
-                cursor.read_exact(out)
-            }
-        }
-    }
-}
-
-/// Elements of `size` bytes in row-major order that stand in column-major order in `bytes`; `None` without the memory.
-fn row_major(bytes: &[u8], shape: &[usize], size: usize) -> Option<Vec<u8>> {
-    let mut out = vec![];
-    out.try_reserve_exact(bytes.len()).ok()?;
-    let mut index = vec![0; shape.len()];
-    let mut steps = vec![size; shape.len()];
-    for k in 1..shape.len() {
-        steps[k] = steps[k - 1] * shape[k - 1];
-    }
-    let mut at = 0;
-    while out.len() < bytes.len() {
-        out.extend_from_slice(&bytes[at..at + size]);
-        for k in (0..shape.len()).rev() {
-            index[k] += 1;
-            at += steps[k];
-            if index[k] < shape[k] {
-                break;
-            }
-            at -= steps[k] * shape[k];
-            index[k] = 0;
-        }
-    }
-    Some(out)
 }
 
 /// Types of numbers that are read.

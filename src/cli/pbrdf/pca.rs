@@ -69,7 +69,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         places::extension(path, "priors are", &["toml"])?;
     }
     if !(1e-6..=1e6).contains(&a.c) {
-        return Err(Failure::input(format!("-c {}: give a number, 1e-6 to 1e6", a.c)));
+        return Err(Failure::input(format!("-c {}: give a positive number, 1e-6 to 1e6", a.c)));
     }
     let data = a.data.load_mapped(a.c, 0)?;
     let moments = match a.map {
