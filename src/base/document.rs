@@ -1,5 +1,6 @@
 //! TOML documents, read so that every error names file, line, column and mend, and no list passes for a table.
 
+use crate::input;
 use crate::locate::InputError;
 use crate::tables::{self, Strict};
 use serde::de::DeserializeOwned;
@@ -10,7 +11,7 @@ use std::path::Path;
 /// # Errors
 /// [`InputError`] without a place, if it cannot be read.
 pub fn read(path: &Path, what: &str, mend: &str) -> Result<String, InputError> {
-    std::fs::read_to_string(path).map_err(|e| InputError {
+    input::read_text(path).map_err(|e| InputError {
         file: path.to_owned(),
         text: "".into(),
         span: None,

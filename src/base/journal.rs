@@ -29,7 +29,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// If the file cannot be read or written.
     pub fn open(of: &Path) -> std::io::Result<(Self, Vec<T>)> {
         let path = of.join(FILE);
-        let text = match std::fs::read_to_string(&path) {
+        let text = match crate::input::read_text(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(e) => return Err(e),

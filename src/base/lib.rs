@@ -1,9 +1,10 @@
-//! Words that every room uses: units, documents whose errors have places, files that are written whole, locks, journals,
+//! Words that every room uses: units, documents whose errors have places, files that are read and written whole, locks, journals,
 //! tables over wavelengths.
 
 #![warn(missing_docs)]
 
 pub mod document;
+pub mod input;
 pub mod journal;
 pub mod locate;
 pub mod lock;

@@ -10,11 +10,13 @@ pub struct SpectralTable<'a> {
 }
 
 impl SpectralTable<'_> {
-    /// True if there are as many values as wavelengths, at least one, all are finite, and wavelengths rise.
+    /// True if there are as many values as wavelengths, at least one, all are finite, and wavelengths are
+    /// positive and rise.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
         finite
+            && self.nm.iter().all(|nm| *nm > 0.0)
             && !self.nm.is_empty()
             && self.nm.len() == self.values.len()
             && self.nm.is_sorted_by(|a, b| a < b)
@@ -38,6 +40,18 @@ impl SpectralTable<'_> {
 pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
     let distance = |i: &usize| (nm[*i] - wanted).abs();
     (0..nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// How far beyond the entries a wavelength may lie to be taken for the first or last, nanometres.
+pub const BEYOND_NM: f64 = 5.0;
+
+/// As [`nearest`], and `None` of a wavelength that lies beyond the entries by more than [`BEYOND_NM`].
+#[must_use]
+pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
+    let low = nm.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = nm.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let within = (low - BEYOND_NM..=high + BEYOND_NM).contains(&wanted);
+    within.then(|| nearest(nm, wanted)).flatten()
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! temporary file stays behind. Files are not synced one by one: the guarantee is against the death of the process, not
 //! against the loss of power.
 
+use crate::input;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -111,11 +112,20 @@ fn is_running(id: i32) -> bool {
 }
 
 fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
-    if let Some(parent) = path.parent() {
-        fs::create_dir_all(parent)?;
+    if input::is_special(path) {
+        return Err(io::Error::new(
+            ErrorKind::InvalidInput,
+            "it is a device or a pipe, not a file",
+        ));
     }
+    let parent = path.parent().unwrap_or(Path::new(""));
+    let made: Vec<&Path> = parent
+        .ancestors()
+        .take_while(|a| !a.as_os_str().is_empty() && !a.exists())
+        .collect();
     let temporary = temporary_beside(path);
     let result = (|| {
+        fs::create_dir_all(parent)?;
         let mut file = BufWriter::new(File::create(&temporary)?);
         fill(&mut file)?;
         file.into_inner().map_err(io::IntoInnerError::into_error)?;
@@ -123,6 +133,8 @@ fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -
     })();
     if result.is_err() {
         let _ = fs::remove_file(&temporary);
+        // Folders that were made for it, unless others have put something there.
+        let _ = made.iter().try_for_each(fs::remove_dir);
     }
     result
 }

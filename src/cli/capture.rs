@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::matrices::{MatrixSource, image};
+use super::places;
 use std::path::{Path, PathBuf};
 use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
 use sunstone::polarimetry::capture::detector::file;
@@ -34,7 +35,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SCHEME")]
     scheme: PathBuf,
     /// Wavelengths of the last axis before the matrices of an array, nanometres. Without them there is one, 550.
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength)]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
@@ -51,7 +52,7 @@ pub struct Arguments {
 pub struct NoiseArguments {
     /// Detector to read with.
     #[arg(long, value_name = "DETECTOR.toml", conflicts_with_all = ["noise", "relative_noise"])]
-    detector: Option<PathBuf>,
+    pub detector: Option<PathBuf>,
     /// Standard deviation of normal noise, in the unit of the matrices.
     #[arg(long, value_name = "SIGMA", conflicts_with = "relative_noise")]
     noise: Option<f64>,
@@ -67,11 +68,11 @@ impl NoiseArguments {
     /// What they mean for some matrices.
     pub fn resolve(&self, target: &MuellerImage) -> Result<Noise, Failure> {
         let good = |name: &str, sigma: f64| {
-            if sigma >= 0.0 && sigma.is_finite() {
+            if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {
                 Ok(sigma)
             } else {
                 Err(Failure::input(format!(
-                    "{name} {sigma}: give zero or a positive number"
+                    "{name} {sigma}: give zero or a positive number, 1e-30 to 1e30"
                 )))
             }
         };
@@ -97,13 +98,13 @@ impl NoiseArguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    for path in [Some(&a.output), a.variance.as_ref()].into_iter().flatten() {
-        if path.extension().is_none_or(|e| e != "npy") {
-            let path = path.display();
-            return Err(Failure::input(format!(
-                "{path}: arrays are written as .npy; name the file so"
-            )));
-        }
+    let outputs = [Some(&a.output), a.variance.as_ref()];
+    places::files(
+        [Some(&a.from.source), Some(&a.scheme), a.noise.detector.as_ref()],
+        outputs,
+    )?;
+    for path in outputs.into_iter().flatten() {
+        places::extension(path, "arrays are", &["npy"])?;
     }
     let scheme = load(&a.scheme)?;
     let example = format!("--scheme {} -o {}", a.scheme.display(), a.output.display());

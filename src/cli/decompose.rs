@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::matrices::MatrixSource;
+use super::places;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use sunstone::matrices::Matrices;
@@ -46,12 +47,8 @@ fn quantity(text: &str) -> Result<Quantity, String> {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    if a.output.extension().is_none_or(|e| e != "npz") {
-        return Err(Failure::input(format!(
-            "{}: arrays are written as .npz; name the file so",
-            a.output.display()
-        )));
-    }
+    places::files([Some(&a.from.source), a.errors.as_ref()], [Some(&a.output)])?;
+    places::extension(&a.output, "arrays are", &["npz"])?;
     let Matrices {
         shape,
         values,
@@ -139,6 +136,16 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     if other != shape {
         return Err(Failure::input(format!(
             "{}: its shape is {other:?} before the 4 x 4, that of the matrices {shape:?}; give one error per element",
+            path.display()
+        )));
+    }
+    let negative = match &sigmas {
+        Values::Single(v) => v.iter().any(|e| *e < 0.0),
+        Values::Double(v) => v.iter().any(|e| *e < 0.0),
+    };
+    if negative {
+        return Err(Failure::input(format!(
+            "{}: some of the standard errors are negative; give 0 or more",
             path.display()
         )));
     }

@@ -1,9 +1,10 @@
 //! `sunstone export`.
 
 use super::failure::Failure;
-use std::path::{Path, PathBuf};
+use super::places;
+use std::path::PathBuf;
 use sunstone::scene::mitsuba::export::Export;
-use sunstone::store::exr::{ExrOptions, export};
+use sunstone::store::exr::{ExrError, ExrOptions, export};
 use sunstone::store::probe::{Selection, parse_axes};
 
 /// Export an image slice as OpenEXR, or a scene for Mitsuba 3.
@@ -38,7 +39,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     mitsuba: Option<PathBuf>,
     /// Export the scene at this wavelength alone, nanometres.
-    #[arg(long, value_name = "NM", requires = "mitsuba")]
+    #[arg(long, value_name = "NM", requires = "mitsuba", value_parser = super::places::wavelength)]
     wavelength: Option<f64>,
     /// Write into a folder that has files already, replacing those of the same names.
     #[arg(long, requires = "mitsuba")]
@@ -58,7 +59,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-fn image(a: &Arguments, slice: &str, output: &Path) -> Result<(), Failure> {
+fn image(a: &Arguments, slice: &str, output: &PathBuf) -> Result<(), Failure> {
+    places::files([Some(&a.source)], [Some(output)])?;
+    places::extension(output, "images are", &["exr"])?;
     let source = super::source::Source {
         store: a.source.clone(),
         slice: slice.to_owned(),
@@ -75,11 +78,15 @@ fn image(a: &Arguments, slice: &str, output: &Path) -> Result<(), Failure> {
         },
         mueller: a.mueller,
     };
-    export(&slice, &options, output).map_err(Failure::input)?;
+    export(&slice, &options, output).map_err(|e| match e {
+        ExrError::Write { .. } => Failure::failed(e),
+        _ => Failure::input(e),
+    })?;
     super::output::print(&output.display().to_string())
 }
 
-fn scene(a: &Arguments, folder: &Path) -> Result<(), Failure> {
+fn scene(a: &Arguments, folder: &PathBuf) -> Result<(), Failure> {
+    places::folders([Some(&a.source)], [Some(folder)])?;
     let export = Export::load(&a.source, a.wavelength)?;
     export.write(folder, a.force).map_err(|e| match e {
         sunstone::scene::mitsuba::WriteError::Occupied(_) => Failure::input(e),

@@ -31,6 +31,15 @@ impl Failure {
         Self::Failed(e.to_string())
     }
 
+    /// Failure on the way if the system refused, else bad input.
+    pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
+        if is_of_system {
+            Self::failed(e)
+        } else {
+            Self::input(e)
+        }
+    }
+
     /// Tells the user, and gives the exit code.
     pub fn report(&self) -> ExitCode {
         match self {
@@ -39,18 +48,18 @@ impl Failure {
                 ExitCode::from(2)
             }
             Self::Scenes(errors) => {
-                errors.iter().for_each(report_scene);
+                errors.iter().take(MOST).for_each(report_scene);
                 if errors.len() > 1 {
                     eprintln!("{} problems", errors.len());
                 }
                 ExitCode::from(2)
             }
             Self::Input(m) => {
-                eprintln!("error: {m}");
+                eprintln!("{}", cut(&format!("error: {m}")));
                 ExitCode::from(2)
             }
             Self::Failed(m) => {
-                eprintln!("error: {m}");
+                eprintln!("{}", cut(&format!("error: {m}")));
                 ExitCode::from(1)
             }
             Self::Interrupted(m) => {
@@ -102,17 +111,49 @@ impl Diagnostic for Shown {
     }
 }
 
+/// Most characters of a line that are shown.
+const LONGEST: usize = 2000;
+/// Most problems of a file that are shown.
+const MOST: usize = 50;
+
+/// A text whose long lines are cut, and that has few lines.
+fn cut(text: &str) -> String {
+    let short = |line: &str| match line.char_indices().nth(LONGEST) {
+        Some((at, _)) => format!("{} … ({} more bytes)", &line[..at], line.len() - at),
+        None => line.to_owned(),
+    };
+    let lines: Vec<String> = text.lines().take(MOST + 1).map(short).collect();
+    match text.lines().count().checked_sub(MOST) {
+        Some(more) if more > 1 => format!("{}\n… and {more} more lines", lines[..MOST].join("\n")),
+        _ => lines.join("\n"),
+    }
+}
+
 /// First the line that editors and scripts read, `file:line:column: message`, then the place in the file.
 fn report_scene(e: &InputError) {
-    eprintln!("error: {e}");
+    eprintln!("{}", cut(&format!("error: {e}")));
     let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {
         return;
     };
     // A span over many lines (a whole table) is shown by its first line.
     let text = &e.text[span.start.min(e.text.len())..span.end.min(e.text.len())];
     let length = text.find('\n').unwrap_or(text.len());
+    // A line that no screen holds says nothing.
+    let start = span.start.min(e.text.len());
+    let around = e.text[..start].rsplit('\n').take(2).map(str::len).sum::<usize>()
+        + e.text[start..].split('\n').take(2).map(str::len).sum::<usize>();
+    if around > LONGEST {
+        return;
+    }
     let shown = Shown {
-        message: e.message.clone(),
+        message: e
+            .message
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .chars()
+            .take(LONGEST)
+            .collect(),
         help: None,
         source: NamedSource::new(e.file.display().to_string(), e.text.to_string()),
         label: LabeledSpan::new(Some("here".into()), span.start, length),

@@ -1,6 +1,7 @@
 //! `sunstone figure`.
 
 use super::failure::Failure;
+use super::places;
 use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use sunstone::figure::{Drawing, FigureError, Format};
@@ -22,7 +23,7 @@ pub struct Arguments {
     #[arg(long)]
     slice: Option<String>,
     /// Wavelength in nanometres (mueller, maps).
-    #[arg(long)]
+    #[arg(long, value_parser = super::places::wavelength)]
     wavelength: Option<f64>,
     /// Mueller element, such as 01 (maps, profile).
     #[arg(long, default_value = "00", value_parser = element)]
@@ -146,12 +147,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             element: a.element,
         }),
     };
-    let store = super::source::store(&a.store, a.partial)?;
     let name = a.slice.clone().unwrap_or_default();
     let path = a
         .output
         .clone()
         .unwrap_or_else(|| folder(&a.store).join(format!("{name}.png")));
+    places::files([Some(&a.store)], [Some(&path)])?;
+    let store = super::source::store(&a.store, a.partial)?;
     figures::draw_to(&store, &Figure { name, view }, &path)?;
     super::output::print(&path.display().to_string())
 }
@@ -163,8 +165,9 @@ fn folder(store: &Path) -> PathBuf {
 
 /// Draws the figures that the scene lists, and prints where they are.
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
-    let store = super::source::store(path, a.is_some_and(|a| a.partial))?;
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
+    places::folders([Some(&path.to_owned())], [Some(&out)])?;
+    let store = super::source::store(path, a.is_some_and(|a| a.partial))?;
     let format = a.map_or("png", |a| a.format.name());
     for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {
         let file = out.join(format!("{}.{format}", figure.name));

@@ -1,6 +1,7 @@
 //! `sunstone import`.
 
 use super::failure::Failure;
+use super::places;
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -91,7 +92,7 @@ fn resolution(text: &str) -> Result<[u32; 2], String> {
 
 fn unit(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
+        Ok(v) if (1e-12..=1e12).contains(&v) => Ok(v),
         _ => Err("give metres, such as 0.001".into()),
     }
 }
@@ -104,6 +105,10 @@ fn definition(text: &str) -> Result<(String, String), String> {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if let Some(output) = &a.output {
+        places::files([Some(&a.scene)], [Some(output)])?;
+        places::extension(output, "scenes are", &["toml"])?;
+    }
     if calibration::is_calibration(&a.scene) {
         return calibrated(a);
     }

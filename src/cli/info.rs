@@ -80,7 +80,7 @@ fn scene(scene: &Scene) -> String {
         line("projector", format!("{what}{}", device(&p.pinhole)));
     }
     for emitter in emitters(scene) {
-        line("light", emitter);
+        line("emitter", emitter);
     }
     let (triangles, quadrics) = scene.geometry.counts();
     line("geometry", format!("{triangles} triangles, {quadrics} quadrics"));

@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::pbrdf::data::MaterialSource;
+use super::places;
 use super::scheme::{SensorArgument, picture, save, table};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -60,7 +61,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0.0)]
     angle_error: f64,
     /// Wavelengths at which it shall work, nanometres.
-    #[arg(long, value_delimiter = ',', default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     data: MaterialSource,
@@ -132,6 +133,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     check(a)?;
     let templates = templates(a)?;
     let several = templates.len() * a.estimator.len() > 1;
+    check_places(a, &templates, several)?;
     if several && a.angles.is_some() {
         return Err(Failure::input(
             "--angles draws one scheme: give one -k, --sensor and --estimator",
@@ -169,19 +171,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 seconds: begun.elapsed().as_secs_f64(),
             };
             super::output::print(&line(&row, a.noise))?;
-            let path = if several {
-                let tail = if *estimator == EstimatorArgument::Prior {
-                    "_prior"
-                } else {
-                    ""
-                };
-                a.output.join(format!(
-                    "{}{tail}.toml",
-                    scheme.name.to_lowercase().replace(' ', "_")
-                ))
-            } else {
-                a.output.clone()
-            };
+            let path = scheme_path(a, &scheme, *estimator, several);
             save(&scheme, &path)?;
             rows.push(row);
             learned.push((scheme, path));
@@ -215,16 +205,62 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 fn check(a: &Arguments) -> Result<(), Failure> {
-    if !(a.noise > 0.0 && a.noise.is_finite()) {
-        return Err(Failure::input("--noise: give a positive number"));
+    if !(1e-9..=1e6).contains(&a.noise) {
+        return Err(Failure::input("--noise: give a positive number, 1e-9 to 1e6"));
     }
-    if !(a.angle_error >= 0.0 && a.angle_error.is_finite()) {
-        return Err(Failure::input("--angle-error: give degrees, 0 or more"));
+    if !(0.0..=90.0).contains(&a.angle_error) {
+        return Err(Failure::input("--angle-error: give degrees, 0 to 90"));
+    }
+    if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
+        return Err(Failure::input(
+            "at most 100000 --starts and 10000000 --iterations or --adam-steps",
+        ));
     }
     match a.captures.iter().find(|k| !(1..=256).contains(*k)) {
         Some(k) => Err(Failure::input(format!("-k {k}: learn 1 to 256 captures"))),
         None => Ok(()),
     }
+}
+
+/// Where a learned scheme goes.
+fn scheme_path(a: &Arguments, scheme: &Scheme, estimator: EstimatorArgument, several: bool) -> PathBuf {
+    if !several {
+        return a.output.clone();
+    }
+    let tail = if estimator == EstimatorArgument::Prior {
+        "_prior"
+    } else {
+        ""
+    };
+    let name = scheme.name.to_lowercase().replace(' ', "_");
+    a.output.join(format!("{name}{tail}.toml"))
+}
+
+/// What is written is none of what is read, and named as what it is, before hours of learning.
+fn check_places(a: &Arguments, templates: &[Scheme], several: bool) -> Result<(), Failure> {
+    let inputs = [a.template.as_ref(), a.data.folder()];
+    if several {
+        places::folders([], [Some(&a.output)])?;
+    } else {
+        places::extension(&a.output, "schemes are", &["toml"])?;
+    }
+    let schemes: Vec<PathBuf> = (a.estimator.iter())
+        .flat_map(|e| templates.iter().map(|t| scheme_path(a, t, *e, several)))
+        .collect();
+    let others = [
+        a.save_prior.as_ref(),
+        a.angles.as_ref(),
+        a.figure.as_ref(),
+        a.csv.as_ref(),
+    ];
+    places::files(inputs, schemes.iter().map(Some).chain(others))?;
+    if let Some(path) = &a.save_prior {
+        places::extension(path, "priors are", &["toml"])?;
+    }
+    if let Some(path) = &a.csv {
+        places::extension(path, "tables are", &["csv"])?;
+    }
+    Ok(())
 }
 
 fn rays(a: &Arguments) -> Vec<Ray> {

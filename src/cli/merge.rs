@@ -1,6 +1,7 @@
 //! `sunstone merge`.
 
 use super::failure::Failure;
+use super::places;
 use std::path::PathBuf;
 use sunstone::store::merge::{Options, merge};
 
@@ -25,10 +26,11 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    places::folders(a.inputs.iter().map(Some), [Some(&a.output)])?;
     let options = Options {
         replace: a.force,
         partial: a.partial,
     };
-    merge(&a.inputs, &a.output, options).map_err(Failure::input)?;
+    merge(&a.inputs, &a.output, options).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
     super::output::print(&a.output.display().to_string())
 }

@@ -13,6 +13,7 @@ mod merge;
 mod output;
 mod pbrdf;
 mod phase;
+mod places;
 mod probe;
 mod project;
 mod reconstruct;

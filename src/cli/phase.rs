@@ -1,6 +1,7 @@
 //! `sunstone phase`: scattering by participating media.
 
 use super::failure::Failure;
+use super::places;
 use clap::Subcommand;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -78,7 +79,10 @@ impl FromStr for Angles {
                 _ => Err(format!("`{t}` is not an angle in 0..180")),
             })
             .collect();
-        degrees.map(Self)
+        match degrees? {
+            degrees if degrees.is_empty() => Err("give at least one angle".into()),
+            degrees => Ok(Self(degrees)),
+        }
     }
 }
 
@@ -109,6 +113,10 @@ fn choose(a: &EvalArguments) -> Result<String, Failure> {
 }
 
 fn eval(a: &EvalArguments) -> Result<(), Failure> {
+    places::files([Some(&a.medium)], [a.output.as_ref()])?;
+    if let Some(path) = &a.output {
+        places::extension(path, "tables are", &["csv"])?;
+    }
     // One wavelength at a time, so that there may be any number of them, in any order.
     let each = |nm: &f64| Wavelengths::new(vec![*nm]);
     let wavelengths: Vec<Wavelengths> = (a.wavelengths.iter().map(each).collect::<Result<_, _>>())

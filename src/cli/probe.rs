@@ -1,9 +1,11 @@
 //! `sunstone probe`.
 
 use super::failure::Failure;
+use super::places;
 use std::fmt::Write;
 use std::path::PathBuf;
-use sunstone::store::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes};
+use sunstone::base::input;
+use sunstone::store::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes, std_error_path};
 use sunstone::tensor::array::Tensor;
 
 /// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
@@ -40,7 +42,7 @@ pub struct Arguments {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Print the result as CSV (`--csv -`).
-    #[arg(long, value_name = "-", conflicts_with = "output")]
+    #[arg(long, value_name = "-", conflicts_with = "output", value_parser = ["-"])]
     csv: Option<String>,
     /// Replace an existing result.
     #[arg(long)]
@@ -59,6 +61,7 @@ enum Preset {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    check(a)?;
     let (store, slice) = a.source.open()?;
     let mut probe = match a.preset {
         None => Probe::default(),
@@ -84,7 +87,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.output {
         let mut attributes = store.attributes();
         attributes.retain(|k, _| k != "figures" && k != "slices");
-        result.write(path, &attributes, a.force).map_err(Failure::input)?;
+        result
+            .write(path, &attributes, a.force)
+            .map_err(|e| Failure::of_system(e.is_of_system(), e))?;
         return super::output::print(&path.display().to_string());
     }
     if a.csv.is_some() {
@@ -93,9 +98,28 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(summary(&result).trim_end())
 }
 
+/// What is written is none of what is read.
+fn check(a: &Arguments) -> Result<(), Failure> {
+    let inputs = [Some(&a.source.store), a.pattern.as_ref()];
+    let Some(path) = &a.output else {
+        return Ok(());
+    };
+    places::extension(path, "results are", &["npy", "csv", "zarr"])?;
+    if path.extension().is_some_and(|e| e == "zarr") {
+        return places::folders(inputs, [Some(path)]);
+    }
+    let errors = path
+        .extension()
+        .is_some_and(|e| e == "npy")
+        .then(|| std_error_path(path));
+    places::files(inputs, [Some(path), errors.as_ref()])
+}
+
 /// A drive image: its linear brightness, as for masks in a scene.
 fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
-    let image = image::open(path)
+    let image = input::open(path)
+        .map_err(image::ImageError::from)
+        .and_then(|_| image::open(path))
         .map_err(|e| {
             Failure::input(format!(
                 "--pattern {}: {e}; give a PNG or JPEG file",

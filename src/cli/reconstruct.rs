@@ -1,6 +1,7 @@
 //! `sunstone reconstruct`.
 
 use super::failure::Failure;
+use super::places;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -37,7 +38,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SCHEME")]
     scheme: PathBuf,
     /// Wavelengths of the last axis of the intensities, nanometres. One: of all of them.
-    #[arg(long, value_delimiter = ',', default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
     /// Standard deviation of the intensities' noise.
     #[arg(long)]
@@ -64,18 +65,26 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let scheme = load(&a.scheme)?;
-    for path in [Some(&a.output), a.errors.as_ref()].into_iter().flatten() {
-        if path.extension().is_none_or(|e| e != "npy") {
-            return Err(Failure::input(format!(
-                "{}: arrays are written as .npy; name the file so",
-                path.display()
-            )));
-        }
+    let outputs = [Some(&a.output), a.errors.as_ref()];
+    let inputs = [
+        Some(&a.source),
+        Some(&a.scheme),
+        a.variance.as_ref(),
+        a.prior.as_ref(),
+    ];
+    places::files(inputs, outputs)?;
+    for path in outputs.into_iter().flatten() {
+        places::extension(path, "arrays are", &["npy"])?;
     }
-    if a.noise.is_some_and(|n| !(n > 0.0 && n.is_finite())) {
+    let scheme = load(&a.scheme)?;
+    if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
         return Err(Failure::input(
-            "--noise: give a positive number, in units of the intensities",
+            "--noise: give a positive number, 1e-18 to 1e18, in units of the intensities",
+        ));
+    }
+    if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
+        return Err(Failure::input(
+            "--saturation: give a positive number, in units of the intensities",
         ));
     }
     if a.prior.is_some() && a.noise.is_none() {
@@ -175,6 +184,11 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                 read(&mut reader, &mut i, first, n, pixels)?;
                 if let Some(variances) = &mut variances {
                     read(variances, &mut v, first, n, pixels)?;
+                    if v[..n * count].iter().any(|v| v.get() < 0.0) {
+                        return Err(Failure::input(
+                            "--variance: some of them are negative; give squares of noise",
+                        ));
+                    }
                 }
                 let begun = Instant::now();
                 let weights = (!v.is_empty()).then(|| &v[..n * count]);

@@ -1,6 +1,7 @@
 //! `sunstone render`.
 
 use super::failure::Failure;
+use super::places;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use std::io::IsTerminal;
@@ -8,7 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use sunstone::figure::spec::{self, Figure};
+use sunstone::figure::listed;
+use sunstone::figure::spec::Figure;
 use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
 use sunstone::store::sink::is_finished;
 use sunstone::transport::render::coverage::missing;
@@ -31,7 +33,7 @@ pub struct Arguments {
     /// Random seed, instead of the scene's. Renders of different seeds can be merged.
     #[arg(long)]
     seed: Option<u64>,
-    /// Worker threads [default: all cores]. The result does not depend on it.
+    /// Worker threads [default: all cores; at most 8 for each]. The result does not depend on it.
     #[arg(long)]
     threads: Option<usize>,
     /// Go on with an unfinished render.
@@ -116,8 +118,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let text = sunstone::scene::read(&a.scene)?;
     let mut scene = sunstone::scene::from_text(&a.scene, &text)?;
-    let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
-    let mut figures = spec::from_text(&a.scene, &text, &slices)?;
+    let mut figures = listed::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
     if let Some(spp) = a.spp {
         if !(1..=1 << 30).contains(&spp) {
             return Err(Failure::input(format!("--spp is {spp}; give 1 to {}", 1 << 30)));
@@ -132,8 +133,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         scene.name,
         begun.elapsed()
     );
+    check_threads(a.threads)?;
     let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
+    places::folders([Some(&a.scene)], [Some(&path)])?;
     let target = Target {
         replace: a.force,
         // What nobody named and is complete already need not be made again, if it is this render.
@@ -146,9 +149,6 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
         eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
     });
-    if a.threads == Some(0) {
-        return Err(Failure::input("--threads is 0; give at least 1"));
-    }
     for note in &scene.notes {
         eprintln!("note: {note}");
     }
@@ -161,6 +161,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
             Failure::failed(e)
         }
+        RenderError::Sink(SinkError::Create(ref cause)) => Failure::of_system(cause.is_of_system(), e),
         RenderError::Sink(_) | RenderError::NoSlices => Failure::input(e),
     })?;
     if let Some(bar) = &progress.bar {
@@ -200,6 +201,22 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         super::figure::draw_all(&target.path, None)?;
     }
     Ok(())
+}
+
+/// Threads that may be asked for, for each that the machine can run at once.
+const THREADS_EACH: usize = 8;
+
+/// As many threads as a machine can make use of, and then some: not so many that it does nothing else.
+fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let most = THREADS_EACH * cores;
+    match threads {
+        Some(0) => Err(Failure::input("--threads is 0; give at least 1")),
+        Some(n) if n > most => Err(Failure::input(format!(
+            "--threads is {n}; this machine runs {cores} at once, and at most {THREADS_EACH} times as many, {most}, are taken"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A path as a shell reads it.

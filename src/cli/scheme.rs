@@ -1,6 +1,7 @@
 //! `sunstone scheme`: making, showing and checking capture schemes.
 
 use super::failure::Failure;
+use super::places;
 use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
 use sunstone::base::whole_file;
@@ -73,7 +74,7 @@ struct Show {
     #[arg(required = true, value_name = "SCHEME")]
     schemes: Vec<PathBuf>,
     /// Wavelengths, nanometres.
-    #[arg(long, value_delimiter = ',', default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
 }
 
@@ -82,17 +83,31 @@ struct Matrix {
     #[arg(value_name = "SCHEME")]
     scheme: PathBuf,
     /// Wavelength, nanometres.
-    #[arg(long, default_value_t = 550.0)]
+    #[arg(long, default_value_t = 550.0, value_parser = super::places::wavelength)]
     wavelength: f64,
     /// Angle of the rays to the optical axis, degrees.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, value_parser = incidence)]
     incidence: f64,
     /// Azimuth of their plane of incidence, degrees.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, value_parser = azimuth, allow_hyphen_values = true)]
     azimuth: f64,
     /// File to write: (K, 16) or (4K, 16), columns the elements of a Mueller matrix row by row.
     #[arg(short, long, value_name = "A.npy")]
     output: PathBuf,
+}
+
+fn incidence(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(deg) if (0.0..90.0).contains(&deg) => Ok(deg),
+        _ => Err("give degrees, from 0 to less than 90".into()),
+    }
+}
+
+fn azimuth(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(deg) if deg.abs() <= 360.0 => Ok(deg),
+        _ => Err("give degrees, -360 to 360".into()),
+    }
 }
 
 #[derive(clap::Args)]
@@ -126,6 +141,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 const MOST: usize = 100_000;
 
 fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {
+    places::files([], [Some(&new.output)])?;
+    places::extension(&new.output, "schemes are", &["toml"])?;
     if new.captures > MOST {
         return Err(Failure::input(format!(
             "-k {}: at most {MOST} captures",
@@ -140,12 +157,7 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
 
 /// Writes a scheme file.
 pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
-    if path.extension().is_none_or(|e| e != "toml") {
-        return Err(Failure::input(format!(
-            "{}: schemes are written as .toml; name the file so",
-            path.display()
-        )));
-    }
+    places::extension(path, "schemes are", &["toml"])?;
     let text = to_toml(scheme).map_err(Failure::failed)?;
     whole_file::write_with(path, |file| std::io::Write::write_all(file, text.as_bytes()))
         .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
@@ -184,6 +196,8 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
 }
 
 fn write_matrix(a: &Matrix) -> Result<(), Failure> {
+    places::files([Some(&a.scheme)], [Some(&a.output)])?;
+    places::extension(&a.output, "arrays are", &["npy"])?;
     let scheme = load(&a.scheme)?;
     let ray = Ray {
         nm: a.wavelength,
@@ -198,6 +212,7 @@ fn write_matrix(a: &Matrix) -> Result<(), Failure> {
 }
 
 fn draw(a: &Plot) -> Result<(), Failure> {
+    places::files([Some(&a.scheme)], [Some(&a.output)])?;
     let scheme = load(&a.scheme)?;
     picture(&scheme, &a.output)?;
     super::output::print(&a.output.display().to_string())

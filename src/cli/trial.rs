@@ -3,6 +3,7 @@
 use super::capture::NoiseArguments;
 use super::failure::Failure;
 use super::matrices::{MatrixSource, image};
+use super::places;
 use report::{csv, curve, short, table};
 use std::io::Write;
 use std::path::PathBuf;
@@ -36,7 +37,7 @@ pub struct Arguments {
     #[arg(long = "scheme", required = true, value_name = "SCHEME")]
     schemes: Vec<PathBuf>,
     /// Wavelengths of the last axis before the matrices of an array, nanometres. Without them there is one, 550.
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength)]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
@@ -58,6 +59,12 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let inputs = [Some(&a.from.source), a.noise.detector.as_ref(), a.prior.as_ref()];
+    let outputs = [a.output.as_ref(), a.figure.as_ref(), a.curve.as_ref()];
+    places::files(inputs.into_iter().chain(a.schemes.iter().map(Some)), outputs)?;
+    if let Some(path) = &a.output {
+        places::extension(path, "tables are", &["csv"])?;
+    }
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let mut schemes = vec![];
     for path in &a.schemes {

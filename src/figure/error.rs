@@ -1,5 +1,8 @@
 //! Why a picture was not drawn, and the mend.
 
+/// What a wavelength to draw must be.
+pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";
+
 /// Why a picture was not drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
@@ -65,7 +68,7 @@ pub enum FigureError {
     #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
     Encode(String),
     /// The picture could not be written.
-    #[error("cannot write picture {path}")]
+    #[error("cannot write picture {path}: {source}")]
     Write {
         /// Where it should have gone.
         path: String,

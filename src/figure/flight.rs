@@ -19,7 +19,7 @@ use tensor::axes::AxisKind;
 /// Share of the light before the first and after the last frame.
 const TAIL: f64 = 0.001;
 /// Most frames on a sheet.
-const MOST: usize = 400;
+pub(crate) const MOST: usize = 400;
 
 /// The bins to show, rising: `frames` of them, or as many as hold light.
 pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {

@@ -21,12 +21,14 @@ pub use panel::Panel;
 
 pub mod angles;
 pub mod chart;
+mod check;
 pub mod colour;
 pub mod components;
 mod drawing;
 mod error;
 mod flight;
 mod layout;
+pub mod listed;
 mod map;
 pub mod maps;
 mod marker;

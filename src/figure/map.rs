@@ -137,7 +137,7 @@ fn draw_map(
     source.index("camera rows", view.row, rows.map_or(1, <[f64]>::len))?;
     let element = source.element(view.element)?;
     let nm = source.wavelengths();
-    let lane = source.wavelength(view.wavelength_nm);
+    let lane = source.wavelength(view.wavelength_nm)?;
     let row = rows.map_or(String::new(), |ys| format!("Camera row {}. ", ys[view.row]));
 
     let fx = Factor::new(xs.len(), 900, 1600).at_least(40, xs.len());

@@ -38,7 +38,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     for kind in [AxisKind::StokesOut, AxisKind::StokesIn] {
         source.index("Stokes elements", 3, source.need(kind)?.len())?;
     }
-    let lane = source.wavelength(view.wavelength_nm);
+    let lane = source.wavelength(view.wavelength_nm)?;
     let pick = [(AxisKind::Wavelength, lane)];
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
     let values = source.sum(&keep, &pick, f64::from);

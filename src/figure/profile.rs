@@ -67,6 +67,17 @@ fn range(series: &[Series]) -> (f64, f64) {
     (bottom - below, top + margin)
 }
 
+/// Whether a pixel is not beyond those that are kept: by more than half a spacing, at least a pixel. Of one that is alone the
+/// neighbours may have been meant.
+fn is_inside(kept: &[f64], pixel: f64) -> bool {
+    let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
+        return true;
+    };
+    let spacing = kept.windows(2).map(|w| w[1] - w[0]).fold(2.0, f64::max);
+    let slack = if kept.len() < 2 { 1e6 } else { spacing / 2.0 };
+    pixel >= -0.5 && (first - slack..=last + slack).contains(&pixel)
+}
+
 /// Indices of the kept pixel nearest to the one asked for, and of the element.
 fn picks(
     view: &ProfileView,
@@ -78,8 +89,17 @@ fn picks(
         return Err(FigureError::option("pixel", value, "two finite numbers"));
     }
     let [out, inn] = source.element(element)?;
-    let x = nearest(source.need(AxisKind::X)?, view.pixel[0]);
-    let y = nearest(source.need(AxisKind::Y)?, view.pixel[1]);
+    let (xs, ys) = (source.need(AxisKind::X)?, source.need(AxisKind::Y)?);
+    if !is_inside(xs, view.pixel[0]) || !is_inside(ys, view.pixel[1]) {
+        let value = format!("{:?}", view.pixel);
+        return Err(FigureError::option(
+            "pixel",
+            value,
+            "a pixel among those that the slice keeps",
+        ));
+    }
+    let x = nearest(xs, view.pixel[0]);
+    let y = nearest(ys, view.pixel[1]);
     Ok([(AxisKind::X, x), (AxisKind::Y, y), out, inn])
 }
 

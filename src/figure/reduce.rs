@@ -1,7 +1,8 @@
 //! From a tensor of any axes to the few that a picture shows: pick, sum and check in one pass.
 
-use super::colour::nearest;
 use super::error::FigureError;
+use super::error::WAVELENGTH;
+use base::spectral_table::nearest_within;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
@@ -87,9 +88,15 @@ impl<'a> Source<'a> {
     }
 
     /// Index of the wavelength nearest to `nm`, the middle one without a wish.
-    pub fn wavelength(&self, nm: Option<f64>) -> usize {
+    pub fn wavelength(&self, nm: Option<f64>) -> Result<usize, FigureError> {
         let all = self.wavelengths();
-        nm.map_or(all.len() / 2, |nm| nearest(all, nm))
+        match nm {
+            // A tensor that does not say is of all of them.
+            Some(nm) if !all.is_empty() => {
+                nearest_within(all, nm).ok_or_else(|| FigureError::option("wavelength_nm", nm, WAVELENGTH))
+            }
+            _ => Ok(all.len() / 2),
+        }
     }
 
     /// The picks that choose a Mueller element. M00 needs no Stokes axes.

@@ -1,10 +1,7 @@
 //! Views: which picture to draw of which slice. Plain data shared by scene files, stores and the command line.
 
-use base::document;
-use base::locate::{InputError, Located};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// A named picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -14,48 +11,6 @@ pub struct Figure {
     pub name: String,
     /// What to draw.
     pub view: View,
-}
-
-/// The `[[figures]]` of a scene file, all else left aside.
-#[derive(Deserialize)]
-struct Figures {
-    #[serde(default)]
-    figures: Vec<Located<Figure>>,
-}
-
-/// Reads the figures of a scene file from its text; `path` names it in messages, `slices` are those of the scene.
-///
-/// # Errors
-/// [`InputError`] at the place of a figure that is no figure, draws no slice of the scene, or cannot name a file.
-pub fn from_text(path: &Path, text: &str, slices: &[&str]) -> Result<Vec<Figure>, InputError> {
-    let file: Figures = document::parse(path, text, |_| {
-        "`sunstone schema` describes figures under [[figures]]".to_owned()
-    })?;
-    let error = |figure: &Located<Figure>, message: String, help: String| InputError {
-        file: path.to_owned(),
-        text: text.into(),
-        span: Some(figure.span()),
-        message,
-        help: Some(help),
-    };
-    for figure in &file.figures {
-        let (name, slice) = (&figure.name, figure.view.slice());
-        if !slices.contains(&slice) {
-            return Err(error(
-                figure,
-                format!("figure `{name}` draws slice `{slice}`, which is not in the scene"),
-                format!("name one of: {}", slices.join(", ")),
-            ));
-        }
-        if name.is_empty() || name.contains(['/', '\\']) {
-            return Err(error(
-                figure,
-                format!("`{name}` cannot be a file name"),
-                "use letters, digits, _ and -".to_owned(),
-            ));
-        }
-    }
-    Ok(file.figures.iter().map(|f| (**f).clone()).collect())
 }
 
 /// Puts the syntax of figures into the schema of scene files, which leaves it open.

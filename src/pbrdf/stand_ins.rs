@@ -42,7 +42,7 @@ impl BandedMaterials {
         let (path, text) = match file {
             Some(path) => (
                 path.to_owned(),
-                std::fs::read_to_string(path).map_err(BandedError::Read)?,
+                base::input::read_text(path).map_err(BandedError::Read)?,
             ),
             None => (PathBuf::from("stand_ins.toml"), STAND_INS.to_owned()),
         };

@@ -1,9 +1,11 @@
 //! NumPy's files: arrays of numbers that other programs bring and take.
 
+mod bytes;
+
 use base::whole_file;
+use bytes::{Bytes, row_major};
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
-use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tensor::number::Number;
 use thiserror::Error;
@@ -47,8 +49,8 @@ pub enum NumpyError {
         /// What they are.
         found: String,
     },
-    /// Its elements are in column-major order.
-    #[error("{}: its elements are in column-major order; save numpy.ascontiguousarray(array)", path.display())]
+    /// Its elements are in column-major order, and there is not the memory to put them in row-major order.
+    #[error("{}: its elements are in column-major order and too many to be put in order; save numpy.ascontiguousarray(array)", path.display())]
     Order {
         /// The file.
         path: PathBuf,
@@ -65,11 +67,12 @@ pub enum NumpyError {
 
 /// An opened `.npy` file of real numbers, of which parts are read.
 ///
-/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`.
+/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`. Numbers in column-major order, as of a
+/// transpose that was saved, are held in memory.
 #[derive(Debug)]
 pub struct NumpyReader {
     path: PathBuf,
-    file: File,
+    bytes: Bytes,
     /// Length of every axis; the last is fastest.
     pub shape: Vec<usize>,
     element: Element,
@@ -107,13 +110,13 @@ impl NumpyReader {
             path: path.to_owned(),
             cause,
         };
-        let file = File::open(path).map_err(failed)?;
+        let file = base::input::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
         // The numbers are read in pieces of any place, for which a buffer would read too much.
         let mut buffered = BufReader::new(file);
         let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;
-        let file = buffered.into_inner();
+        let mut file = buffered.into_inner();
         let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
         let elements = |found: String| NumpyError::Elements {
             path: path.to_owned(),
@@ -122,11 +125,6 @@ impl NumpyReader {
         let DType::Plain(plain) = header.dtype() else {
             return Err(elements("records".to_owned()));
         };
-        if header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1 {
-            return Err(NumpyError::Order {
-                path: path.to_owned(),
-            });
-        }
         let element = match (plain.type_char(), plain.size_field()) {
             (TypeChar::Float, 4) => Element::Float4,
             (TypeChar::Float, 8) => Element::Float8,
@@ -136,16 +134,40 @@ impl NumpyReader {
         };
         // Before anything is allocated for a length that a damaged file claims.
         let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
-        count
+        let length = count
             .and_then(|n| n.checked_mul(element.size() as u64))
             .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
             .ok_or_else(|| NumpyError::Short {
                 path: path.to_owned(),
                 shape: shape.clone(),
             })?;
+        let column_major = header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1;
+        let (bytes, start) = if column_major && length > 0 {
+            let order = || NumpyError::Order {
+                path: path.to_owned(),
+            };
+            let mut all = vec![];
+            let room = usize::try_from(length).map_err(|_| order())?;
+            all.try_reserve_exact(room).map_err(|_| order())?;
+            file.seek(SeekFrom::Start(start)).map_err(failed)?;
+            Read::by_ref(&mut file)
+                .take(length)
+                .read_to_end(&mut all)
+                .map_err(failed)?;
+            if all.len() < room {
+                return Err(NumpyError::Short {
+                    path: path.to_owned(),
+                    shape,
+                });
+            }
+            let ordered = row_major(&all, &shape, element.size()).ok_or_else(order)?;
+            (Bytes::Memory(Cursor::new(ordered)), 0)
+        } else {
+            (Bytes::File(file), start)
+        };
         Ok(Self {
             path: path.to_owned(),
-            file,
+            bytes,
             shape,
             element,
             big_endian: plain.endianness() == Endianness::Big,
@@ -197,7 +219,6 @@ impl NumpyReader {
     fn try_read<T: Number>(&mut self, first: usize, out: &mut [T]) -> io::Result<()> {
         let size = self.element.size();
         let at = self.start + first as u64 * size as u64;
-        self.file.seek(SeekFrom::Start(at))?;
         let native = self.big_endian == cfg!(target_endian = "big");
         let same = match self.element {
             Element::Float4 => size_of::<T>() == 4,
@@ -205,12 +226,12 @@ impl NumpyReader {
             _ => false,
         };
         if native && same {
-            return self.file.read_exact(bytemuck::cast_slice_mut(out));
+            return self.bytes.read_at(at, bytemuck::cast_slice_mut(out));
         }
         let mut buffer = vec![0_u8; size * out.len().min(1 << 14)];
-        for part in out.chunks_mut(1 << 14) {
+        for (i, part) in out.chunks_mut(1 << 14).enumerate() {
             let bytes = &mut buffer[..part.len() * size];
-            self.file.read_exact(bytes)?;
+            self.bytes.read_at(at + ((i * size) << 14) as u64, bytes)?;
             for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
                 // Little-endian, in the low bytes of a word.
                 let mut word = [0_u8; 8];
@@ -360,6 +381,26 @@ mod tests {
             shape: vec![2, 3],
             values: Values::Double(vec![1.0, -2.5, 1e300, 0.0, f64::MIN_POSITIVE, 7.0]),
         }
+    }
+
+    /// As numpy.save writes a transpose: the first index is fastest in the file.
+    #[test]
+    fn column_major_arrays_are_read_by_their_indices() {
+        let value = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f64;
+        let mut header = "{'descr': '<f8', 'fortran_order': True, 'shape': (2, 3, 4), }".to_owned();
+        header.push_str(&" ".repeat(127 - 10 - header.len()));
+        header.push('\n');
+        let mut all = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+        all.extend_from_slice(header.as_bytes());
+        for (k, j, i) in (0..4).flat_map(|k| (0..3).flat_map(move |j| (0..2).map(move |i| (k, j, i)))) {
+            all.extend_from_slice(&value(i, j, k).to_le_bytes());
+        }
+        let rows = (0..2).flat_map(|i| (0..3).flat_map(move |j| (0..4).map(move |k| value(i, j, k))));
+        let array = NumpyArray::read(file(&all).path()).expect("an array");
+        assert_eq!(array.shape, [2, 3, 4]);
+        assert_eq!(array.values, Values::Double(rows.collect()));
+        all.truncate(all.len() - 1);
+        assert!(NumpyArray::read(file(&all).path()).is_err());
     }
 
     #[test]

@@ -225,6 +225,7 @@ pub struct NormalMapFile {
     pub image: Located<String>,
     /// Multiplies x and y.
     #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
+    #[schemars(range(min = 0, max = 10))]
     pub strength: Located<f64>,
     /// Where on the surface the image lies, as of other images; the vectors stay in the surface's own frame.
     pub uv: Option<UvRows>,
@@ -269,6 +270,7 @@ pub struct FilmFile {
     /// Extinction coefficient k ≥ 0; 0 if absent. The optical constants have their own.
     pub k: Option<Located<SpectrumFile>>,
     /// Thickness in nanometres.
+    #[schemars(range(min = 0, max = 100_000))]
     pub thickness_nm: Located<f64>,
 }
 
@@ -357,6 +359,7 @@ pub struct CrystalFile {
     pub exterior_ior: Located<IndexFile>,
     /// Full width at half maximum of the light's spectral line in nanometres, which a thick crystal depolarizes.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = 0, max = 1000))]
     pub bandwidth_nm: Located<f64>,
     /// True: the ordinary and the extraordinary ray part ways, incoherently, and make double images. False: they stay
     /// together, and the crystal retards.

@@ -88,6 +88,7 @@ pub enum PhaseFile {
 pub struct RayleighFile {
     /// Depolarization factor, 0..0.5: parallel over perpendicular light at 90° from unpolarized light; air: 0.028.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = 0.0, max = 0.5))]
     pub depolarization: Located<f64>,
 }
 
@@ -102,6 +103,7 @@ pub struct HenyeyGreensteinFile {
     pub linear: Located<f64>,
     /// Share of a dipole's circular polarization, 0..1.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = 0, max = 1))]
     pub circular: Located<f64>,
 }
 
@@ -223,15 +225,19 @@ pub struct MassFile {
 pub struct MilkFile {
     /// Percentage by weight of fat, 0..20.
     #[serde(skip_serializing_if = "defaults::is_fat_percent")]
+    #[schemars(range(min = 0, max = 20))]
     pub fat_percent: Located<f64>,
     /// Percentage by weight of protein, 0..20.
     #[serde(skip_serializing_if = "defaults::is_protein_percent")]
+    #[schemars(range(min = 0, max = 20))]
     pub protein_percent: Located<f64>,
     /// Pressure at which it was homogenized, MPa, 0..100; 0: not at all.
     #[serde(skip_serializing_if = "defaults::is_homogenization_mpa")]
+    #[schemars(range(min = 0, max = 100))]
     pub homogenization_mpa: Located<f64>,
     /// Share of milk in a mixture with water, by volume, 0..1.
     #[serde(skip_serializing_if = "defaults::is_unit")]
+    #[schemars(range(min = 0, max = 1))]
     pub concentration: Located<f64>,
 }
 
@@ -251,9 +257,11 @@ impl Default for MilkFile {
 #[serde(deny_unknown_fields)]
 pub struct PolystyreneFile {
     /// Mean diameter in nanometres.
+    #[schemars(range(min = 1, max = 100_000))]
     pub diameter_nm: Located<f64>,
     /// Standard deviation of the diameter over its mean, 0..1.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = 0, max = 1))]
     pub spread: Located<f64>,
     /// How much of it.
     pub amount: Located<AmountFile>,

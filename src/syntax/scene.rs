@@ -66,9 +66,11 @@ pub struct SceneFile {
 pub struct RenderFile {
     /// Samples per camera pixel.
     #[serde(skip_serializing_if = "defaults::is_spp")]
+    #[schemars(range(min = 1, max = 1_073_741_824))]
     pub spp: Located<u32>,
     /// Longest path as Mitsuba counts it: 2 is direct light alone, n allows n - 1 surface interactions.
     #[serde(skip_serializing_if = "defaults::is_max_depth")]
+    #[schemars(range(min = 1, max = 1024))]
     pub max_depth: Located<u32>,
     /// Surface interactions before Russian roulette sets in.
     #[serde(skip_serializing_if = "defaults::is_rr_depth")]
@@ -84,6 +86,7 @@ pub struct RenderFile {
     pub seed: u64,
     /// Edge of a tile in camera pixels.
     #[serde(skip_serializing_if = "defaults::is_tile")]
+    #[schemars(range(min = 1, max = 512))]
     pub tile: Located<u32>,
 }
 

@@ -79,6 +79,7 @@ pub struct SphereFile {
     pub center: [f64; 3],
     /// Metres.
     #[serde(skip_serializing_if = "defaults::is_one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
 }
 
@@ -129,6 +130,7 @@ pub struct DiskFile {
     pub normal: [f64; 3],
     /// Metres.
     #[serde(skip_serializing_if = "defaults::is_one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
 }
 
@@ -175,6 +177,7 @@ pub struct CylinderFile {
     pub p1: [f64; 3],
     /// Metres.
     #[serde(skip_serializing_if = "defaults::is_one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// Close both ends with disks.
     #[serde(skip_serializing_if = "is_default")]

@@ -153,8 +153,9 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
             let path = path(shipped.folder, file);
             let text = sunstone::scene::read(&path).expect("a file");
             let scene = sunstone::scene::from_text(&path, &text).unwrap_or_else(|e| panic!("{e}"));
-            let slices: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
-            let figures = sunstone::figure::spec::from_text(&path, &text, &slices).expect("figures");
+            let nm = scene.wavelengths.nm();
+            let figures =
+                sunstone::figure::listed::from_text(&path, &text, &scene.slices, nm).expect("figures");
             let projector = scene.projector.as_ref().unwrap();
             for (device, who) in [(&scene.camera, "camera"), (&projector.pinhole, "projector")] {
                 for (centre, radius) in shipped.seen {

@@ -16,7 +16,7 @@ pub struct MaterialSource {
     #[arg(long = "data", value_name = "FOLDER")]
     folder: Option<PathBuf>,
     /// Bands, nanometres; of tables the nearest they have.
-    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650])]
+    #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650], value_parser = clap::value_parser!(u16).range(100..))]
     bands: Vec<u16>,
     /// Frames between which matrices are expected.
     #[arg(long, value_enum, default_value_t)]
@@ -49,6 +49,11 @@ impl MaterialSource {
             data_set::evaluate(&axes, &banded.analytic(), &settings)
         }
         .map_err(Failure::input)
+    }
+
+    /// The folder of tables, if one is given.
+    pub fn folder(&self) -> Option<&PathBuf> {
+        self.folder.as_ref()
     }
 
     /// The frames asked for.

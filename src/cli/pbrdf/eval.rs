@@ -4,6 +4,7 @@ use crate::cli::failure::Failure;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use sunstone::base::input;
 use sunstone::pbrdf::evaluate::{Direction, Specimen};
 use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::material::Lobe;
@@ -91,8 +92,8 @@ impl Pair {
 fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split(',')
         .map(|n| match n.trim().parse::<f64>() {
-            Ok(v) if v.is_finite() => Ok(v),
-            _ => Err(format!("`{n}` is not a number")),
+            Ok(v) if v.abs() <= 36_000.0 => Ok(v),
+            _ => Err(format!("`{n}` is not a number in -36000..36000")),
         })
         .collect()
 }
@@ -209,8 +210,8 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, 
 
 /// Reads a list of directions.
 fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>, Failure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
+    let text =
+        input::read_text(path).map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
     let mut list = vec![];
     for (i, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
         let place = |m: String| Failure::input(format!("{}:{}: {m}", path.display(), i + 1));

@@ -2,6 +2,7 @@
 
 use super::data::MaterialSource;
 use crate::cli::failure::Failure;
+use crate::cli::places;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
@@ -57,14 +58,20 @@ enum Mapping {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    if let Some(path) = a
-        .npz
-        .as_deref()
-        .filter(|p| p.extension().is_none_or(|e| e != "npz"))
-    {
+    places::files(
+        [a.data.folder()],
+        [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()],
+    )?;
+    if let Some(path) = &a.npz {
+        places::extension(path, "arrays are", &["npz"])?;
+    }
+    if let Some(path) = &a.prior {
+        places::extension(path, "priors are", &["toml"])?;
+    }
+    if !(1e-6..=1e6).contains(&a.c) {
         return Err(Failure::input(format!(
-            "{}: arrays are written as .npz; name the file so",
-            path.display()
+            "-c {}: give a positive number, 1e-6 to 1e6",
+            a.c
         )));
     }
     let data = a.data.load_mapped(a.c, 0)?;

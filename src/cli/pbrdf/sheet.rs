@@ -22,11 +22,11 @@ pub struct Arguments {
     #[arg(short, long, default_value = "sheet.png", value_parser = crate::cli::figure::picture)]
     output: PathBuf,
     /// Wavelength to show, nanometres (the nearest there is).
-    #[arg(short, long, default_value_t = 550.0)]
+    #[arg(short, long, default_value_t = 550.0, value_parser = crate::cli::places::wavelength)]
     wavelength: f64,
     /// Materials a row.
-    #[arg(long, default_value_t = 5)]
-    columns: usize,
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    columns: u16,
     /// Pixels across each sphere's picture.
     #[arg(long, default_value_t = 72, value_parser = clap::value_parser!(u32).range(8..=1024))]
     size: u32,
@@ -36,7 +36,15 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    crate::cli::places::files([Some(&a.material)], [Some(&a.output)])?;
     let set = MaterialSet::load(&a.material)?;
+    if spectral_table::nearest_within(set.wavelengths.nm(), a.wavelength).is_none() {
+        return Err(Failure::input(format!(
+            "--wavelength {}: the materials are given at {:?} nm",
+            a.wavelength,
+            set.wavelengths.nm()
+        )));
+    }
     let grids: Result<Vec<Grid>, Failure> = set
         .names
         .iter()
@@ -48,7 +56,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         "Spheres lit by a projector 45° to the right of the camera and above it; rows of each grid: Stokes out, columns: Stokes in.",
         "M00 is shown as intensity on a scale of its own; grey: no light.",
     ];
-    let image = draw(&title, &grids?, a.columns, &notes).map_err(Failure::input)?;
+    let image = draw(&title, &grids?, a.columns.into(), &notes).map_err(Failure::input)?;
     crate::cli::figure::save(&image, &a.output)?;
     crate::cli::output::print(&a.output.display().to_string())
 }

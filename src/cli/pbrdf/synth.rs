@@ -3,11 +3,13 @@
 use super::data::banded_failure;
 use super::resolution::Resolution;
 use crate::cli::failure::Failure;
+use crate::cli::places;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use sunstone::pbrdf::stand_ins::BandedMaterials;
 use sunstone::pbrdf::synth;
 use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::error::PbsdfError;
 use sunstone::transport::material::measured::write::tabulate;
 
 /// Tabulate analytic materials as .pbsdf files.
@@ -34,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PHI_DxTHETA_DxTHETA_H", default_value = "41x31x91")]
     resolution: Resolution,
     /// Bands, nanometres.
-    #[arg(long, value_delimiter = ',', default_values_t = [450, 500, 550, 600, 650])]
+    #[arg(long, value_delimiter = ',', default_values_t = [450, 500, 550, 600, 650], value_parser = clap::value_parser!(u16).range(100..))]
     bands: Vec<u16>,
 }
 
@@ -42,6 +44,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let axes = Axes::even(a.resolution.0, a.bands.clone());
     let materials = BandedMaterials::load(a.material.as_deref(), &a.bands).map_err(banded_failure)?;
     let names = names(a, &materials)?;
+    let written: Vec<PathBuf> = (names.iter().map(|name| format!("{name}.pbsdf")))
+        .chain(["materials.toml".to_owned()])
+        .map(|name| a.output.join(name))
+        .collect();
+    places::folders([], [Some(&a.output)])?;
+    places::files([a.material.as_ref()], written.iter().map(Some))?;
+    let there = a.output.exists();
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::failed(format!("cannot make {}: {e}", a.output.display())))?;
     let bar = ProgressBar::new(names.len() as u64);
@@ -51,8 +60,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for name in &names {
         bar.set_message(name.clone());
         let file = a.output.join(format!("{name}.pbsdf"));
-        tabulate(&file, &axes, &materials.sources(name))
-            .map_err(|e| Failure::input(format!("{}: {e}", file.display())))?;
+        tabulate(&file, &axes, &materials.sources(name)).map_err(|e| {
+            if !there {
+                // Only if nothing is in it.
+                let _ = std::fs::remove_dir(&a.output);
+            }
+            let of_system = matches!(e, PbsdfError::Write(_));
+            Failure::of_system(of_system, format!("{}: {e}", file.display()))
+        })?;
         bar.inc(1);
     }
     bar.finish_and_clear();

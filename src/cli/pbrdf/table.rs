@@ -1,8 +1,10 @@
 //! `sunstone pbrdf info`, `slice` and `plot`: what a `.pbsdf` file holds.
 
 use crate::cli::failure::Failure;
+use crate::cli::places;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use sunstone::base::spectral_table::nearest_within;
 use sunstone::base::whole_file;
 use sunstone::figure::sheet::{Grid, draw};
 use sunstone::pbrdf::table_part::{TablePart, band_statistics, nearest_angle, statistics_step};
@@ -85,8 +87,10 @@ pub struct PlotArguments {
 }
 
 pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
+    places::files([Some(&a.source.file)], [Some(&a.output)])?;
     let table = a.source.open()?;
     let [phi_d, theta_d, theta_h] = table.angles();
+    within(&table, [Some(a.phi_d), None, None], None)?;
     let p = nearest_angle(phi_d, a.phi_d);
     let grids: Vec<Grid> = table
         .wavelengths_nm()
@@ -128,10 +132,10 @@ pub struct SliceArguments {
     #[arg(long, allow_hyphen_values = true)]
     phi_d: Option<f32>,
     /// Difference angle, degrees.
-    #[arg(long)]
+    #[arg(long, allow_hyphen_values = true)]
     theta_d: Option<f32>,
     /// Half angle, degrees.
-    #[arg(long)]
+    #[arg(long, allow_hyphen_values = true)]
     theta_h: Option<f32>,
     /// Band, nanometres.
     #[arg(short, long)]
@@ -142,7 +146,10 @@ pub struct SliceArguments {
 }
 
 pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
+    places::files([Some(&a.source.file)], [Some(&a.output)])?;
+    places::extension(&a.output, "parts of tables are", &["npy", "csv"])?;
     let table = a.source.open()?;
+    within(&table, [a.phi_d, a.theta_d, a.theta_h], a.wavelength)?;
     let part = TablePart::new(&table, [a.phi_d, a.theta_d, a.theta_h], a.wavelength);
     match a.output.extension().and_then(|e| e.to_str()) {
         Some("npy") => npy(&table, &part, &a.output),
@@ -151,6 +158,26 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
     }
     .map_err(|e| Failure::failed(format!("cannot write {}: {e}", a.output.display())))?;
     crate::cli::output::print(&a.output.display().to_string())
+}
+
+/// Refuses what lies beyond a table's angles and bands, for which it has no nearest entry.
+fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(), Failure> {
+    for ((name, nodes), wanted) in ANGLES.iter().zip(table.angles()).zip(degrees) {
+        let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());
+        if let Some(deg) = wanted.filter(|deg| !(first - 1.0..=last + 1.0).contains(deg)) {
+            return Err(Failure::input(format!(
+                "--{} {deg}: the table has {first:.1} to {last:.1} degrees",
+                name.replace('_', "-")
+            )));
+        }
+    }
+    let bands: Vec<f64> = table.wavelengths_nm().iter().copied().map(f64::from).collect();
+    match nm.map(f64::from) {
+        Some(nm) if nearest_within(&bands, nm).is_none() => Err(Failure::input(format!(
+            "--wavelength {nm}: the table has bands at {bands:?} nm"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn npy(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {

@@ -75,11 +75,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
     if let Some(source) = &file.source {
         let [s0, s1, s2, s3] = **source;
         let polarized = (s1 * s1 + s2 * s2 + s3 * s3).sqrt();
-        if !(s0 > 0.0 && polarized <= s0 * (1.0 + 1e-9) && s0.is_finite()) {
+        if !(s0 > 0.0 && polarized <= s0 * (1.0 + 1e-9) && s0 <= 1e12) {
             return Err(place.error(
                 Some(source.span()),
                 "`source` is no Stokes vector".to_owned(),
-                "give [s0, s1, s2, s3] with s0 > 0 and s1² + s2² + s3² ≤ s0²",
+                "give [s0, s1, s2, s3] with 0 < s0 ≤ 1e12 and s1² + s2² + s3² ≤ s0²",
             ));
         }
         scheme.source = **source;

@@ -49,8 +49,8 @@ impl SpectralValue {
             Self::Same(value) => inside(*value),
             Self::Table(rows) => {
                 let rising = rows.windows(2).all(|w| w[0][0] < w[1][0]);
-                if rows.is_empty() || !rising || rows.iter().any(|row| !row[0].is_finite()) {
-                    return Err("must have rows [nm, value] in rising order of nm".to_owned());
+                if rows.is_empty() || !rising || rows.iter().any(|row| !(row[0] > 0.0 && row[0] <= 1e6)) {
+                    return Err("must have rows [nm, value] in rising order of nm, above 0".to_owned());
                 }
                 rows.iter().all(|row| inside(row[1]))
             }

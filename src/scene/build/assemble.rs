@@ -4,10 +4,11 @@ use super::context::{self, Context};
 use super::devices::{pinhole, projector};
 use super::surfaces::Surfaces;
 use super::{file_materials, lights, materials, media, slices};
-use base::locate::InputError;
+use base::locate::{InputError, Located};
 use sha2::Digest;
 use std::path::Path;
 use syntax::Syntax;
+use syntax::device::EmitterFile;
 use syntax::scene::{RenderFile, SceneFile};
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
@@ -56,6 +57,16 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         mut lights,
     } = lights::emitters(ctx, &file.emitters)?;
     let shines = file.objects.iter().any(|o| o.emission.is_some());
+    // Only surfaces and the sky are seen themselves.
+    let seen = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
+    if settings.max_depth == 1 && !shines && !file.emitters.iter().any(seen) {
+        return Err(ctx.error(
+            file.render.max_depth.span(),
+            "with a max_depth of 1 the camera sees nothing but emitters, and none can be seen",
+            "give 2 for direct light alone, or more",
+        ));
+    }
+    named(ctx, file)?;
     if projector.is_none() && points.is_empty() && environment.is_none() && lights.is_empty() && !shines {
         return Err(ctx.error(
             file.camera.span(),
@@ -113,6 +124,39 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         text: ctx.text.to_string(),
         notes: std::mem::take(&mut ctx.notes),
     }))
+}
+
+/// Names that folders and people tell things by.
+fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
+    let names_no_file = |n: &str| n.is_empty() || n == "." || n == ".." || n.contains(['/', '\\', '\0']);
+    if let Some(name) = file.name.as_deref().filter(|n| names_no_file(n)) {
+        let at = ctx.text.find("name").map_or(0..0, |at| at..at + "name".len());
+        return Err(ctx.error(
+            at,
+            format!("`{name}` cannot name a scene"),
+            "use letters, digits, _ and -: the store is named so",
+        ));
+    }
+    for (i, object) in file.objects.iter().enumerate() {
+        let Some(name) = &object.name else {
+            continue;
+        };
+        if name.is_empty() {
+            return Err(ctx.error(
+                object.span(),
+                "the object's name is empty",
+                "name it, or leave the line out",
+            ));
+        }
+        if file.objects[..i].iter().any(|o| o.name.as_ref() == Some(name)) {
+            return Err(ctx.error(
+                object.span(),
+                format!("a second object `{name}`"),
+                "rename one of them",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// What is rendered, as a text that does not depend on how the file is written: comments, order of tables, ways to write a

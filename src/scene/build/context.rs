@@ -102,7 +102,7 @@ impl Context {
         match self.memory.get(name) {
             Some(all) => bytes.clone_from(all),
             None => {
-                std::fs::File::open(self.path(name))?
+                base::input::open(&self.path(name))?
                     .take(most)
                     .read_to_end(&mut bytes)?;
             }
@@ -115,7 +115,7 @@ impl Context {
         let path = self.path(name);
         let bytes = match self.memory.get(name) {
             Some(bytes) => bytes.clone(),
-            None => std::fs::read(&path).map_err(|e| {
+            None => base::input::read(&path).map_err(|e| {
                 self.error(
                     span,
                     format!("cannot read {}: {e}", path.display()),
@@ -145,12 +145,18 @@ impl Context {
         let list = match s {
             SpectrumFile::Scalar(v) => vec![*v; self.wavelengths.count()],
             SpectrumFile::PerWavelength(list) if list.len() == n => at(SpectralTable { nm, values: list }),
-            SpectrumFile::Table(table) if table.table().is_sound() => at(table.table()),
+            SpectrumFile::Table(table) if table.table().is_sound() => {
+                // Those between which none of the scene's wavelengths lies as well.
+                for value in &table.values {
+                    self.within(*value, span.clone(), what, &range)?;
+                }
+                at(table.table())
+            }
             SpectrumFile::Table(_) => {
                 return Err(self.error(
                     span,
                     format!("the table of {what} is uneven"),
-                    "give nm, rising, and as many values",
+                    "give nm, above 0 and rising, and as many values",
                 ));
             }
             SpectrumFile::PerWavelength(list) => {

@@ -79,7 +79,7 @@ impl MaterialSet {
 
 /// The pieces of a table's file that tell it from others.
 fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
-    let mut file = std::fs::File::open(path)?;
+    let mut file = base::input::open(path)?;
     let mut out = Vec::new();
     for range in table.pieces() {
         let end = out.len();

@@ -113,6 +113,7 @@ fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let mend = match e {
         BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
         BulkError::Size(_) => "correct the sizes; `sunstone schema` describes them",
+        BulkError::Density(_) => "give the density of the particles' matter",
         BulkError::Amount(_) => "give less of it, or none",
         BulkError::Constants(ConstantsError::Unknown { .. }) => "use one of these names, or give numbers",
         BulkError::Constants(ConstantsError::Range { .. }) => "change wavelengths_nm",
@@ -270,6 +271,13 @@ fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, I
                 file.span(),
                 format!("{} radii have {} weights", s.radius_nm.len(), s.weight.len()),
                 "give radius_nm and as many of weight",
+            ));
+        }
+        SizesFile::List(s) if s.weight.iter().any(|w| *w > super::context::HUGE) => {
+            return Err(ctx.error(
+                file.span(),
+                "a weight is too large",
+                "weights count among themselves: give moderate numbers",
             ));
         }
         SizesFile::List(s) => {

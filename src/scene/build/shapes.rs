@@ -6,6 +6,7 @@ use crate::import;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use syntax::shape::{MeshFile, ObjectFile, ShapeFile};
 use syntax::transform::TransformFile;
 use syntax::values::SpectrumFile;
@@ -140,21 +141,31 @@ pub(crate) fn place(
             return Ok(placed);
         }
         ShapeFile::Sphere(s) => {
+            sized(ctx, s.radius, span.clone())?;
             let c = vector(ctx, s.center, span.clone(), "center")?;
             let shape = DAffine3::from_scale_rotation_translation(
-                DVec3::splat(s.radius.abs()),
+                DVec3::splat(s.radius),
                 DQuat::IDENTITY,
                 c.as_dvec3(),
             );
             return Ok(vec![quadric(ctx, QuadricKind::Sphere, shape)?]);
         }
         ShapeFile::Disk(d) => {
+            sized(ctx, d.radius, span.clone())?;
             let c = vector(ctx, d.center, span.clone(), "center")?;
             let n = vector(ctx, d.normal, span.clone(), "normal")?;
+            if n.length_squared() < 1e-30 {
+                return Err(ctx.error(
+                    span,
+                    "the disk's normal is zero",
+                    "give a direction, such as normal = [0, 0, 1]",
+                ));
+            }
             let disk = toward(c, n, d.radius, d.radius);
             return Ok(vec![quadric(ctx, QuadricKind::Disk, disk)?]);
         }
         ShapeFile::Cylinder(c) => {
+            sized(ctx, c.radius, span.clone())?;
             let p0 = vector(ctx, c.p0, span.clone(), "p0")?;
             let p1 = vector(ctx, c.p1, span.clone(), "p1")?;
             let axis = p1 - p0;
@@ -234,6 +245,15 @@ pub(crate) fn moved(
     Ok(mesh)
 }
 
+/// A radius that a shape can have.
+fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputError> {
+    if radius > 0.0 && radius <= HUGE {
+        return Ok(());
+    }
+    let message = format!("the radius is {radius}");
+    Err(ctx.error(span, message, "give metres above 0"))
+}
+
 /// True if the map keeps volume apart from zero, so that it can be inverted.
 pub(crate) fn is_solid(map: &DAffine3) -> bool {
     map.is_finite() && map.matrix3.determinant().abs() > 1e-30
@@ -247,11 +267,10 @@ fn affine(a: DAffine3) -> Affine3A {
 fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     let z = axis.normalize_or(Vec3A::Z);
     let m = optics::polarization::frame::basis(z);
-    let r = radius.abs();
     DAffine3::from_mat3_translation(
         DMat3::from_cols(
-            m.x_axis.as_dvec3() * r,
-            m.y_axis.as_dvec3() * r,
+            m.x_axis.as_dvec3() * radius,
+            m.y_axis.as_dvec3() * radius,
             m.z_axis.as_dvec3() * length,
         ),
         origin.as_dvec3(),
@@ -290,7 +309,15 @@ pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAf
             ));
         }
     };
-    let [x, y, z] = t.rotate_deg.unwrap_or([0.0; 3]).map(f64::to_radians);
+    let turned = t.rotate_deg.unwrap_or([0.0; 3]);
+    if !turned.iter().all(|deg| deg.abs() <= 36_000.0) {
+        return Err(ctx.error(
+            t.span(),
+            format!("rotate_deg is {turned:?}"),
+            "give degrees about x, y and z, each in -36000..36000",
+        ));
+    }
+    let [x, y, z] = turned.map(f64::to_radians);
     Ok(DAffine3::from_scale_rotation_translation(
         scale,
         // About x first, then y, then z.

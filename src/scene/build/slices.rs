@@ -199,13 +199,13 @@ fn projector_select(
     };
     let size = projector.pinhole.resolution;
     let half_width = |ctx: &Context, h: f64| {
-        if h.is_finite() && h >= 0.0 {
+        if (0.0..=65_536.0).contains(&h) {
             Ok(h as f32)
         } else {
             Err(ctx.error(
                 span.clone(),
                 format!("half_width_px is {h}"),
-                "give a number of projector pixels, 0 or more",
+                "give a number of projector pixels, 0 to 65536",
             ))
         }
     };

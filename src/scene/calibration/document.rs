@@ -31,7 +31,7 @@ impl Document {
             help: Some(MEND.into()),
         };
         let mut bytes = vec![];
-        std::fs::File::open(path)
+        base::input::open(path)
             .and_then(|f| f.take(LARGEST + 1).read_to_end(&mut bytes))
             .map_err(|e| failed(format!("cannot read the calibration: {e}")))?;
         if bytes.len() as u64 > LARGEST {

@@ -41,6 +41,14 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
             .ok_or_else(|| root.error(&format!("there is no camera `{name}`"), &choose))?,
     };
     let camera = &cameras[at].1;
+    for key in ["camera_model", "distortion_model"] {
+        if let Some(node) = camera.get(key).filter(|n| n.text().is_none_or(str::is_empty)) {
+            return Err(node.error(
+                &format!("`{key}` is no name"),
+                "give it as Kalibr writes it: pinhole, radtan, equidistant",
+            ));
+        }
+    }
     let text = |key: &str| camera.get(key).and_then(|n| n.text().map(|t| (n.clone(), t)));
     if let Some((node, model)) = text("camera_model").filter(|(_, m)| *m != "pinhole") {
         return Err(node.error(

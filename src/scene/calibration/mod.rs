@@ -68,6 +68,13 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
     } else {
         opencv::read(document, options)?
     };
+    if let (Some(view), None) = (options.view, &found.pose) {
+        return Err(document.error(
+            &[],
+            &format!("there is no view {view}: the file has no poses of views"),
+            "leave --view out",
+        ));
+    }
     let Some(resolution) = options.resolution.or(found.size) else {
         return Err(document.error(
             &[],

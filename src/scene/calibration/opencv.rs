@@ -120,7 +120,9 @@ fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputErr
             node: root.clone(),
             affix: Some(name.clone()),
         };
-        if camera.any(&MATRIX).is_some() {
+        // What leaves nothing of itself in a name would fit any.
+        let says = name.chars().any(|c| c.is_ascii_alphanumeric());
+        if says && camera.any(&MATRIX).is_some() {
             return Ok(camera);
         }
         return Err(root.error(

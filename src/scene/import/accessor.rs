@@ -220,10 +220,7 @@ fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, Im
     }
     let path = base.join(name);
     let read = || {
-        let file = std::fs::File::open(&path)?;
-        if !file.metadata()?.is_file() {
-            return Err(std::io::Error::other("not a file"));
-        }
+        let file = base::input::open(&path)?;
         let mut bytes = Vec::new();
         file.take(length as u64).read_to_end(&mut bytes)?;
         Ok(bytes)

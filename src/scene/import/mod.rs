@@ -56,7 +56,7 @@ fn load_unnamed(path: &Path) -> Result<Vec<MeshPart>, ImportError> {
     if !["obj", "ply", "gltf", "glb"].contains(&extension.as_str()) {
         return Err(ImportProblem::Extension(extension).into());
     }
-    let bytes = std::fs::read(path).map_err(|cause| ImportProblem::Read {
+    let bytes = base::input::read(path).map_err(|cause| ImportProblem::Read {
         what: "the file".into(),
         cause,
     })?;

@@ -98,6 +98,9 @@ pub(super) fn write_one(path: &Path, contents: &Contents, force: bool) -> Result
     if path.exists() && !force {
         return Err(WriteError::Exists(path.to_owned()));
     }
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|e| WriteError::Io(folder.to_owned(), e))?;
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let beside = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
     let done = fill(&beside, contents).and_then(|()| fs::rename(&beside, path));

@@ -247,7 +247,11 @@ fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
             node.kind
         )));
     }
-    let image = image::open(importer.path(name)).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
+    let path = importer.path(name);
+    let image = base::input::open(&path)
+        .map_err(image::ImageError::from)
+        .and_then(|_| image::open(&path))
+        .map_err(|e| refused(format!("cannot read {name}: {e}")))?;
     let rgb = image.to_rgb16();
     if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
         return Err(refused(format!("{name} is not white")));

@@ -73,3 +73,16 @@ pub enum ProbeError {
         cause: String,
     },
 }
+
+impl ProbeError {
+    /// Whether the system refused to write, not the probe to be taken.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        match self {
+            Self::Access(e) => e.is_of_system(),
+            Self::Create(e) => e.is_of_system(),
+            Self::Write { .. } => true,
+            _ => false,
+        }
+    }
+}

@@ -139,12 +139,26 @@ pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
         .filter_map(|w| w.trim().parse::<f32>().ok().filter(|n| n.is_finite()))
         .collect();
     match <[f32; 4]>::try_from(numbers) {
-        Ok(stokes) if text.split(',').count() == 4 => Ok(stokes),
+        Ok(stokes) if text.split(',').count() == 4 => physical(text, stokes),
         _ => fault(
             text,
             "a Stokes vector is four numbers `s0,s1,s2,s3` or a name such as `horizontal`",
         ),
     }
+}
+
+/// A Stokes vector that light can have: intensity above zero, and no more polarized than wholly.
+fn physical(text: &str, stokes: [f32; 4]) -> Result<[f32; 4], ParseError> {
+    let [s0, s1, s2, s3] = stokes.map(f64::from);
+    let polarized = (s1 * s1 + s2 * s2 + s3 * s3).sqrt();
+    // Rounding of the numbers as they are written.
+    if s0 > 0.0 && polarized <= s0 * (1.0 + 1e-4) {
+        return Ok(stokes);
+    }
+    fault(
+        text,
+        "no light has it: s0 is above 0, and s1² + s2² + s3² not above s0²",
+    )
 }
 
 #[cfg(test)]
@@ -186,6 +200,8 @@ mod tests {
         );
         assert_eq!(parse_stokes("right").unwrap(), [1.0, 0.0, 0.0, 1.0]);
         assert_eq!(parse_stokes("1,.5,0,-0.25").unwrap(), [1.0, 0.5, 0.0, -0.25]);
+        assert!(parse_stokes("0,0,0,0").is_err() && parse_stokes("1,1,1,0").is_err());
+        assert!(parse_stokes("-1,0,0,0").is_err() && parse_stokes("1,.7071068,-.7071068,0").is_ok());
         assert!(parse_stokes("1,2,3").is_err() && parse_stokes("1,x,2,3,4").is_err());
     }
 

@@ -4,6 +4,7 @@ use super::error::ProbeError;
 use super::pattern;
 use super::request::{CoordRange, Probe, Pulse, Selection};
 use crate::zarr::StoredSlice;
+use base::spectral_table::BEYOND_NM;
 use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 
@@ -270,13 +271,15 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             i
         }
     };
-    // A coordinate counts as inside up to half a spacing beyond the ends; any wavelength has a nearest one.
+    // A coordinate counts as inside up to half a spacing beyond the ends, a wavelength up to a few nanometres.
     let spacing = axis
         .coords
         .windows(2)
         .map(|w| (w[1] - w[0]).abs())
         .fold(0.0, f64::max);
-    let slack = if axis.kind == AxisKind::Wavelength || n < 2 {
+    let slack = if axis.kind == AxisKind::Wavelength {
+        BEYOND_NM
+    } else if n < 2 {
         f64::INFINITY
     } else {
         spacing / 2.0

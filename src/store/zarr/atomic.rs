@@ -91,7 +91,7 @@ fn remove_if_present(path: &Path) -> io::Result<()> {
 
 impl ReadableStorageTraits for AtomicDirectory {
     fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        let bytes = match fs::read(self.file(key)) {
+        let bytes = match base::input::read(&self.file(key)) {
             Ok(bytes) => Some(bytes),
             Err(e) if e.kind() == ErrorKind::NotFound => None,
             Err(e) => return Err(e.into()),

@@ -58,7 +58,7 @@ fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
 
 /// Reads a `zarr.json`.
 pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
-    let bytes = std::fs::read(path).map_err(|e| OpenError::Damaged {
+    let bytes = base::input::read(path).map_err(|e| OpenError::Damaged {
         path: path.to_owned(),
         reason: e.to_string(),
     })?;

@@ -47,6 +47,12 @@ pub enum CreateError {
 }
 
 impl CreateError {
+    /// Whether the system refused to write.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        matches!(self, Self::Write { .. })
+    }
+
     pub(super) fn locked(path: &Path, error: LockError) -> Self {
         let path = path.to_owned();
         match error {
@@ -205,4 +211,12 @@ pub enum AccessError {
         /// The refusal.
         cause: String,
     },
+}
+
+impl AccessError {
+    /// Whether the system refused to write.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        matches!(self, Self::Write { .. })
+    }
 }

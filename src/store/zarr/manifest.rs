@@ -9,7 +9,7 @@ use base::whole_file;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -55,7 +55,7 @@ impl Entry {
 
     /// The entry of a file on disk, of which only the end is read where that tells enough.
     fn read(root: &Path, path: &str) -> io::Result<Self> {
-        let mut file = File::open(root.join(path))?;
+        let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
         if is_description(path) || size < 4 {
             let mut bytes = Vec::new();
@@ -128,7 +128,7 @@ impl Manifest {
     /// Reads the manifest; `None` where there is none, because the store is not finished.
     pub(super) fn read(root: &Path) -> Result<Option<Self>, OpenError> {
         let path = root.join(FILE);
-        let text = match fs::read_to_string(&path) {
+        let text = match base::input::read_text(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
             Err(e) => {

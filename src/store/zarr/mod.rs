@@ -159,7 +159,7 @@ impl TensorStore {
         let part = staging::part_of(&path);
         let make = || -> Result<(), E> {
             let mark = part.join(ORIGIN);
-            let same = |origin: &str| std::fs::read_to_string(&mark).is_ok_and(|left| left == origin);
+            let same = |origin: &str| base::input::read_text(&mark).is_ok_and(|left| left == origin);
             if !origin.is_some_and(same) {
                 // What another process left there is of no use.
                 staging::remove(&part).map_err(io)?;
@@ -288,7 +288,7 @@ impl TensorStore {
     /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
     /// unfinished store, never the same twice.
     pub(crate) fn fingerprint(&self) -> String {
-        match std::fs::read(self.path().join(manifest::FILE)) {
+        match base::input::read(&self.path().join(manifest::FILE)) {
             Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
             Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),
         }

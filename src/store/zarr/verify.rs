@@ -4,7 +4,6 @@ use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::Path;
 
 /// What was found.
@@ -57,7 +56,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
 }
 
 fn fault(root: &Path, name: &str, entry: Entry) -> Option<String> {
-    let bytes = match fs::read(root.join(name)) {
+    let bytes = match base::input::read(&root.join(name)) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Some("is missing".into()),
         Err(e) => return Some(format!("cannot be read: {e}")),

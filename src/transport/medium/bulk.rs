@@ -24,6 +24,9 @@ pub enum BulkError {
     /// A number of particles that is none, or more particles than fit.
     #[error("particles fill {0} of the volume; it must lie in 0..1")]
     Amount(f64),
+    /// Particles of no density that matter has.
+    #[error("a density of {0} kg/m³; give 0.001 to 1e6")]
+    Density(f64),
     /// No optical constants.
     #[error(transparent)]
     Constants(#[from] crate::material::constants::ConstantsError),
@@ -65,7 +68,7 @@ impl Amount {
     /// Particles per m³.
     ///
     /// # Errors
-    /// [`BulkError::Amount`] for what is negative, not a number, or fills more than the whole volume.
+    /// [`BulkError::Density`], and [`BulkError::Amount`] for what is negative, not a number, or fills more than the whole volume.
     pub fn number_density(self, sizes: &SizeDistribution) -> Result<f64, BulkError> {
         let volume = sizes.mean_volume();
         let n = match self {
@@ -74,7 +77,8 @@ impl Amount {
             Self::Mass {
                 concentration,
                 density,
-            } => concentration / density / volume,
+            } if (1e-3..=1e6).contains(&density) => concentration / density / volume,
+            Self::Mass { density, .. } => return Err(BulkError::Density(density)),
         };
         let filled = n * volume;
         if n.is_finite() && (0.0..=1.0).contains(&filled) {

@@ -65,12 +65,15 @@ pub(in crate::capture) fn demand(
     Err(DetectorError::Field { field, value, need })
 }
 
+/// The largest number of a setting: products of several stay finite.
+const LARGEST: f64 = 1e20;
+
 pub(super) fn positive(value: f64) -> bool {
-    value > 0.0 && value.is_finite()
+    value > 0.0 && value <= LARGEST
 }
 
 pub(super) fn non_negative(value: f64) -> bool {
-    value >= 0.0 && value.is_finite()
+    (0.0..=LARGEST).contains(&value)
 }
 
 pub(super) fn share(value: f64) -> bool {

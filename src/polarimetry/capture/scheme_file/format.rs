@@ -88,6 +88,9 @@ pub(super) struct SchemeFile {
     pub(super) analyzer: Vec<Located<ElementFile>>,
 }
 
+/// The largest angle in degrees, and number of any kind.
+const LARGEST: f64 = 1e6;
+
 /// A file's text, for errors that name places in it.
 pub(super) struct Text<'a> {
     pub(super) path: &'a Path,
@@ -137,13 +140,30 @@ impl Text<'_> {
         default: f64,
     ) -> Result<f64, InputError> {
         match value {
-            Some(v) if !v.is_finite() => Err(self.error(
+            // Turned more often, an angle means nothing; all others are smaller.
+            Some(v) if !(v.abs() <= LARGEST) => Err(self.error(
                 Some(v.span()),
-                format!("`{name}` is not a finite number"),
-                "give one",
+                format!("`{name}` is not a finite number of moderate size"),
+                "give one within -1e6..1e6",
             )),
             Some(v) => Ok(**v),
             None => Ok(default),
+        }
+    }
+
+    /// Checks that settings are of moderate size; what are no numbers at all, schemes refuse.
+    fn settings(&self, value: &Located<SettingFile>, name: &str) -> Result<(), InputError> {
+        let all = match &**value {
+            SettingFile::Fixed(v) => std::slice::from_ref(v),
+            SettingFile::Each(list) => list,
+        };
+        match all.iter().find(|v| v.abs() > LARGEST) {
+            Some(v) => Err(self.error(
+                Some(value.span()),
+                format!("`{name}` has {v}"),
+                "give degrees within -1e6..1e6",
+            )),
+            None => Ok(()),
         }
     }
 
@@ -178,12 +198,16 @@ impl Text<'_> {
                 return Err(stray(span, name, "retarders"));
             }
         }
+        self.settings(&e.angle_deg, "angle_deg")?;
+        if let Some(retardance) = &e.retardance_deg {
+            self.settings(retardance, "retardance_deg")?;
+        }
         let kind = if is_retarder {
             let index = self.finite(e.index.as_ref(), "index", 1.55)?;
-            if let Some(at) = e.index.as_ref().filter(|_| index < 1.0) {
+            if let Some(at) = e.index.as_ref().filter(|_| !(1.0..=10.0).contains(&index)) {
                 return Err(self.error(
                     Some(at.span()),
-                    "`index` is below 1".to_owned(),
+                    format!("`index` is {index}, which does not lie from 1 to 10"),
                     "give the plate's mean index",
                 ));
             }
@@ -234,10 +258,10 @@ impl Text<'_> {
             }
             SensorKind::PolarizerArray => {
                 let offsets = file.axis_offsets_deg.as_ref();
-                if let Some(v) = offsets.filter(|v| v.iter().any(|v| !v.is_finite())) {
+                if let Some(v) = offsets.filter(|v| !v.iter().all(|v| v.abs() <= LARGEST)) {
                     return Err(self.error(
                         Some(v.span()),
-                        "an offset is not a finite number".to_owned(),
+                        "an offset is not a finite number of moderate size".to_owned(),
                         "give four, for 0°, 45°, 90° and 135°",
                     ));
                 }

@@ -21,7 +21,6 @@ use super::tensor_file::{Dtype, Field, TensorFile};
 use memmap2::{Mmap, MmapOptions};
 use optics::polarization::mueller::Mueller;
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral, Wavelengths};
-use std::fs::File;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
@@ -347,7 +346,7 @@ impl Table {
 
 /// The bytes of a file: small ones in memory of their own, large ones mapped.
 fn bytes_of(path: &Path) -> io::Result<Mmap> {
-    let mut file = File::open(path)?;
+    let mut file = base::input::open(path)?;
     let size = file.metadata()?.len();
     if size <= READ_WHOLE {
         let mut memory = MmapOptions::new().len(size as usize).map_anon()?;

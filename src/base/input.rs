@@ -1,0 +1,130 @@
+//! Files to read: regular ones alone.
+//!
+//! A pipe that nobody writes to never ends, nor does `/dev/zero`; what is not a regular file is refused before it is
+//! opened. Texts are read up to a stated size, as a sparse file claims any.
+
+use std::fs::{File, FileType};
+use std::io::{self, Error, ErrorKind, Read};
+use std::path::Path;
+
+/// Most bytes of a text: scenes, tables of numbers, documents of any kind.
+pub const MOST_TEXT: u64 = 256 << 20;
+
+/// Whether a path names something that exists and is neither a file nor a folder: a pipe, a device, a socket.
+#[must_use]
+pub fn is_special(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+/// Opens a regular file to read it.
+///
+/// # Errors
+/// If the path names something else, or the system refuses.
+pub fn open(path: &Path) -> io::Result<File> {
+    let kind = std::fs::metadata(path)?.file_type();
+    if !kind.is_file() {
+        return Err(Error::new(
+            ErrorKind::InvalidInput,
+            format!("it is {}, not a file", name(kind)),
+        ));
+    }
+    File::open(path)
+}
+
+/// Reads a regular file whole.
+///
+/// # Errors
+/// As [`open`], and if there is not the memory for it.
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = open(path)?;
+    let length = file.metadata()?.len();
+    let mut bytes = vec![];
+    let room = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
+    bytes
+        .try_reserve_exact(room)
+        .map_err(|_| ErrorKind::OutOfMemory)?;
+    // What is written to it meanwhile, or what claims no length, does not make it endless.
+    file.by_ref()
+        .take(length.max(MOST_TEXT))
+        .read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Reads a regular file that holds a text of at most [`MOST_TEXT`] bytes.
+///
+/// # Errors
+/// As [`open`], and if it is larger or not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let file = open(path)?;
+    let mut text = String::new();
+    let length = file.take(MOST_TEXT + 1).read_to_string(&mut text)?;
+    if length as u64 > MOST_TEXT {
+        let message = format!(
+            "it is larger than {} MiB, which no text of this kind is",
+            MOST_TEXT >> 20
+        );
+        return Err(Error::new(ErrorKind::FileTooLarge, message));
+    }
+    Ok(text)
+}
+
+/// What a thing in the file system is.
+fn name(kind: FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return "a pipe";
+        }
+        if kind.is_socket() {
+            return "a socket";
+        }
+        if kind.is_char_device() || kind.is_block_device() {
+            return "a device";
+        }
+    }
+    if kind.is_dir() {
+        "a folder"
+    } else {
+        "something else"
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_are_opened() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let file = dir.path().join("f");
+        std::fs::write(&file, "text").expect("writes");
+        assert_eq!(read(&file).expect("reads"), b"text");
+        assert_eq!(read_text(&file).expect("reads"), "text");
+        let said = |path: &Path| open(path).expect_err("refused").to_string();
+        assert_eq!(said(Path::new("/dev/zero")), "it is a device, not a file");
+        assert_eq!(said(dir.path()), "it is a folder, not a file");
+        let status = std::process::Command::new("mkfifo")
+            .arg(dir.path().join("p"))
+            .status();
+        if status.is_ok_and(|s| s.success()) {
+            assert_eq!(said(&dir.path().join("p")), "it is a pipe, not a file");
+            assert!(is_special(&dir.path().join("p")));
+        }
+        assert!(!is_special(&file) && !is_special(dir.path()));
+        std::fs::write(&file, [0xff, 0xfe]).expect("writes");
+        assert!(read_text(&file).is_err());
+    }
+
+    #[test]
+    fn texts_are_bounded() {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        file.as_file().set_len(1 << 40).expect("sparse");
+        assert!(
+            read_text(file.path())
+                .expect_err("too large")
+                .to_string()
+                .contains("256 MiB")
+        );
+    }
+}

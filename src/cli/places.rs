@@ -1,0 +1,174 @@
+//! Files that a command reads and writes: no output is an input, no two outputs are one file, and a name says what is
+//! written.
+
+use super::failure::Failure;
+use std::path::{Component, Path, PathBuf};
+use sunstone::base::input::is_special;
+use sunstone::base::whole_file::is_same;
+
+/// Extensions of files that people know, none of which a folder or a store is named with by intent.
+const OF_FILES: [&str; 28] = [
+    "apng", "bin", "bmp", "csv", "exr", "gif", "glb", "gltf", "h5", "hdr", "jpeg", "jpg", "json", "mat",
+    "nc", "npy", "npz", "obj", "pbsdf", "pdf", "ply", "png", "svg", "tif", "tiff", "toml", "txt", "xml",
+];
+
+/// Refuses files to write that are read by the same command, that are one file, or that cannot be a file.
+pub fn files<'a>(
+    inputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
+    outputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
+) -> Result<(), Failure> {
+    let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
+    if let Some(folder) = outputs.iter().find(|o| o.is_dir()) {
+        return Err(Failure::input(format!(
+            "{}: it is a folder; name a file to write",
+            folder.display()
+        )));
+    }
+    check(inputs, outputs)
+}
+
+/// Refuses folders and stores to write as [`files`] does files.
+pub fn folders<'a>(
+    inputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
+    outputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
+) -> Result<(), Failure> {
+    let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
+    for output in &outputs {
+        if output.exists() && !output.is_dir() {
+            return Err(Failure::input(format!(
+                "{}: it is there and is no folder; give another name",
+                output.display()
+            )));
+        }
+        let extension = lower_extension(output);
+        if OF_FILES.contains(&extension.as_str()) && !output.is_dir() {
+            return Err(Failure::input(format!(
+                "{}: a folder is written, not a .{extension} file; name it without the extension, or with .zarr if it is a \
+                 store",
+                output.display()
+            )));
+        }
+    }
+    check(inputs, outputs)
+}
+
+/// Refuses a file whose extension is not one of those that name what is written, `what`.
+pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure> {
+    // As the writers do, which take letters as they are.
+    let extension = path.extension().and_then(|e| e.to_str());
+    if extension.is_some_and(|e| known.contains(&e)) {
+        return Ok(());
+    }
+    let known: Vec<String> = known.iter().map(|e| format!(".{e}")).collect();
+    Err(Failure::input(format!(
+        "{}: {what} written as {}; name the file so",
+        path.display(),
+        known.join(" or ")
+    )))
+}
+
+fn lower_extension(path: &Path) -> String {
+    path.extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase()
+}
+
+fn check<'a>(
+    inputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
+    outputs: Vec<&PathBuf>,
+) -> Result<(), Failure> {
+    let inputs: Vec<&PathBuf> = inputs.into_iter().flatten().collect();
+    for (i, output) in outputs.iter().enumerate() {
+        let shown = output.display();
+        let refused = |why: String| Err(Failure::input(format!("{shown}: {why}")));
+        let text = output.to_string_lossy();
+        if text.is_empty() {
+            return Err(Failure::input(
+                "the name of an output is empty; give a file or a folder",
+            ));
+        }
+        if text == "-" {
+            return refused("outputs are files; give one a name".into());
+        }
+        if is_address(&text) {
+            return refused(
+                "it is an address, and only files of this machine are written; give a path".into(),
+            );
+        }
+        if is_special(output) {
+            return refused("it is a device or a pipe; name a file to write".into());
+        }
+        let above = output.ancestors().skip(1).find(|a| a.exists());
+        if let Some(file) = above.filter(|a| !a.is_dir()) {
+            return refused(format!(
+                "{} is a file, and no folder to write into",
+                file.display()
+            ));
+        }
+        let real = real(output);
+        for input in &inputs {
+            let read = input.display();
+            if is_same(input, output) {
+                return refused(format!(
+                    "it is what is read ({read}); give the output another name"
+                ));
+            }
+            if is_within(&real, input) {
+                return refused(format!(
+                    "it lies in the store that is read ({read}); write elsewhere"
+                ));
+            }
+            if input.exists() && is_within(&self::real(input), output) {
+                return refused(format!(
+                    "it is a store with {read} in it, which is read; write elsewhere"
+                ));
+            }
+        }
+        for other in &outputs[..i] {
+            if is_same(other, output) || self::real(other) == real {
+                return refused("two outputs cannot be one file; give them different names".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether a text is an address as of a web page or a bucket: a scheme of at least two letters before `://`.
+fn is_address(text: &str) -> bool {
+    text.split_once("://").is_some_and(|(scheme, _)| {
+        scheme.len() > 1
+            && scheme
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    })
+}
+
+/// Whether a real path lies in a store.
+fn is_within(real: &Path, store: &Path) -> bool {
+    store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
+}
+
+/// A path, of which the end need not exist, without links and dots.
+fn real(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut found = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                found.pop();
+            }
+            part => found.push(part),
+        }
+        found = found.canonicalize().unwrap_or(found);
+    }
+    found
+}
+
+/// A wavelength of a command line, nanometres.
+pub fn wavelength(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(nm) if (100.0..=100_000.0).contains(&nm) => Ok(nm),
+        _ => Err("give nanometres, 100 to 100000".into()),
+    }
+}

@@ -1,0 +1,68 @@
+//! The figures that a scene file lists, checked against its slices.
+
+use crate::check::check;
+use crate::spec::Figure;
+use base::document;
+use base::locate::{InputError, Located};
+use serde::Deserialize;
+use std::path::Path;
+use tensor::slice::Slice;
+
+/// The `[[figures]]` of a scene file, all else left aside.
+#[derive(Deserialize)]
+struct Figures {
+    #[serde(default)]
+    figures: Vec<Located<Figure>>,
+}
+
+/// Reads the figures of a scene file from its text; `path` names it in messages, `slices` are those of the scene,
+/// `nm` its wavelengths.
+///
+/// # Errors
+/// [`InputError`] at the place of a figure that is no figure, cannot be drawn of the scene's slices, cannot name a file, or
+/// has the name of another.
+pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Result<Vec<Figure>, InputError> {
+    let file: Figures = document::parse(path, text, |_| {
+        "`sunstone schema` describes figures under [[figures]]".to_owned()
+    })?;
+    let error = |figure: &Located<Figure>, message: String, help: String| InputError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: Some(figure.span()),
+        message,
+        help: Some(help),
+    };
+    for (i, figure) in file.figures.iter().enumerate() {
+        let (name, slice) = (&figure.name, figure.view.slice());
+        let Some(drawn) = slices.iter().find(|s| s.name == slice) else {
+            let known: Vec<&str> = slices.iter().map(|s| s.name.as_str()).collect();
+            return Err(error(
+                figure,
+                format!("figure `{name}` draws slice `{slice}`, which is not in the scene"),
+                format!("name one of: {}", known.join(", ")),
+            ));
+        };
+        if name.is_empty() || name.contains(['/', '\\']) {
+            return Err(error(
+                figure,
+                format!("`{name}` cannot be a file name"),
+                "use letters, digits, _ and -".to_owned(),
+            ));
+        }
+        if file.figures[..i].iter().any(|f| f.name == *name) {
+            return Err(error(
+                figure,
+                format!("a second figure `{name}`"),
+                "rename one of them: figures are files".to_owned(),
+            ));
+        }
+        check(&figure.view, drawn, nm).map_err(|e| {
+            error(
+                figure,
+                format!("figure `{name}` cannot be drawn: {e}"),
+                "correct the view, or what its slice keeps".to_owned(),
+            )
+        })?;
+    }
+    Ok(file.figures.iter().map(|f| (**f).clone()).collect())
+}

@@ -1,0 +1,53 @@
+//! The bytes of an array's elements: in its file, or put in row-major order in memory.
+
+use std::fs::File;
+use std::io::{self, Cursor, Read, Seek, SeekFrom};
+
+/// Where the numbers are.
+#[derive(Debug)]
+pub(super) enum Bytes {
+    File(File),
+    /// In row-major order where the file has them in column-major order.
+    Memory(Cursor<Vec<u8>>),
+}
+
+impl Bytes {
+    /// Fills `out` from place `at` on.
+    pub(super) fn read_at(&mut self, at: u64, out: &mut [u8]) -> io::Result<()> {
+        match self {
+            Self::File(file) => {
+                file.seek(SeekFrom::Start(at))?;
+                file.read_exact(out)
+            }
+            Self::Memory(cursor) => {
+                cursor.set_position(at);
+                cursor.read_exact(out)
+            }
+        }
+    }
+}
+
+/// Elements of `size` bytes in row-major order that stand in column-major order in `bytes`; `None` without the memory.
+pub(super) fn row_major(bytes: &[u8], shape: &[usize], size: usize) -> Option<Vec<u8>> {
+    let mut out = vec![];
+    out.try_reserve_exact(bytes.len()).ok()?;
+    let mut index = vec![0; shape.len()];
+    let mut steps = vec![size; shape.len()];
+    for k in 1..shape.len() {
+        steps[k] = steps[k - 1] * shape[k - 1];
+    }
+    let mut at = 0;
+    while out.len() < bytes.len() {
+        out.extend_from_slice(&bytes[at..at + size]);
+        for k in (0..shape.len()).rev() {
+            index[k] += 1;
+            at += steps[k];
+            if index[k] < shape[k] {
+                break;
+            }
+            at -= steps[k] * shape[k];
+            index[k] = 0;
+        }
+    }
+    Some(out)
+}

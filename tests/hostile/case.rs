@@ -1,0 +1,403 @@
+//! A hostile case, how it is run, and what is wrong with how the program took it.
+
+use crate::fixtures::Fixtures;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::{self, File};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// The longest that an answer may take, on a machine that has other work to do.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// The most that may be said about what is wrong, bytes.
+const FLOOD: u64 = 64 << 10;
+
+/// What is in the folder before a case is run.
+#[derive(Clone, Debug)]
+pub enum Put {
+    Text(String),
+    Bytes(Vec<u8>),
+    /// A copy of a file or folder of the fixtures.
+    Copy(&'static str),
+    /// The first half of a file of the fixtures.
+    Half(&'static str),
+    /// Nothing: what was put there before is taken away.
+    Gone,
+    Folder,
+    Fifo,
+    /// A link to a path as it stands.
+    Link(&'static str),
+    /// A file that claims so many bytes.
+    Sparse(u64),
+}
+
+/// How a case must end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expect {
+    /// Bad input: exit code 2.
+    Refused,
+    /// The system refused: exit code 1.
+    Failed,
+    /// Right after all, or harmless: exit code 0.
+    Accepted,
+}
+
+/// One call of the program. `{f}` in arguments and texts is the folder of the fixtures.
+#[derive(Clone, Debug)]
+pub struct Case {
+    pub name: String,
+    pub files: Vec<(String, Put)>,
+    pub arguments: Vec<String>,
+    pub expect: Expect,
+    /// What must be said.
+    pub says: &'static str,
+    /// Largest file that the child may write, in blocks of 512 bytes: a disk that fills up.
+    pub limit: Option<u32>,
+    /// Store that must not be called finished after it.
+    pub verify: Option<&'static str>,
+    /// Mode of files that are put, and whether nobody runs the program, where the user may do everything.
+    pub mode: Option<u32>,
+    /// Outputs that may be there after a failure, because they are finished.
+    pub may_leave: &'static [&'static str],
+}
+
+impl Case {
+    /// A call that must be refused; words of `line` are separated by blanks.
+    pub fn new(name: impl Into<String>, line: &str) -> Self {
+        Self {
+            name: name.into(),
+            files: vec![],
+            arguments: line.split_whitespace().map(str::to_owned).collect(),
+            expect: Expect::Refused,
+            says: "",
+            limit: None,
+            verify: None,
+            mode: None,
+            may_leave: &[],
+        }
+    }
+
+    pub fn put(mut self, name: impl Into<String>, put: Put) -> Self {
+        self.files.push((name.into(), put));
+        self
+    }
+
+    pub fn expect(self, expect: Expect) -> Self {
+        Self { expect, ..self }
+    }
+
+    pub fn says(self, says: &'static str) -> Self {
+        Self { says, ..self }
+    }
+}
+
+/// What came of a case.
+#[allow(clippy::struct_excessive_bools)]
+#[derive(Debug)]
+pub struct Finding {
+    name: String,
+    expect: Expect,
+    code: Option<i32>,
+    panicked: bool,
+    hung: bool,
+    flooded: bool,
+    left: Vec<String>,
+    unsaid: bool,
+    lies: bool,
+    stderr: String,
+}
+
+impl Finding {
+    /// Something was accepted that no list says is right.
+    fn silent(&self) -> bool {
+        self.code == Some(0) && self.expect != Expect::Accepted
+    }
+
+    fn as_expected(&self) -> bool {
+        let code = match self.expect {
+            Expect::Refused => 2,
+            Expect::Failed => 1,
+            Expect::Accepted => 0,
+        };
+        self.code == Some(code) && !self.unsaid
+    }
+
+    /// What is wrong, if anything.
+    pub fn complaint(&self) -> Option<String> {
+        let mut why = vec![];
+        if self.panicked {
+            why.push("panicked".to_owned());
+        }
+        if self.hung {
+            why.push("hung".to_owned());
+        }
+        if self.flooded {
+            why.push("flooded".to_owned());
+        }
+        if !self.left.is_empty() {
+            why.push(format!("left {:?}", self.left));
+        }
+        if self.lies {
+            why.push("left a store that is called finished".to_owned());
+        }
+        if self.silent() {
+            why.push("silent".to_owned());
+        }
+        if !self.as_expected() {
+            why.push(format!("code {:?}, expected {:?}", self.code, self.expect));
+        }
+        let said: String = self.stderr.lines().take(3).collect::<Vec<_>>().join(" | ");
+        (!why.is_empty()).then(|| {
+            format!(
+                "{}: {}: {}",
+                self.name,
+                why.join(", "),
+                said.chars().take(300).collect::<String>()
+            )
+        })
+    }
+}
+
+/// The table.
+#[derive(Debug, Default)]
+pub struct Tally {
+    pub refused: usize,
+    pub failed: usize,
+    pub accepted: usize,
+    cases: usize,
+    panics: usize,
+    hangs: usize,
+    floods: usize,
+    left: usize,
+    silent: usize,
+    others: usize,
+}
+
+impl Tally {
+    pub fn of(findings: &[Finding]) -> Self {
+        let count = |f: &dyn Fn(&Finding) -> bool| findings.iter().filter(|x| f(x)).count();
+        Self {
+            refused: count(&|f| f.code == Some(2)),
+            failed: count(&|f| f.code == Some(1)),
+            accepted: count(&|f| f.code == Some(0) && !f.silent()),
+            cases: findings.len(),
+            panics: count(&|f| f.panicked),
+            hangs: count(&|f| f.hung),
+            floods: count(&|f| f.flooded),
+            left: count(&|f| !f.left.is_empty() || f.lies),
+            silent: count(&|f| f.silent()),
+            others: count(&|f| !f.as_expected() && !f.silent()),
+        }
+    }
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(
+            f,
+            "cases {}, panics {}, hangs {}, floods {}, left-over output {}, silent {}, other codes or words {}",
+            self.cases, self.panics, self.hangs, self.floods, self.left, self.silent, self.others
+        )
+    }
+}
+
+/// Runs cases, as many at once as the machine has processors.
+pub fn run_all(cases: &[Case], fixtures: &Fixtures) -> Vec<Finding> {
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(vec![]);
+    let threads = std::thread::available_parallelism().map_or(2, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let finding = run(case, fixtures);
+                    found.lock().expect("no panic").push(finding);
+                }
+            });
+        }
+    });
+    found.into_inner().expect("no panic")
+}
+
+fn run(case: &Case, fixtures: &Fixtures) -> Finding {
+    let folder = fixtures.empty();
+    let root = fixtures.path().display().to_string();
+    let at = folder.path().join("at");
+    fs::create_dir(&at).expect("a folder");
+    for (name, put) in &case.files {
+        place(&at.join(name), put, fixtures.path(), &root);
+    }
+    let before = contents(&at);
+    if let Some(mode) = case.mode {
+        let set = |path: &Path, mode| {
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("the owner");
+        };
+        case.files.iter().for_each(|(name, _)| set(&at.join(name), mode));
+    }
+    let [out, err] = ["out", "err"].map(|name| folder.path().join(name));
+    let file = |path: &Path| Stdio::from(File::create(path).expect("a file"));
+    let arguments: Vec<String> = case.arguments.iter().map(|a| a.replace("{f}", &root)).collect();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    if let Some(blocks) = case.limit {
+        // The shell ignores the signal that a write beyond the limit sends, so that the write fails as on a full disk.
+        command = Command::new("sh");
+        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+        command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_sunstone"));
+    }
+    if case.mode.is_some() && is_root() {
+        command = Command::new("setpriv");
+        command.args([
+            "--reuid=65534",
+            "--regid=65534",
+            "--clear-groups",
+            env!("CARGO_BIN_EXE_sunstone"),
+        ]);
+    }
+    let mut child = command
+        .args(&arguments)
+        .current_dir(&at)
+        .env_remove("SUNSTONE_LOG")
+        .stdin(Stdio::null())
+        .stdout(file(&out))
+        .stderr(file(&err))
+        .spawn()
+        .expect("the program");
+    let begun = Instant::now();
+    let mut hung = false;
+    let code = loop {
+        if let Some(status) = child.try_wait().expect("a status") {
+            break status.code();
+        }
+        if begun.elapsed() > PATIENCE {
+            hung = true;
+            let _ = child.kill();
+            let _ = child.wait();
+            break None;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    let length = fs::metadata(&err).map_or(0, |m| m.len());
+    let bytes = if length <= FLOOD * 4 {
+        fs::read(&err).unwrap_or_default()
+    } else {
+        vec![]
+    };
+    let stderr = String::from_utf8_lossy(&bytes).into_owned();
+    if case.mode.is_some() {
+        for (name, _) in &case.files {
+            fs::set_permissions(at.join(name), fs::Permissions::from_mode(0o755)).expect("the owner");
+        }
+    }
+    let after = contents(&at);
+    let left = if code == Some(0) {
+        vec![]
+    } else {
+        let new = after.iter().filter(|(name, what)| {
+            let finished = case
+                .may_leave
+                .iter()
+                .any(|n| name.to_string_lossy().starts_with(n));
+            before.get(*name) != Some(*what) && !finished
+        });
+        let gone = before.keys().filter(|name| !after.contains_key(*name));
+        new.map(|(name, _)| name)
+            .chain(gone)
+            .map(|name| name.display().to_string())
+            .collect()
+    };
+    let lies = code != Some(0)
+        && case.verify.is_some_and(|store| {
+            let verify = Command::new(env!("CARGO_BIN_EXE_sunstone"))
+                .args(["verify", store])
+                .current_dir(&at)
+                .output();
+            verify.expect("the program").status.code() != Some(2)
+        });
+    Finding {
+        lies,
+        name: case.name.clone(),
+        expect: case.expect,
+        code,
+        panicked: stderr.contains("panicked at") || (code.is_none() && !hung) || code == Some(101),
+        hung,
+        flooded: length > FLOOD,
+        left,
+        unsaid: !stderr.contains(case.says) || (code != Some(0) && stderr.trim().is_empty()),
+        stderr,
+    }
+}
+
+/// Whether this process may do everything.
+pub fn is_root() -> bool {
+    fs::metadata("/proc/self").is_ok_and(|m| m.uid() == 0)
+}
+
+fn place(path: &Path, put: &Put, fixtures: &Path, root: &str) {
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent).expect("a folder");
+    }
+    match put {
+        Put::Text(text) => fs::write(path, text.replace("{f}", root)).expect("a file"),
+        Put::Bytes(bytes) => fs::write(path, bytes).expect("a file"),
+        Put::Copy(name) => copy(&fixtures.join(name), path),
+        Put::Half(name) => {
+            let bytes = fs::read(fixtures.join(name)).expect("a file");
+            fs::write(path, &bytes[..bytes.len() / 2]).expect("a file");
+        }
+        Put::Gone => fs::remove_file(path).expect("it was there"),
+        Put::Folder => fs::create_dir(path).expect("a folder"),
+        Put::Fifo => {
+            let made = Command::new("mkfifo").arg(path).status().expect("mkfifo");
+            assert!(made.success(), "no pipe");
+        }
+        Put::Link(to) => std::os::unix::fs::symlink(to.replace("{f}", root), path).expect("a link"),
+        Put::Sparse(length) => File::create(path)
+            .and_then(|f| f.set_len(*length))
+            .expect("a file"),
+    }
+}
+
+/// Copies a file or a folder with all that is in it.
+pub fn copy(from: &Path, to: &Path) {
+    if !from.is_dir() {
+        fs::copy(from, to).expect("a copy");
+        return;
+    }
+    fs::create_dir_all(to).expect("a folder");
+    for entry in fs::read_dir(from).expect("a folder") {
+        let name = entry.expect("an entry").file_name();
+        copy(&from.join(&name), &to.join(&name));
+    }
+}
+
+/// Everything below a folder: of files their bytes (of large ones their length), of all else what it is.
+pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
+        for entry in fs::read_dir(at).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let meta = fs::symlink_metadata(&path).expect("it is there");
+            let name = path.strip_prefix(root).expect("below").to_owned();
+            let kind = meta.file_type();
+            let what = if kind.is_dir() {
+                walk(root, &path, out);
+                b"folder".to_vec()
+            } else if kind.is_symlink() {
+                b"link".to_vec()
+            } else if kind.is_fifo() {
+                b"pipe".to_vec()
+            } else if meta.len() > 64 << 20 {
+                meta.len().to_le_bytes().to_vec()
+            } else {
+                fs::read(&path).expect("a file")
+            };
+            out.insert(name, what);
+        }
+    }
+    let mut out = BTreeMap::new();
+    walk(root, root, &mut out);
+    out
+}

@@ -1,0 +1,199 @@
+//! Documents other than scenes, each with every key: schemes, detectors, priors, media, materials, calibrations; every value in
+//! turn something that it should not be. And arrays that are none.
+
+use crate::case::{Case, Expect, Put};
+use crate::scenes::spoil;
+use std::collections::BTreeSet;
+
+/// Cases that are right after all: `document: key = value` a line.
+const ACCEPTED: &str = include_str!("accepted_documents.txt");
+
+const SCHEME: &str = r#"name = "x"
+sensor = { kind = "polarizer_array", extinction = 0.001, axis_offsets_deg = [0, 1, 0, -1] }
+source = [1, 0, 0, 0]
+[[generator]]
+name = "polarizer_1"
+kind = "polarizer"
+angle_deg = [0, 12, 24, 36, 48, 60]
+axis_offset_deg = 0.1
+transmittance = 0.9
+extinction = [[450, 1e-4], [650, 2e-4]]
+[[generator]]
+name = "retarder_2"
+kind = "retarder"
+angle_deg = [0, 50, 100, 150, 200, 250]
+retardance_deg = [90, 91, 92, 93, 94, 95]
+retardance_error_deg = [[450, 6.1], [550, 0], [660, -5.2]]
+order = 1
+index = 1.55
+[[analyzer]]
+name = "retarder_3"
+kind = "retarder"
+angle_deg = [0, 5, 10, 15, 20, 25]
+retardance_deg = 90
+"#;
+
+const CMOS: &str = r#"demosaic = "none"
+[cmos]
+exposure_s = 0.5
+bracket = [1, 0.1]
+quantum_efficiency = [[450, 0.6], [650, 0.5]]
+photons_per_unit = 1e6
+read_noise_e = 2.4
+dark_current_e_s = 1
+full_well_e = 10700
+bit_depth = 12
+gain_e_per_dn = 2.6
+black_level_dn = 16
+binning = 1
+shot_noise = true
+"#;
+
+const SPAD: &str = r#"[spad]
+mode = "synchronous"
+bin_ps = 1000
+bins = 12
+period_ps = 100000
+pulses = 1000
+photons_per_unit = 1e-3
+detection_efficiency = 0.3
+dark_counts_per_s = 100
+dead_time_ps = 50000
+after_pulsing = 0.01
+after_pulse_time_ps = 20000
+irf_fwhm_ps = 50
+irf_tail = 0.1
+irf_tail_ps = 200
+"#;
+
+const MATERIALS: &str = r#"wavelengths_nm = [450, 550, 660]
+[materials]
+white.diffuse.albedo = [0.70, 0.73, 0.74]
+gold.rough_conductor = { metal = "Au", alpha = 0.2 }
+"#;
+
+const MEDIA: &str = r"wavelengths_nm = [450, 550, 660]
+[media.beads.polystyrene]
+diameter_nm = 100
+spread = 0.02
+amount.volume_fraction = 1e-4
+";
+
+const OPENCV: &str = r"image_width = 64
+image_height = 48
+camera_matrix = [[60, 0, 32], [0, 60, 24], [0, 0, 1]]
+distortion_coefficients = [0.1, 0.01, 0.001, 0.001, 0]
+rvec = [0.1, 0.2, 0.3]
+tvec = [0.1, 0, 2]
+";
+
+const MATLAB: &str = r"ImageSize = [48, 64]
+IntrinsicMatrix = [[60, 0, 0], [0, 60, 0], [32, 24, 1]]
+RadialDistortion = [0.1, 0.01]
+TangentialDistortion = [0, 0]
+";
+
+const KALIBR: &str = r#"[cam0]
+camera_model = "pinhole"
+distortion_model = "radtan"
+distortion_coeffs = [0.1, 0.01, 0, 0]
+intrinsics = [60, 60, 32, 24]
+resolution = [64, 48]
+"#;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Toml,
+    Json,
+}
+
+/// Name, text, file, command.
+#[rustfmt::skip]
+const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
+    ("scheme", SCHEME, "x.toml", Format::Toml, "scheme show x.toml"),
+    ("cmos", CMOS, "x.toml", Format::Toml, "capture {f}/M.npy --scheme {f}/drr9.toml --detector x.toml -o out.npy"),
+    ("spad", SPAD, "x.toml", Format::Toml, "capture {f}/s.zarr timed --scheme {f}/drr9.toml --detector x.toml -o out.npy"),
+    ("materials", MATERIALS, "x.toml", Format::Toml, "pbrdf eval x.toml --name white --in 40,0 --out 20,120"),
+    ("media", MEDIA, "x.toml", Format::Toml, "phase eval x.toml --angles 3 -o out.csv"),
+    ("opencv", OPENCV, "x.json", Format::Json, "import x.json -o out.toml"),
+    ("matlab", MATLAB, "x.json", Format::Json, "import x.json -o out.toml"),
+    ("kalibr", KALIBR, "x.json", Format::Json, "import x.json -o out.toml"),
+];
+
+/// A `.npy` with this header and so many bytes behind it.
+fn npy(header: &str, bytes: usize) -> Vec<u8> {
+    let header = format!("{header}\n");
+    let mut all = b"\x93NUMPY\x01\x00".to_vec();
+    all.extend((header.len() as u16).to_le_bytes());
+    all.extend(header.as_bytes());
+    all.extend(std::iter::repeat_n(0x3f, bytes));
+    all
+}
+
+/// Commands that read an array `x.npy` of matrices or intensities.
+const OF_ARRAYS: &[&str] = &[
+    "decompose x.npy -o out.npz",
+    "decompose {f}/M.npy --errors x.npy -o out.npz",
+    "capture x.npy --scheme {f}/drr36.toml -o out.npy",
+    "reconstruct x.npy --scheme {f}/drr36.toml -o out.npy",
+    "reconstruct {f}/I.npy --scheme {f}/drr36.toml --variance x.npy -o out.npy",
+    "trial x.npy --scheme {f}/drr36.toml -o out.csv",
+];
+
+/// Headers and bytes of arrays that are none of them.
+#[rustfmt::skip]
+const ARRAYS: &[(&str, &str, usize)] = &[
+    ("of no shape", "{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4),
+    ("of one axis", "{'descr': '<f4', 'fortran_order': False, 'shape': (16,), }", 64),
+    ("of 4 x 3", "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4, 3), }", 96),
+    ("of complex numbers", "{'descr': '<c8', 'fortran_order': False, 'shape': (2, 4, 4), }", 256),
+    ("of texts", "{'descr': '<U4', 'fortran_order': False, 'shape': (2, 4, 4), }", 512),
+    ("of objects", "{'descr': '|O', 'fortran_order': False, 'shape': (2, 4, 4), }", 512),
+    ("of records", "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (2, 4, 4), }", 128),
+    ("of 8-byte integers", "{'descr': '<i8', 'fortran_order': False, 'shape': (2, 4, 4), }", 256),
+    ("of truths", "{'descr': '|b1', 'fortran_order': False, 'shape': (2, 4, 4), }", 32),
+    ("of more than there is", "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 4, 4), }", 128),
+    ("of more than fits", "{'descr': '<f4', 'fortran_order': False, 'shape': (18446744073709551615, 4, 4), }", 128),
+    ("of a product that wraps", "{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296, 4, 4), }", 128),
+    ("column-major of more than there is", "{'descr': '<f4', 'fortran_order': True, 'shape': (1000000, 4, 4), }", 128),
+    ("column-major of many axes", "{'descr': '<f4', 'fortran_order': True, 'shape': (2, 2, 2, 2, 2, 2, 3), }", 768),
+    ("of a negative shape", "{'descr': '<f4', 'fortran_order': False, 'shape': (-1, 4, 4), }", 128),
+    ("without a shape", "{'descr': '<f4', 'fortran_order': False}", 128),
+    ("of another language", "{'descr': __import__('os'), 'shape': (1, 4, 4), }", 64),
+    ("nested deep", "((((((((((((((((((((((((((((((((((((((((((((((((((((((((((((", 0),
+];
+
+pub fn cases() -> Vec<Case> {
+    let accepted: BTreeSet<&str> = ACCEPTED.lines().filter(|l| !l.starts_with('#')).collect();
+    let expected = |case: Case| {
+        let right = accepted.contains(case.name.as_str());
+        if right {
+            case.expect(Expect::Accepted)
+        } else {
+            case
+        }
+    };
+    let mut cases = vec![];
+    for (name, text, file, format, command) in DOCUMENTS {
+        let whole: toml::Table = text.parse().expect("TOML");
+        let put = |value: &toml::Value| match format {
+            Format::Toml => Put::Text(toml::to_string(value).expect("TOML")),
+            Format::Json => Put::Text(serde_json::to_string(value).expect("JSON")),
+        };
+        let whole = toml::Value::Table(whole);
+        let right = Case::new(format!("{name}: as it is"), command).put(*file, put(&whole));
+        cases.push(right.expect(Expect::Accepted));
+        for (key, value) in spoil(&whole) {
+            cases.push(expected(
+                Case::new(format!("{name}: {key}"), command).put(*file, put(&value)),
+            ));
+        }
+    }
+    for command in OF_ARRAYS {
+        for (what, header, bytes) in ARRAYS {
+            let case = Case::new(format!("{command}: {what}"), command);
+            cases.push(expected(case.put("x.npy", Put::Bytes(npy(header, *bytes)))));
+        }
+    }
+    cases
+}

@@ -1,0 +1,159 @@
+//! Files that are right, of which cases take one to spoil: made once by the program itself.
+
+use crate::case::contents;
+use crate::harness;
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use sunstone::store::numpy;
+use sunstone::transport::material::measured::axes::Axes;
+use sunstone::transport::material::measured::write::write;
+
+/// A scene that is small and right, with all files that a scene can name.
+pub const SMALL: &str = r#"name = "small"
+wavelengths_nm = [450, 550, 660]
+render = { spp = 2, tile = 4, max_depth = 3 }
+camera = { resolution = [4, 4], fov_x_deg = 50, pose.look_at = { origin = [0, 1, 3], target = [0, 1, 0] } }
+projector = { resolution = [4, 4], fov_x_deg = 40, irradiance = 10, pose.look_at = { origin = [0.2, 1, 3], target = [0, 1, 0] } }
+materials.white.diffuse.albedo = [0.7, 0.7, 0.7]
+objects = [{ shape.rectangle = { corner = [-1, 0, -1], u = [2, 0, 0], v = [0, 2, 0] }, material = "white" }]
+
+[[slices]]
+name = "mueller"
+polarization = "mueller"
+
+[[slices]]
+name = "flight"
+time = { start_ps = 20000, bin_ps = 1000, bins = 12 }
+camera = { rows = [1, 2] }
+
+[[slices]]
+name = "timed"
+polarization = "mueller"
+time = { start_ps = 20000, bin_ps = 1000, bins = 12 }
+
+[[slices]]
+name = "lit"
+projector = "all"
+
+[[figures]]
+name = "picture"
+view.photo = { slice = "mueller" }
+"#;
+
+/// Matrices of the arrays: enough not to fit a disk that is nearly full.
+const PIXELS: usize = 60;
+
+/// A camera of OpenCV.
+const CALIBRATION: &str = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [60, 0, 32, 0, 60, 24, 0, 0, 1]\n\
+distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, 0, 0, 0, 0]\n";
+
+pub struct Fixtures {
+    folder: tempfile::TempDir,
+}
+
+impl Fixtures {
+    /// Makes all files.
+    pub fn make() -> Self {
+        let fixtures = Self { folder: folder() };
+        let at = fixtures.path();
+        let put = |name: &str, text: &str| fs::write(at.join(name), text).expect("a file");
+        put("scene.toml", SMALL);
+        put(
+            "materials.toml",
+            "materials.gold.rough_conductor = { metal = \"Au\", alpha = 0.2 }\n",
+        );
+        put(
+            "media.toml",
+            "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n",
+        );
+        put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
+        put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");
+        put("directions.csv", "10,0,20,180\n30,0,20,180\n");
+        put("calibration.yaml", CALIBRATION);
+        put(
+            "shape.obj",
+            "v 0 0 0\nv .3 0 0\nv .3 .3 0\nvn 0 0 1\nvt 0 0\nusemtl painted\nf 1/1/1 2/1/1 3/1/1\n",
+        );
+        put(
+            "shape.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n.3 0 0\n0 .3 0\n3 0 1 2\n",
+        );
+        let corners = [0.0_f32, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0];
+        fs::write(at.join("shape.bin"), corners.map(f32::to_le_bytes).concat()).expect("a file");
+        let gltf = serde_json::json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "buffers": [{"uri": "shape.bin", "byteLength": 36}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0],
+                           "max": [0.3, 0.3, 0]}],
+        });
+        put("shape.gltf", &gltf.to_string());
+        for (name, size) in [("image.png", 2), ("mask.png", 4), ("mask8.png", 8)] {
+            let image = image::RgbImage::from_pixel(size, size, image::Rgb([128, 130, 250]));
+            image.save(at.join(name)).expect("an image");
+        }
+        let axes = Axes::even([4, 3, 3], vec![450, 550, 650]);
+        write(&at.join("table.pbsdf"), &axes, |_, slab| {
+            for (i, x) in slab.iter_mut().enumerate() {
+                *x = if i.is_multiple_of(16) { 0.2 } else { 0.01 };
+            }
+        })
+        .expect("a table");
+        fs::create_dir(at.join("tables")).expect("a folder");
+        fs::copy(at.join("table.pbsdf"), at.join("tables/one.pbsdf")).expect("a copy");
+        fs::create_dir(at.join("empty")).expect("a folder");
+        let matrices: Vec<f32> = (0..PIXELS * 16)
+            .map(|i| if i % 16 == 0 { 2.0 } else { 0.1 })
+            .collect();
+        let shape = [PIXELS, 4, 4];
+        numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
+        let errors = |v: f32| vec![v; PIXELS * 16];
+        numpy::save(&at.join("E.npy"), &shape, &errors(0.01)).expect("an array");
+        numpy::save(&at.join("negative_errors.npy"), &shape, &errors(-0.01)).expect("an array");
+        let variances = vec![-1.0_f32; 36 * PIXELS];
+        numpy::save(&at.join("negative.npy"), &[36, PIXELS], &variances).expect("an array");
+        let lines = [
+            "render scene.toml -o s.zarr --no-figures",
+            "render scene.toml -o t.zarr --no-figures --seed 9",
+            "scheme drr -k 36 -o drr36.toml",
+            "scheme drr -k 9 -o drr9.toml",
+            "capture M.npy --scheme drr36.toml -o I.npy --noise 0.001",
+            "capture M.npy --scheme drr36.toml -o I2.npy --detector camera.toml --variance V.npy",
+            "learn -k 9 --data tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o learned.toml \
+             --estimator prior --save-prior prior.toml",
+            "export scene.toml --mitsuba mitsuba --wavelength 550",
+        ];
+        for line in lines {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            harness::run(at, &words, 0);
+        }
+        fixtures
+    }
+
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// An empty folder.
+    pub fn empty(&self) -> tempfile::TempDir {
+        folder()
+    }
+
+    /// All that is there.
+    pub fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        contents(self.path())
+    }
+}
+
+/// A folder in memory where the system has one.
+fn folder() -> tempfile::TempDir {
+    let made = tempfile::tempdir_in("/dev/shm")
+        .or_else(|_| tempfile::tempdir())
+        .expect("a folder");
+    // Another user runs some of the cases.
+    fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
+    made
+}

@@ -1,0 +1,176 @@
+//! Every output, in turn an input, a folder, a device, a pipe, an address, misnamed, or where nothing can be.
+
+use crate::case::{Case, Expect, Put};
+use std::path::Path;
+
+/// Commands with `{o}` for the output; its extension, or `/` for a folder and `zarr` for a store; the argument that is an
+/// input which could be overwritten.
+#[rustfmt::skip]
+const WRITERS: &[(&str, &str, &str)] = &[
+    ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
+    ("merge {i} {f}/t.zarr -o {o} --force", "zarr", "s.zarr"),
+    ("probe {i} mueller -o {o} --force", "zarr", "s.zarr"),
+    ("probe {f}/s.zarr lit --pattern {i} -o {o}", "npy", "mask.png"),
+    ("probe {f}/s.zarr lit --pattern {i} -o {o}", "csv", "mask.png"),
+    ("figure {i} -o {o}", "/", "s.zarr"),
+    ("figure {i} --view photo --slice mueller -o {o}", "png", "s.zarr"),
+    ("figure {i} --view photo --slice mueller -o {o}", "svg", "s.zarr"),
+    ("figure {i} --view photo --slice mueller -o {o}", "pdf", "s.zarr"),
+    ("export {i} mueller -o {o}", "exr", "s.zarr"),
+    ("export {i} --mitsuba {o}", "/", "scene.toml"),
+    ("import {i} -o {o} --force", "toml", "mitsuba/scene.xml"),
+    ("import {i} -o {o} --force", "toml", "calibration.yaml"),
+    ("decompose {i} -o {o}", "npz", "M.npy"),
+    ("decompose {f}/M.npy --errors {i} -o {o}", "npz", "E.npy"),
+    ("capture {i} --scheme {f}/drr36.toml -o {o}", "npy", "M.npy"),
+    ("capture {f}/M.npy --scheme {i} -o {o}", "npy", "drr36.toml"),
+    ("capture {f}/M.npy --scheme {f}/drr36.toml --detector {i} --variance {o} -o out.npy", "npy", "camera.toml"),
+    ("reconstruct {i} --scheme {f}/drr36.toml -o {o}", "npy", "I.npy"),
+    ("reconstruct {f}/I.npy --scheme {f}/drr36.toml --variance {i} -o {o}", "npy", "V.npy"),
+    ("reconstruct {i} --scheme {f}/drr36.toml -o out.npy --errors {o}", "npy", "I.npy"),
+    ("trial {i} --scheme {f}/drr36.toml -o {o}", "csv", "M.npy"),
+    ("trial {i} --scheme {f}/drr36.toml --figure {o}", "png", "M.npy"),
+    ("trial {f}/M.npy --scheme {i} --curve {o}", "svg", "drr36.toml"),
+    ("scheme drr -k 16 -o {o}", "toml", ""),
+    ("scheme qrpr -k 16 -o {o}", "toml", ""),
+    ("scheme lc -k 16 -o {o}", "toml", ""),
+    ("scheme matrix {i} -o {o}", "npy", "drr36.toml"),
+    ("scheme plot {i} -o {o}", "png", "drr36.toml"),
+    ("learn --template {i} --starts 1 --iterations 1 --adam-steps 1 -o {o}", "toml", "drr36.toml"),
+    ("learn --template {i} --starts 1 --iterations 1 --adam-steps 1 -o out.toml --csv {o}", "csv", "drr36.toml"),
+    ("learn --template {i} --starts 1 --iterations 1 --adam-steps 1 -o out.toml --angles {o}", "png", "drr36.toml"),
+    ("learn -k 9 --data {f}/tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o out.toml --save-prior {o}", "toml", ""),
+    ("pbrdf sheet {i} -o {o} --size 8 --spp 1", "png", "materials.toml"),
+    ("pbrdf synth {i} -o {o} --resolution 3x3x3 --bands 550", "/", "materials.toml"),
+    ("pbrdf plot {i} -o {o}", "png", "table.pbsdf"),
+    ("pbrdf slice {i} -o {o}", "npy", "table.pbsdf"),
+    ("pbrdf slice {i} -o {o}", "csv", "table.pbsdf"),
+    ("pbrdf pca --data {f}/tables --bands 550 -o {o}", "png", ""),
+    ("pbrdf pca --data {f}/tables --bands 550 -o out.png --npz {o}", "npz", ""),
+    ("pbrdf pca --data {f}/tables --bands 550 -o out.png --prior {o}", "toml", ""),
+    ("phase eval {i} -o {o}", "csv", "media.toml"),
+];
+
+/// Two outputs that would be one file.
+#[rustfmt::skip]
+const TWICE: &[&str] = &[
+    "reconstruct {f}/I.npy --scheme {f}/drr36.toml -o out.npy --errors ./out.npy",
+    "reconstruct {f}/I.npy --scheme {f}/drr36.toml -o out.npy --errors new/../out.npy",
+    "capture {f}/M.npy --scheme {f}/drr36.toml --detector {f}/camera.toml -o out.npy --variance out.npy",
+    "trial {f}/M.npy --scheme {f}/drr36.toml --figure out.png --curve ./out.png",
+    "pbrdf pca --data {f}/tables --bands 550 -o out.png --prior a.toml --npz ../at/out.png",
+    "learn -k 9 --data {f}/tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o out.toml --save-prior ./out.toml",
+];
+
+/// Extensions that nothing is written as by any command, or by few.
+const EXTENSIONS: [&str; 8] = ["tif", "jpg", "h5", "hdr", "gif", "npy", "csv", "toml"];
+
+fn named(extension: &str) -> String {
+    match extension {
+        "/" => "out".into(),
+        e => format!("o.{e}"),
+    }
+}
+
+fn copy_of(input: &'static str) -> (String, Option<Put>) {
+    let name = Path::new(input)
+        .file_name()
+        .map_or(String::new(), |n| n.to_string_lossy().into_owned());
+    let put = (!input.is_empty()).then_some(Put::Copy(input));
+    (name, put)
+}
+
+pub fn cases() -> Vec<Case> {
+    let mut cases = vec![];
+    for (line, extension, input) in WRITERS {
+        let (name, put) = copy_of(input);
+        let make = |what: &str, output: &str| {
+            let case = Case::new(
+                format!("{line}: .{extension} is {what}"),
+                &line.replace("{i}", &name),
+            );
+            let mut case = case;
+            // A name may be empty, and so is no word of the line.
+            case.arguments
+                .iter_mut()
+                .for_each(|a| *a = a.replace("{o}", output));
+            match put.clone() {
+                Some(put) => case.put(name.clone(), put),
+                None => case,
+            }
+        };
+        let out = named(extension);
+        let store = *extension == "zarr";
+        let folder = *extension == "/" || store;
+        cases.push(make("new", &out).expect(Expect::Accepted));
+        cases.push(make("in a new folder", &format!("a/b/{out}")).expect(Expect::Accepted));
+        cases.push(make("an address", &format!("s3://bucket/{out}")).says("address"));
+        cases.push(make("a web page", &format!("https://example.org/{out}")).says("address"));
+        cases.push(make("empty", ""));
+        cases.push(make("a dash", "-"));
+        cases.push(make("/dev/full", "/dev/full"));
+        cases.push(make("a link to /dev/full", &out).put(out.clone(), Put::Link("/dev/full")));
+        cases.push(make("a pipe", &out).put(out.clone(), Put::Fifo));
+        cases.push(make("below a file", &format!("f/{out}")).put("f", Put::Text("x".into())));
+        let mut nowhere = make("in /proc", &format!("/proc/{out}")).expect(Expect::Failed);
+        // What was written before is right.
+        nowhere.may_leave = &["out."];
+        cases.push(nowhere);
+        if folder {
+            cases.push(make("a file", &out).put(out.clone(), Put::Text("precious".into())));
+        } else {
+            cases.push(make("a folder", &out).put(out.clone(), Put::Folder));
+        }
+        if store {
+            cases.push(
+                make("a folder of something", &out).put(format!("{out}/f"), Put::Text("precious".into())),
+            );
+        }
+        // Their formats go by the name.
+        let by_name = line.starts_with("probe") || line.starts_with("pbrdf slice");
+        let known = |e: &str| e == *extension || by_name && ["npy", "csv"].contains(&e);
+        for other in EXTENSIONS.iter().filter(|e| !known(e)) {
+            cases.push(make(&format!("named .{other}"), &format!("o.{other}")));
+        }
+        if put.is_some() {
+            cases.push(make("an input", &name));
+            cases.push(make("an input by way of the folder", &format!("../at/{name}")));
+            cases.push(make("a link to an input", &out).put(out.clone(), Put::Link(leak(&name))));
+        }
+    }
+    for line in TWICE {
+        cases.push(Case::new(*line, line));
+    }
+    let own = |name: &str, line: &str| Case::new(format!("{name}: {line}"), line);
+    cases.push(own("in a store", "figure s.zarr -o s.zarr").put("s.zarr", Put::Copy("s.zarr")));
+    cases.push(own("in a store", "figure s.zarr -o s.zarr/new").put("s.zarr", Put::Copy("s.zarr")));
+    cases.push(own("in a store", "probe s.zarr mueller -o s.zarr/a.npy").put("s.zarr", Put::Copy("s.zarr")));
+    cases.push(own("in a store", "export s.zarr mueller -o s.zarr/a.exr").put("s.zarr", Put::Copy("s.zarr")));
+    cases.push(
+        own(
+            "in a store",
+            "capture s.zarr mueller --scheme {f}/drr36.toml -o s.zarr/I.npy",
+        )
+        .put("s.zarr", Put::Copy("s.zarr")),
+    );
+    cases.push(
+        own(
+            "around the scene",
+            "render s.zarr/scene.toml -o s.zarr --force --no-figures",
+        )
+        .put("s.zarr", Put::Copy("s.zarr"))
+        .put("s.zarr/scene.toml", Put::Copy("scene.toml")),
+    );
+    cases.push(
+        own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")),
+    );
+    cases.push(
+        own("its own", "pbrdf synth t/materials.toml -o t --resolution 3x3x3")
+            .put("t/materials.toml", Put::Copy("materials.toml")),
+    );
+    cases
+}
+
+fn leak(text: &str) -> &'static str {
+    Box::leak(text.to_owned().into_boxed_str())
+}
