@@ -468,3 +468,44 @@ fn names_stand_for_numbers() {
         "SiO absorbs in the blue"
     );
 }
+
+/// A surface that is a sheet in part shines as its other part alone, by its share: lit by a point, by the projector and by a
+/// shining disk, in both integrators, with and without the account of media that a null material asks for.
+#[test]
+fn sheets_in_part_are_as_bright_as_the_rest_of_them() {
+    let matter = "d.diffuse.albedo = 0.8\nblack.diffuse.albedo = 0\nhole.null = {}\npol.polarizer = { angle_deg = 0 }\n\
+                  wave.retarder = { retardance_deg = 90 }\nthin.thin_dielectric = { ior = 1.5 }\n";
+    let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [2, 2], 20.0);
+    let projector = Device::look_at([0.3, 0.0, 4.0], DVec3::ZERO, [2, 2], 4.0);
+    let scene = |part: &str, integrator: &str| {
+        head(3000, 5, 9)
+            + &format!("integrator = \"{integrator}\"\nmanifold = false\n")
+            + &camera.keys("camera")
+            + &projector.keys("projector")
+            + &format!("[materials]\n{matter}m.blend = {{ a = \"{part}\", b = \"d\", weight = 0.6 }}\n")
+            + "[[objects]]\nmaterial = \"m\"\nshape.rectangle = {}\n\
+               [[objects]]\nmaterial = \"black\"\nshape.disk = { center = [0, 1, 1], normal = [0, -1, -1], radius = 0.3 }\n\
+               emission.radiance = 2\n\
+               [[objects]]\nmaterial = \"black\"\nshape.sphere.radius = 30\n\
+               [[emitters]]\npoint = { position = [0, 0, 2], intensity = 4 }\n\
+               [[slices]]\nname = \"m\"\n"
+    };
+    let total = |part: &str, integrator: &str| {
+        let r = crate::support::render_text(&scene(part, integrator));
+        let (mean, error) = (r.mean("m"), r.std_error("m"));
+        let sum: f64 = mean.data.iter().map(|v| f64::from(*v)).sum();
+        let variance: f64 = error.data.iter().map(|v| f64::from(*v).powi(2)).sum();
+        (sum, variance)
+    };
+    let (want, spread) = total("black", "path");
+    for part in ["hole", "pol", "wave", "thin"] {
+        for integrator in ["path", "bidirectional"] {
+            let (got, variance) = total(part, integrator);
+            let sigma = (variance + spread).sqrt();
+            assert!(
+                (got - want).abs() <= 5.0 * sigma && sigma < 0.01 * want,
+                "{part}, {integrator}: {got}, without it {want} ± {sigma:.1e}"
+            );
+        }
+    }
+}

@@ -31,8 +31,9 @@ fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<S
 }
 
 impl Blend {
+    /// Both materials with their shares.
     #[inline]
-    fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
+    pub(super) fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
         let w = self.weight.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         [(self.a, 1.0 - w), (self.b, w)]
     }

@@ -335,6 +335,23 @@ impl Materials {
         })
     }
 
+    /// Probability with which [`Self::sample`] lets light go straight on.
+    #[must_use]
+    pub fn straight_chance(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> f32 {
+        let of = |id| self.straight_chance(id, at, wo, lanes);
+        match &self.list[id as usize] {
+            Material::Null | Material::Polarizer(_) | Material::Retarder(_) => 1.0,
+            Material::ThinDielectric(m) => m
+                .specular(at, wo, Lobe::Transmitted)
+                .map_or(0.0, |through| lanes.mean(through.scatter.m00())),
+            Material::TwoSided(m) => m.side(at, wo).map_or(0.0, of),
+            Material::Blend(m) => m.shares(self, at).iter().map(|(id, w)| w * of(*id)).sum(),
+            Material::NormalMap(m) => of(m.material),
+            Material::PartialDepolarizer(m) => of(m.material),
+            _ => 0.0,
+        }
+    }
+
     /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
     #[inline]
     #[must_use]

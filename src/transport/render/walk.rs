@@ -285,6 +285,15 @@ impl Walk {
     ) -> Onward {
         let (flight, surface, back) = (&mut progress.flight, &point.surface, point.back);
         let mut lanes = flight.state.lanes;
+        let id = surface.material;
+        if scene.sheets && scene.materials.has_extended_lobe(id) {
+            // A surface that is a sheet in part is a point of as many walks only as do not go straight on: what is connected
+            // to it counts for all of them.
+            let straight = scene.materials.straight_chance(id, surface, back, lanes);
+            if straight > 0.0 && straight < 1.0 {
+                point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
+            }
+        }
         let Some((next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
             return Onward::Nowhere;
         };
