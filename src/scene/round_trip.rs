@@ -360,6 +360,7 @@ impl Choices<'_> {
             _ => EmitterFile::Environment(Box::new(EnvironmentFile {
                 radiance: self.spectrum().into(),
                 image: self.some_text(),
+                rows: [Rows::Centres, Rows::Poles][self.below(2) as usize],
                 transform: self.some(Self::transform),
                 stokes: self.stokes(),
                 polarizer_deg: self.some_number(),

@@ -9,7 +9,7 @@ use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3};
 use std::f64::consts::PI;
 use syntax::device::{EmitterFile, ProjectorFile};
-use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, SpotFile};
+use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, SpotFile};
 use syntax::transform::TransformFile;
 use syntax::values::SpectrumFile;
 
@@ -134,10 +134,8 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
     node.finish(source, &["mis_compensation", "sampling_weight"]);
-    importer.note(
-        "Mitsuba stretches the rows of an envmap from pole to pole: ours are off by up to half a texel",
-    );
     let mut environment = EnvironmentFile::new(scale);
+    environment.rows = Rows::Poles;
     environment.image = Some(Located::at(node.span.clone(), importer.file(name)));
     environment.transform = place.map(|map| {
         // Lengths do not matter to directions.
