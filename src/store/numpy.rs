@@ -460,7 +460,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("all.npz");
         write_npz(&path, &[("a".to_owned(), example()), ("b".to_owned(), example())]).expect("space");
-        let mut zip = zip::ZipArchive::new(File::open(&path).expect("a file")).expect("an archive");
+        let mut zip = zip::ZipArchive::new(std::fs::File::open(&path).expect("a file")).expect("an archive");
         for name in ["a.npy", "b.npy"] {
             let mut got = vec![];
             zip.by_name(name)

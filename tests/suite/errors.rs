@@ -134,7 +134,7 @@ const CASES: &[Case] = &[
     ("a profile of a slice without time", "view.photo = { slice = \"photo\" }", "view.profile = { slice = \"photo\", pixel = [1, 1] }", "[[figures]]", "time"),
     ("a map of a wavelength that is none", "view.photo = { slice = \"photo\" }", "view.space_time = { slice = \"rows\", wavelength_nm = 900 }", "[[figures]]", "wavelength"),
     ("a negative radius", "radius = 0.3", "radius = -0.3", "shape.sphere", "-0.3"),
-    ("a depth that shows nothing", "max_depth = 3", "max_depth = 1", "^1\n", "max_depth"),
+    ("a depth that shows nothing", "max_depth = 3", "max_depth = 1", "max_depth = 1", "max_depth"),
     ("two objects of one name", "name = \"ball\"", "name = \"wall\"", "[[objects]]\nname = \"wall\"\nshape.sphere", "second object"),
     ("a figure with a path for a name", "name = \"picture\"", "name = \"../picture\"", "[[figures]]", "../picture"),
     ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "^[450, 660, 550]", "rise"),

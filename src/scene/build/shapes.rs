@@ -247,7 +247,8 @@ pub(crate) fn moved(
 
 /// A radius that a shape can have.
 fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputError> {
-    if radius > 0.0 && radius <= HUGE {
+    // That of 0 has no size and that without end reaches to infinity, whatever the shape.
+    if radius >= 0.0 {
         return Ok(());
     }
     let message = format!("the radius is {radius}");
