@@ -449,7 +449,15 @@ mod tests {
         );
         let message = |got: Result<NumpyArray, NumpyError>| got.expect_err("an error").to_string();
         assert!(message(of("<c8", "False", &[0; 32])).contains("real numbers"));
-        assert!(message(of("<f4", "True", &[0; 16])).contains("ascontiguousarray"));
+        // Column after column.
+        let columns: Vec<u8> = [1.0_f32, 3.0, 2.0, 4.0]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
+        assert_eq!(
+            is(of("<f4", "True", &columns)),
+            Values::Single(vec![1.0, 2.0, 3.0, 4.0])
+        );
         assert!(message(of("<f4", "False", &[0; 15])).contains("ends before"));
         assert!(message(NumpyArray::read(file(b"PK").path())).contains("numpy.save"));
     }

@@ -121,13 +121,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
             for library in mtl::libraries(&bytes) {
                 let name = beside(&library);
                 match ctx.peek(&name, HEAD) {
-                    Ok(text) => list.extend(mtl::parse(&text).map_err(|e| {
-                        ctx.error(
-                            mesh.file.span(),
-                            format!("{name}: {e}"),
-                            "export the library again",
-                        )
-                    })?),
+                    Ok(text) => list.extend(mtl::parse(&text)),
                     Err(e) if mesh.materials => {
                         return Err(ctx.error(
                             mesh.file.span(),

@@ -173,34 +173,81 @@ pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputErr
     Ok(())
 }
 
-/// Bits of a position, -0 as 0.
-fn key(p: Vec3) -> [u32; 3] {
-    p.to_array().map(|x| (x + 0.0).to_bits())
+/// Numbers of vertices, those at one position alike: by mesh.
+struct Welded {
+    ids: Vec<Vec<u32>>,
+    /// A position of each number.
+    places: Vec<DVec3>,
 }
 
-/// What is wrong with a surface that should be closed.
+impl Welded {
+    /// Vertices within `near` of one another (metres) count as one.
+    fn new(meshes: &[&mut Mesh], near: f64) -> Self {
+        let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+        let mut places: Vec<DVec3> = vec![];
+        let size = 4.0 * near;
+        let ids = meshes.iter().map(|mesh| {
+            let list = mesh.positions.iter().map(|p| {
+                let p = p.as_dvec3();
+                // A vertex near the border of its cell may be known in the next one.
+                let [low, high] = [-near, near].map(|by| ((p + by) / size).floor().as_i64vec3());
+                for x in low.x..=high.x {
+                    for y in low.y..=high.y {
+                        for z in low.z..=high.z {
+                            let known = cells.get(&[x, y, z]).into_iter().flatten();
+                            let same = |id: &&u32| places[**id as usize].distance_squared(p) <= near * near;
+                            if let Some(id) = known.into_iter().find(same) {
+                                return *id;
+                            }
+                        }
+                    }
+                }
+                let id = places.len() as u32;
+                let cell = (p / size).floor().as_i64vec3();
+                cells.entry(cell.to_array()).or_default().push(id);
+                places.push(p);
+                id
+            });
+            list.collect()
+        });
+        Self {
+            ids: ids.collect(),
+            places,
+        }
+    }
+
+    /// The triangles of all meshes, but for those that welding takes the area of.
+    fn triangles<'a>(&'a self, meshes: &'a [&mut Mesh]) -> impl Iterator<Item = [u32; 3]> + 'a {
+        let all = meshes.iter().zip(&self.ids);
+        let triangles = all.flat_map(|(m, ids)| m.indices.iter().map(|t| t.map(|i| ids[i as usize])));
+        triangles.filter(|[a, b, c]| a != b && b != c && c != a)
+    }
+}
+
+/// What is wrong with a surface that should be closed. Vertices within a millionth of its extent are one: seams are rounded.
 fn fault(meshes: &[&mut Mesh]) -> Option<String> {
+    let all = meshes.iter().flat_map(|m| &m.positions);
+    let low = all.clone().copied().fold(Vec3::INFINITY, Vec3::min);
+    let high = all.copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let near = 1e-6 * f64::from((high - low).max_element().max(f32::MIN_POSITIVE));
+    let welded = Welded::new(meshes, near);
     // How often each edge is run along from its smaller end, less how often from its larger one.
-    type Edge = ([u32; 3], [u32; 3]);
-    let mut edges: HashMap<Edge, (i32, u32)> = HashMap::new();
-    for mesh in meshes {
-        for t in &mesh.indices {
-            let [a, b, c] = t.map(|i| key(mesh.positions[i as usize]));
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                let (edge, way) = if from < to {
-                    ((from, to), 1)
-                } else {
-                    ((to, from), -1)
-                };
-                let entry = edges.entry(edge).or_default();
-                entry.0 += way;
-                entry.1 += 1;
-            }
+    let mut edges: HashMap<(u32, u32), (i32, u32)> = HashMap::new();
+    for [a, b, c] in welded.triangles(meshes) {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let (edge, way) = if from < to {
+                ((from, to), 1)
+            } else {
+                ((to, from), -1)
+            };
+            let entry = edges.entry(edge).or_default();
+            entry.0 += way;
+            entry.1 += 1;
         }
     }
     let bad: Vec<_> = edges.iter().filter(|(_, (balance, _))| *balance != 0).collect();
     let (edge, (_, count)) = bad.iter().min_by_key(|(edge, _)| **edge)?;
-    let point = |p: [u32; 3]| format!("{:?}", p.map(f32::from_bits));
+    let point = |id: u32| format!("{:?}", welded.places[id as usize].as_vec3().to_array());
     let what = if count % 2 == 1 {
         "its surface is open"
     } else {
@@ -213,6 +260,11 @@ fn fault(meshes: &[&mut Mesh]) -> Option<String> {
         point(edge.0),
         point(edge.1)
     ))
+}
+
+/// Bits of a position, -0 as 0.
+fn key(p: Vec3) -> [u32; 3] {
+    p.to_array().map(|x| (x + 0.0).to_bits())
 }
 
 /// Turns pieces of a closed surface round whose normals point inward, but for hollows in others; true if there were some.

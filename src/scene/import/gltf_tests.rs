@@ -133,7 +133,8 @@ fn instances_are_baked_to_world_space() {
         &[vec3(10., 20., 31.), vec3(10., 22., 31.), vec3(7., 20., 31.)],
     );
     close(&turned.mesh.normals, &[Vec3::Z; 3]);
-    assert_eq!(turned.mesh.uvs, [Vec2::ZERO, Vec2::X, Vec2::Y]);
+    // v runs upward here, downward there.
+    assert_eq!(turned.mesh.uvs, [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
     assert_eq!(turned.mesh.indices, [[0, 1, 2]]);
     let mirrored = &parts[1].mesh;
     close(

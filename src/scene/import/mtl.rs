@@ -1,6 +1,7 @@
 //! MTL libraries of OBJ files (Wavefront; `Pr`, `Pm` and `norm` of the physically based extension).
 
 use super::appearance::{Appearance, Picture, Source};
+use std::collections::BTreeMap;
 use transport::material::texture::{Filter, Wrap};
 
 /// Names of the libraries that an OBJ file refers to.
@@ -25,65 +26,92 @@ pub fn has_colours(obj: &[u8]) -> bool {
     first.is_some_and(|rest| rest.split_whitespace().count() >= 6)
 }
 
-/// The materials of a library.
-///
-/// # Errors
-/// Why it is none.
-pub fn parse(bytes: &[u8]) -> Result<Vec<Appearance>, String> {
-    let text = String::from_utf8_lossy(bytes);
-    let (list, _) =
-        tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| format!("this is no MTL library: {e}"))?;
-    Ok(list.iter().map(appearance).collect())
+/// What a library says of a material, by its keys.
+struct Entry {
+    name: String,
+    keys: BTreeMap<String, String>,
 }
 
-fn appearance(m: &tobj::Material) -> Appearance {
-    let mut out = Appearance::new(m.name.clone());
-    let number = |key: &str| {
-        m.unknown_param
-            .get(key)
-            .and_then(|v| v.trim().parse::<f64>().ok())
-    };
-    let colour = |c: [f32; 3]| c.map(|v| f64::from(v).clamp(0.0, 1.0));
-    let glossy = m.specular.is_some_and(|s| s.iter().any(|v| *v > 0.0));
-    out.base = colour(m.diffuse.unwrap_or([0.8; 3]));
-    out.image = m
-        .diffuse_texture
-        .as_deref()
-        .and_then(|t| picture(t, &mut out.unused));
-    out.metallic = number("Pm").unwrap_or(0.0).clamp(0.0, 1.0);
-    out.ior = f64::from(m.optical_density.unwrap_or(1.5)).clamp(1.0, 5.0);
-    let roughness = number("Pr").map(|r| (r * r).clamp(0.001, 1.0));
-    // Blinn's exponent to Beckmann's α (Walter et al. 2007, sect. 5.1).
-    let exponent = m.shininess.filter(|ns| glossy && *ns >= 0.0);
-    let alpha = exponent.map(|ns| (2.0 / (f64::from(ns) + 2.0)).sqrt().clamp(0.001, 1.0));
-    out.alpha = roughness.or(alpha).or((out.metallic > 0.0).then_some(0.5));
-    let dissolve = f64::from(m.dissolve.unwrap_or(1.0)).clamp(0.0, 1.0);
-    if matches!(m.illumination_model, Some(4 | 6 | 7 | 9)) || dissolve < 1.0 {
-        out.transmission = 1.0 - dissolve;
+impl Entry {
+    fn numbers(&self, key: &str) -> Vec<f64> {
+        let words = self.keys.get(key).map_or("", String::as_str).split_whitespace();
+        words
+            .map_while(|w| w.parse().ok())
+            .filter(|v: &f64| v.is_finite())
+            .collect()
     }
-    let bump = m
-        .normal_texture
-        .as_deref()
-        .or(m.unknown_param.get("norm").map(String::as_str));
-    match bump {
-        Some(name) if m.unknown_param.contains_key("norm") => {
-            out.normals = picture(name, &mut out.unused).map(|p| (p, 1.0));
+
+    fn number(&self, key: &str) -> Option<f64> {
+        self.numbers(key).first().copied()
+    }
+
+    /// Three numbers, or one for all three.
+    fn colour(&self, key: &str) -> Option<[f64; 3]> {
+        let colour = match self.numbers(key)[..] {
+            [r, g, b, ..] => [r, g, b],
+            [grey] => [grey; 3],
+            _ => return None,
+        };
+        Some(colour.map(|v| v.clamp(0.0, 1.0)))
+    }
+
+    /// The text of the first of these keys that is there.
+    fn text(&self, keys: &[&str]) -> Option<&str> {
+        keys.iter().find_map(|k| self.keys.get(*k)).map(String::as_str)
+    }
+}
+
+/// The materials of a library. Not by `tobj`, which panics on numbers that are none.
+#[must_use]
+pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut all: Vec<Entry> = vec![];
+    for line in text.lines() {
+        let line = line.split('#').next().unwrap_or("").trim();
+        let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let rest = rest.trim().to_owned();
+        match (key, all.last_mut()) {
+            ("newmtl", _) => all.push(Entry {
+                name: rest,
+                keys: BTreeMap::new(),
+            }),
+            (_, Some(entry)) if !key.is_empty() => {
+                entry.keys.insert(key.to_owned(), rest);
+            }
+            _ => {}
         }
-        Some(_) => out.unused.push("map_Bump".into()),
-        None => {}
     }
-    let unread = [
-        ("map_Ks", m.specular_texture.is_some()),
-        ("map_Ns", m.shininess_texture.is_some()),
-        ("map_d", m.dissolve_texture.is_some()),
-        ("Ke", m.emissive.is_some_and(|e| e != [0.0; 3])),
-    ];
-    out.unused.extend(
-        unread
-            .iter()
-            .filter(|(_, is)| *is)
-            .map(|(name, _)| (*name).to_owned()),
-    );
+    all.iter().map(appearance).collect()
+}
+
+fn appearance(m: &Entry) -> Appearance {
+    let mut out = Appearance::new(m.name.clone());
+    let glossy = m.colour("Ks").is_some_and(|s| s.iter().any(|v| *v > 0.0));
+    out.base = m.colour("Kd").unwrap_or([0.8; 3]);
+    out.image = m.text(&["map_Kd"]).and_then(|t| picture(t, &mut out.unused));
+    out.metallic = m.number("Pm").unwrap_or(0.0).clamp(0.0, 1.0);
+    out.ior = m.number("Ni").unwrap_or(1.5).clamp(1.0, 5.0);
+    let roughness = m.number("Pr").map(|r| (r * r).clamp(0.001, 1.0));
+    // Blinn's exponent to Beckmann's α (Walter et al. 2007, sect. 5.1).
+    let exponent = m.number("Ns").filter(|ns| glossy && *ns >= 0.0);
+    let alpha = exponent.map(|ns| (2.0 / (ns + 2.0)).sqrt().clamp(0.001, 1.0));
+    out.alpha = roughness.or(alpha).or((out.metallic > 0.0).then_some(0.5));
+    let dissolve = m.number("d").or(m.number("Tr").map(|t| 1.0 - t));
+    out.transmission = 1.0 - dissolve.unwrap_or(1.0).clamp(0.0, 1.0);
+    out.normals = m
+        .text(&["norm"])
+        .and_then(|name| picture(name, &mut out.unused))
+        .map(|p| (p, 1.0));
+    for key in [
+        "map_Bump", "map_bump", "bump", "map_Ks", "map_Ns", "map_d", "map_Pr", "map_Pm", "disp",
+    ] {
+        if m.keys.contains_key(key) {
+            out.unused.push(key.to_owned());
+        }
+    }
+    if m.colour("Ke").is_some_and(|e| e != [0.0; 3]) {
+        out.unused.push("Ke".to_owned());
+    }
     out
 }
 
@@ -139,7 +167,7 @@ mod tests {
         let text = "newmtl wall\nKd 0.5 0.25 1\nmap_Kd -s 2 2 1 -o 0.5 0 0 -clamp on wood grain.png\n\
                     newmtl lacquer\nKd 1 0 0\nKs 1 1 1\nNs 198\nNi 1.6\nmap_Bump x.png\n\
                     newmtl gold\nKd 1 .8 .3\nPr 0.5\nPm 1\nKe 1 1 1\nnewmtl pane\nd 0.1\nillum 4\nNi 1.52\n";
-        let all = parse(text.as_bytes()).expect("reads");
+        let all = parse(text.as_bytes());
         let [wall, lacquer, gold, pane] = &all[..] else {
             panic!("{all:?}")
         };

@@ -215,16 +215,11 @@ mod tests {
         // The lower left texel is 4, the lower right one 6.
         let at = |wrap, u| value(&textures(Filter::Nearest, wrap, SAME), u, 0.25);
         for (wrap, expected) in [
-            (Wrap::Repeat, [4.0, 6.0, 4.0, 6.0]),
-            (Wrap::Mirror, [6.0, 4.0, 6.0, 4.0]),
+            (Wrap::Repeat, [4.0, 6.0, 6.0, 4.0]),
+            (Wrap::Mirror, [6.0, 4.0, 4.0, 6.0]),
             (Wrap::Clamp, [6.0, 4.0, 6.0, 4.0]),
         ] {
             let found = [1.1, -0.1, 1.9, -0.9].map(|u| at(wrap, u));
-            let expected = if wrap == Wrap::Mirror {
-                [6.0, 4.0, 4.0, 6.0]
-            } else {
-                expected
-            };
             assert_eq!(found, expected, "{wrap:?}");
         }
         // Between the edges of two neighbours half of each.

@@ -76,7 +76,7 @@ fn faults_have_places_and_mends() {
     assert!(with("kind = \"polarizer\"\nangle_deg = 0\nretardance_deg = 90").contains("s.toml:5:18"));
     assert!(with("kind = \"polarizer\"\nangle_deg = 0\nextinction = 2").contains("from 0 to 1"));
     assert!(with("kind = \"retarder\"\nangle_deg = 0\nextinction = 0.1").contains("belongs to polarizers"));
-    assert!(with("kind = \"retarder\"\nangle_deg = 0\nindex = 0.5").contains("below 1"));
+    assert!(with("kind = \"retarder\"\nangle_deg = 0\nindex = 0.5").contains("`index` is 0.5"));
     assert!(with("kind = \"polarizer\"\nangle_deg = [nan]").contains("capture 1"));
     assert!(with("kind = \"polarizer\"\nangle_deg = []").contains("at least one capture"));
     assert!(fault("sensor = { kind = \"intensity\", extinction = 0.1 }").contains("has no polarizers"));
