@@ -263,3 +263,42 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
         );
     }
 }
+
+/// Light that enters a filled object by one of its surfaces and leaves it by another: by the end of a tube and by its side, by
+/// parts of a mesh with materials of their own. exp(-2 · length) of the way inside.
+#[test]
+fn parts_of_a_filled_object_are_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("box.obj");
+    std::fs::write(
+        &file,
+        "v -.5 -.5 -.5\nv .5 -.5 -.5\nv -.5 .5 -.5\nv .5 .5 -.5\nv -.5 -.5 .5\nv .5 -.5 .5\nv -.5 .5 .5\nv .5 .5 .5\n\
+         f 1 3 4 2\nf 5 6 8 7\nusemtl rest\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n",
+    )
+    .unwrap();
+    let mesh = format!(
+        "obj = {{ file = {:?} }}\npart_materials = {{ rest = \"c\" }}",
+        file.to_str().unwrap()
+    );
+    let tube = "cylinder = { p0 = [0, 0, -0.5], p1 = [0, 0, 0.5], radius = 0.5, caps = true }";
+    // From z = 0.5 to x = 0.5 at z = 0, toward (0.5, 0, 0): from outside, and from a camera inside.
+    for (shape, z, length) in [
+        (tube, 1.5, f64::hypot(0.5, 1.0 / 6.0)),
+        (&mesh, 2.0, f64::hypot(0.5, 0.125)),
+        (tube, 0.25, f64::hypot(0.5, 0.25)),
+        (&mesh, 0.25, f64::hypot(0.5, 0.25)),
+    ] {
+        let text = format!(
+            "wavelengths_nm = [550]\n[render]\nspp = 4\nmax_depth = 4\n[camera]\nresolution = [1, 1]\nfx = 1e7\n\
+             pose.look_at = {{ origin = [0, 0, {z:?}], target = [0.5, 0, 0] }}\n[[emitters]]\nenvironment = {{ radiance = 1 }}\n\
+             [media.fog.homogeneous]\nabsorption = 2\n[materials.b.null]\n[materials.c.null]\n\
+             [[objects]]\nmaterial = \"b\"\ninterior = \"fog\"\nshape.{shape}\n[[slices]]\nname = \"m\"\n"
+        );
+        let got = f64::from(crate::support::render_text(&text).mean("m").data[0]);
+        let want = f64::exp(-2.0 * length);
+        assert!(
+            (got / want - 1.0).abs() < 1e-4,
+            "{shape} from {z}: {got} is not {want}"
+        );
+    }
+}

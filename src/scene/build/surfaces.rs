@@ -55,7 +55,7 @@ impl<'a> Surfaces<'a> {
     pub fn objects(&mut self, ctx: &mut Context, objects: &[Located<ObjectFile>]) -> Result<(), InputError> {
         let mut volumes = vec![];
         for object in objects {
-            let filling = filling(ctx, object, self.media)?;
+            let filling = filling(ctx, object, self.media, self.boundaries.len())?;
             let (mut solids, mut numbers) = (vec![], vec![]);
             for mut placed in shapes::place(ctx, object, self.names)? {
                 if filling.is_some() || object.emission.is_some() {
@@ -191,11 +191,12 @@ pub(crate) fn copies(
     Ok(all)
 }
 
-/// What fills an object.
+/// What fills an object whose first boundary has the number `first`.
 fn filling(
     ctx: &Context,
     object: &ObjectFile,
     media: &BTreeMap<&str, u32>,
+    first: usize,
 ) -> Result<Option<Boundary>, InputError> {
     let Some(name) = &object.interior else {
         return Ok(None);
@@ -215,5 +216,6 @@ fn filling(
     Ok(Some(Boundary {
         medium: *medium,
         priority: object.priority,
+        object: first as u32,
     }))
 }

@@ -14,6 +14,9 @@ pub struct Boundary {
     pub medium: u32,
     /// The highest of those that overlap fills the space.
     pub priority: i32,
+    /// Number of the first boundary of the same object: its parts may have materials of their own, so that light enters it by
+    /// one boundary and leaves it by another.
+    pub object: u32,
 }
 
 impl Boundary {
@@ -21,10 +24,12 @@ impl Boundary {
     pub const NONE: Self = Self {
         medium: u32::MAX,
         priority: 0,
+        object: u32::MAX,
     };
 }
 
-/// The filled objects that a point is in, in the order in which a path entered them, by the numbers of their boundaries.
+/// The filled objects that a point is in, in the order in which a path entered them, by the numbers of their first
+/// boundaries.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nest {
     entered: [u32; DEPTH],
@@ -55,22 +60,23 @@ impl Nest {
             && self
                 .list()
                 .iter()
-                .any(|other| *other != id && boundaries[*other as usize].priority > own.priority)
+                .any(|other| boundaries[*other as usize].priority > own.priority)
     }
 
     /// Passes boundary `id`, to its inside if `enters`.
     #[inline]
     pub fn cross(&mut self, boundaries: &[Boundary], id: u32, enters: bool) {
-        if boundaries[id as usize] == Boundary::NONE {
+        let own = boundaries[id as usize];
+        if own == Boundary::NONE {
             return;
         }
         let count = usize::from(self.count);
         if enters {
             if count < DEPTH {
-                self.entered[count] = id;
+                self.entered[count] = own.object;
                 self.count += 1;
             }
-        } else if let Some(at) = self.list().iter().rposition(|other| *other == id) {
+        } else if let Some(at) = self.list().iter().rposition(|other| *other == own.object) {
             self.entered.copy_within(at + 1..count, at);
             self.count -= 1;
         }
@@ -81,9 +87,29 @@ impl Nest {
 mod tests {
     use super::*;
 
-    fn boundaries() -> [Boundary; 4] {
-        let of = |medium, priority| Boundary { medium, priority };
-        [of(10, 0), of(11, 0), of(12, 5), Boundary::NONE]
+    fn boundaries() -> [Boundary; 5] {
+        let of = |medium, priority, object| Boundary {
+            medium,
+            priority,
+            object,
+        };
+        [
+            of(10, 0, 0),
+            of(11, 0, 1),
+            of(12, 5, 2),
+            Boundary::NONE,
+            of(10, 0, 0),
+        ]
+    }
+
+    /// Boundaries 0 and 4 are of one object.
+    #[test]
+    fn parts_of_an_object_are_one() {
+        let (b, mut nest) = (boundaries(), Nest::default());
+        nest.cross(&b, 4, true);
+        assert_eq!(nest.medium(&b), Some(10));
+        nest.cross(&b, 0, false);
+        assert_eq!(nest.medium(&b), None);
     }
 
     #[test]

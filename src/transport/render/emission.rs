@@ -101,10 +101,12 @@ fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
             break;
         };
         let surface = scene.geometry.surface(&ray, &hit);
-        let id = surface.material as usize;
-        net[id] += if surface.ng.dot(dir) > 0.0 { 1 } else { -1 };
-        if net[id] == 1 {
-            left.push(surface.material);
+        let object = scene.boundaries[surface.material as usize].object;
+        if let Some(net) = net.get_mut(object as usize) {
+            *net += if surface.ng.dot(dir) > 0.0 { 1 } else { -1 };
+            if *net == 1 {
+                left.push(object);
+            }
         }
         ray.origin = scene.geometry.leave(&surface, dir);
     }
