@@ -12,10 +12,13 @@ use sunstone::scene::mitsuba::import::Import;
 
 /// Make a scene file of a scene of Mitsuba 3, or the camera of one of a calibration.
 ///
-/// SCENE.xml: reads what `export --mitsuba` writes, by hand or by Mitsuba: diffuse, conductor, roughconductor, dielectric,
-/// roughdielectric, pplastic, measured_polarized, polarizer, retarder, blendbsdf, twosided, normalmap; sphere, disk,
-/// cylinder, rectangle, cube, obj, ply; perspective; projector, point, constant. Anything else is an error with its place.
-/// Colours given as RGB become values at the scene's wavelengths (red above 590 nm, green from 500 nm, blue below).
+/// SCENE.xml, or .json of a dictionary: reads what people write by hand, what Mitsuba writes and what `export --mitsuba` does,
+/// with include, alias, path and default: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric,
+/// plastic, roughplastic, pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask,
+/// normalmap, null; bitmap and checkerboard; homogeneous media; sphere, disk, cylinder, rectangle, cube, obj, ply, shapegroup,
+/// instance; perspective, thinlens; projector, point, spot, directional, constant, envmap, area. All that it cannot take is told at
+/// once, each with its place; models that are not the same here are named in notes. Colours given as RGB become values at the
+/// scene's wavelengths (red above 590 nm, green from 500 nm, blue below).
 ///
 /// CALIBRATION.yaml, .yml, .json or .npz: reads what OpenCV (cv::FileStorage, JSON, numpy.savez), ROS (camera_info), Kalibr
 /// (camchain) and MATLAB (jsonencode of cameraParameters) write, and prints the [camera] or [projector] of a scene file,
@@ -30,8 +33,8 @@ Examples:
   sunstone import stereo.yml --camera 2 --as projector --metres-per-unit 0.001
   sunstone import cameraParams.json --view 0 --resolution 1280x960 -o camera.toml")]
 pub struct Arguments {
-    /// Scene of Mitsuba 3, or a calibration.
-    #[arg(value_name = "SCENE.xml|CALIBRATION")]
+    /// Scene of Mitsuba 3 (.xml, .json), or a calibration.
+    #[arg(value_name = "SCENE|CALIBRATION")]
     scene: PathBuf,
     /// File to write; absent: of a scene the same name with .toml, of a calibration none.
     #[arg(short, long)]

@@ -29,6 +29,11 @@ pub(super) fn plastic<'a>(
         "{} is polarized in sunstone (Fresnel coat, depolarizing base); Mitsuba's is not",
         node.kind
     ));
+    if node.kind == "roughplastic" {
+        importer.note(
+            "Mitsuba's rough coat throws less light back into the base: ours is up to a tenth brighter",
+        );
+    }
     let mut base: Located<AlbedoFile> = albedo(importer, node, "diffuse_reflectance", 0.5, uv)?;
     let specular = importer.spectrum_or(node, "specular_reflectance", 1.0)?;
     let [ior, exterior_ior] = indices(importer, node, 1.49)?;
