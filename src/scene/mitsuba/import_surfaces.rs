@@ -287,7 +287,11 @@ pub(super) fn scalar<'a>(
     let at = |v: ScalarFile| Ok(Located::at(node.span.clone(), v));
     match pattern(importer, node, name, true, uv)? {
         Some(Pattern::Image(image)) => return at(image.into()),
-        Some(Pattern::Checkerboard(board)) => return at(ScalarFile::Checkerboard(board)),
+        Some(Pattern::Checkerboard(mut board)) => {
+            // Mitsuba 3.9 exchanges the colours where a number is asked for (`eval_1` of its checkerboard).
+            board.checkerboard.reverse();
+            return at(ScalarFile::Checkerboard(board));
+        }
         None => {}
     }
     if let Some(uniform) = importer.uniform(node, name)? {

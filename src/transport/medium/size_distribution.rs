@@ -60,8 +60,8 @@ pub enum SizeError {
 /// Fewest and most points of a quadrature.
 const POINTS: [f64; 2] = [500.0, 8000.0];
 
-/// Most points times the largest size parameter squared, as which the work for a phase function grows.
-const WORK: f64 = 1e8;
+/// Most points times the cube of the largest size parameter: what a phase function takes grows nearly so.
+const WORK: f64 = 2.6e11;
 
 /// What is left out at either end, relative to the largest integrand.
 const NEGLIGIBLE: f64 = 1e-10;
@@ -177,8 +177,8 @@ impl SizeDistribution {
         let (low, _) = ends(&|x| 3.0 * x.ln() - (1.0 + x).ln());
         let (_, high) = ends(&|x| 6.0 * x.ln() - (1.0 + (x / 2.0).powi(4)).ln());
         let range = wave_number * (high.exp() - low.exp());
-        // The series of large spheres are long: fewer points then, above x of some 200, or clouds would take minutes.
-        let most = (WORK / (wave_number * high.exp()).powi(2)).max(24.0);
+        // The series of large spheres are long: fewer points then, above x of some 300, or clouds take minutes.
+        let most = (WORK / (wave_number * high.exp()).powi(3)).max(24.0);
         let count = (64.0 * range).clamp(POINTS[0], POINTS[1]).min(most) as usize;
         let step = (high - low) / count as f64;
         let point = |i: usize| {
