@@ -69,8 +69,11 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>
     Ok(importer.parts)
 }
 
+/// Bytes of a file, or unpacked from it.
+type Bytes<'a> = Cow<'a, [u8]>;
+
 /// A file's JSON, and the chunk of bytes behind it in a GLB.
-pub(super) fn container(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<Cow<'_, [u8]>>), ImportError> {
+pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
     }

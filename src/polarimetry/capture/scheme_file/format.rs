@@ -141,7 +141,7 @@ impl Text<'_> {
     ) -> Result<f64, InputError> {
         match value {
             // Turned more often, an angle means nothing; all others are smaller.
-            Some(v) if !(v.abs() <= LARGEST) => Err(self.error(
+            Some(v) if !(-LARGEST..=LARGEST).contains(&**v) => Err(self.error(
                 Some(v.span()),
                 format!("`{name}` is not a finite number of moderate size"),
                 "give one within -1e6..1e6",
