@@ -7,7 +7,7 @@
 //! | Kalibr camchain | YAML | first pixel at 0 | T_cn_cnm1, T_cam_imu |
 //! | MATLAB (`jsonencode`) | JSON | first pixel at 1 | row vectors: x = X R + t, R transposed |
 //!
-//! [`document`] reads any of these files into one tree, [`names`] finds things in it, and `opencv`, `kalibr`, `matlab` know who
+//! `document` reads any of these files into one tree, `names` finds things in it, and `opencv`, `kalibr`, `matlab` know who
 //! means what.
 
 mod document;
