@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Rooms that are crates, top to bottom; the front door uses them all.
-pub const CRATES: [&str; 10] = [
+pub const CRATES: [&str; 11] = [
     "base",
     "optics",
     "tensor",
@@ -13,6 +13,7 @@ pub const CRATES: [&str; 10] = [
     "syntax",
     "scene",
     "polarimetry",
+    "rig",
     "pbrdf",
     "figure",
 ];

@@ -1,0 +1,1 @@
+//! Cameras and projectors: intrinsics with distortion, poses, epipolar geometry, from boards and structured light.

@@ -1,0 +1,4 @@
+//! Calibration: what the instruments of a rig truly are, from captures of known things, with covariances.
+
+pub mod geometric;
+pub mod polarimetric;

@@ -1,0 +1,1 @@
+//! Polarizers, retarders, beamsplitter and mirrors: their imperfections from captures of known samples.

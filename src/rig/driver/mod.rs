@@ -1,0 +1,1 @@
+//! Drivers that speak the protocols of real instruments over any line of bytes, each tried against an emulator.

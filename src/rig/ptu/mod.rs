@@ -1,0 +1,1 @@
+//! PicoQuant's `.ptu` files of time-tagged photons: read as a stream, written, and turned into histograms.
