@@ -6,6 +6,7 @@ use super::places;
 use std::path::{Path, PathBuf};
 use sunstone::polarimetry::capture::design_matrix::DesignMatrix;
 use sunstone::polarimetry::capture::detector::file;
+use sunstone::polarimetry::capture::directions::Directions;
 use sunstone::polarimetry::capture::mueller_image::MuellerImage;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
@@ -17,7 +18,7 @@ use sunstone::store::numpy;
 /// Reads a slice of a store that resolves polarization, or an array of shape (..., 4, 4), and writes intensities of shape
 /// (K, ...), or (K, 4, ...) of a polarizer array with channels 0°, 45°, 90°, 135°: what `reconstruct` reads. They are in the unit
 /// of the matrices; saturated ones are NaN. A detector file holds a table [cmos] for a camera or [spad] for a photon-counting
-/// diode (of slices with time bins). All rays run along the optical axis.
+/// diode (of slices with time bins). Rays run along the optical axis, or, with --view, as a pinhole sees them.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -39,6 +40,10 @@ pub struct Arguments {
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
+    /// Horizontal field of view, degrees: light passes plates and mirrors in the direction of every pixel. Without it, along
+    /// the axis.
+    #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
+    view: Option<f64>,
     /// Intensities to write.
     #[arg(short, long, value_name = "I.npy")]
     output: PathBuf,
@@ -109,7 +114,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let scheme = load(&a.scheme)?;
     let example = format!("--scheme {} -o {}", a.scheme.display(), a.output.display());
     let matrices = a.from.read("capture", &example)?;
-    let target = image(matrices, &a.wavelengths)?;
+    let mut target = image(matrices, &a.wavelengths)?;
+    if let Some(degrees) = a.view {
+        target = target.seen_by(degrees.to_radians());
+    }
     let noise = a.noise.resolve(&target)?;
     let captured = target
         .capture(&scheme, &noise, a.noise.seed)
@@ -146,8 +154,8 @@ fn summary(
     captured: &Captured,
     shape: &[usize],
 ) -> String {
-    let ranks: Vec<usize> = target
-        .rays
+    let ranks: Vec<usize> = Directions::Axial
+        .rays(target.layout, &target.wavelengths_nm())
         .iter()
         .map(|ray| DesignMatrix::new(scheme, ray).rank())
         .collect();

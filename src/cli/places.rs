@@ -172,3 +172,11 @@ pub fn wavelength(text: &str) -> Result<f64, String> {
         _ => Err("give nanometres, 100 to 100000".into()),
     }
 }
+
+/// A horizontal field of view of a command line, degrees.
+pub fn view(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(degrees) if degrees > 0.0 && degrees < 170.0 => Ok(degrees),
+        _ => Err("give degrees, above 0 and below 170".into()),
+    }
+}

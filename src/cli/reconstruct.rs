@@ -7,9 +7,12 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use sunstone::base::whole_file;
+use sunstone::polarimetry::capture::directions::Directions;
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::polarimetry::capture::simulate::Layout;
+use sunstone::polarimetry::reconstruct::along_rays;
 use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::store::numpy;
@@ -40,6 +43,10 @@ pub struct Arguments {
     /// Wavelengths of the last axis of the intensities, nanometres. One: of all of them.
     #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
+    /// Horizontal field of view, degrees: light passed plates and mirrors in the direction of every pixel. The first two
+    /// axes behind captures and channels are then rows and columns.
+    #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
+    view: Option<f64>,
     /// Standard deviation of the intensities' noise.
     #[arg(long)]
     noise: Option<f64>,
@@ -135,6 +142,34 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     Ok(pixels)
 }
 
+/// Rays of all wavelengths, or with `--view` of all places too.
+fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
+    let Some(degrees) = a.view else {
+        return Ok(Directions::Axial.rays(one_place(a), &a.wavelengths));
+    };
+    let [height, width, ..] = *leading else {
+        return Err(Failure::input(
+            "--view: the intensities have no rows and columns behind captures and channels; leave it out",
+        ));
+    };
+    let layout = Layout {
+        height,
+        width,
+        ..one_place(a)
+    };
+    let view = Directions::pinhole(degrees.to_radians(), width, height);
+    Ok(view.rays(layout, &a.wavelengths))
+}
+
+fn one_place(a: &Arguments) -> Layout {
+    Layout {
+        height: 1,
+        width: 1,
+        times: 1,
+        lanes: a.wavelengths.len(),
+    }
+}
+
 /// Numbers that are in memory at once, intensities and variances each: few enough for the last cache, so that what has been
 /// read is still there when it is used.
 const AT_ONCE: usize = 2_000_000;
@@ -159,10 +194,16 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
             other.shape, reader.shape
         )));
     }
-    let rays: Vec<Ray> = a.wavelengths.iter().copied().map(Ray::axial).collect();
-    let reconstruction = Reconstruction::<T>::new(scheme, &rays, options).map_err(Failure::input)?;
-    let (lanes, count) = (rays.len(), scheme.measurements());
-    let most = (AT_ONCE * 4 / size_of::<T>() / count / lanes).max(1) * lanes;
+    let rays = rays(a, &leading)?;
+    let lanes = a.wavelengths.len();
+    let along_axis = rays.len() == lanes;
+    // Other times of a place have its ray.
+    let times = if along_axis { 1 } else { pixels / rays.len() };
+    // What cannot be reconstructed is said before anything is written.
+    let reconstruction =
+        Reconstruction::<T>::new(scheme, &rays[..lanes], options.clone()).map_err(Failure::input)?;
+    let count = scheme.measurements();
+    let most = (AT_ONCE * 4 / size_of::<T>() / count / (times * lanes)).max(1) * times * lanes;
     let shape: Vec<usize> = leading.iter().copied().chain([4, 4]).collect();
     let mut tally = Tally::default();
     let mut computing = Duration::ZERO;
@@ -193,9 +234,17 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                 let begun = Instant::now();
                 let weights = (!v.is_empty()).then(|| &v[..n * count]);
                 let wanted = (!e.is_empty()).then(|| &mut e[..n * 16]);
-                tally = tally.with(reconstruction.apply(&i[..n * count], weights, &mut m[..n * 16], wanted));
+                let (i, m) = (&i[..n * count], &mut m[..n * 16]);
+                let part = if along_axis {
+                    reconstruction.apply(i, weights, m, wanted)
+                } else {
+                    let rays = &rays[first / times..(first + n) / times];
+                    along_rays::reconstruct(scheme, rays, [times, lanes], &options, i, weights, m, wanted)
+                        .map_err(Failure::input)?
+                };
+                tally = tally.with(part);
                 computing += begun.elapsed();
-                numpy::append(out, &m[..n * 16]).map_err(failed)?;
+                numpy::append(out, m).map_err(failed)?;
                 if let Some(errors) = errors.as_deref_mut() {
                     numpy::append(errors, &e[..n * 16]).map_err(failed)?;
                 }

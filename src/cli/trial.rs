@@ -41,6 +41,9 @@ pub struct Arguments {
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
+    /// Horizontal field of view, degrees: light passes plates and mirrors in the direction of every pixel.
+    #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
+    view: Option<f64>,
     /// Second moment of matrices (.toml) to expect, for schemes below rank 16.
     #[arg(long, value_name = "PRIOR.toml")]
     prior: Option<PathBuf>,
@@ -73,7 +76,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let matrices = a
         .from
         .read("trial", &format!("--scheme {}", a.schemes[0].display()))?;
-    let target = image(matrices, &a.wavelengths)?;
+    let mut target = image(matrices, &a.wavelengths)?;
+    if let Some(degrees) = a.view {
+        target = target.seen_by(degrees.to_radians());
+    }
     brightness(&target).map_err(failure)?;
     let noise = a.noise.resolve(&target)?;
     let trial = Trial {

@@ -4,11 +4,13 @@
 //! matrix of least norm among those that explain the captures. All errors are over the mean T00 of the truth.
 
 use crate::capture::design_matrix::{DesignMatrix, RankError};
+use crate::capture::directions::Directions;
 use crate::capture::detector::error::DetectorError;
 use crate::capture::mueller_image::MuellerImage;
 use crate::capture::scheme::Scheme;
 use crate::capture::simulate::{Captured, Layout, Noise, averaged};
-use crate::reconstruct::pixels::{Options, Reconstruction};
+use crate::reconstruct::along_rays::reconstruct;
+use crate::reconstruct::pixels::Options;
 use crate::reconstruct::second_moment::Moment;
 use nalgebra::DMatrix;
 
@@ -26,6 +28,11 @@ pub enum TrialError {
         "a prior weighs what is expected against the noise, which a [spad] does not state; give a standard deviation or a [cmos]"
     )]
     NoiseUnknown,
+    /// The least norm is of one design matrix, and every pixel has its own.
+    #[error(
+        "its rank is below 16 and every pixel has a ray of its own: give a prior, more captures, or rays along the axis"
+    )]
+    Oblique,
     /// `repeat` is 0.
     #[error("nothing was tried")]
     NoTries,
@@ -145,15 +152,15 @@ impl Trial<'_> {
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
         let image = self.image;
-        let designs: Vec<DesignMatrix> = image
-            .rays
-            .iter()
-            .map(|ray| DesignMatrix::new(scheme, ray))
-            .collect();
+        // Of the axis, where every pixel has a ray of its own.
+        let oblique = image.view != Directions::Axial;
+        let axis = Directions::Axial.rays(image.layout, &image.wavelengths_nm());
+        let designs: Vec<DesignMatrix> = axis.iter().map(|ray| DesignMatrix::new(scheme, ray)).collect();
         let rank = designs.iter().map(DesignMatrix::rank).min().unwrap_or(0);
         let estimate = match (rank, self.prior) {
             (16, _) => EstimateKind::LeastSquares,
             (_, Some(_)) => EstimateKind::Prior,
+            _ if oblique => return Err(TrialError::Oblique),
             _ => EstimateKind::MinimumNorm,
         };
         let mut seen: Vec<Errors> = vec![];
@@ -208,14 +215,18 @@ impl Trial<'_> {
             prior: prior.copied(),
             ..Options::default()
         };
-        let reconstruction = Reconstruction::<f32>::new(scheme, &self.image.rays, options)?;
         let mut out = vec![0.0; captured.layout.pixels() * 16];
-        reconstruction.apply(
+        let layout = captured.layout;
+        reconstruct(
+            scheme,
+            &self.image.view.rays(layout, &self.image.wavelengths_nm()),
+            [layout.times, layout.lanes],
+            &options,
             &captured.intensities,
             captured.variances.as_deref(),
             &mut out,
             None,
-        );
+        )?;
         Ok(out)
     }
 }

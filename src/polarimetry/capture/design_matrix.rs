@@ -5,9 +5,9 @@
 //! Mueller matrix T with elements `T[i][j]` (Stokes out i, in j) in row-major order. It simulates captures, plans angles, and
 //! is what reconstruction inverts.
 
-use super::element::Ray;
+use super::element::{Ray, Set};
 use super::scheme::{Scheme, Sensor};
-use super::states::{analyzed, generated};
+use super::states::{detecting, illuminating};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
 
@@ -43,6 +43,13 @@ fn mend(captures: usize, least: usize) -> String {
     }
 }
 
+/// Rows of the design matrix for one capture, one for each channel of the sensor, with generator and analyzer set so:
+/// where stages are in truth, which a scheme's plan need not be.
+pub fn rows(scheme: &Scheme, sets: &[Vec<Set>; 2], ray: &Ray) -> impl Iterator<Item = [f64; ELEMENTS]> + use<> {
+    let g = illuminating(scheme, &sets[0], ray);
+    detecting(scheme, &sets[1], ray).map(move |a| std::array::from_fn(|e| a[e / 4] * g[e % 4]))
+}
+
 /// The design matrix of a scheme for a ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignMatrix {
@@ -60,10 +67,9 @@ impl DesignMatrix {
         let channels = scheme.sensor.channels();
         let mut a = DMatrix::zeros(scheme.measurements(), ELEMENTS);
         for k in 0..scheme.captures() {
-            let g = generated(scheme, k, ray, 0).value;
-            for (c, row) in analyzed(scheme, k, ray, 0, false).iter().enumerate() {
-                for e in 0..ELEMENTS {
-                    a[(k * channels + c, e)] = row.value[e / 4] * g[e % 4];
+            for (c, row) in rows(scheme, &scheme.sets(k), ray).enumerate() {
+                for (e, value) in row.into_iter().enumerate() {
+                    a[(k * channels + c, e)] = value;
                 }
             }
         }

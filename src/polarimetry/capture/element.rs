@@ -57,6 +57,15 @@ impl Setting {
     }
 }
 
+/// What an element is set to in one capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Set {
+    /// Angle that its stage reads, radians.
+    pub angle: f64,
+    /// Nominal retardance, radians; of a polarizer without meaning.
+    pub retardance: f64,
+}
+
 /// An element of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Element {
@@ -196,66 +205,83 @@ impl Element {
         }
     }
 
-    /// Retardance at a capture for a ray, radians; 0 of a polarizer.
+    /// What it is set to at a capture.
+    #[must_use]
+    pub fn set_at(&self, k: usize) -> Set {
+        let retardance = match &self.kind {
+            ElementKind::Retarder { retardance, .. } => retardance.at(k),
+            ElementKind::Polarizer { .. } => 0.0,
+        };
+        Set {
+            angle: self.angle.at(k),
+            retardance,
+        }
+    }
+
+    /// Retardance at a setting for a ray, radians; 0 of a polarizer.
     ///
     /// Of a plate that is weakly birefringent with index n, whose slow axis lies in it, a ray at angle α in air, whose
     /// plane of incidence is at β from the slow axis, meets the retardance (δ + 2πm)(1 - s² cos² β)/√(1 - s²), s = sin α/n:
     /// the first term of the extraordinary and ordinary waves' k_z (Yeh & Gu, "Optics of Liquid Crystal Displays", 2010,
     /// sec. 3.2) in their difference.
     #[must_use]
-    pub fn retardance(&self, k: usize, ray: &Ray) -> f64 {
-        let ElementKind::Retarder {
-            retardance, error, ..
-        } = &self.kind
-        else {
+    pub fn retardance(&self, set: Set, ray: &Ray) -> f64 {
+        let ElementKind::Retarder { error, .. } = &self.kind else {
             return 0.0;
         };
-        let (scale, waves) = self.oblique(k, ray);
-        scale * (retardance.at(k) + error.at(ray.nm) + waves) - waves
+        let (scale, waves) = self.oblique(set, ray);
+        scale * (set.retardance + error.at(ray.nm) + waves) - waves
     }
 
     /// What an oblique ray multiplies the whole retardance with, and the whole waves of it, radians.
-    fn oblique(&self, k: usize, ray: &Ray) -> (f64, f64) {
+    fn oblique(&self, set: Set, ray: &Ray) -> (f64, f64) {
         let ElementKind::Retarder { order, index, .. } = &self.kind else {
             return (1.0, 0.0);
         };
         let waves = f64::from(*order) * std::f64::consts::TAU;
         let s2 = (ray.incidence.sin() / index).powi(2);
-        let slow = self.angle.at(k) + self.axis_offset + std::f64::consts::FRAC_PI_2;
+        let slow = set.angle + self.axis_offset + std::f64::consts::FRAC_PI_2;
         let along = (ray.azimuth - slow).cos().powi(2);
         ((1.0 - s2 * along) / (1.0 - s2).sqrt(), waves)
+    }
+
+    /// The element in its own axes.
+    fn unturned(&self, set: Set, ray: &Ray) -> Mueller {
+        let t = self.transmittance.at(ray.nm);
+        match &self.kind {
+            ElementKind::Polarizer { extinction } => diattenuator(t, t * extinction.at(ray.nm)),
+            ElementKind::Retarder { .. } => retarder(self.retardance(set, ray)) * t,
+        }
+    }
+
+    /// Mueller matrix at a setting, whatever the scheme says: where a stage is in truth, and a cell's retardance.
+    #[must_use]
+    pub fn matrix(&self, set: Set, ray: &Ray) -> Mueller {
+        let theta = set.angle + self.axis_offset;
+        rotator(-theta) * self.unturned(set, ray) * rotator(theta)
     }
 
     /// Mueller matrix at a capture, with derivatives. Those for the angle leave out that turning an oblique plate changes
     /// its retardance, which is of second order in the incidence.
     #[must_use]
     pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
-        let theta = self.angle.at(k) + self.axis_offset;
-        let t = self.transmittance.at(ray.nm);
-        let (plain, by_delta, by_delta2) = match &self.kind {
-            ElementKind::Polarizer { extinction } => (
-                diattenuator(t, t * extinction.at(ray.nm)),
-                Mueller::zeros(),
-                Mueller::zeros(),
-            ),
-            ElementKind::Retarder { .. } => {
-                let delta = self.retardance(k, ray);
-                let (scale, _) = self.oblique(k, ray);
-                let m = retarder(delta) * t;
-                let quarter = retarder(delta + std::f64::consts::FRAC_PI_2);
-                // d/dδ shifts sine and cosine by a quarter of a turn; what δ does not touch has no derivative.
-                let mut first = quarter * (t * scale);
-                let mut second = m * (-scale * scale);
-                for d in [&mut first, &mut second] {
-                    (d[(0, 0)], d[(1, 1)]) = (0.0, 0.0);
-                }
-                (m, first, second)
+        let set = self.set_at(k);
+        let theta = set.angle + self.axis_offset;
+        let (mut by_delta, mut by_delta2) = (Mueller::zeros(), Mueller::zeros());
+        if let ElementKind::Retarder { .. } = &self.kind {
+            let (scale, _) = self.oblique(set, ray);
+            let quarter = retarder(self.retardance(set, ray) + std::f64::consts::FRAC_PI_2);
+            // d/dδ shifts sine and cosine by a quarter of a turn; what δ does not touch has no derivative.
+            by_delta = quarter * (self.transmittance.at(ray.nm) * scale);
+            by_delta2 = self.unturned(set, ray) * (-scale * scale);
+            for d in [&mut by_delta, &mut by_delta2] {
+                (d[(0, 0)], d[(1, 1)]) = (0.0, 0.0);
             }
-        };
+        }
         let g = generator();
         let turn = |m: Mueller| rotator(-theta) * m * rotator(theta);
         let by_theta = |m: &Mueller| (m * g - g * m) * 2.0;
-        let (value, delta1, delta2) = (turn(plain), turn(by_delta), turn(by_delta2));
+        let (value, delta1, delta2) = (self.matrix(set, ray), turn(by_delta), turn(by_delta2));
         let theta1 = by_theta(&value);
         Jet {
             value,
@@ -372,7 +398,7 @@ mod tests {
                 azimuth: azimuth.to_radians(),
             };
             let e = Element::retarder("r", Setting::Fixed(0.0), Setting::Fixed(1.0));
-            let found = e.retardance(0, &ray);
+            let found = e.retardance(e.set_at(0), &ray);
             assert!((found - exact(beta)).abs() < 1e-4, "{found} {}", exact(beta));
         }
     }

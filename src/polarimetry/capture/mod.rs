@@ -7,6 +7,7 @@
 pub mod coaxial;
 pub mod design_matrix;
 pub mod detector;
+pub mod directions;
 pub mod element;
 pub mod mueller_image;
 pub mod scheme;

@@ -6,6 +6,7 @@
 use super::detector::error::DetectorError;
 use super::detector::file::{Detector, with_bins};
 use super::detector::polarizer_array::Method;
+use super::directions::Directions;
 use super::element::Ray;
 use super::scheme::Scheme;
 use super::simulate::{Captured, Layout, Noise, simulate};
@@ -81,8 +82,10 @@ pub struct MuellerImage {
     pub matrices: Vec<f64>,
     /// Rows, columns, captures besides and wavelengths.
     pub layout: Layout,
-    /// The ray of each wavelength, along the optical axis.
+    /// The ray of each wavelength, or of each place and wavelength ([`Self::seen_by`]): those of `view`.
     pub rays: Vec<Ray>,
+    /// Where pixels look.
+    pub view: Directions,
     /// Width of the time bins, ps, where there is nothing but these besides rows, columns and wavelengths.
     pub bin_ps: Option<f64>,
     /// Lengths of the pixels' axes, and which of them are rows and columns.
@@ -207,6 +210,7 @@ impl MuellerImage {
             matrices,
             layout,
             rays: nm.into_iter().map(Ray::axial).collect(),
+            view: Directions::Axial,
             bin_ps,
             shape,
             y,
@@ -224,6 +228,20 @@ impl MuellerImage {
             }
         }
         shape
+    }
+
+    /// The same matrices seen along rays of a pinhole with this horizontal field of view, radians, instead of along the axis.
+    #[must_use]
+    pub fn seen_by(mut self, fov_x: f64) -> Self {
+        self.view = Directions::pinhole(fov_x, self.layout.width, self.layout.height);
+        self.rays = self.view.rays(self.layout, &self.wavelengths_nm());
+        self
+    }
+
+    /// Wavelengths, one a lane.
+    #[must_use]
+    pub fn wavelengths_nm(&self) -> Vec<f64> {
+        self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
 
     /// Mean of T00 over all pixels where it is finite, in the unit of the matrices; NaN if it is nowhere.

@@ -7,7 +7,7 @@
 //! for L(θ4). Liquid crystals keep all angles and change retardances.
 
 use super::coaxial::Coaxial;
-use super::element::{Element, ElementKind, Quantity, Setting};
+use super::element::{Element, ElementKind, Quantity, Set, Setting};
 use super::spectral_value::SpectralValue;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use thiserror::Error;
@@ -154,6 +154,16 @@ impl Scheme {
     #[must_use]
     pub fn captures(&self) -> usize {
         self.captures
+    }
+
+    /// What the elements of the generator and of the analyzer are set to in capture `k`.
+    ///
+    /// # Panics
+    /// If there is no such capture.
+    #[must_use]
+    pub fn sets(&self, k: usize) -> [Vec<Set>; 2] {
+        let of = |side: &[Element]| side.iter().map(|e| e.set_at(k)).collect();
+        [of(&self.generator), of(&self.analyzer)]
     }
 
     /// Numbers that all captures give a pixel: K, or 4K of a polarizer array (capture by capture).

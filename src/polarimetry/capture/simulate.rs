@@ -1,13 +1,13 @@
 //! Captures in simulation: known Mueller matrices → what the instrument of a scheme reads, capture by capture.
 //!
 //! The forward model is [`DesignMatrix`] alone, one for each wavelength, so what is simulated here and what a reconstruction
-//! inverts cannot differ but by noise. All rays run along the optical axis: errors of plates and mirrors that depend on the
-//! direction (the galvo's, of a coaxial rig) are those of the axis for all pixels.
+//! inverts cannot differ but by noise. Rays are one for each wavelength, along the optical axis, or one for each pixel too:
+//! errors of plates and mirrors that depend on the direction (the galvo's, of a coaxial rig) are then those of every pixel.
 //!
 //! Readings are given in the unit of the matrices, the dark signal subtracted; saturated ones are NaN. Every number follows
 //! from the seed, its pixel and its measurement, whatever the number of threads.
 
-use super::design_matrix::{DesignMatrix, ELEMENTS};
+use super::design_matrix::{DesignMatrix, ELEMENTS, rows};
 use super::detector::cmos::{Cmos, Exposed};
 use super::detector::error::{DetectorError, count, demand};
 use super::detector::polarizer_array::{Method, demosaic, demosaic_variance, mosaic};
@@ -97,7 +97,7 @@ impl Captured {
 /// Simulates all captures of a scheme.
 ///
 /// `matrices` holds 16 elements a pixel, row-major (Stokes out first), in the order of `layout`; `rays` the ray of each
-/// wavelength. Intensities that are negative (of matrices that cannot exist) are dark to cameras and diodes.
+/// wavelength, or of each place and wavelength ([`super::directions::Directions::rays`]). Intensities that are negative (of matrices that cannot exist) are dark to cameras and diodes.
 ///
 /// # Errors
 /// [`DetectorError`]: lengths that do not agree, settings that no instrument has or that do not fit the layout, values that
@@ -113,7 +113,10 @@ pub fn simulate(
     let pixels = layout.pixels();
     let elements = pixels.saturating_mul(ELEMENTS);
     count("the elements of all matrices", elements, matrices.len())?;
-    count("the rays of all wavelengths", layout.lanes, rays.len())?;
+    let all = layout.height.saturating_mul(layout.width).saturating_mul(layout.lanes);
+    if rays.len() != all {
+        count("the rays of all wavelengths", layout.lanes, rays.len())?;
+    }
     // Random streams have numbers of 32 bits.
     count("the pixels of one capture", pixels.min(u32::MAX as usize), pixels)?;
     let keys = scheme
@@ -124,10 +127,14 @@ pub fn simulate(
         matrices,
         layout,
         rays,
-        designs: rays
-            .iter()
-            .map(|ray| rows(&DesignMatrix::new(scheme, ray)))
-            .collect(),
+        scheme,
+        designs: match rays.len() == layout.lanes {
+            true => rays
+                .iter()
+                .map(|ray| rows_of(&DesignMatrix::new(scheme, ray)))
+                .collect(),
+            false => vec![],
+        },
         measurements: scheme.measurements(),
         seed,
     };
@@ -170,9 +177,38 @@ pub fn averaged(matrices: &[f64], from: Layout, to: Layout) -> Vec<f64> {
 }
 
 /// Rows of a design matrix, each in one piece.
-fn rows(design: &DesignMatrix) -> Vec<[f64; ELEMENTS]> {
+fn rows_of(design: &DesignMatrix) -> Vec<[f64; ELEMENTS]> {
     let of = |m| std::array::from_fn(|e| design.a[(m, e)]);
     (0..design.a.nrows()).map(of).collect()
+}
+
+/// Rows of one measurement; of pixels whose rays are their own the last one is kept.
+struct Rows<'a> {
+    job: &'a Job<'a>,
+    m: usize,
+    last: Option<(usize, [f64; ELEMENTS])>,
+}
+
+impl Rows<'_> {
+    /// Intensity at a pixel, without noise.
+    fn clean(&mut self, pixel: usize) -> f64 {
+        let job = self.job;
+        let index = job.ray(pixel);
+        let row = match (job.designs.get(index), self.last) {
+            (Some(design), _) => design[self.m],
+            (None, Some((i, row))) if i == index => row,
+            _ => {
+                let channels = job.scheme.sensor.channels();
+                let sets = job.scheme.sets(self.m / channels);
+                let mut all = rows(job.scheme, &sets, &job.rays[index]);
+                let row = all.nth(self.m % channels).unwrap_or([0.0; ELEMENTS]);
+                self.last = Some((index, row));
+                row
+            }
+        };
+        let matrix = &job.matrices[pixel * ELEMENTS..][..ELEMENTS];
+        row.iter().zip(matrix).map(|(a, t)| a * t).sum()
+    }
 }
 
 /// What all kinds of noise need.
@@ -180,18 +216,31 @@ struct Job<'a> {
     matrices: &'a [f64],
     layout: Layout,
     rays: &'a [Ray],
-    /// By wavelength, then by measurement.
+    scheme: &'a Scheme,
+    /// By wavelength, then by measurement; none where every pixel has a ray of its own.
     designs: Vec<Vec<[f64; ELEMENTS]>>,
     measurements: usize,
     seed: u64,
 }
 
 impl Job<'_> {
-    /// Intensity of measurement `m` at a pixel, without noise.
-    fn clean(&self, m: usize, pixel: usize) -> f64 {
-        let row = &self.designs[pixel % self.layout.lanes][m];
-        let matrix = &self.matrices[pixel * ELEMENTS..][..ELEMENTS];
-        row.iter().zip(matrix).map(|(a, t)| a * t).sum()
+    /// The ray of a pixel.
+    fn ray(&self, pixel: usize) -> usize {
+        let Layout { times, lanes, .. } = self.layout;
+        if self.rays.len() == lanes {
+            pixel % lanes
+        } else {
+            pixel / (times * lanes) * lanes + pixel % lanes
+        }
+    }
+
+    /// Rows of measurement `m` for pixels that come one after the other.
+    fn rows(&self, m: usize) -> Rows<'_> {
+        Rows {
+            job: self,
+            m,
+            last: None,
+        }
     }
 
     fn gaussian(&self, sigma: f64) -> Captured {
@@ -200,8 +249,9 @@ impl Job<'_> {
         out.par_chunks_mut(pixels.max(1))
             .enumerate()
             .for_each(|(m, out)| {
+                let mut rows = self.rows(m);
                 for (p, o) in out.iter_mut().enumerate() {
-                    let mut value = self.clean(m, p);
+                    let mut value = rows.clean(p);
                     if sigma > 0.0 {
                         let z: f64 = StandardNormal.sample(&mut stream(self.seed, p as u32, m as u32));
                         value += sigma * z;
@@ -247,8 +297,9 @@ impl Job<'_> {
             for inner in 0..times * lanes {
                 let image = |m: usize| -> Vec<f64> {
                     let places = 0..height * width;
+                    let mut rows = self.rows(m);
                     places
-                        .map(|yx| self.clean(m, yx * times * lanes + inner))
+                        .map(|yx| rows.clean(yx * times * lanes + inner))
                         .collect()
                 };
                 let key = (g * times * lanes + inner) as u32;
@@ -295,14 +346,16 @@ impl Job<'_> {
         let mut intensities = vec![0.0_f32; self.measurements * pixels];
         let capture = |(m, out): (usize, &mut [f32])| {
             let mut saturated = 0;
+            let mut rows: Vec<Rows<'_>> = (0..lanes).map(|_| self.rows(m)).collect();
             for (yx, out) in out.chunks_exact_mut((times * lanes).max(1)).enumerate() {
-                for (lane, ray) in self.rays.iter().enumerate() {
+                for (lane, rows) in rows.iter_mut().enumerate() {
+                    let nm = self.rays[lane].nm;
                     let bins = 0..times;
-                    let histogram = bins.map(|t| self.clean(m, (yx * times + t) * lanes + lane));
-                    let rates = diode.rates(&histogram.collect::<Vec<_>>(), ray.nm)?;
+                    let histogram = bins.map(|t| rows.clean((yx * times + t) * lanes + lane));
+                    let rates = diode.rates(&histogram.collect::<Vec<_>>(), nm)?;
                     let mut stream = stream(self.seed, (yx * lanes + lane) as u32, m as u32);
                     let counts = diode.count(&rates, &mut stream)?;
-                    for (t, found) in diode.estimate(&counts, ray.nm)?.iter().enumerate() {
+                    for (t, found) in diode.estimate(&counts, nm)?.iter().enumerate() {
                         saturated += usize::from(found.saturated);
                         out[t * lanes + lane] = found.radiance as f32;
                     }

@@ -4,7 +4,7 @@
 //! with which a detector weighs the Stokes vector that comes back, so that a capture of T is a·T·g. Derivatives are
 //! carried along element by element: with v = E v', ∂v = E ∂v' for settings of earlier elements and (∂E) v' for its own.
 
-use super::element::{Jet, Quantity, Ray, Stokes, diattenuator, rotator};
+use super::element::{Jet, Quantity, Ray, Set, Stokes, diattenuator, rotator};
 use super::scheme::{ARRAY_DEG, Scheme, Sensor, Side};
 use nalgebra::Matrix4;
 
@@ -83,6 +83,39 @@ fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
     } else {
         *ray
     }
+}
+
+/// The Stokes vector that meets the scene with elements set so, those of the generator as light meets them. The one
+/// forward model of captures has this half and [`detecting`].
+#[must_use]
+pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
+    let elements_ray = &at_elements(scheme, ray);
+    let pairs = scheme.generator().iter().zip(generator);
+    let state = pairs.fold(Stokes::from(scheme.source), |s, (e, set)| {
+        e.matrix(*set, elements_ray) * s
+    });
+    let coaxial = scheme.coaxial.as_ref();
+    coaxial.map_or(state, |c| c.outward(ray) * state)
+}
+
+/// The rows in which each channel weighs what comes from the scene, with elements of the analyzer set so.
+pub fn detecting(
+    scheme: &Scheme,
+    analyzer: &[Set],
+    ray: &Ray,
+) -> impl Iterator<Item = Stokes> + use<> {
+    let elements_ray = &at_elements(scheme, ray);
+    let mut through = Matrix4::identity();
+    for (e, set) in scheme.analyzer().iter().zip(analyzer).rev() {
+        through *= e.matrix(*set, elements_ray);
+    }
+    if let Some(coaxial) = &scheme.coaxial {
+        through *= coaxial.inward(ray);
+    }
+    let transposed = through.transpose();
+    sensor_rows(&scheme.sensor, ray.nm)
+        .into_iter()
+        .map(move |row| transposed * row)
 }
 
 /// The Stokes vector that meets the scene in capture `k`, with derivatives up to `orders` (0, 1 or 2).
@@ -189,6 +222,29 @@ fn transposed(jet: &Jet) -> Jet {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Both ways to the states: with derivatives along a scheme, and of what stages are set to.
+    #[test]
+    fn states_are_those_of_the_scheme() {
+        for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {
+            let scheme = scheme.expect("a scheme");
+            let ray = Ray {
+                nm: 450.0,
+                incidence: 0.2,
+                azimuth: 1.0,
+            };
+            for k in 0..3 {
+                let [generator, analyzer] = scheme.sets(k);
+                assert_eq!(illuminating(&scheme, &generator, &ray), generated(&scheme, k, &ray, 0).value);
+                let rows: Vec<_> = detecting(&scheme, &analyzer, &ray).collect();
+                let jets = analyzed(&scheme, k, &ray, 0, false);
+                assert_eq!(rows.len(), jets.len());
+                for (row, jet) in rows.iter().zip(&jets) {
+                    assert!((row - jet.value).amax() < 1e-15);
+                }
+            }
+        }
+    }
 
     /// First and second derivatives of both states against central differences, for turning and for liquid-crystal schemes.
     #[test]

@@ -5,6 +5,7 @@
 //! pBRDFs -> pca (second moments) -> loss (closed form) -> learn (settings of a scheme)
 //! ```
 
+pub mod along_rays;
 pub mod cross_validation;
 pub mod estimator;
 pub mod learn;

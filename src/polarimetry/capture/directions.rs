@@ -1,0 +1,73 @@
+//! Directions in which light passes a rig's elements, pixel by pixel: through a camera's pinhole, or where a galvo points.
+
+use super::element::Ray;
+use super::simulate::Layout;
+
+/// Where the pixels of an image look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Directions {
+    /// All along the optical axis, as a telecentric lens has it.
+    Axial,
+    /// Through a pinhole on the axis: tangents of the angles to the outer edges of the image in x and y.
+    Pinhole {
+        /// Half of the image's width and height at distance one.
+        half: [f64; 2],
+    },
+}
+
+impl Directions {
+    /// Through a pinhole with square pixels and this horizontal field of view, radians (below π).
+    #[must_use]
+    pub fn pinhole(fov_x: f64, width: usize, height: usize) -> Self {
+        let half = (fov_x / 2.0).tan();
+        Self::Pinhole {
+            half: [half, half * height as f64 / width.max(1) as f64],
+        }
+    }
+
+    /// The ray through the middle of a pixel, of `size` columns and rows. Azimuths count from the frame's x axis, which
+    /// points to the right of an image, counter-clockwise looking toward the source: rows from the top count downward.
+    #[must_use]
+    pub fn ray(&self, x: usize, y: usize, size: [usize; 2], nm: f64) -> Ray {
+        let Self::Pinhole { half } = self else {
+            return Ray::axial(nm);
+        };
+        let place = |i: usize, n: usize| (2.0 * i as f64 + 1.0) / n.max(1) as f64 - 1.0;
+        let (tx, ty) = (half[0] * place(x, size[0]), -half[1] * place(y, size[1]));
+        Ray {
+            nm,
+            incidence: tx.hypot(ty).atan(),
+            azimuth: ty.atan2(tx),
+        }
+    }
+
+    /// Rays of all pixels of a layout, rows from the top, wavelengths last; one a wavelength if all are along the axis.
+    #[must_use]
+    pub fn rays(&self, layout: Layout, wavelengths_nm: &[f64]) -> Vec<Ray> {
+        if *self == Self::Axial {
+            return wavelengths_nm.iter().copied().map(Ray::axial).collect();
+        }
+        let size = [layout.width, layout.height];
+        let places = (0..layout.height).flat_map(|y| (0..layout.width).map(move |x| (x, y)));
+        places
+            .flat_map(|(x, y)| wavelengths_nm.iter().map(move |nm| self.ray(x, y, size, *nm)))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pinholes_corners_look_where_they_should() {
+        let view = Directions::pinhole(90_f64.to_radians(), 4, 2);
+        let ray = view.ray(3, 0, [4, 2], 550.0);
+        // Centre of the upper right pixel at (0.75, 0.25) of distance one.
+        assert!((ray.incidence.tan() - 0.75_f64.hypot(0.25)).abs() < 1e-12);
+        assert!((ray.azimuth - 0.25_f64.atan2(0.75)).abs() < 1e-12);
+        let [x, y] = ray.direction();
+        assert!(x > 0.0 && y > 0.0);
+        assert_eq!(Directions::Axial.ray(3, 0, [4, 2], 550.0), Ray::axial(550.0));
+    }
+}
