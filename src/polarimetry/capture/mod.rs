@@ -4,6 +4,7 @@
 //! scheme (file or constructor) -> states of generator and analyzer -> design matrix -> intensities -> detector
 //! ```
 
+pub mod bench;
 pub mod coaxial;
 pub mod design_matrix;
 pub mod detector;

@@ -11,6 +11,7 @@ pub mod identity;
 pub mod laser;
 pub mod pattern;
 pub mod photon_counter;
+pub mod pixels;
 pub mod rotation_stage;
 
 pub use camera::{AreaCamera, CameraLimits, CameraSettings, PixelFormat, RawFrame, Region, Trigger};

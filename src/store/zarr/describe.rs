@@ -49,7 +49,7 @@ fn to_bytes(value: &Value) -> Vec<u8> {
     text.into_bytes()
 }
 
-fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
+pub(super) fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
     whole_file::write(path, &to_bytes(value)).map_err(|e| CreateError::Write {
         path: path.to_owned(),
         cause: e.to_string(),

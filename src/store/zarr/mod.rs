@@ -17,6 +17,7 @@ mod check;
 mod chunked;
 mod describe;
 mod error;
+pub mod frames;
 mod manifest;
 mod partial;
 mod slice;

@@ -276,10 +276,34 @@ impl Cmos {
         }
     }
 
+    /// One frame: the digital numbers of one exposure of an image. `key` is the number of the frame under `seed`, and
+    /// `pixels` says which of the sensor's pixels each value falls on, so that a part of the sensor reads what the whole
+    /// would.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`]; [`DetectorError::Radiance`] if `image` holds values that are not finite.
+    pub fn frame(
+        &self,
+        image: &[f64],
+        pixels: impl Iterator<Item = u32>,
+        nm: f64,
+        factor: f64,
+        seed: u64,
+        key: u32,
+    ) -> Result<Vec<u32>, DetectorError> {
+        self.check()?;
+        finite(image)?;
+        let one = |(radiance, pixel): (&f64, u32)| {
+            let mut stream = stream(seed, pixel, key);
+            self.sample(*radiance, nm, factor, &mut stream).dn
+        };
+        Ok(image.iter().zip(pixels).map(one).collect())
+    }
+
     /// Takes all exposures of an image and estimates it from them.
     ///
     /// `image` holds `height` rows of `width` values of radiance, from the top; `key` is the number of the capture under
-    /// `seed`. With `binning` 2 the result has half the width and height, an odd last row or column being dropped.
+    /// `seed`, whose exposures are frames `key` × exposures and those that follow. With `binning` 2 the result has half the width and height, an odd last row or column being dropped.
     ///
     /// # Errors
     /// Those of [`Self::check`]; [`DetectorError::Count`] if `image` has another size (or more than 2³² values),
@@ -301,6 +325,12 @@ impl Cmos {
             image.len(),
         )?;
         finite(image)?;
+        let exposures = u32::try_from(self.bracket.len()).unwrap_or(u32::MAX);
+        let mut frames = vec![];
+        for (i, factor) in self.bracket.iter().enumerate() {
+            let key = key.wrapping_mul(exposures).wrapping_add(i as u32);
+            frames.push(self.frame(image, 0..image.len() as u32, nm, *factor, seed, key)?);
+        }
         let side = self.binning as usize;
         let mut out = Exposed {
             radiance: Vec::new(),
@@ -312,12 +342,8 @@ impl Cmos {
         for y in 0..out.height {
             for x in 0..out.width {
                 let block = (0..side * side).map(|k| (y * side + k / side) * width + x * side + k % side);
-                let mut pixels: Vec<_> = block.map(|i| (image[i], stream(seed, i as u32, key))).collect();
-                let exposures = self.bracket.iter().map(|factor| {
-                    let one = |(radiance, stream): &mut (f64, Stream)| {
-                        self.estimate(self.sample(*radiance, nm, *factor, stream).dn, nm, *factor)
-                    };
-                    mean(pixels.iter_mut().map(one))
+                let exposures = self.bracket.iter().zip(&frames).map(|(factor, frame)| {
+                    mean(block.clone().map(|i| self.estimate(frame[i], nm, *factor)))
                 });
                 let estimate = self.combine(&exposures.collect::<Vec<_>>(), nm);
                 out.radiance.push(estimate.radiance);

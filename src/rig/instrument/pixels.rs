@@ -1,0 +1,92 @@
+//! Digital numbers in and out of a frame's bytes (PFNC 2.4: packed formats begin with the least significant bit).
+
+use super::camera::{PixelFormat, RawFrame};
+
+/// Bytes of numbers in a format, cut to what it holds.
+#[must_use]
+pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
+    let bits = format.bits();
+    let most = (1_u32 << bits) - 1;
+    let mut bytes = Vec::with_capacity(format.bytes(numbers.len()));
+    let (mut held, mut count) = (0_u64, 0);
+    for n in numbers {
+        held |= u64::from((*n).min(most)) << count;
+        count += bits;
+        while count >= 8 {
+            bytes.push(held as u8);
+            held >>= 8;
+            count -= 8;
+        }
+    }
+    if count > 0 {
+        bytes.push(held as u8);
+    }
+    bytes
+}
+
+/// Numbers of a frame, rows from the top; `None` if it has not as many bytes as its region and format say.
+#[must_use]
+pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
+    let pixels = frame.region.width as usize * frame.region.height as usize;
+    if frame.bytes.len() != frame.format.bytes(pixels) {
+        return None;
+    }
+    let bits = frame.format.bits();
+    let mask = (1_u64 << bits) - 1;
+    let (mut held, mut count) = (0_u64, 0);
+    let mut bytes = frame.bytes.iter();
+    let number = |_| {
+        while count < bits {
+            held |= u64::from(*bytes.next()?) << count;
+            count += 8;
+        }
+        let n = (held & mask) as u32;
+        held >>= bits;
+        count -= bits;
+        Some(n)
+    };
+    (0..pixels).map(number).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::camera::Region;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn frame(bytes: Vec<u8>, format: PixelFormat, width: u32) -> RawFrame {
+        RawFrame {
+            region: Region {
+                x: 0,
+                y: 0,
+                width,
+                height: 1,
+            },
+            format,
+            bytes,
+            number: 0,
+            timestamp_ns: 0,
+        }
+    }
+
+    /// PFNC: of Mono12p the first byte holds the low eight bits of the first pixel, the second its high four below the low
+    /// four of the second.
+    #[test]
+    fn packed_bytes_are_those_of_the_standard() {
+        assert_eq!(pack(&[0xABC, 0x123], PixelFormat::Mono12p), [0xBC, 0x3A, 0x12]);
+        assert_eq!(pack(&[0x3FF, 0, 0x3FF, 0], PixelFormat::Mono10p), [0xFF, 0x03, 0xF0, 0x3F, 0x00]);
+        assert_eq!(pack(&[0x1234], PixelFormat::Mono16), [0x34, 0x12]);
+        assert_eq!(pack(&[7, 300], PixelFormat::Mono8), [7, 255]);
+        assert_eq!(unpack(&frame(vec![0; 2], PixelFormat::Mono12p, 2)), None);
+    }
+
+    proptest! {
+        #[test]
+        fn numbers_go_and_come(numbers in prop::collection::vec(0_u32..256, 0..40), which in 0..4_usize) {
+            let format = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16][which];
+            let numbers: Vec<u32> = numbers.iter().map(|n| n << (format.bits() - 8)).collect();
+            let found = unpack(&frame(pack(&numbers, format), format, numbers.len() as u32));
+            prop_assert_eq!(found, Some(numbers));
+        }
+    }
+}

@@ -1,0 +1,455 @@
+//! Raw frames on disk: what a sensor delivered, digital numbers as they were, in a Zarr v3 store with named axes.
+//!
+//! Layout: the group `frames` with the array `raw` (unsigned integers over the run's axes and the frame's own), a coordinate
+//! array for every axis, and one number a frame in every column (positions that were read back, exposures, …). Chunks are
+//! whole frames, or, of frames that are small, all frames along the last of the run's axes; a chunk's bytes depend on its
+//! numbers alone. As of slices, the manifest is written last, so that an unfinished store does not read as a finished one.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use base::lock::Lock;
+use serde_json::{Map, Value, json};
+
+use super::atomic::AtomicDirectory;
+use super::chunked::{ChunkedArray, Description};
+use super::describe;
+use super::error::{AccessError, CreateError, OpenError};
+use super::manifest::{self, Manifest};
+use tensor::region;
+
+/// The group of the frames.
+const GROUP: &str = "frames";
+
+/// An axis of frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameAxis {
+    /// Its name: letters, digits, `_`.
+    pub name: String,
+    /// Its unit (UDUNITS); `1` of plain numbers.
+    pub units: String,
+    /// A coordinate for each entry.
+    pub coords: Vec<f64>,
+}
+
+/// How wide the numbers of a frame are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameNumber {
+    /// 16 bits: cameras.
+    U16,
+    /// 32 bits: counts of photons.
+    U32,
+}
+
+/// What a store of frames is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameLayout {
+    /// The run's axes, then those of a frame.
+    pub axes: Vec<FrameAxis>,
+    /// How many of them are the run's.
+    pub run_axes: usize,
+    /// True if a chunk holds all frames along the last of the run's axes.
+    pub gathered: bool,
+    /// The numbers.
+    pub number: FrameNumber,
+}
+
+impl FrameLayout {
+    /// Lengths of all axes.
+    #[must_use]
+    pub fn shape(&self) -> Vec<u64> {
+        self.axes.iter().map(|a| a.coords.len() as u64).collect()
+    }
+
+    fn chunk(&self) -> Vec<u64> {
+        let whole = self.run_axes - usize::from(self.gathered && self.run_axes > 0);
+        let of = |(i, n): (usize, u64)| if i < whole { 1 } else { n };
+        self.shape().into_iter().enumerate().map(of).collect()
+    }
+
+    /// Frames of a run.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.shape()[..self.run_axes].iter().product::<u64>() as usize
+    }
+
+    /// Frames of a chunk.
+    #[must_use]
+    pub fn frames_per_chunk(&self) -> usize {
+        self.chunk()[..self.run_axes].iter().product::<u64>() as usize
+    }
+
+    /// Numbers of a frame.
+    #[must_use]
+    pub fn frame_len(&self) -> usize {
+        self.shape()[self.run_axes..].iter().product::<u64>() as usize
+    }
+}
+
+enum Raw {
+    U16(ChunkedArray<u16>),
+    U32(ChunkedArray<u32>),
+}
+
+impl Raw {
+    fn over(&self) -> (&[u64], &[u64], Vec<String>, &Path) {
+        match self {
+            Self::U16(a) => (a.shape(), a.chunk(), a.names(), a.path()),
+            Self::U32(a) => (a.shape(), a.chunk(), a.names(), a.path()),
+        }
+    }
+}
+
+/// An open store of frames.
+pub struct FrameStore {
+    storage: Arc<AtomicDirectory>,
+    layout: FrameLayout,
+    attributes: Map<String, Value>,
+    raw: Raw,
+    _lock: Option<Lock>,
+}
+
+impl FrameStore {
+    /// Makes an empty store, in the place of an old one where `replace` allows it. Nobody else writes it until it is dropped.
+    ///
+    /// # Errors
+    /// If something is there, another process writes it, or the file system refuses.
+    pub fn create(
+        path: &Path,
+        layout: FrameLayout,
+        attributes: &Map<String, Value>,
+        replace: bool,
+    ) -> Result<Self, CreateError> {
+        let lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
+        let failed = |cause: String| CreateError::Write {
+            path: path.to_owned(),
+            cause,
+        };
+        if std::fs::symlink_metadata(path).is_ok() {
+            if !replace {
+                return Err(CreateError::Exists { path: path.into() });
+            }
+            if !super::is_store(path) {
+                return Err(CreateError::NotAStore { path: path.into() });
+            }
+            base::staging::remove(path).map_err(|e| failed(e.to_string()))?;
+        }
+        let storage = Arc::new(AtomicDirectory::new(path));
+        describe::create_root(path, &[], attributes)?;
+        let group = json!({"zarr_format": 3, "node_type": "group", "attributes": {"run_axes": layout.run_axes}});
+        describe::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
+        for axis in &layout.axes {
+            let node = format!("/{GROUP}/{}", axis.name);
+            column(&storage, &node, &[&axis.name], &axis.units, &[axis.coords.len() as u64], &axis.coords)
+                .map_err(|e| failed(e.to_string()))?;
+        }
+        let description = Description {
+            shape: layout.shape(),
+            chunk: layout.chunk(),
+            names: layout.axes.iter().map(|a| a.name.as_str()).collect(),
+            attributes: Map::from_iter([("long_name".to_owned(), json!("digital numbers as the sensor gave them"))]),
+        };
+        let node = format!("/{GROUP}/raw");
+        let raw = match layout.number {
+            FrameNumber::U16 => Raw::U16(ChunkedArray::create(&storage, &node, description)?),
+            FrameNumber::U32 => Raw::U32(ChunkedArray::create(&storage, &node, description)?),
+        };
+        Ok(Self {
+            storage,
+            layout,
+            attributes: attributes.clone(),
+            raw,
+            _lock: Some(lock),
+        })
+    }
+
+    /// Opens a finished store to read it.
+    ///
+    /// # Errors
+    /// If there is none, it is damaged, or not finished.
+    pub fn open(path: &Path) -> Result<Self, OpenError> {
+        let Some(manifest) = Manifest::read(path)? else {
+            if !is_frames(path) {
+                return Err(not_frames(path));
+            }
+            return Err(OpenError::Unfinished { path: path.into() });
+        };
+        Self::over(AtomicDirectory::finished(path, manifest), None)
+    }
+
+    /// Opens an unfinished store to go on writing it.
+    ///
+    /// # Errors
+    /// As [`Self::open`], and if another process writes it.
+    pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
+        if !path.exists() {
+            return Err(OpenError::Missing { path: path.into() });
+        }
+        let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
+        Self::over(AtomicDirectory::new(path), Some(lock))
+    }
+
+    fn over(storage: AtomicDirectory, lock: Option<Lock>) -> Result<Self, OpenError> {
+        let storage = Arc::new(storage);
+        let path = storage.root();
+        if !is_frames(path) {
+            return Err(not_frames(path));
+        }
+        let root = describe::read_json(&path.join("zarr.json"))?;
+        let mut attributes = describe::attributes_of(&root).unwrap_or_default();
+        attributes.remove("slices");
+        let group = describe::read_json(&path.join(GROUP).join("zarr.json"))?;
+        let node = format!("/{GROUP}/raw");
+        let (raw, number) = match ChunkedArray::<u16>::open(&storage, &node) {
+            Ok(array) => (Raw::U16(array), FrameNumber::U16),
+            Err(_) => (Raw::U32(ChunkedArray::open(&storage, &node)?), FrameNumber::U32),
+        };
+        let (shape, chunk, names, place) = raw.over();
+        let damaged = |reason: &str| OpenError::Damaged {
+            path: place.to_owned(),
+            reason: reason.into(),
+        };
+        let run_axes = group["attributes"]["run_axes"].as_u64().unwrap_or(u64::MAX) as usize;
+        if run_axes > shape.len() {
+            return Err(damaged("its `run_axes` are more than its axes"));
+        }
+        let mut axes = vec![];
+        for (name, n) in names.iter().zip(shape) {
+            if describe::name_fault(name).is_some() {
+                return Err(damaged("an axis has no name"));
+            }
+            let array = ChunkedArray::<f64>::open(&storage, &format!("/{GROUP}/{name}"))?;
+            if array.shape() != [*n] {
+                return Err(damaged("an axis has other coordinates than entries"));
+            }
+            let json = describe::read_json(&array.path().join("zarr.json"))?;
+            axes.push(FrameAxis {
+                name: name.clone(),
+                units: json["attributes"]["units"].as_str().unwrap_or("1").to_owned(),
+                coords: array.read(&[0], &[*n]).map_err(|e| damaged(&e.to_string()))?,
+            });
+        }
+        let mut layout = FrameLayout {
+            axes,
+            run_axes,
+            gathered: false,
+            number,
+        };
+        if layout.chunk() != chunk {
+            layout.gathered = true;
+        }
+        if layout.chunk() != chunk || layout.axes.len() != shape.len() {
+            return Err(damaged("its chunks are not whole frames"));
+        }
+        drop(group);
+        Ok(Self {
+            layout,
+            attributes,
+            raw,
+            _lock: lock,
+            storage,
+        })
+    }
+
+    /// What it is made of.
+    #[must_use]
+    pub fn layout(&self) -> &FrameLayout {
+        &self.layout
+    }
+
+    /// Attributes of the root.
+    #[must_use]
+    pub fn attributes(&self) -> &Map<String, Value> {
+        &self.attributes
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.storage.root()
+    }
+
+    /// Start and shape of a chunk, counted in the order of the run.
+    fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
+        let (shape, size) = (self.layout.shape(), self.layout.chunk());
+        let mut start = vec![0; shape.len()];
+        let mut left = (chunk * self.layout.frames_per_chunk()) as u64;
+        for axis in (0..self.layout.run_axes).rev() {
+            start[axis] = left % shape[axis];
+            left /= shape[axis];
+        }
+        (start, size)
+    }
+
+    /// Writes all frames of chunk number `chunk`; numbers beyond the store's width are cut to it.
+    ///
+    /// # Errors
+    /// If there is no such chunk, the numbers are not as many, or the file system refuses.
+    pub fn write_chunk(&self, chunk: usize, numbers: &[u32]) -> Result<(), AccessError> {
+        let (start, size) = self.place(chunk);
+        match &self.raw {
+            Raw::U32(array) => array.write(&start, &size, numbers, None),
+            Raw::U16(array) => {
+                let narrow: Vec<u16> = numbers.iter().map(|n| (*n).min(0xFFFF) as u16).collect();
+                array.write(&start, &size, &narrow, None)
+            }
+        }
+    }
+
+    /// Reads all frames of chunk number `chunk`.
+    ///
+    /// # Errors
+    /// If it is damaged.
+    pub fn read_chunk(&self, chunk: usize) -> Result<Vec<u32>, AccessError> {
+        let (start, size) = self.place(chunk);
+        match &self.raw {
+            Raw::U32(array) => array.read(&start, &size),
+            Raw::U16(array) => Ok(array.read(&start, &size)?.into_iter().map(u32::from).collect()),
+        }
+    }
+
+    /// Writes one number a frame, over the run's axes.
+    ///
+    /// # Errors
+    /// If they are not as many as frames, or the file system refuses.
+    pub fn write_column(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
+        let names: Vec<&str> = self.run_names().collect();
+        let shape = &self.layout.shape()[..self.layout.run_axes];
+        let node = format!("/{GROUP}/{name}");
+        column(&self.storage, &node, &names, units, shape, values).map_err(|e| CreateError::Write {
+            path: self.path().join(GROUP).join(name),
+            cause: e.to_string(),
+        })
+    }
+
+    fn run_names(&self) -> impl Iterator<Item = &str> {
+        self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
+    }
+
+    /// Reads a column of [`Self::write_column`]; `None` if there is none.
+    ///
+    /// # Errors
+    /// If it is damaged.
+    pub fn read_column(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
+        if describe::name_fault(name).is_some() || !self.path().join(GROUP).join(name).is_dir() {
+            return Ok(None);
+        }
+        let array = ChunkedArray::<f64>::open(&self.storage, &format!("/{GROUP}/{name}"))?;
+        let shape = array.shape().to_vec();
+        let damaged = |reason: String| OpenError::Damaged {
+            path: array.path().to_owned(),
+            reason,
+        };
+        if region::volume(&shape) != Some(self.layout.frames()) {
+            return Err(damaged("it has not one number a frame".into()));
+        }
+        let read = array.read(&vec![0; shape.len()], &shape);
+        read.map(Some).map_err(|e| damaged(e.to_string()))
+    }
+
+    /// Calls the store finished: writes what every file is.
+    ///
+    /// # Errors
+    /// If the file system refuses.
+    pub fn finish(&self) -> Result<(), OpenError> {
+        let io = |e: std::io::Error| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        };
+        self.storage.remove_leftovers().map_err(io)?;
+        describe::consolidate(self.path(), &[GROUP.to_owned()])?;
+        Manifest::write(self.path()).map_err(io)
+    }
+
+    /// Whether all of it was written.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.path().join(manifest::FILE).is_file()
+    }
+}
+
+/// Whether a folder is a store of frames, finished or not.
+#[must_use]
+pub fn is_frames(path: &Path) -> bool {
+    path.join("zarr.json").is_file() && path.join(GROUP).join("raw").is_dir()
+}
+
+fn not_frames(path: &Path) -> OpenError {
+    if !path.exists() {
+        return OpenError::Missing { path: path.into() };
+    }
+    OpenError::NotAStore {
+        path: path.to_owned(),
+        reason: "it has no group `frames`".into(),
+    }
+}
+
+fn column(
+    storage: &Arc<AtomicDirectory>,
+    node: &str,
+    names: &[&str],
+    units: &str,
+    shape: &[u64],
+    values: &[f64],
+) -> Result<(), Box<dyn std::error::Error>> {
+    let description = Description {
+        shape: shape.to_vec(),
+        chunk: shape.iter().map(|n| (*n).max(1)).collect(),
+        names: names.to_vec(),
+        attributes: Map::from_iter([("units".to_owned(), json!(units))]),
+    };
+    let array = ChunkedArray::<f64>::create(storage, node, description)?;
+    Ok(array.write(&vec![0; shape.len()], shape, values, None)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(name: &str, n: usize) -> FrameAxis {
+        FrameAxis {
+            name: name.into(),
+            units: "1".into(),
+            coords: (0..n).map(|i| i as f64).collect(),
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        for (gathered, number) in [(false, FrameNumber::U16), (true, FrameNumber::U32)] {
+            let dir = tempfile::tempdir().expect("a folder");
+            let path = dir.path().join("f.zarr");
+            let layout = FrameLayout {
+                axes: vec![axis("capture", 3), axis("mask", 2), axis("y", 4), axis("x", 5)],
+                run_axes: 2,
+                gathered,
+                number,
+            };
+            let store = FrameStore::create(&path, layout.clone(), &Map::new(), false).expect("a store");
+            let chunks = layout.frames() / layout.frames_per_chunk();
+            let len = layout.frames_per_chunk() * layout.frame_len();
+            let chunk = |i: usize| -> Vec<u32> { (0..len).map(|k| (i * 1000 + k) as u32).collect() };
+            for i in 0..chunks {
+                store.write_chunk(i, &chunk(i)).expect("writes");
+            }
+            let angles: Vec<f64> = (0..6).map(f64::from).collect();
+            store.write_column("angle", "degree", &angles).expect("writes");
+            assert!(matches!(FrameStore::open(&path), Err(OpenError::Unfinished { .. })));
+            assert!(matches!(FrameStore::open_for_write(&path), Err(OpenError::Locked { .. })));
+            store.finish().expect("finishes");
+            drop(store);
+            let read = FrameStore::open(&path).expect("a store");
+            assert_eq!(read.layout(), &layout);
+            for i in 0..chunks {
+                assert_eq!(read.read_chunk(i).expect("reads"), chunk(i));
+            }
+            assert_eq!(read.read_column("angle").expect("reads"), Some(angles));
+            assert_eq!(read.read_column("none").expect("reads"), None);
+            assert!(super::super::verify(&path).expect("finished").faults.is_empty());
+            assert!(matches!(
+                FrameStore::create(&path, layout, &Map::new(), false),
+                Err(CreateError::Exists { .. })
+            ));
+        }
+    }
+}
