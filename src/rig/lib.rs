@@ -4,6 +4,9 @@
 #![warn(missing_docs)]
 
 pub mod calibrate;
+pub mod clock;
 pub mod driver;
 pub mod instrument;
 pub mod ptu;
+pub mod session;
+pub mod simulated;

@@ -1,0 +1,260 @@
+//! What of the light a mask lets through: patterns of the projector, and which camera pixels each frame is read for.
+//!
+//! Baek & Heide 2021, sec. 5.1: a stripe of the projector along epipolar lines is shown, and only the camera pixels on those
+//! lines are read (epipolar imaging), or all but the stripe is shown (non-epipolar). Stripes are families of epipolar lines,
+//! found from the fundamental matrix, which is of ideal pixels: those of a camera with distortion go through its inverse
+//! first.
+
+use crate::instrument::{Pattern, Region};
+use nalgebra::{Matrix3, Vector3};
+
+/// Pixels (x, y) of a lens with distortion to those of an ideal one; the pixels of centres are at + 0.5.
+pub type Ideal<'a> = &'a (dyn Fn([f64; 2]) -> [f64; 2] + Sync);
+
+/// How camera and projector see each other's pixels.
+#[derive(Clone, Copy)]
+pub struct Epipolar<'a> {
+    /// F: p'ᵀ F p = 0 for ideal camera pixels p and projector pixels p' that see one point.
+    pub fundamental: Matrix3<f64>,
+    /// The camera's distortion undone.
+    pub camera: Ideal<'a>,
+    /// The projector's distortion undone.
+    pub projector: Ideal<'a>,
+}
+
+/// One frame of a mask: what is shown, and what is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// What the projector shows.
+    pub pattern: Pattern,
+    /// Which part of the sensor is read.
+    pub region: Region,
+}
+
+/// A mask: its frames, and which of them is the one of each camera pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    /// Its name.
+    pub name: String,
+    /// Frames.
+    pub shots: Vec<Shot>,
+    /// By camera pixel, rows from the top: number of its frame among `shots`; none where no stripe meets it.
+    pub shot_of: Vec<Option<u32>>,
+}
+
+fn whole(size: [u32; 2]) -> Region {
+    Region {
+        x: 0,
+        y: 0,
+        width: size[0],
+        height: size[1],
+    }
+}
+
+/// One frame with all pixels of the projector at `value`, 255 or 0.
+#[must_use]
+pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mask {
+    let pattern = Pattern {
+        width: projector[0],
+        height: projector[1],
+        pixels: vec![value; projector[0] as usize * projector[1] as usize],
+    };
+    Mask {
+        name: name.to_owned(),
+        shots: vec![Shot {
+            pattern,
+            region: whole(camera),
+        }],
+        shot_of: vec![Some(0); camera[0] as usize * camera[1] as usize],
+    }
+}
+
+/// Where a line of the projector's plane crosses its middle column (or, for pencils that stand upright, its middle row).
+fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
+    let [w, h] = size.map(f64::from);
+    if upright {
+        -(line[1] * h / 2.0 + line[2]) / line[0]
+    } else {
+        -(line[0] * w / 2.0 + line[2]) / line[1]
+    }
+}
+
+/// The epipole in the projector: where all epipolar lines meet, Fᵀ e' = 0. Homogeneous.
+fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
+    let svd = f.transpose().svd(false, true);
+    let least = svd.singular_values.imin();
+    svd.v_t
+        .map_or_else(Vector3::zeros, |v| v.row(least).transpose().into_owned())
+}
+
+/// Stripes of epipolar lines, `count` of them over the projector: with `inside` each shows its lines alone, else all others. A
+/// camera pixel belongs to the stripe of its epipolar line, and `steps` are what regions are multiples of.
+///
+/// # Errors
+/// In words, if the geometry has no lines.
+pub fn stripes(
+    name: &str,
+    count: u32,
+    inside: bool,
+    epipolar: &Epipolar<'_>,
+    projector: [u32; 2],
+    camera: [u32; 2],
+    steps: [u32; 2],
+) -> Result<Mask, String> {
+    let f = &epipolar.fundamental;
+    let e = epipole(f);
+    let [w, h] = projector.map(f64::from);
+    // Lines from an epipole above or below the projector cross its rows.
+    let (dx, dy) = (e[0] - e[2] * w / 2.0, e[1] - e[2] * h / 2.0);
+    let upright = dy.abs() > dx.abs();
+    let across = if upright { w } else { h };
+    let stripe = |line: Vector3<f64>| -> Option<u32> {
+        let at = crossing(&line, upright, projector) / across * f64::from(count);
+        (at.is_finite() && (0.0..f64::from(count)).contains(&at)).then_some(at as u32)
+    };
+    let of_projector: Vec<Option<u32>> = pixels(projector)
+        .map(|p| {
+            let [x, y] = (epipolar.projector)(p);
+            stripe(e.cross(&Vector3::new(x, y, 1.0)))
+        })
+        .collect();
+    let shot_of: Vec<Option<u32>> = pixels(camera)
+        .map(|p| {
+            let [x, y] = (epipolar.camera)(p);
+            stripe(f * Vector3::new(x, y, 1.0))
+        })
+        .collect();
+    if of_projector.iter().all(Option::is_none) || shot_of.iter().all(Option::is_none) {
+        return Err("no epipolar line of the camera crosses the projector; mend the geometry of the rig".into());
+    }
+    let shot = |i: u32| Shot {
+        pattern: Pattern {
+            width: projector[0],
+            height: projector[1],
+            pixels: of_projector
+                .iter()
+                .map(|s| if (*s == Some(i)) == inside { 255 } else { 0 })
+                .collect(),
+        },
+        region: bounds(&shot_of, i, camera, steps),
+    };
+    Ok(Mask {
+        name: name.to_owned(),
+        shots: (0..count).map(shot).collect(),
+        shot_of,
+    })
+}
+
+/// Centres of pixels, rows from the top.
+fn pixels([w, h]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
+    (0..h).flat_map(move |y| (0..w).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]))
+}
+
+/// The smallest region, in the camera's steps, that holds all pixels of a shot.
+fn bounds(shot_of: &[Option<u32>], shot: u32, camera: [u32; 2], steps: [u32; 2]) -> Region {
+    let mut found: Option<[u32; 4]> = None;
+    for (i, s) in shot_of.iter().enumerate() {
+        if *s == Some(shot) {
+            let (x, y) = (i as u32 % camera[0], i as u32 / camera[0]);
+            let [x0, y0, x1, y1] = found.unwrap_or([x, y, x, y]);
+            found = Some([x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
+        }
+    }
+    let Some([x0, y0, x1, y1]) = found else {
+        // No pixel wants it: a least region keeps the run's frames alike.
+        return Region {
+            x: 0,
+            y: 0,
+            width: steps[0].clamp(1, camera[0]),
+            height: steps[1].clamp(1, camera[1]),
+        };
+    };
+    let span = |from: u32, to: u32, step: u32, size: u32| {
+        let step = step.max(1);
+        let from = from / step * step;
+        let to = (to + 1).div_ceil(step) * step;
+        (from, to.min(size) - from)
+    };
+    let (x, width) = span(x0, x1, steps[0], camera[0]);
+    let (y, height) = span(y0, y1, steps[1], camera[1]);
+    Region { x, y, width, height }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAME: Ideal<'static> = &|p| p;
+
+    /// F of two cameras side by side: rows are epipolar lines of each other.
+    fn side_by_side() -> Epipolar<'static> {
+        Epipolar {
+            fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+            camera: SAME,
+            projector: SAME,
+        }
+    }
+
+    #[test]
+    fn rows_are_stripes_of_rectified_pairs() {
+        let mask = stripes("epipolar", 4, true, &side_by_side(), [8, 8], [6, 8], [1, 1]).expect("lines");
+        assert_eq!(mask.shots.len(), 4);
+        for (i, shot) in mask.shots.iter().enumerate() {
+            let lit: Vec<usize> = (0..64).filter(|p| shot.pattern.pixels[*p] == 255).map(|p| p / 8).collect();
+            assert!(lit.iter().all(|row| row / 2 == i) && lit.len() == 16, "{lit:?}");
+            let want = Region {
+                x: 0,
+                y: 2 * i as u32,
+                width: 6,
+                height: 2,
+            };
+            assert_eq!(shot.region, want);
+        }
+        let rest = stripes("rest", 4, false, &side_by_side(), [8, 8], [6, 8], [2, 4]).expect("lines");
+        for (a, b) in mask.shots.iter().zip(&rest.shots) {
+            let both = a.pattern.pixels.iter().zip(&b.pattern.pixels);
+            assert!(both.clone().all(|(a, b)| a != b));
+            assert_eq!(b.region.height, 4);
+        }
+        assert_eq!(mask.shot_of, rest.shot_of);
+    }
+
+    /// A pixel whose true partner is anywhere along its line is lit by its stripe, whatever the geometry.
+    #[test]
+    fn partners_are_in_the_same_stripe() {
+        // Projector turned and moved to the side and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.
+        let k = Matrix3::new(60.0, 0.0, 32.0, 0.0, 60.0, 24.0, 0.0, 0.0, 1.0);
+        let r = *nalgebra::Rotation3::from_euler_angles(0.03, -0.1, 0.05).matrix();
+        let t = Vector3::new(0.4, 0.05, 0.1);
+        let inverse = k.try_inverse().expect("regular");
+        let f = inverse.transpose() * t.cross_matrix() * r * inverse;
+        let geometry = Epipolar {
+            fundamental: f,
+            camera: SAME,
+            projector: SAME,
+        };
+        let mask = stripes("e", 12, true, &geometry, [64, 48], [64, 48], [1, 1]).expect("lines");
+        let mut met = 0;
+        for y in 0..48 {
+            for x in 0..64 {
+                for depth in [1.5, 3.0, 8.0] {
+                    let p = inverse * Vector3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0) * depth;
+                    let q = k * (r * p + t);
+                    let (u, v) = ((q[0] / q[2]).floor(), (q[1] / q[2]).floor());
+                    if !(0.0..64.0).contains(&u) || !(0.0..48.0).contains(&v) {
+                        continue;
+                    }
+                    let Some(shot) = mask.shot_of[y as usize * 64 + x as usize] else {
+                        continue;
+                    };
+                    // The partner itself, or, where a border runs through its pixel, a neighbour.
+                    let at = |dv: i32| ((v as i32 + dv).clamp(0, 47) * 64 + u as i32) as usize;
+                    let lit = |dv| mask.shots[shot as usize].pattern.pixels[at(dv)] == 255;
+                    assert!(lit(0) || lit(1) || lit(-1));
+                    met += 1;
+                }
+            }
+        }
+        assert!(met > 4000, "{met}");
+    }
+}

@@ -1,0 +1,505 @@
+//! Plan files: which captures, through which masks, with which exposures, or over which scan points.
+//!
+//! ```toml
+//! name = "36 captures, epipolar and non-epipolar"
+//! rig = "rig.toml"                          # beside this file; `--rig` names another one
+//! scheme = "drr36.toml"                     # or { kind = "drr", captures = 36, array = false }
+//!
+//! [camera]
+//! exposures_ms = [20, 80]                   # a bracket
+//! format = "Mono12p"
+//! masks = ["full", "dark", { name = "epipolar", stripes = 32 }, { name = "nonepipolar", stripes = 32, outside = true }]
+//!
+//! # or, of a coaxial rig
+//! [scan]
+//! points = [128, 128]
+//! fov_x_deg = 20                            # optical angle from the first to the last column's outer edges
+//! dwell_ms = 42
+//! bins = 400
+//! bin_ps = 25
+//!
+//! [limits]                                  # all have defaults
+//! retries = 5
+//! laser_power = 0.9                         # wait while it is weaker
+//! ```
+
+use crate::instrument::PixelFormat;
+use base::document;
+use base::locate::{InputError, Located};
+use polarimetry::capture::scheme::Scheme;
+use polarimetry::capture::scheme_file;
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Most frames of a run.
+pub const MOST_FRAMES: u64 = 100_000_000;
+
+/// What a session is to do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// What it is called.
+    pub name: String,
+    /// Its own text, which the store keeps.
+    pub text: String,
+    /// The rig's file.
+    pub rig: Option<PathBuf>,
+    /// Captures.
+    pub scheme: Scheme,
+    /// What every capture is made of.
+    pub work: Work,
+    /// When to try again, wait, or give up.
+    pub limits: Limits,
+}
+
+/// What every capture is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Work {
+    /// Frames of a camera.
+    Camera(CameraWork),
+    /// Histograms of scan points.
+    Scan(ScanWork),
+}
+
+/// Frames of a camera: every mask at every exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraWork {
+    /// Exposures of the bracket.
+    pub exposures: Vec<Duration>,
+    /// Gain, decibels.
+    pub gain_db: f64,
+    /// Pixels.
+    pub format: PixelFormat,
+    /// Masks in the order in which they are taken.
+    pub masks: Vec<MaskPlan>,
+}
+
+/// A mask that is to be taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MaskPlan {
+    /// All pixels on.
+    Full,
+    /// All off: stray light and the sensor's own.
+    Dark,
+    /// Stripes of epipolar lines.
+    Stripes {
+        /// What it is called.
+        name: String,
+        /// How many.
+        count: u32,
+        /// False to show all but the stripe.
+        inside: bool,
+    },
+}
+
+impl MaskPlan {
+    /// What it is called.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Full => "full",
+            Self::Dark => "dark",
+            Self::Stripes { name, .. } => name,
+        }
+    }
+
+    /// Its frames.
+    #[must_use]
+    pub fn shots(&self) -> u32 {
+        match self {
+            Self::Full | Self::Dark => 1,
+            Self::Stripes { count, .. } => *count,
+        }
+    }
+}
+
+/// Histograms of scan points, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScanWork {
+    /// Columns and rows.
+    pub points: [u32; 2],
+    /// Optical angle between the outer edges of the first and last columns, degrees.
+    pub fov_x_deg: f64,
+    /// Time of one histogram.
+    pub dwell: Duration,
+    /// Bins of a histogram.
+    pub bins: u32,
+    /// Their width, ps.
+    pub bin_ps: f64,
+    /// Begin of the first after the sync, ps.
+    pub offset_ps: f64,
+    /// Pulses a second.
+    pub rate_hz: f64,
+}
+
+/// When to try again, wait, or give up.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Limits {
+    /// How often a step is tried again.
+    pub retries: u32,
+    /// First wait before that, seconds; doubled every time, up to 30 s.
+    pub backoff_s: f64,
+    /// Longest that any call to an instrument may take beyond what it is asked to do, seconds.
+    pub deadline_s: f64,
+    /// Longest wait for a condition, seconds.
+    pub suspend_s: f64,
+    /// Least power of the laser over nominal.
+    pub laser_power: f64,
+    /// Largest share of saturated pixels in the shortest exposure; beyond it a frame is taken again.
+    pub saturated_share: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            retries: 5,
+            backoff_s: 0.5,
+            deadline_s: 10.0,
+            suspend_s: 600.0,
+            laser_power: 0.9,
+            saturated_share: 0.5,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlanFile {
+    name: Option<String>,
+    rig: Option<PathBuf>,
+    scheme: Located<SchemeFrom>,
+    camera: Option<Located<CameraFile>>,
+    scan: Option<Located<ScanFile>>,
+    limits: Option<Located<Limits>>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum SchemeFrom {
+    File(PathBuf),
+    Kind(SchemeKind),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SchemeKind {
+    kind: String,
+    captures: usize,
+    #[serde(default)]
+    array: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFile {
+    exposures_ms: Vec<f64>,
+    #[serde(default)]
+    gain_db: f64,
+    format: Option<String>,
+    masks: Vec<MaskFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum MaskFile {
+    Named(String),
+    Stripes(StripesFile),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StripesFile {
+    name: String,
+    stripes: u32,
+    #[serde(default)]
+    outside: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScanFile {
+    points: [u32; 2],
+    fov_x_deg: f64,
+    dwell_ms: f64,
+    bins: u32,
+    bin_ps: f64,
+    #[serde(default)]
+    offset_ps: f64,
+    #[serde(default = "ten_megahertz")]
+    rate_hz: f64,
+}
+
+fn ten_megahertz() -> f64 {
+    1e7
+}
+
+/// Reads a plan.
+///
+/// # Errors
+/// [`InputError`] naming file, place and mend.
+pub fn load(path: &Path) -> Result<Plan, InputError> {
+    let text = document::read(path, "plan", "copy rigs/spatio_polarimetric/plan.toml and change it")?;
+    from_toml(path, &text)
+}
+
+/// A plan from TOML text; other files are looked for beside `path`.
+///
+/// # Errors
+/// As [`load`].
+pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
+    let file: PlanFile = document::parse(path, text, |_| {
+        "a plan has `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, \
+         `dwell_ms`, `bins`, `bin_ps`"
+            .to_owned()
+    })?;
+    let fault = |span: Range<usize>, message: String, help: &str| InputError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: Some(span),
+        message,
+        help: Some(help.to_owned()),
+    };
+    let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
+    let scheme = match &*file.scheme {
+        SchemeFrom::File(p) => scheme_file::load(&beside(p))?,
+        SchemeFrom::Kind(k) => {
+            let known = "give `kind` drr, qrpr or quad, or the name of a scheme file";
+            if !(1..=100_000).contains(&k.captures) {
+                return Err(fault(file.scheme.span(), format!("{} captures", k.captures), "give 1 to 100000"));
+            }
+            let made = match k.kind.as_str() {
+                "drr" => Scheme::drr(k.captures, k.array),
+                "qrpr" => Scheme::qrpr(k.captures, k.array),
+                "quad" => Scheme::quad(k.captures, k.array),
+                other => return Err(fault(file.scheme.span(), format!("no scheme is called `{other}`"), known)),
+            };
+            made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
+        }
+    };
+    let work = match (&file.camera, &file.scan) {
+        (Some(camera), None) => Work::Camera(
+            camera_work(camera).map_err(|(what, help)| fault(camera.span(), what, help))?,
+        ),
+        (None, Some(scan)) => {
+            Work::Scan(scan_work(scan).map_err(|(what, help)| fault(scan.span(), what, help))?)
+        }
+        (Some(_), Some(second)) => {
+            let help = "keep the one that the rig has; make two plans for both";
+            return Err(fault(second.span(), "there are both [camera] and [scan]".into(), help));
+        }
+        (None, None) => {
+            let help = "add [camera] with `exposures_ms` and `masks`, or [scan]";
+            return Err(fault(0..0, "there is neither [camera] nor [scan]".into(), help));
+        }
+    };
+    let limits = file.limits.as_deref().copied().unwrap_or_default();
+    let named = [
+        ("backoff_s", limits.backoff_s),
+        ("deadline_s", limits.deadline_s),
+        ("suspend_s", limits.suspend_s),
+    ];
+    let place = || file.limits.as_ref().map_or(0..0, Located::span);
+    for (name, value) in named {
+        if !(value > 0.0 && value <= 1e6) {
+            return Err(fault(place(), format!("`{name}` is {value}"), "give seconds, above 0 and up to 1e6"));
+        }
+    }
+    for (name, value) in [("laser_power", limits.laser_power), ("saturated_share", limits.saturated_share)] {
+        if !(0.0..=1.0).contains(&value) {
+            return Err(fault(place(), format!("`{name}` is {value}"), "give a share, 0 to 1"));
+        }
+    }
+    if limits.retries > 1000 {
+        return Err(fault(place(), format!("`retries` is {}", limits.retries), "give 0 to 1000"));
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let plan = Plan {
+        name: file.name.unwrap_or_else(|| stem.into_owned()),
+        text: text.to_owned(),
+        rig: file.rig.map(|p| beside(&p)),
+        scheme,
+        work,
+        limits,
+    };
+    if plan.frames() > MOST_FRAMES {
+        let help = "make several plans of it";
+        return Err(fault(0..0, format!("{} frames are more than {MOST_FRAMES}", plan.frames()), help));
+    }
+    Ok(plan)
+}
+
+type Fault = (String, &'static str);
+
+fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
+    if ms > 0.0 && ms <= 3.6e6 {
+        Ok(Duration::from_secs_f64(ms / 1e3))
+    } else {
+        Err((format!("`{name}` has {ms}"), "give milliseconds, above 0 and up to an hour"))
+    }
+}
+
+fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
+    let exposures: Vec<Duration> = file
+        .exposures_ms
+        .iter()
+        .map(|ms| milliseconds("exposures_ms", *ms))
+        .collect::<Result<_, _>>()?;
+    if exposures.is_empty() || exposures.len() > 64 {
+        return Err((format!("`exposures_ms` has {} entries", exposures.len()), "give 1 to 64 exposures"));
+    }
+    if !file.gain_db.is_finite() {
+        return Err((format!("`gain_db` is {}", file.gain_db), "give decibels; 0 is a good value"));
+    }
+    let name = file.format.as_deref().unwrap_or("Mono12p");
+    let all = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
+    let format = all.into_iter().find(|f| f.name() == name);
+    let format = format.ok_or((
+        format!("no pixel format is called `{name}`"),
+        "give Mono8, Mono10p, Mono12p or Mono16",
+    ))?;
+    let mut masks: Vec<MaskPlan> = vec![];
+    for mask in &file.masks {
+        let mask = match mask {
+            MaskFile::Named(name) if name == "full" => MaskPlan::Full,
+            MaskFile::Named(name) if name == "dark" => MaskPlan::Dark,
+            MaskFile::Named(name) => {
+                let help = "give \"full\", \"dark\", or { name = \"epipolar\", stripes = 32 }";
+                return Err((format!("no mask is called `{name}`"), help));
+            }
+            MaskFile::Stripes(s) => {
+                let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
+                if s.name.is_empty() || !s.name.chars().all(plain) {
+                    return Err((format!("a mask is called `{}`", s.name), "give letters, digits and `_`"));
+                }
+                if !(1..=8192).contains(&s.stripes) {
+                    return Err((format!("`stripes` is {}", s.stripes), "give 1 to 8192"));
+                }
+                MaskPlan::Stripes {
+                    name: s.name.clone(),
+                    count: s.stripes,
+                    inside: !s.outside,
+                }
+            }
+        };
+        if masks.iter().any(|m| m.name() == mask.name()) {
+            return Err((format!("two masks are called `{}`", mask.name()), "rename one"));
+        }
+        masks.push(mask);
+    }
+    if masks.is_empty() {
+        return Err(("`masks` is empty".into(), "give at least \"full\""));
+    }
+    Ok(CameraWork {
+        exposures,
+        gain_db: file.gain_db,
+        format,
+        masks,
+    })
+}
+
+fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
+    if file.points.iter().any(|n| !(1..=65_536).contains(n)) {
+        return Err((format!("`points` is {:?}", file.points), "give columns and rows, 1 to 65536"));
+    }
+    if !(file.fov_x_deg > 0.0 && file.fov_x_deg < 90.0) {
+        return Err((format!("`fov_x_deg` is {}", file.fov_x_deg), "give degrees, above 0 and below 90"));
+    }
+    if !(1..=1 << 20).contains(&file.bins) {
+        return Err((format!("`bins` is {}", file.bins), "give 1 to 1048576"));
+    }
+    if !(file.bin_ps > 0.0 && file.bin_ps <= 1e9 && file.offset_ps.abs() <= 1e12) {
+        return Err(("`bin_ps` or `offset_ps` is no time".into(), "give picoseconds"));
+    }
+    if !(1.0..=1e10).contains(&file.rate_hz) {
+        return Err((format!("`rate_hz` is {}", file.rate_hz), "give pulses a second, 1 to 1e10"));
+    }
+    Ok(ScanWork {
+        points: file.points,
+        fov_x_deg: file.fov_x_deg,
+        dwell: milliseconds("dwell_ms", file.dwell_ms)?,
+        bins: file.bins,
+        bin_ps: file.bin_ps,
+        offset_ps: file.offset_ps,
+        rate_hz: file.rate_hz,
+    })
+}
+
+impl Plan {
+    /// Lengths of the run's axes: captures, shots and exposures, or captures, rows and columns of scan points.
+    #[must_use]
+    pub fn run_shape(&self) -> [u64; 3] {
+        let captures = self.scheme.captures() as u64;
+        match &self.work {
+            Work::Camera(c) => {
+                let shots: u64 = c.masks.iter().map(|m| u64::from(m.shots())).sum();
+                [captures, shots, c.exposures.len() as u64]
+            }
+            Work::Scan(s) => [captures, u64::from(s.points[1]), u64::from(s.points[0])],
+        }
+    }
+
+    /// Frames of the whole run.
+    #[must_use]
+    pub fn frames(&self) -> u64 {
+        self.run_shape().into_iter().fold(1, u64::saturating_mul)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str = "scheme = { kind = \"drr\", captures = 36 }\n[camera]\nexposures_ms = [20, 80]\n\
+                        masks = [\"full\", { name = \"epipolar\", stripes = 8 }]\n";
+
+    fn read(text: &str) -> Result<Plan, String> {
+        from_toml(Path::new("p.toml"), text).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_plan_is_read() {
+        let plan = read(GOOD).expect("a plan");
+        assert_eq!(plan.run_shape(), [36, 9, 2]);
+        assert_eq!(plan.frames(), 648);
+        assert_eq!(plan.limits, Limits::default());
+        let scan = "scheme = { kind = \"drr\", captures = 4 }\n[scan]\npoints = [5, 3]\nfov_x_deg = 20\ndwell_ms = 42\n\
+                    bins = 100\nbin_ps = 25\n[limits]\nretries = 2\n";
+        assert_eq!(read(scan).expect("a plan").run_shape(), [4, 3, 5]);
+    }
+
+    #[test]
+    fn faults_name_their_place_and_mend() {
+        let cases = [
+            ("\"full\"", "\"ful\"", "no mask is called `ful`"),
+            ("stripes = 8", "stripes = 0", "`stripes` is 0"),
+            ("\"epipolar\"", "\"full\"", "two masks are called `full`"),
+            ("[20, 80]", "[20, -1]", "`exposures_ms` has -1"),
+            ("[20, 80]", "[]", "`exposures_ms` has 0 entries"),
+            ("\"drr\"", "\"drrr\"", "no scheme is called `drrr`"),
+            ("captures = 36", "captures = 0", "0 captures"),
+            ("[camera]", "[cam]", "unknown field `cam`"),
+            ("stripes = 8", "stripes = 8, outsid = true", "did not match"),
+        ];
+        for (old, new, want) in cases {
+            let message = read(&GOOD.replacen(old, new, 1)).expect_err("a fault");
+            assert!(message.contains(want) && message.contains("mend"), "{new}: {message}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+        /// Damaged plans are refused or mean something; they never panic.
+        #[test]
+        fn no_text_panics(at in any::<prop::sample::Index>(), with in ".{0,6}", cut in 0..8_usize) {
+            let at = at.index(GOOD.len());
+            if GOOD.is_char_boundary(at) {
+                let end = (at + cut).min(GOOD.len());
+                let text = format!("{}{with}{}", &GOOD[..at], &GOOD[end..]);
+                let _ = read(&text);
+            }
+        }
+    }
+}

@@ -1,0 +1,523 @@
+//! A run: frame after frame, each on disk and noted before it counts.
+//!
+//! A step is a checkpoint: whatever fails in it, the step begins anew, from moving the stages. Stages move all at once, and
+//! while the frames before are being saved.
+
+use super::journal::{Event, FrameRecord};
+use super::lab::{Rig, absent};
+use super::plan::{ScanWork, Work};
+use super::recover::{Tries, mend};
+use super::steps::{Step, Steps, pointing};
+use super::writer::{DiskError, Recovered, Writer, checksum};
+use crate::instrument::{CameraSettings, CounterSettings, Failure, Fault, pixels};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use store::zarr::frames::FrameStore;
+
+/// Jumps of the wall's clock below this are drift, seconds.
+const JUMP_S: f64 = 5.0;
+/// How often a condition is looked at.
+const LOOK: Duration = Duration::from_secs(5);
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// An instrument failed for good.
+    #[error("{0}")]
+    Instrument(#[from] Failure),
+    /// The disk failed.
+    #[error(transparent)]
+    Disk(#[from] DiskError),
+    /// Ctrl-C.
+    #[error("interrupted; `--resume` goes on")]
+    Interrupted,
+}
+
+/// What a watcher is shown after every frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'a> {
+    /// Frames that are done, those of runs before included.
+    pub done: u32,
+    /// All frames.
+    pub frames: u32,
+    /// Numbers of the last frame.
+    pub last: &'a [u32],
+    /// Time since this run's begin, as the rig's clock has it.
+    pub elapsed: Duration,
+    /// Tries that failed since this run's begin.
+    pub retries: u32,
+}
+
+/// What a run left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Frames that this run took.
+    pub taken: u32,
+    /// Tries that failed.
+    pub retries: u32,
+    /// Time that passed on the rig's clock.
+    pub elapsed: Duration,
+}
+
+/// A session at work.
+struct Session<'a> {
+    rig: &'a mut Rig,
+    steps: &'a Steps,
+    writer: Writer,
+    within: Duration,
+    begun: Duration,
+    /// Wall's clock less the rig's.
+    wall_offset: f64,
+    /// What is set, so that it is not set again.
+    camera: Option<CameraSettings>,
+    shown: Option<usize>,
+    ready: bool,
+    counter: bool,
+    /// The camera's own number of its last frame.
+    last_number: Option<u64>,
+    retries: u32,
+    temperatures: Vec<(String, f64)>,
+}
+
+/// Takes all frames that are missing.
+///
+/// # Errors
+/// [`RunError`]; what was noted until then is on disk.
+pub fn run(
+    rig: &mut Rig,
+    steps: &Steps,
+    store: FrameStore,
+    recovered: Recovered,
+    stop: &AtomicBool,
+    watch: &mut dyn FnMut(&Progress<'_>),
+) -> Result<Outcome, RunError> {
+    let first = recovered.records.len() as u32;
+    let mut writer = Writer::new(store, recovered, rig.disk_full.take())?;
+    let wall_s = rig.clock.wall_s();
+    writer.event(Event::Begin { frame: first, wall_s })?;
+    let within = Duration::from_secs_f64(steps.plan.limits.deadline_s);
+    let begun = rig.clock.now();
+    let mut session = Session {
+        within,
+        begun,
+        wall_offset: wall_s - begun.as_secs_f64(),
+        camera: None,
+        shown: None,
+        ready: false,
+        counter: false,
+        last_number: None,
+        retries: 0,
+        temperatures: vec![],
+        writer,
+        rig,
+        steps,
+    };
+    let result = session.frames(first, stop, watch);
+    // What was taken is saved, and light goes off, whatever happened.
+    let closed = session.writer.flush();
+    session.darken();
+    let outcome = Outcome {
+        taken: 0,
+        retries: session.retries,
+        elapsed: session.rig.clock.now().saturating_sub(begun),
+    };
+    let taken = result?;
+    closed?;
+    let wall_s = session.rig.clock.wall_s();
+    session.writer.event(Event::End { wall_s })?;
+    session.writer.close()?;
+    Ok(Outcome { taken, ..outcome })
+}
+
+impl Session<'_> {
+    fn frames(
+        &mut self,
+        first: u32,
+        stop: &AtomicBool,
+        watch: &mut dyn FnMut(&Progress<'_>),
+    ) -> Result<u32, RunError> {
+        let frames = self.steps.frames();
+        for n in first..frames {
+            if stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            self.watch_wall()?;
+            let (record, numbers) = self.taken(self.steps.step(n), stop)?;
+            watch(&Progress {
+                done: n + 1,
+                frames,
+                last: &numbers,
+                elapsed: self.rig.clock.now().saturating_sub(self.begun),
+                retries: self.retries,
+            });
+            self.writer.frame(record, numbers)?;
+        }
+        Ok(frames - first)
+    }
+
+    fn run_s(&self) -> f64 {
+        self.rig.clock.now().saturating_sub(self.begun).as_secs_f64()
+    }
+
+    /// Notes it if the wall's clock was set.
+    fn watch_wall(&mut self) -> Result<(), RunError> {
+        let offset = self.rig.clock.wall_s() - self.rig.clock.now().as_secs_f64();
+        let by_s = offset - self.wall_offset;
+        if by_s.abs() > JUMP_S {
+            self.wall_offset = offset;
+            let run_s = self.run_s();
+            self.writer.event(Event::ClockJump { by_s, run_s })?;
+        }
+        Ok(())
+    }
+
+    /// One frame, tried until it is good.
+    fn taken(&mut self, step: Step, stop: &AtomicBool) -> Result<(FrameRecord, Vec<u32>), RunError> {
+        let mut tries = Tries::new(&self.steps.plan.limits);
+        loop {
+            let failure = match self.attempt(step, stop)? {
+                Ok(done) => return Ok(done),
+                Err(failure) => failure,
+            };
+            let mut failure = failure;
+            loop {
+                let Some(wait) = tries.next(&failure) else {
+                    return Err(failure.into());
+                };
+                self.retries += 1;
+                let run_s = self.run_s();
+                self.writer.event(Event::Retry {
+                    frame: step.frame,
+                    failure: failure.to_string(),
+                    run_s,
+                })?;
+                if stop.load(Ordering::Relaxed) {
+                    return Err(RunError::Interrupted);
+                }
+                self.rig.clock.sleep(wait);
+                self.forget();
+                if failure.fault == Fault::Disconnected {
+                    // A camera that was switched off counts anew.
+                    self.last_number = None;
+                }
+                match mend(self.rig, &failure, self.within) {
+                    Ok(()) => break,
+                    Err(next) => failure = next,
+                }
+            }
+        }
+    }
+
+    /// Nothing is taken for set any more.
+    fn forget(&mut self) {
+        (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
+
+    }
+
+    /// One try at a frame. The outer error ends the run.
+    fn attempt(
+        &mut self,
+        step: Step,
+        stop: &AtomicBool,
+    ) -> Result<Result<(FrameRecord, Vec<u32>), Failure>, RunError> {
+        if let Err(failure) = self.prepare() {
+            return Ok(Err(failure));
+        }
+        if matches!(self.steps.plan.work, Work::Scan(_)) {
+            match self.wait_for_laser(step, stop)? {
+                Ok(()) => {}
+                Err(failure) => return Ok(Err(failure)),
+            }
+        }
+        Ok(self.frame(step))
+    }
+
+    /// All that holds for the whole run: zeros found, patterns loaded, light on.
+    fn prepare(&mut self) -> Result<(), Failure> {
+        if self.ready {
+            return Ok(());
+        }
+        let homing = Duration::from_secs(120).max(self.within);
+        for stage in self.rig.stages.values_mut() {
+            if !stage.device.read(self.within)?.homed {
+                stage.device.home(homing)?;
+            }
+        }
+        if let Some(projector) = self.rig.projector.as_mut().filter(|_| !self.steps.patterns.is_empty()) {
+            projector.load(&self.steps.patterns, self.within)?;
+        }
+        if let (Work::Scan(work), Some(laser)) = (&self.steps.plan.work, &mut self.rig.laser) {
+            laser.emit(true, work.rate_hz, self.within)?;
+        }
+        self.temperatures = self
+            .rig
+            .instruments()
+            .into_iter()
+            .filter_map(|i| Some((i.name().to_owned(), i.temperature_c().filter(|t| t.is_finite())?)))
+            .collect();
+        self.ready = true;
+        Ok(())
+    }
+
+    /// Suspends while the laser is weak.
+    fn wait_for_laser(&mut self, step: Step, stop: &AtomicBool) -> Result<Result<(), Failure>, RunError> {
+        let limits = self.steps.plan.limits;
+        let until = self.rig.clock.now() + Duration::from_secs_f64(limits.suspend_s);
+        let mut noted = false;
+        loop {
+            let Some(laser) = &mut self.rig.laser else {
+                return Ok(Err(absent("laser")));
+            };
+            let state = match laser.state(self.within) {
+                Ok(state) => state,
+                Err(failure) => return Ok(Err(failure)),
+            };
+            if state.power >= limits.laser_power {
+                return Ok(Ok(()));
+            }
+            if !state.emitting {
+                // Its power was cut: begin anew.
+                return Ok(Err(Failure::new(Fault::Timeout, "laser", "its light went out")));
+            }
+            let why = format!("the laser's power is {:.2} of nominal", state.power);
+            if !noted {
+                let run_s = self.run_s();
+                self.writer.event(Event::Suspend {
+                    frame: step.frame,
+                    why: why.clone(),
+                    run_s,
+                })?;
+                noted = true;
+            }
+            if self.rig.clock.now() >= until {
+                let what = format!("{why}, and was for {} s; mend it and resume", limits.suspend_s);
+                return Ok(Err(Failure::new(Fault::Refused, "laser", what)));
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            self.rig.clock.sleep(LOOK);
+        }
+    }
+
+    /// Turns all stages to their goals, at once, each from below.
+    fn turn(&mut self, capture: usize) -> Result<Vec<f64>, Failure> {
+        let mut found: BTreeMap<String, f64> = BTreeMap::new();
+        let mut over: Vec<(String, f64)> = vec![];
+        for (name, stage) in &mut self.rig.stages {
+            let reading = stage.device.read(self.within)?;
+            if !reading.homed {
+                return Err(Failure::new(Fault::Disconnected, name, "it lost its zero"));
+            }
+            let Some(goals) = self.steps.goals.get(name) else {
+                found.insert(name.clone(), reading.angle_deg);
+                continue;
+            };
+            let goal = goals[capture];
+            if (reading.angle_deg - goal).abs() <= stage.device.limits().resolution_deg {
+                found.insert(name.clone(), reading.angle_deg);
+            } else if stage.approach_deg > 0.0 && goal < reading.angle_deg {
+                over.push((name.clone(), goal - stage.approach_deg));
+            }
+        }
+        for (name, below) in &over {
+            if let Some(stage) = self.rig.stages.get_mut(name) {
+                stage.device.begin_move(*below)?;
+            }
+        }
+        let longest = Duration::from_secs(600);
+        for (name, _) in &over {
+            if let Some(stage) = self.rig.stages.get_mut(name) {
+                stage.device.finish_move(self.within + longest)?;
+            }
+        }
+        let moving: Vec<String> = (self.rig.stages.keys())
+            .filter(|name| !found.contains_key(*name))
+            .cloned()
+            .collect();
+        for name in &moving {
+            if let Some(stage) = self.rig.stages.get_mut(name) {
+                stage.device.begin_move(self.steps.goals[name][capture])?;
+            }
+        }
+        let mut angles = found;
+        for name in moving {
+            let Some(stage) = self.rig.stages.get_mut(&name) else {
+                continue;
+            };
+            let (limits, goal) = (stage.device.limits(), self.steps.goals[&name][capture]);
+            let reading = stage.device.finish_move(self.within + longest)?;
+            if (reading.angle_deg - goal).abs() > 2.0 * limits.resolution_deg {
+                let what = format!("it is at {:.4}° instead of {goal:.4}°", reading.angle_deg);
+                return Err(Failure::new(Fault::Stalled, &name, what));
+            }
+            angles.insert(name, reading.angle_deg);
+        }
+        Ok(angles.into_values().collect())
+    }
+
+    /// One frame, from moving the stages to its numbers.
+    fn frame(&mut self, step: Step) -> Result<(FrameRecord, Vec<u32>), Failure> {
+        let angles_deg = self.turn(step.capture)?;
+        if let Some(tell) = &mut self.rig.on_frame {
+            tell(step.frame);
+        }
+        let mut record = FrameRecord {
+            frame: step.frame,
+            crc: 0,
+            angles_deg,
+            pointing_deg: None,
+            pulses: None,
+            temperatures_c: self.temperatures.clone(),
+            number: 0,
+            run_s: self.run_s(),
+            wall_s: self.rig.clock.wall_s(),
+        };
+        let numbers = match &self.steps.plan.work {
+            Work::Camera(_) => self.picture(step, &mut record)?,
+            Work::Scan(work) => self.histogram(step, work, &mut record)?,
+        };
+        record.crc = checksum(&numbers);
+        Ok((record, numbers))
+    }
+
+    fn picture(&mut self, step: Step, record: &mut FrameRecord) -> Result<Vec<u32>, Failure> {
+        let settings = self.steps.camera_settings(step).ok_or_else(|| absent("camera"))?;
+        let projector = self.rig.projector.as_mut().ok_or_else(|| absent("projector"))?;
+        if self.shown != Some(step.second) {
+            projector.show(step.second, self.within)?;
+            self.shown = Some(step.second);
+        }
+        let camera = self.rig.camera.as_mut().ok_or_else(|| absent("camera"))?;
+        if self.camera != Some(settings) {
+            camera.configure(&settings, self.within)?;
+            self.camera = Some(settings);
+        }
+        camera.expose()?;
+        let frame = camera.frame(settings.exposure + self.within)?;
+        let name = camera.name().to_owned();
+        if frame.region != settings.region || frame.format != settings.format {
+            let what = format!("a frame of {:?} {} came", frame.region, frame.format.name());
+            return Err(Failure::new(Fault::Timeout, &name, what));
+        }
+        let Some(part) = pixels::unpack(&frame) else {
+            let what = format!("a frame of {} bytes came: it is torn", frame.bytes.len());
+            return Err(Failure::new(Fault::Timeout, &name, what));
+        };
+        // A frame that is not newer than the last is one of before.
+        if self.last_number.is_some_and(|last| frame.number <= last) {
+            return Err(Failure::new(Fault::Timeout, &name, "a frame of before came once more"));
+        }
+        self.last_number = Some(frame.number);
+        self.saturated(step, &part, settings.format.bits(), &name)?;
+        record.number = frame.number;
+        // Where it was read on the sensor; the rest is nothing.
+        let [width, height] = self.steps.frame_size.map(|n| n as usize);
+        let r = settings.region;
+        let mut whole = vec![0; width * height];
+        for (y, row) in part.chunks_exact(r.width as usize).enumerate() {
+            let at = (r.y as usize + y) * width + r.x as usize;
+            whole[at..at + row.len()].copy_from_slice(row);
+        }
+        Ok(whole)
+    }
+
+    /// Refuses a frame that is white nearly everywhere at the shortest exposure.
+    fn saturated(&self, step: Step, numbers: &[u32], bits: u32, name: &str) -> Result<(), Failure> {
+        let Work::Camera(work) = &self.steps.plan.work else {
+            return Ok(());
+        };
+        if work.exposures.iter().any(|e| *e < work.exposures[step.third]) {
+            return Ok(());
+        }
+        let top = (1_u32 << bits) - 1;
+        let full = numbers.iter().filter(|n| **n >= top).count();
+        let share = full as f64 / numbers.len().max(1) as f64;
+        if share > self.steps.plan.limits.saturated_share {
+            let what = format!(
+                "{:.0} % of the frame is saturated; expose for a shorter time, or allow it with `saturated_share`",
+                100.0 * share
+            );
+            return Err(Failure::new(Fault::Saturated, name, what));
+        }
+        Ok(())
+    }
+
+    fn histogram(&mut self, step: Step, work: &ScanWork, record: &mut FrameRecord) -> Result<Vec<u32>, Failure> {
+        let galvo = self.rig.galvo.as_mut().ok_or_else(|| absent("galvo"))?;
+        let angles = pointing(work, step.third, step.second);
+        record.pointing_deg = Some(galvo.point(angles, self.within)?);
+        let counter = self.rig.counter.as_mut().ok_or_else(|| absent("counter"))?;
+        if !self.counter {
+            let settings = CounterSettings {
+                bins: work.bins as usize,
+                bin_ps: work.bin_ps,
+                dwell: work.dwell,
+                offset_ps: work.offset_ps,
+            };
+            counter.configure(&settings, self.within)?;
+            self.counter = true;
+        }
+        counter.begin()?;
+        let histogram = counter.finish(work.dwell + self.within)?;
+        if histogram.counts.len() != work.bins as usize {
+            let what = format!("{} bins came instead of {}", histogram.counts.len(), work.bins);
+            return Err(Failure::new(Fault::Timeout, counter.name(), what));
+        }
+        record.number = histogram.number;
+        record.pulses = Some(histogram.pulses);
+        Ok(histogram.counts)
+    }
+
+    /// Light off, stages stopped; failures are no matter any more.
+    fn darken(&mut self) {
+        if let Some(projector) = &mut self.rig.projector {
+            let _ = projector.dark(self.within);
+        }
+        if let (Some(laser), Work::Scan(work)) = (&mut self.rig.laser, &self.steps.plan.work) {
+            let _ = laser.emit(false, work.rate_hz, self.within);
+        }
+        for stage in self.rig.stages.values_mut() {
+            let _ = stage.device.stop(self.within);
+        }
+    }
+}
+
+/// Writes what is known of every frame beside them, and the manifest: the run is finished.
+///
+/// # Errors
+/// [`DiskError`].
+pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
+    let failed = |cause: String| DiskError {
+        path: path.to_owned(),
+        cause,
+    };
+    let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;
+    let records = super::journal::frames(path).map_err(|e| failed(e.to_string()))?;
+    if records.len() as u64 != steps.plan.frames() {
+        return Err(failed(format!(
+            "{} of {} frames are noted; resume",
+            records.len(),
+            steps.plan.frames()
+        )));
+    }
+    let column = |name: &str, units: &str, of: &dyn Fn(&FrameRecord) -> f64| {
+        let values: Vec<f64> = records.iter().map(of).collect();
+        store.write_column(name, units, &values).map_err(|e| failed(e.to_string()))
+    };
+    for (i, name) in steps.stage_names.iter().enumerate() {
+        column(&format!("angle_{name}"), "degree", &|r| {
+            r.angles_deg.get(i).copied().unwrap_or(f64::NAN)
+        })?;
+    }
+    if matches!(steps.plan.work, Work::Scan(_)) {
+        for (i, name) in ["pointing_x", "pointing_y"].into_iter().enumerate() {
+            column(name, "degree", &|r| r.pointing_deg.map_or(f64::NAN, |p| p[i]))?;
+        }
+        column("pulses", "1", &|r| r.pulses.map_or(f64::NAN, |p| p as f64))?;
+    }
+    super::writer::remove_log(path).map_err(|e| failed(e.to_string()))?;
+    store.finish().map_err(|e| failed(e.to_string()))
+}

@@ -1,0 +1,281 @@
+//! What a plan asks of a rig, frame by frame, and how long that takes.
+
+use super::lab::{Rig, absent};
+use super::masks::{Epipolar, Mask, flat, stripes};
+use super::plan::{CameraWork, MaskPlan, Plan, ScanWork, Work};
+use crate::instrument::{CameraSettings, Failure, Fault, Pattern, Region, StageLimits, Trigger};
+use polarimetry::capture::directions::Directions;
+use polarimetry::capture::scheme::Scheme;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// One frame of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Its number.
+    pub frame: u32,
+    /// Capture.
+    pub capture: usize,
+    /// Shot, or row of scan points.
+    pub second: usize,
+    /// Exposure, or column of scan points.
+    pub third: usize,
+}
+
+/// A plan made ready for a rig: all that needs no instrument to answer.
+pub struct Steps {
+    /// The plan.
+    pub plan: Plan,
+    /// Stages in the order of their names: that of the angles which the journal notes.
+    pub stage_names: Vec<String>,
+    /// Stages' goals, degrees, by capture.
+    pub goals: BTreeMap<String, Vec<f64>>,
+    /// Masks of a camera's plan.
+    pub masks: Vec<Mask>,
+    /// Their shots, one after the other.
+    pub shots: Vec<(usize, Region)>,
+    /// All patterns, as loaded into the projector, in the order of the shots.
+    pub patterns: Vec<Pattern>,
+    /// Size of the camera, or of a histogram: (bins, 1).
+    pub frame_size: [u32; 2],
+    shape: [u64; 3],
+}
+
+/// What a plan costs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cost {
+    /// Frames.
+    pub frames: u64,
+    /// Time that passes.
+    pub duration: Duration,
+    /// Of it, while stages move.
+    pub moving: Duration,
+    /// Numbers as the sensor delivers them, bytes.
+    pub bytes: u64,
+}
+
+impl Steps {
+    /// Checks a plan against what a rig's instruments say they can do.
+    ///
+    /// # Errors
+    /// [`Failure`]: a role that is missing, a limit that the plan breaks.
+    pub fn new(plan: Plan, rig: &Rig, epipolar: Option<&Epipolar<'_>>) -> Result<Self, Failure> {
+        let goals = goals(&plan.scheme, rig)?;
+        let mut steps = Self {
+            stage_names: rig.stages.keys().cloned().collect(),
+            goals,
+            masks: vec![],
+            shots: vec![],
+            patterns: vec![],
+            frame_size: [1, 1],
+            shape: plan.run_shape(),
+            plan,
+        };
+        match steps.plan.work.clone() {
+            Work::Camera(work) => steps.camera(&work, rig, epipolar)?,
+            Work::Scan(work) => steps.scan(&work, rig)?,
+        }
+        Ok(steps)
+    }
+
+    fn camera(&mut self, work: &CameraWork, rig: &Rig, epipolar: Option<&Epipolar<'_>>) -> Result<(), Failure> {
+        let camera = rig.camera.as_ref().ok_or_else(|| absent("camera"))?;
+        let projector = rig.projector.as_ref().ok_or_else(|| absent("projector"))?;
+        let (limits, show) = (camera.limits(), projector.limits());
+        self.frame_size = limits.size;
+        for mask in &work.masks {
+            let made = match mask {
+                MaskPlan::Full => flat("full", 255, show.size, limits.size),
+                MaskPlan::Dark => flat("dark", 0, show.size, limits.size),
+                MaskPlan::Stripes { name, count, inside } => {
+                    let geometry = epipolar.ok_or_else(|| {
+                        let what = format!(
+                            "mask `{name}` needs the epipolar geometry; give the rig file [geometry] or a calibration"
+                        );
+                        Failure::new(Fault::Refused, projector.name(), what)
+                    })?;
+                    stripes(name, *count, *inside, geometry, show.size, limits.size, limits.step)
+                        .map_err(|what| Failure::new(Fault::Refused, projector.name(), what))?
+                }
+            };
+            for shot in &made.shots {
+                self.shots.push((self.masks.len(), shot.region));
+                self.patterns.push(shot.pattern.clone());
+            }
+            self.masks.push(made);
+        }
+        if self.patterns.len() > show.patterns {
+            let what = format!("{} patterns are more than its {}", self.patterns.len(), show.patterns);
+            return Err(Failure::new(Fault::Limit, projector.name(), what));
+        }
+        for (_, region) in &self.shots {
+            for exposure in 0..work.exposures.len() {
+                let settings = settings(work, *region, exposure);
+                limits
+                    .check(&settings)
+                    .map_err(|what| Failure::new(Fault::Limit, camera.name(), what))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn scan(&mut self, work: &ScanWork, rig: &Rig) -> Result<(), Failure> {
+        let galvo = rig.galvo.as_ref().ok_or_else(|| absent("galvo"))?;
+        let counter = rig.counter.as_ref().ok_or_else(|| absent("counter"))?;
+        let laser = rig.laser.as_ref().ok_or_else(|| absent("laser"))?;
+        self.frame_size = [work.bins, 1];
+        let corner = pointing(work, 0, 0);
+        let limits = galvo.limits();
+        if corner.iter().zip(limits.range_deg).any(|(a, most)| a.abs() > most) {
+            let what = format!("the scan's corner at {corner:?}° is beyond ±{:?}°", limits.range_deg);
+            return Err(Failure::new(Fault::Limit, galvo.name(), what));
+        }
+        let limits = counter.limits();
+        if work.bins as usize > limits.bins || work.bin_ps < limits.finest_ps || work.dwell > limits.longest {
+            let what = format!("{} bins of {} ps for {:?} are beyond {limits:?}", work.bins, work.bin_ps, work.dwell);
+            return Err(Failure::new(Fault::Limit, counter.name(), what));
+        }
+        let [least, most] = laser.limits().rate_hz;
+        if work.rate_hz < least || work.rate_hz > most {
+            let what = format!("{} Hz is not within {least} to {most}", work.rate_hz);
+            return Err(Failure::new(Fault::Limit, laser.name(), what));
+        }
+        Ok(())
+    }
+
+    /// Frames of the run.
+    #[must_use]
+    pub fn frames(&self) -> u32 {
+        self.plan.frames() as u32
+    }
+
+    /// The step that takes frame `n`.
+    #[must_use]
+    pub fn step(&self, frame: u32) -> Step {
+        let n = u64::from(frame);
+        let [_, b, c] = self.shape;
+        Step {
+            frame,
+            capture: (n / (b * c)) as usize,
+            second: (n / c % b) as usize,
+            third: (n % c) as usize,
+        }
+    }
+
+    /// What the camera is set to for a step.
+    #[must_use]
+    pub fn camera_settings(&self, step: Step) -> Option<CameraSettings> {
+        let Work::Camera(work) = &self.plan.work else {
+            return None;
+        };
+        Some(settings(work, self.shots[step.second].1, step.third))
+    }
+
+    /// Duration, frames and bytes, before anything moves. Retries, homing and saving are not in it; saving runs beside.
+    #[must_use]
+    pub fn cost(&self, rig: &Rig) -> Cost {
+        let mut cost = Cost {
+            frames: self.plan.frames(),
+            duration: Duration::ZERO,
+            moving: Duration::ZERO,
+            bytes: 0,
+        };
+        let mut at: BTreeMap<&str, f64> = BTreeMap::new();
+        for capture in 0..self.plan.scheme.captures() {
+            // Stages move together: the longest way counts.
+            let longest = self.goals.iter().map(|(name, goals)| {
+                let from = at.insert(name, goals[capture]).unwrap_or(0.0);
+                let stage = &rig.stages[name];
+                move_time(stage.device.limits(), stage.approach_deg, from, goals[capture])
+            });
+            cost.moving += longest.max().unwrap_or_default();
+        }
+        let captures = self.plan.scheme.captures() as u32;
+        let (per_capture, bytes) = match &self.plan.work {
+            Work::Camera(work) => {
+                let (show, row) = (
+                    rig.projector.as_ref().map_or(Duration::ZERO, |p| p.limits().shortest),
+                    rig.camera.as_ref().map_or(Duration::ZERO, |c| c.limits().row_time),
+                );
+                let mut sum = (Duration::ZERO, 0);
+                for (_, region) in &self.shots {
+                    sum.0 += show;
+                    for exposure in &work.exposures {
+                        sum.0 += *exposure + row * region.height;
+                        sum.1 += work.format.bytes(region.width as usize * region.height as usize) as u64;
+                    }
+                }
+                sum
+            }
+            Work::Scan(work) => {
+                let points = work.points[0] * work.points[1];
+                let settle = rig.galvo.as_ref().map_or(Duration::ZERO, |g| g.limits().settle);
+                ((work.dwell + settle) * points, u64::from(points) * u64::from(work.bins) * 4)
+            }
+        };
+        cost.duration = cost.moving + per_capture * captures;
+        cost.bytes = bytes * u64::from(captures);
+        cost
+    }
+}
+
+fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSettings {
+    CameraSettings {
+        region,
+        exposure: work.exposures[exposure],
+        gain_db: work.gain_db,
+        format: work.format,
+        trigger: Trigger::Software,
+    }
+}
+
+/// Where the beam points for a scan point, optical degrees in x and y: through the middles of a pinhole's pixels.
+#[must_use]
+pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
+    let size = work.points.map(|n| n as usize);
+    let view = Directions::pinhole(work.fov_x_deg.to_radians(), size[0], size[1]);
+    view.ray(x, y, size, 550.0).direction().map(f64::to_degrees)
+}
+
+/// Time of a move that comes from below.
+#[must_use]
+pub fn move_time(limits: StageLimits, approach_deg: f64, from: f64, to: f64) -> Duration {
+    if from == to {
+        return Duration::ZERO;
+    }
+    if approach_deg > 0.0 && to < from {
+        return limits.move_time(from - to + approach_deg) + limits.move_time(approach_deg);
+    }
+    limits.move_time(to - from)
+}
+
+/// Goals of all stages, by capture: a stage carries the element of its name.
+fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failure> {
+    let mut goals = BTreeMap::new();
+    let elements = scheme.generator().iter().chain(scheme.analyzer());
+    for element in elements {
+        let angles: Vec<f64> = (0..scheme.captures())
+            .map(|k| element.set_at(k).angle.to_degrees().rem_euclid(360.0))
+            .collect();
+        let turns = angles.iter().any(|a| (a - angles[0]).abs() > 1e-9);
+        if let Some(stage) = rig.stages.get(&element.name) {
+            let limits = stage.device.limits();
+            for angle in &angles {
+                if *angle < limits.range_deg[0] || *angle > limits.range_deg[1] {
+                    let what = format!("{angle}° is not within {:?}°", limits.range_deg);
+                    return Err(Failure::new(Fault::Limit, &element.name, what));
+                }
+            }
+            goals.insert(element.name.clone(), angles);
+        } else if turns {
+            let what = "the scheme turns it, and the rig has no stage of this name; add it to the rig file";
+            return Err(Failure::new(Fault::Refused, &element.name, what));
+        }
+        let first = element.set_at(0).retardance;
+        if (0..scheme.captures()).any(|k| element.set_at(k).retardance != first) {
+            let what = "the scheme changes its retardance, and no driver of liquid crystals is built";
+            return Err(Failure::new(Fault::Refused, &element.name, what));
+        }
+    }
+    Ok(goals)
+}

@@ -1,0 +1,183 @@
+//! A simulated photon counter: the diode of [`polarimetry::capture::detector::spad`] where the galvo points, through the
+//! elements where they stand.
+
+use super::faults::Mishap;
+use super::light::Scenery;
+use super::world::{Shared, World};
+use crate::instrument::{
+    CounterLimits, CounterSettings, Failure, Fault, Histogram, Identity, Instrument, PhotonCounter,
+};
+use polarimetry::capture::detector::random::stream;
+use polarimetry::capture::directions::Directions;
+use polarimetry::capture::element::Ray;
+use std::time::Duration;
+
+/// A simulated counter.
+pub struct SimulatedCounter {
+    name: String,
+    world: Shared,
+    limits: CounterLimits,
+    settings: Option<CounterSettings>,
+    pending: Option<(Duration, Option<Histogram>)>,
+    taken: u64,
+}
+
+impl SimulatedCounter {
+    /// A counter that is not configured.
+    #[must_use]
+    pub fn new(name: &str, world: Shared, limits: CounterLimits) -> Self {
+        Self {
+            name: name.to_owned(),
+            world,
+            limits,
+            settings: None,
+            pending: None,
+            taken: 0,
+        }
+    }
+
+    fn failure(&self, fault: Fault, what: String) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+}
+
+/// Radiance by bin of the counter where the beam points, and the scan point's number.
+fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32), String> {
+    let sets = w.sets();
+    let [ax, ay] = w.pointing_deg.map(|a| a.to_radians().tan());
+    let ray = Ray {
+        nm: w.bench.nm,
+        incidence: ax.hypot(ay).atan(),
+        azimuth: ay.atan2(ax),
+    };
+    let [width, height] = w.scenery.camera();
+    let (mut x, mut y) = (0, 0);
+    if let Directions::Pinhole { half } = w.bench.camera {
+        let place = |t: f64, half: f64, n: usize| ((t / half + 1.0) / 2.0 * n as f64).floor().clamp(0.0, n as f64 - 1.0);
+        x = place(ax, half[0], width) as usize;
+        y = place(-ay, half[1], height) as usize;
+    }
+    let begin_ps = match &w.scenery {
+        Scenery::Scan(scan) if (scan.bin_ps - settings.bin_ps).abs() > 1e-6 * scan.bin_ps => {
+            return Err(format!(
+                "the counter's bins are of {} ps, the tensor's of {} ps; make them the same",
+                settings.bin_ps, scan.bin_ps
+            ));
+        }
+        Scenery::Scan(scan) => scan.start_ps,
+        _ => settings.offset_ps,
+    };
+    let histogram = match &mut w.scenery {
+        Scenery::Scan(scan) => scan.point(x, y)?,
+        Scenery::Sample { mueller, .. } => &mueller[..],
+        Scenery::Tensor(_) => return Err("the tensor has no time bins; play a coaxial slice with time".into()),
+    };
+    let seen = w.bench.histogram(histogram, &sets, &ray);
+    let scale = w.power();
+    // The tensor's first bin among the counter's; what comes before these is not seen.
+    let first = ((begin_ps - settings.offset_ps) / settings.bin_ps).round() as i64;
+    let mut bins = vec![0.0; usize::try_from(first).unwrap_or(0)];
+    let early = usize::try_from(-first).unwrap_or(0);
+    bins.extend(seen.into_iter().skip(early).map(|v| v * scale));
+    Ok((bins, (y * width + x) as u32))
+}
+
+impl Instrument for SimulatedCounter {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
+        self.world.identity(&self.name, "photon counter")
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        (self.pending, self.settings) = (None, None);
+        self.world.reconnect(&self.name, within)
+    }
+}
+
+impl PhotonCounter for SimulatedCounter {
+    fn limits(&self) -> CounterLimits {
+        self.limits
+    }
+
+    fn configure(&mut self, settings: &CounterSettings, _within: Duration) -> Result<(), Failure> {
+        self.world.alive(&self.name)?;
+        let fits = settings.bins >= 1
+            && settings.bins <= self.limits.bins
+            && settings.bin_ps.is_finite()
+            && settings.bin_ps >= self.limits.finest_ps
+            && settings.dwell > Duration::ZERO
+            && settings.dwell <= self.limits.longest
+            && settings.offset_ps.is_finite();
+        if !fits {
+            return Err(self.failure(
+                Fault::Limit,
+                format!("{settings:?} is not within {:?}; mend the plan", self.limits),
+            ));
+        }
+        self.settings = Some(*settings);
+        self.pending = None;
+        Ok(())
+    }
+
+    fn begin(&mut self) -> Result<(), Failure> {
+        let Some(settings) = self.settings else {
+            return Err(self.failure(Fault::Refused, "it is not configured".into()));
+        };
+        if self.pending.is_some() {
+            return Err(self.failure(Fault::Refused, "an acquisition is under way".into()));
+        }
+        let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
+        let clock = self.world.clock();
+        let begun = clock.now();
+        let counted = self.world.with(|w| -> Result<(Vec<u64>, u64), String> {
+            let (radiance, pixel) = radiance(w, &settings)?;
+            let mut diode = w.spad.clone();
+            diode.bin_ps = settings.bin_ps;
+            diode.bins = settings.bins;
+            diode.period_ps = (diode.period_ps / settings.bin_ps).round().max(settings.bins as f64) * settings.bin_ps;
+            diode.pulses = (settings.dwell.as_secs_f64() * 1e12 / diode.period_ps).round().max(1.0) as u64;
+            let rates = diode.rates(&radiance, w.bench.nm).map_err(|e| e.to_string())?;
+            let mut random = stream(w.seed, pixel, w.frame);
+            let counts = diode.count(&rates, &mut random).map_err(|e| e.to_string())?;
+            Ok((counts, diode.pulses))
+        });
+        let (counts, pulses) = counted.map_err(|e| self.failure(Fault::Refused, e))?;
+        let full = mishap == Some(Mishap::Saturation);
+        let count = |n: u64| if full { u32::MAX } else { n.min(u64::from(u32::MAX)) as u32 };
+        let histogram = Histogram {
+            counts: counts.into_iter().take(settings.bins).map(count).collect(),
+            pulses,
+            number: self.taken,
+            timestamp_ns: begun.as_nanos() as u64,
+        };
+        self.taken += 1;
+        let kept = (mishap != Some(Mishap::DroppedFrame)).then_some(histogram);
+        self.pending = Some((begun + settings.dwell, kept));
+        Ok(())
+    }
+
+    fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
+        self.world.alive(&self.name)?;
+        let Some((ready, histogram)) = self.pending.take() else {
+            return Err(self.failure(Fault::Refused, "no acquisition was begun".into()));
+        };
+        let clock = self.world.clock();
+        if ready > clock.now() + within {
+            self.pending = Some((ready, histogram));
+            clock.sleep(within);
+            return Err(self.failure(Fault::Timeout, "it counts still".into()));
+        }
+        let Some(histogram) = histogram else {
+            clock.sleep(within);
+            return Err(self.failure(Fault::Timeout, "the histogram never came".into()));
+        };
+        clock.sleep_until(ready);
+        if histogram.counts.iter().any(|n| u64::from(*n) >= self.limits.full) {
+            return Err(self.failure(Fault::Saturated, "a bin is full; count for a shorter time".into()));
+        }
+        Ok(histogram)
+    }
+}

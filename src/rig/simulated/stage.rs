@@ -1,0 +1,181 @@
+//! A simulated rotation stage: a trapezoid of velocity, backlash, an encoder with a least step, and a zero that has to be
+//! found.
+//!
+//! Backlash: the axle follows the encoder with half of the play behind, on the side that it was last turned to. Who always
+//! comes from the same side is off by a constant, which calibration finds.
+
+use super::faults::Mishap;
+use super::world::{Shared, StageState};
+use crate::instrument::{Failure, Fault, Identity, Instrument, RotationStage, StageLimits, StageReading};
+use std::time::Duration;
+
+/// Homing speed, degrees a second.
+const HOMING: f64 = 10.0;
+
+/// A simulated stage.
+pub struct SimulatedStage {
+    name: String,
+    world: Shared,
+    limits: StageLimits,
+    backlash_deg: f64,
+    /// Where to, and when it is there.
+    goal: Option<(f64, Duration)>,
+    stalled: bool,
+}
+
+impl SimulatedStage {
+    /// A stage that carries the element of the same name, not homed.
+    #[must_use]
+    pub fn new(name: &str, world: Shared, limits: StageLimits, backlash_deg: f64) -> Self {
+        // Where somebody left it.
+        let left = StageState {
+            angle_deg: 13.0,
+            encoder_deg: 0.0,
+            homed: false,
+        };
+        world.with(|w| w.stages.insert(name.to_owned(), left));
+        Self {
+            name: name.to_owned(),
+            world,
+            limits,
+            backlash_deg,
+            goal: None,
+            stalled: false,
+        }
+    }
+
+    fn state(&self) -> StageState {
+        self.world.with(|w| w.stages[&self.name])
+    }
+
+    fn failure(&self, fault: Fault, what: String) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    /// Puts encoder and axle to an angle, come from where they were.
+    fn put(&self, angle: f64) {
+        let step = self.limits.resolution_deg;
+        let encoder = (angle / step).round() * step;
+        self.world.with(|w| {
+            if let Some(state) = w.stages.get_mut(&self.name) {
+                let sign = if encoder >= state.encoder_deg { -0.5 } else { 0.5 };
+                state.angle_deg = encoder + sign * self.backlash_deg;
+                state.encoder_deg = encoder;
+            }
+        });
+    }
+}
+
+impl Instrument for SimulatedStage {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
+        self.world.identity(&self.name, "rotation stage")
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        self.goal = None;
+        self.world.reconnect(&self.name, within)
+    }
+
+    fn temperature_c(&mut self) -> Option<f64> {
+        Some(23.0)
+    }
+}
+
+impl RotationStage for SimulatedStage {
+    fn limits(&self) -> StageLimits {
+        self.limits
+    }
+
+    fn home(&mut self, within: Duration) -> Result<(), Failure> {
+        self.world.alive(&self.name)?;
+        let far = self.state().angle_deg.rem_euclid(360.0);
+        let time = Duration::from_secs_f64(1.0 + far / HOMING);
+        if time > within {
+            self.world.clock().sleep(within);
+            return Err(self.failure(Fault::Timeout, format!("homing takes {:.1} s", time.as_secs_f64())));
+        }
+        self.world.clock().sleep(time);
+        self.goal = None;
+        self.world.with(|w| {
+            if let Some(state) = w.stages.get_mut(&self.name) {
+                // From one side, always.
+                *state = StageState {
+                    angle_deg: -0.5 * self.backlash_deg,
+                    encoder_deg: 0.0,
+                    homed: true,
+                };
+            }
+        });
+        Ok(())
+    }
+
+    fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
+        let [least, most] = self.limits.range_deg;
+        if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
+            return Err(self.failure(
+                Fault::Limit,
+                format!("{angle_deg}° is not within {least}° to {most}°; mend the plan"),
+            ));
+        }
+        let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
+        let state = self.state();
+        if !state.homed {
+            return Err(self.failure(Fault::Refused, "its zero is not known; home it".into()));
+        }
+        self.stalled = mishap == Some(Mishap::Stall);
+        let clock = self.world.clock();
+        let goal = if self.stalled {
+            state.encoder_deg + (angle_deg - state.encoder_deg) / 3.0
+        } else {
+            angle_deg
+        };
+        let time = self.limits.move_time(goal - state.encoder_deg);
+        self.goal = Some((goal, clock.now() + time));
+        Ok(())
+    }
+
+    fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure> {
+        self.world.alive(&self.name)?;
+        let Some((goal, then)) = self.goal else {
+            return self.read(within);
+        };
+        let clock = self.world.clock();
+        if then > clock.now() + within {
+            clock.sleep(within);
+            return Err(self.failure(Fault::Timeout, "it moves still; give it more time".into()));
+        }
+        clock.sleep_until(then);
+        self.put(goal);
+        self.goal = None;
+        if self.stalled {
+            return Err(self.failure(Fault::Stalled, format!("it stopped at {goal:.3}°")));
+        }
+        self.read(within)
+    }
+
+    fn read(&mut self, _within: Duration) -> Result<StageReading, Failure> {
+        self.world.alive(&self.name)?;
+        let state = self.state();
+        Ok(StageReading {
+            angle_deg: state.encoder_deg,
+            moving: self.goal.is_some(),
+            homed: state.homed,
+        })
+    }
+
+    fn stop(&mut self, _within: Duration) -> Result<(), Failure> {
+        self.world.alive(&self.name)?;
+        if let Some((goal, then)) = self.goal.take() {
+            // As far as it came.
+            let left = then.saturating_sub(self.world.clock().now()).as_secs_f64();
+            let from = self.state().encoder_deg;
+            let whole = self.limits.move_time(goal - from).as_secs_f64();
+            self.put(goal - (goal - from) * (left / whole.max(1e-9)).min(1.0));
+        }
+        Ok(())
+    }
+}
