@@ -14,6 +14,7 @@
 pub mod figures;
 pub mod matrices;
 pub mod render;
+pub mod rigs;
 
 pub use {base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};
 

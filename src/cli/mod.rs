@@ -18,6 +18,7 @@ mod probe;
 mod project;
 mod reconstruct;
 mod render;
+mod rig;
 mod scheme;
 mod source;
 mod trial;
@@ -74,6 +75,7 @@ enum Command {
     Learn(learn::Arguments),
     Capture(capture::Arguments),
     Reconstruct(reconstruct::Arguments),
+    Rig(rig::Arguments),
     Trial(trial::Arguments),
     Export(export::Arguments),
     Import(import::Arguments),
@@ -104,6 +106,7 @@ pub fn run() -> ExitCode {
         Command::Capture(a) => capture::run(&a),
         Command::Trial(a) => trial::run(&a),
         Command::Reconstruct(a) => reconstruct::run(&a),
+        Command::Rig(a) => rig::run(&a),
         Command::Export(a) => export::run(&a),
         Command::Import(a) => import::run(&a),
         Command::Project(a) => project::run(&a),

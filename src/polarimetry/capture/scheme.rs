@@ -273,6 +273,24 @@ impl Scheme {
         out
     }
 
+    /// The scheme with an element at other angles, radians: one for each capture.
+    ///
+    /// # Errors
+    /// If they are not as many, or not finite. Where no element has the name, nothing is turned.
+    pub fn turned(&self, name: &str, angles: &[f64]) -> Result<Self, SchemeError> {
+        let same = angles.iter().all(|a| Some(a) == angles.first());
+        let (mut generator, mut analyzer) = (self.generator.clone(), self.analyzer.clone());
+        for e in generator.iter_mut().chain(&mut analyzer).filter(|e| e.name == name) {
+            e.angle = match (&e.angle, angles) {
+                (Setting::Fixed(_), [first, ..]) if same => Setting::Fixed(*first),
+                _ => Setting::Each(angles.to_vec()),
+            };
+        }
+        let mut out = Self::new(&self.name, generator, analyzer, self.sensor.clone())?;
+        (out.source, out.coaxial) = (self.source, self.coaxial.clone());
+        Ok(out)
+    }
+
     /// Dual rotating retarders: retarder 2 at 5°(k-1), retarder 3 at 25°(k-1), polarizers at 0° (Azzam 1978; sec. 4).
     ///
     /// # Errors

@@ -5,11 +5,16 @@
 //! plan file ─► Plan (steps, duration, bytes) ─┴─► run ─► writer (frames, journal) ─► store of frames ─► image (assembled)
 //! ```
 
+pub mod assemble;
+pub mod geometry;
+pub mod image;
 pub mod journal;
 pub mod lab;
 pub mod masks;
 pub mod plan;
 pub mod recover;
+pub mod rig_file;
 pub mod run;
+pub mod run_store;
 pub mod steps;
 pub mod writer;

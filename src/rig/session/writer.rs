@@ -46,8 +46,10 @@ struct Work {
     store: FrameStore,
     journal: Journal,
     log: File,
-    /// Numbers of the chunk that is not full, and its frames.
+    /// Numbers of the chunk that is not full.
     part: Vec<u32>,
+    /// Chunks that the disk need not have yet.
+    unsynced: Vec<usize>,
     disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
@@ -164,6 +166,7 @@ impl Writer {
             journal,
             log,
             part: vec![],
+            unsynced: vec![],
             disk_full,
         };
         // The log anew, with what is sound in it alone.
@@ -278,6 +281,9 @@ impl Work {
             }
         }
         // What was written before a failure is noted all the same.
+        for chunk in std::mem::take(&mut self.unsynced) {
+            self.store.sync_chunk(chunk).map_err(io)?;
+        }
         self.log.sync_data().map_err(io)?;
         self.journal.append(&events).map_err(io)?;
         drop(done.iter().map(|d| d.send(())).collect::<Vec<_>>());
@@ -289,7 +295,9 @@ impl Work {
         let (per, len) = (layout.frames_per_chunk(), layout.frame_len());
         let chunk = frame as usize / per;
         if per == 1 {
-            return self.store.write_chunk(chunk, &numbers).map_err(|e| e.to_string());
+            self.store.write_chunk(chunk, &numbers).map_err(|e| e.to_string())?;
+            self.unsynced.push(chunk);
+            return Ok(());
         }
         if frame as usize % per == 0 {
             // The chunk before is in its place.
@@ -300,6 +308,8 @@ impl Work {
         self.part.extend(numbers);
         if self.part.len() == per * len {
             self.store.write_chunk(chunk, &self.part).map_err(|e| e.to_string())?;
+            // Before its log is emptied.
+            self.store.sync_chunk(chunk).map_err(|e| e.to_string())?;
         }
         Ok(())
     }

@@ -293,11 +293,16 @@ impl<T: Number> ChunkedArray<T> {
         Ok(())
     }
 
-    /// Whether the chunk that begins at `start` has a file.
-    pub(super) fn is_stored(&self, start: &[u64]) -> bool {
+    /// The file of the chunk that begins at `start`.
+    pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
         let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
         let key = self.array.chunk_key(&index);
-        self.array.storage().root().join(key.as_str()).is_file()
+        self.array.storage().root().join(key.as_str())
+    }
+
+    /// Whether the chunk that begins at `start` has a file.
+    pub(super) fn is_stored(&self, start: &[u64]) -> bool {
+        self.file_of(start).is_file()
     }
 
     /// The values of a region, row-major.

@@ -322,6 +322,51 @@ impl FrameStore {
         })
     }
 
+    /// Writes one number a place of a frame.
+    ///
+    /// # Errors
+    /// As [`Self::write_column`].
+    pub fn write_map(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
+        let axes = &self.layout.axes[self.layout.run_axes..];
+        let names: Vec<&str> = axes.iter().map(|a| a.name.as_str()).collect();
+        let shape: Vec<u64> = axes.iter().map(|a| a.coords.len() as u64).collect();
+        let node = format!("/{GROUP}/{name}");
+        column(&self.storage, &node, &names, units, &shape, values).map_err(|e| CreateError::Write {
+            path: self.path().join(GROUP).join(name),
+            cause: e.to_string(),
+        })
+    }
+
+    /// Reads a map of [`Self::write_map`]; `None` if there is none.
+    ///
+    /// # Errors
+    /// If it is damaged.
+    pub fn read_map(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
+        self.read_numbers(name, self.layout.frame_len())
+    }
+
+    /// Waits until the disk has a chunk. One that is all zero has no file.
+    ///
+    /// # Errors
+    /// If the file system refuses.
+    pub fn sync_chunk(&self, chunk: usize) -> std::io::Result<()> {
+        let (start, _) = self.place(chunk);
+        let file = match &self.raw {
+            Raw::U16(array) => array.file_of(&start),
+            Raw::U32(array) => array.file_of(&start),
+        };
+        match std::fs::File::open(&file) {
+            Ok(file) => file.sync_data()?,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+            Err(e) => return Err(e),
+        }
+        match file.parent() {
+            // The new name is in the folder.
+            Some(folder) => std::fs::File::open(folder)?.sync_data(),
+            None => Ok(()),
+        }
+    }
+
     fn run_names(&self) -> impl Iterator<Item = &str> {
         self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
@@ -331,6 +376,10 @@ impl FrameStore {
     /// # Errors
     /// If it is damaged.
     pub fn read_column(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
+        self.read_numbers(name, self.layout.frames())
+    }
+
+    fn read_numbers(&self, name: &str, expected: usize) -> Result<Option<Vec<f64>>, OpenError> {
         if describe::name_fault(name).is_some() || !self.path().join(GROUP).join(name).is_dir() {
             return Ok(None);
         }
@@ -340,8 +389,8 @@ impl FrameStore {
             path: array.path().to_owned(),
             reason,
         };
-        if region::volume(&shape) != Some(self.layout.frames()) {
-            return Err(damaged("it has not one number a frame".into()));
+        if region::volume(&shape) != Some(expected) {
+            return Err(damaged(format!("it has not {expected} numbers")));
         }
         let read = array.read(&vec![0; shape.len()], &shape);
         read.map(Some).map_err(|e| damaged(e.to_string()))

@@ -1,0 +1,97 @@
+//! What one sees of a run while it runs: rate, remaining time, the last frame's histogram.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use sunstone::render::{Summary, Watch};
+use sunstone::rig::session::run::Progress;
+
+/// The view of a run.
+pub struct Live {
+    bar: Option<ProgressBar>,
+    begun: Instant,
+    first: Option<u32>,
+    last: Instant,
+}
+
+/// Columns of the histogram.
+const COLUMNS: usize = 16;
+/// How often it is drawn.
+const EACH: Duration = Duration::from_millis(100);
+
+impl Live {
+    pub fn new(frames: u32) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{bar:24} {pos}/{len} frames  {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new(u64::from(frames)).with_style(style)
+        });
+        Self {
+            bar,
+            begun: Instant::now(),
+            first: None,
+            last: Instant::now(),
+        }
+    }
+
+    pub fn frame(&mut self, p: &Progress<'_>) {
+        let first = *self.first.get_or_insert(p.done - 1);
+        let each = if self.bar.is_some() { EACH } else { Duration::from_secs(5) };
+        if self.last.elapsed() < each && p.done < p.frames {
+            return;
+        }
+        self.last = Instant::now();
+        let taken = f64::from(p.done - first);
+        let rate = taken / self.begun.elapsed().as_secs_f64().max(1e-9);
+        // What is left takes as long a frame as what was.
+        let left = p.elapsed.as_secs_f64() / taken * f64::from(p.frames - p.done);
+        let text = format!(
+            "{rate:.1} frames/s, {} left on the rig, {} tries again  {}",
+            super::time(left),
+            p.retries,
+            histogram(p.last)
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(u64::from(p.done));
+                bar.set_message(text);
+            }
+            None if p.done < p.frames => eprintln!("{}/{} frames, {text}", p.done, p.frames),
+            None => {}
+        }
+    }
+
+    pub fn end(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// A frame's numbers, dark to bright, in blocks; of each the height is the logarithm of how many there are.
+fn histogram(numbers: &[u32]) -> String {
+    let most = numbers.iter().copied().max().unwrap_or(0).max(1);
+    let mut counts = [0_u32; COLUMNS];
+    for n in numbers {
+        counts[(*n as usize * COLUMNS / (most as usize + 1)).min(COLUMNS - 1)] += 1;
+    }
+    let top = f64::from(counts.iter().copied().max().unwrap_or(0)).ln_1p().max(1e-9);
+    let block = |n: &u32| ['\u{2581}', '▂', '▃', '▄', '▅', '▆', '▇', '█'][(f64::from(*n).ln_1p() / top * 7.0) as usize];
+    format!("{} to {most}", counts.iter().map(block).collect::<String>())
+}
+
+/// The render of a bench's tensor.
+pub struct Rendering<'a>(pub &'a AtomicBool);
+
+impl Watch for Rendering<'_> {
+    fn tile_done(&self, s: &Summary) {
+        if s.tiles_done == 1 {
+            eprintln!("rendering what the bench plays: {} tiles", s.tiles);
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}

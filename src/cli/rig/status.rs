@@ -1,0 +1,63 @@
+//! `sunstone rig status`.
+
+use super::super::failure::Failure;
+use super::time;
+use std::path::PathBuf;
+use sunstone::rig::session::journal::{self, Event};
+use sunstone::store::zarr::frames::is_frames;
+
+/// Tell how far a run is, and what happened in it, from its journal.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Store of a run, finished or not.
+    store: PathBuf,
+    /// Events that are shown, the last ones.
+    #[arg(long, default_value_t = 12)]
+    events: usize,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if !is_frames(&a.store) {
+        return Err(Failure::input(format!(
+            "{}: there is no store of a run; `sunstone rig run PLAN -o STORE` makes one",
+            a.store.display()
+        )));
+    }
+    let failed = |e: std::io::Error| Failure::failed(format!("{}: {e}", a.store.display()));
+    let records = journal::frames(&a.store).map_err(failed)?;
+    let (mut begins, mut retries, mut lines) = (0, 0, vec![]);
+    journal::read(&a.store, |event| match event {
+        Event::Frame(_) => {}
+        Event::Begin { frame, .. } => {
+            begins += 1;
+            lines.push(format!("begun at frame {frame}"));
+        }
+        Event::Retry { frame, failure, run_s } => {
+            retries += 1;
+            lines.push(format!("{:>9}  frame {frame}: {failure}", time(run_s)));
+        }
+        Event::Suspend { frame, why, run_s } => {
+            lines.push(format!("{:>9}  frame {frame}: waits, {why}", time(run_s)));
+        }
+        Event::ClockJump { by_s, run_s } => {
+            lines.push(format!("{:>9}  the wall's clock jumped by {by_s:.0} s", time(run_s)));
+        }
+        Event::End { .. } => lines.push("ended".into()),
+    })
+    .map_err(failed)?;
+    let finished = sunstone::store::zarr::frames::FrameStore::open(&a.store).is_ok();
+    let state = if finished { "finished" } else { "not finished: --resume goes on" };
+    let mut text = format!(
+        "{}: {} frames, {state}\n{begins} begins, {retries} tries again\n",
+        a.store.display(),
+        records.len()
+    );
+    if let Some(last) = records.last() {
+        text.push_str(&format!("last frame {} after {}\n", last.frame, time(last.run_s)));
+    }
+    let skip = lines.len().saturating_sub(a.events);
+    for line in &lines[skip..] {
+        text.push_str(&format!("  {line}\n"));
+    }
+    super::super::output::print(text.trim_end())
+}

@@ -1,0 +1,169 @@
+//! From a checked rig file to instruments.
+
+use super::lab::{Rig, Stage};
+use super::plan::{Plan, Work};
+use super::rig_file::{BenchPlan, Driver, RigPlan, Scene};
+use crate::clock::Clock;
+use crate::simulated::area_camera::SimulatedCamera;
+use crate::simulated::counter::SimulatedCounter;
+use crate::simulated::laser::SimulatedLaser;
+use crate::simulated::light::Scenery;
+use crate::simulated::pattern_projector::SimulatedProjector;
+use crate::simulated::scanner::SimulatedScanner;
+use crate::simulated::stage::SimulatedStage;
+use crate::simulated::world::Shared;
+use polarimetry::capture::bench::Bench;
+use polarimetry::capture::directions::Directions;
+
+/// Why there is no rig.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct AssembleError(pub String);
+
+/// The simulated bench of a rig file, playing what `scenery` is.
+///
+/// # Errors
+/// In words, if plan and bench do not fit.
+pub fn bench(rig: &RigPlan, bench: &BenchPlan, plan: &Plan, scenery: Scenery) -> Result<Shared, AssembleError> {
+    let clock = if bench.real_time { Clock::real() } else { Clock::simulated() };
+    let optics = bench.optics.clone().unwrap_or_else(|| plan.scheme.clone());
+    let elements = |s: &polarimetry::capture::scheme::Scheme| -> Vec<String> {
+        s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
+    };
+    if elements(&optics) != elements(&plan.scheme) || optics.sensor.channels() != plan.scheme.sensor.channels() {
+        return Err(AssembleError(format!(
+            "the bench's optics are {:?} and the scheme's {:?}; give them the same elements and sensor",
+            elements(&optics),
+            elements(&plan.scheme)
+        )));
+    }
+    let size = match &plan.work {
+        Work::Camera(_) => scenery.camera(),
+        Work::Scan(work) => work.points.map(|n| n as usize),
+    };
+    let seen = scenery.camera();
+    let wanted = match &plan.work {
+        Work::Camera(_) => rig.camera.as_ref().map(|(_, c)| c.size.map(|n| n as usize)),
+        Work::Scan(work) => Some(work.points.map(|n| n as usize)),
+    };
+    if wanted.is_some_and(|w| w != seen) {
+        return Err(AssembleError(format!(
+            "the tensor has {} x {} camera pixels, and the rig {:?}; give the camera, or the scan, that size",
+            seen[0], seen[1], wanted
+        )));
+    }
+    let view = |fov: Option<f64>| {
+        fov.map_or(Directions::Axial, |degrees| {
+            Directions::pinhole(degrees.to_radians(), size[0], size[1])
+        })
+    };
+    let camera = match &plan.work {
+        Work::Camera(_) => view(bench.fov_deg[0]),
+        // Pointing says which point is meant.
+        Work::Scan(work) => view(Some(work.fov_x_deg)),
+    };
+    let truth = Bench {
+        optics,
+        nm: bench.nm,
+        camera,
+        projector: bench.fov_deg[1].map_or(Directions::Axial, |degrees| {
+            let size = rig.projector.as_ref().map_or([1, 1], |(_, p)| p.size);
+            Directions::pinhole(degrees.to_radians(), size[0] as usize, size[1] as usize)
+        }),
+    };
+    let world = Shared::new(clock, truth, scenery, bench.cmos.clone(), bench.spad.clone(), bench.seed);
+    world.plan_faults(bench.faults.clone());
+    Ok(world)
+}
+
+/// What the bench's light meets, of a rig file that names a tensor or a sample.
+///
+/// # Errors
+/// In words; a scene has to be rendered before.
+pub fn scenery(plan: &BenchPlan, camera: [usize; 2], tensor: Option<&std::path::Path>) -> Result<Scenery, AssembleError> {
+    let path = match (&plan.scene, tensor) {
+        (Scene::Sample(mueller), _) => return Ok(Scenery::sample(*mueller, camera)),
+        (_, Some(path)) => path,
+        (Scene::Tensor(path), None) => path,
+        (Scene::Scene(path, _), None) => {
+            return Err(AssembleError(format!("{} is not rendered", path.display())));
+        }
+    };
+    Scenery::open(path, &plan.slice, plan.nm).map_err(AssembleError)
+}
+
+/// All instruments of a rig file; `world` is the bench of the simulated ones.
+///
+/// # Errors
+/// In words: a driver that this build or this machine does not have, an instrument that does not answer.
+pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleError> {
+    let clock = world.map_or_else(Clock::real, Shared::clock);
+    let mut rig = Rig::new(&plan.name, clock);
+    let bench = |name: &str| {
+        world.cloned().ok_or_else(|| {
+            AssembleError(format!("`{name}` is simulated, and the rig file has no [bench]; add one"))
+        })
+    };
+    let missing = |name: &str, driver: &Driver| {
+        Err(AssembleError(format!(
+            "`{name}`: driver {driver:?} does not drive this kind of instrument"
+        )))
+    };
+    for (name, file) in &plan.stages {
+        let device: Box<dyn crate::instrument::RotationStage> = match &file.driver {
+            Driver::Simulated => {
+                let stage = SimulatedStage::new(name, bench(name)?, file.limits(), file.backlash_deg);
+                Box::new(stage)
+            }
+            other => return missing(name, other),
+        };
+        rig.stages.insert(
+            name.clone(),
+            Stage {
+                device,
+                approach_deg: file.approach_deg,
+            },
+        );
+    }
+    match &plan.projector {
+        None => {}
+        Some((Driver::Simulated, limits)) => {
+            rig.projector = Some(Box::new(SimulatedProjector::new("projector", bench("projector")?, *limits)));
+        }
+        Some((other, _)) => return missing("projector", other),
+    }
+    match &plan.camera {
+        None => {}
+        Some((Driver::Simulated, limits)) => {
+            rig.camera = Some(Box::new(SimulatedCamera::new("camera", bench("camera")?, limits.clone())));
+        }
+        Some((other, _)) => return missing("camera", other),
+    }
+    match &plan.galvo {
+        None => {}
+        Some((Driver::Simulated, limits)) => {
+            rig.galvo = Some(Box::new(SimulatedScanner::new("galvo", bench("galvo")?, *limits)));
+        }
+        Some((other, _)) => return missing("galvo", other),
+    }
+    match &plan.laser {
+        None => {}
+        Some((Driver::Simulated, limits)) => {
+            rig.laser = Some(Box::new(SimulatedLaser::new("laser", bench("laser")?, *limits)));
+        }
+        Some((other, _)) => return missing("laser", other),
+    }
+    match &plan.counter {
+        None => {}
+        Some((Driver::Simulated, limits)) => {
+            rig.counter = Some(Box::new(SimulatedCounter::new("counter", bench("counter")?, *limits)));
+        }
+        Some((other, _)) => return missing("counter", other),
+    }
+    if let Some(world) = world {
+        let (frames, disk) = (world.clone(), world.clone());
+        rig.on_frame = Some(Box::new(move |n| frames.with(|w| w.frame = n)));
+        rig.disk_full = Some(Box::new(move || disk.disk_is_full()));
+    }
+    Ok(rig)
+}

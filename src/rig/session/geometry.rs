@@ -1,0 +1,189 @@
+//! How camera and projector see each other, as a rig file says it in OpenCV's terms, and what epipolar masks need of it.
+//!
+//! ```toml
+//! [geometry]
+//! rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]      # x' = R x + t, camera to projector; or rodrigues = [rx, ry, rz]
+//! translation = [0.2, 0, 0]
+//! camera = { matrix = [[800, 0, 320], [0, 800, 240], [0, 0, 1]], distortion = [-0.2, 0.1, 0, 0] }
+//! projector = { matrix = [[900, 0, 512], [0, 900, 384], [0, 0, 1]] }
+//! ```
+//!
+//! Matrices and distortions are OpenCV's: pixel centres at whole numbers, coefficients k1, k2, p1, p2[, k3[, k4, k5, k6[, s1…s4]]].
+
+use super::masks::Epipolar;
+use glam::DVec2;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use optics::distortion::Distortion;
+use optics::distortion::opencv::Opencv;
+use serde::Deserialize;
+
+/// `[geometry]` of a rig file.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GeometryFile {
+    rotation: Option<[[f64; 3]; 3]>,
+    rodrigues: Option<[f64; 3]>,
+    translation: [f64; 3],
+    camera: DeviceFile,
+    projector: DeviceFile,
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DeviceFile {
+    matrix: [[f64; 3]; 3],
+    #[serde(default)]
+    distortion: Vec<f64>,
+}
+
+/// A device with its lens.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lens {
+    matrix: Matrix3<f64>,
+    inverse: Matrix3<f64>,
+    distortion: Distortion,
+}
+
+impl Lens {
+    fn new(file: &DeviceFile, name: &str) -> Result<Self, String> {
+        let k = &file.distortion;
+        if ![0, 4, 5, 8, 12].contains(&k.len()) {
+            return Err(format!(
+                "`{name}.distortion` has {} numbers; give OpenCV's 4, 5, 8 or 12",
+                k.len()
+            ));
+        }
+        let matrix = Matrix3::from_fn(|i, j| file.matrix[i][j]);
+        let plain = matrix.iter().chain(&Vector3::from_fn(|i, _| k.get(i).copied().unwrap_or(0.0))).all(|v| v.is_finite());
+        let [_, _, last] = file.matrix;
+        let inverse = matrix.try_inverse();
+        let (true, Some(inverse), true) = (plain, inverse, last == [0.0, 0.0, 1.0]) else {
+            return Err(format!(
+                "`{name}.matrix` is no camera matrix; give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            ));
+        };
+        let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
+        let lens = Opencv {
+            k1: at(0),
+            k2: at(1),
+            p1: at(2),
+            p2: at(3),
+            k3: at(4),
+            k4: at(5),
+            k5: at(6),
+            k6: at(7),
+            s1: at(8),
+            s2: at(9),
+            s3: at(10),
+            s4: at(11),
+            ..Opencv::default()
+        };
+        Ok(Self {
+            matrix,
+            inverse,
+            distortion: lens.into(),
+        })
+    }
+
+    /// Pixels (of centres at + 0.5) as a lens without distortion would have them; where there are none, far outside.
+    #[must_use]
+    pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
+        let Some(p) = self.distortion.undistort(DVec2::new(q[0], q[1])) else {
+            return [f64::INFINITY; 2];
+        };
+        let p = self.matrix * Vector3::new(p.x, p.y, 1.0);
+        [p[0] + 0.5, p[1] + 0.5]
+    }
+}
+
+/// A checked geometry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Geometry {
+    /// F of ideal pixels whose centres are at + 0.5.
+    pub fundamental: Matrix3<f64>,
+    /// The camera.
+    pub camera: Lens,
+    /// The projector.
+    pub projector: Lens,
+}
+
+impl Geometry {
+    /// From what a rig file says.
+    ///
+    /// # Errors
+    /// What is wrong with it, and the mend, in words.
+    pub fn new(file: &GeometryFile) -> Result<Self, String> {
+        let camera = Lens::new(&file.camera, "camera")?;
+        let projector = Lens::new(&file.projector, "projector")?;
+        let r = match (file.rotation, file.rodrigues) {
+            (Some(rows), None) => Matrix3::from_fn(|i, j| rows[i][j]),
+            (None, Some(r)) => *Rotation3::new(Vector3::from(r)).matrix(),
+            _ => return Err("give either `rotation` or `rodrigues`".into()),
+        };
+        let t = Vector3::from(file.translation);
+        let orthogonal = (r.transpose() * r - Matrix3::identity()).amax() < 1e-3 && r.determinant() > 0.0;
+        if !orthogonal || !(t.norm() > 0.0 && t.norm().is_finite()) {
+            return Err("`rotation` is no rotation, or `translation` is zero; copy OpenCV's R and t".into());
+        }
+        // Of pixels whose centres are whole numbers; then half a pixel further.
+        let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;
+        let mut shift = Matrix3::identity();
+        (shift[(0, 2)], shift[(1, 2)]) = (-0.5, -0.5);
+        let f = shift.transpose() * f * shift;
+        Ok(Self {
+            fundamental: f / f.amax(),
+            camera,
+            projector,
+        })
+    }
+
+    /// What masks need, for the time of a call.
+    pub fn with<T>(&self, f: impl FnOnce(&Epipolar<'_>) -> T) -> T {
+        f(&Epipolar {
+            fundamental: self.fundamental,
+            camera: &|p| self.camera.ideal(p),
+            projector: &|p| self.projector.ideal(p),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(distortion: &str) -> GeometryFile {
+        let text = format!(
+            "rodrigues = [0.01, -0.1, 0.02]\ntranslation = [0.3, 0.02, 0.05]\n\
+             camera = {{ matrix = [[60, 0, 31.5], [0, 60, 23.5], [0, 0, 1]], distortion = {distortion} }}\n\
+             projector = {{ matrix = [[70, 0, 31.5], [0, 70, 23.5], [0, 0, 1]] }}"
+        );
+        toml::from_str(&text).expect("a geometry")
+    }
+
+    /// Points in space seen by both, through the distorted camera too: p'ᵀ F p = 0 of ideal pixels.
+    #[test]
+    fn points_lie_on_their_epipolar_lines() {
+        let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");
+        let r = *Rotation3::new(Vector3::new(0.01, -0.1, 0.02)).matrix();
+        for i in 0..50 {
+            let p = Vector3::new(f64::from(i % 7) / 10.0 - 0.3, f64::from(i % 5) / 10.0 - 0.2, 1.0 + f64::from(i) / 20.0);
+            let q = r * p + Vector3::new(0.3, 0.02, 0.05);
+            let seen = g.camera.distortion.distort(DVec2::new(p[0] / p[2], p[1] / p[2]));
+            let pixel = g.camera.matrix * Vector3::new(seen.x, seen.y, 1.0);
+            let [x, y] = g.camera.ideal([pixel[0] + 0.5, pixel[1] + 0.5]);
+            let partner = g.projector.matrix * (q / q[2]);
+            let line = g.fundamental * Vector3::new(x, y, 1.0);
+            let distance = Vector3::new(partner[0] + 0.5, partner[1] + 0.5, 1.0).dot(&line) / line[0].hypot(line[1]);
+            assert!(distance.abs() < 1e-9, "{distance}");
+        }
+    }
+
+    #[test]
+    fn faults_are_told() {
+        assert!(Geometry::new(&file("[1.0]")).expect_err("a fault").contains("OpenCV's 4, 5, 8 or 12"));
+        let mut none = file("[]");
+        none.translation = [0.0; 3];
+        assert!(Geometry::new(&none).is_err());
+    }
+}

@@ -1,0 +1,291 @@
+//! From raw frames to intensities: what a sensor's numbers say of the light, mask by mask, and where its elements stood.
+
+use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::estimate::Estimate;
+use polarimetry::capture::detector::polarizer_array::{Method, demosaic, demosaic_variance};
+use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::scheme::Scheme;
+use polarimetry::capture::scheme_file;
+use polarimetry::capture::simulate::Layout;
+use rayon::prelude::*;
+use serde_json::Value;
+use std::path::Path;
+use store::zarr::frames::FrameStore;
+
+/// Why a run's frames say nothing.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct ImageError(pub String);
+
+/// A run that is read.
+pub struct Run {
+    store: FrameStore,
+    /// The plan's scheme, its elements where their stages' encoders said that they stood.
+    pub scheme: Scheme,
+    /// Wavelength, nanometres.
+    pub nm: f64,
+    /// Names of the masks; one, `scan`, of scan points.
+    pub masks: Vec<String>,
+    /// Horizontal field of view of a scan, radians.
+    pub fov_x: Option<f64>,
+    work: Value,
+    detector: Value,
+}
+
+/// Intensities of all captures through one mask.
+pub struct Intensities {
+    /// In the unit of the tensor: measurement by measurement, each for all pixels; NaN where nothing was read or all is
+    /// saturated.
+    pub values: Vec<f32>,
+    /// Their variances, infinite where there is none.
+    pub variances: Vec<f32>,
+    /// Rows, columns, time bins.
+    pub layout: Layout,
+    /// Begin and width of the time bins, ps.
+    pub time: Option<(f64, f64)>,
+}
+
+impl Run {
+    /// Opens a finished run. `scheme` is what calibration made of the plan's scheme, whose angles are then not used but
+    /// those that were read.
+    ///
+    /// # Errors
+    /// [`ImageError`]: no run, not finished, damaged; a scheme of other elements.
+    pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
+        let store = FrameStore::open(path).map_err(|e| ImageError(e.to_string()))?;
+        let damaged = |what: &str| ImageError(format!("{}: its attribute `{what}` is damaged", path.display()));
+        let attribute = |name: &str| store.attributes().get(name).cloned().ok_or_else(|| damaged(name));
+        let text = attribute("scheme")?;
+        let planned = scheme_file::from_toml(path, text.as_str().ok_or_else(|| damaged("scheme"))?)
+            .map_err(|e| ImageError(e.to_string()))?;
+        let given = scheme.unwrap_or(&planned);
+        let names = |s: &Scheme| -> Vec<String> {
+            s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
+        };
+        if names(given) != names(&planned) || given.sensor.channels() != planned.sensor.channels() {
+            return Err(ImageError(format!(
+                "the scheme has the elements {:?}, the run {:?}; calibrate the scheme that the run was made with",
+                names(given),
+                names(&planned)
+            )));
+        }
+        let scheme = stood(&store, given, &planned).map_err(|e| ImageError(format!("{}: {e}", path.display())))?;
+        let work = attribute("work")?;
+        let masks = match work["masks"].as_array() {
+            Some(list) => list.iter().filter_map(|m| Some(m["name"].as_str()?.to_owned())).collect(),
+            None => vec!["scan".to_owned()],
+        };
+        Ok(Self {
+            nm: attribute("wavelength_nm")?.as_f64().ok_or_else(|| damaged("wavelength_nm"))?,
+            detector: attribute("detector")?,
+            fov_x: work["fov_x_deg"].as_f64().map(f64::to_radians),
+            work,
+            masks,
+            scheme,
+            store,
+        })
+    }
+
+    /// Intensities through a mask. Where the run has a dark mask, it is subtracted.
+    ///
+    /// # Errors
+    /// [`ImageError`]: no such mask, damaged frames.
+    pub fn intensities(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
+        if self.work["kind"] == "scan" {
+            return self.scan();
+        }
+        let mut found = self.camera(mask, method)?;
+        if mask != "dark" && self.masks.iter().any(|m| m == "dark") {
+            let dark = self.camera("dark", method)?;
+            for (v, d) in found.values.iter_mut().zip(&dark.values) {
+                *v -= d;
+            }
+            for (v, d) in found.variances.iter_mut().zip(&dark.variances) {
+                *v += d;
+            }
+        }
+        Ok(found)
+    }
+
+    fn damaged(&self, what: &str) -> ImageError {
+        ImageError(format!("{}: {what} is damaged", self.store.path().display()))
+    }
+
+    fn camera(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
+        let layout = self.store.layout();
+        let shape: Vec<usize> = layout.shape().into_iter().map(|n| n as usize).collect();
+        let [captures, shots, exposures, height, width] = shape[..] else {
+            return Err(self.damaged("the frames' shape"));
+        };
+        let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
+        let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
+            ImageError(format!("no mask is called `{mask}`; the run has {}", self.masks.join(", ")))
+        })?;
+        let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;
+        let count = entry["shots"].as_u64().unwrap_or(0) as usize;
+        let map = self
+            .store
+            .read_map(&format!("shot_of_{mask}"))
+            .map_err(|e| ImageError(e.to_string()))?
+            .ok_or_else(|| self.damaged("the mask's map"))?;
+        let shot_of: Vec<Option<usize>> = map
+            .iter()
+            .map(|s| (*s >= 0.0 && (*s as usize) < count).then_some(*s as usize))
+            .collect();
+        if first.saturating_add(count) > shots || shot_of.len() != height * width {
+            return Err(self.damaged("`masks`"));
+        }
+        let mut cmos: Cmos = serde_json::from_value(self.detector["cmos"].clone())
+            .map_err(|e| ImageError(format!("{}: {e}", self.store.path().display())))?;
+        let times = &layout.axes[2].coords;
+        if times.iter().any(|t| !(*t > 0.0 && t.is_finite())) {
+            return Err(self.damaged("`exposure`"));
+        }
+        let bits = match self.work["format"].as_str() {
+            Some("Mono8") => 8,
+            Some("Mono10p") => 10,
+            Some("Mono12p") => 12,
+            _ => 16,
+        };
+        cmos.bit_depth = cmos.bit_depth.min(bits);
+        let full = ((1_u64 << cmos.bit_depth) - 1) as f64;
+        let gain = 10_f64.powf(self.work["gain_db"].as_f64().unwrap_or(0.0) / 20.0);
+        cmos.gain_e_per_dn = Some(cmos.gain_e_per_dn.unwrap_or(cmos.full_well_e / full) / gain);
+        cmos.exposure_s = times[0];
+        cmos.bracket = times.iter().map(|t| t / times[0]).collect();
+        cmos.binning = 1;
+        cmos.check().map_err(|e| ImageError(e.to_string()))?;
+        let pixels = height * width;
+        let channels = self.scheme.sensor.channels();
+        let one = |k: usize| -> Result<Vec<[Vec<f64>; 2]>, ImageError> {
+            let mut frames: Vec<Vec<u32>> = vec![];
+            for shot in first..first + count {
+                for e in 0..exposures {
+                    let n = (k * shots + shot) * exposures + e;
+                    frames.push(self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?);
+                }
+            }
+            let estimate = |p: usize| {
+                let Some(shot) = shot_of[p] else {
+                    return Estimate::UNKNOWN;
+                };
+                let of = |e: usize| cmos.estimate(frames[shot * exposures + e][p], self.nm, cmos.bracket[e]);
+                if exposures == 1 {
+                    of(0)
+                } else {
+                    cmos.combine(&(0..exposures).map(of).collect::<Vec<_>>(), self.nm)
+                }
+            };
+            let all: Vec<Estimate> = (0..pixels).map(estimate).collect();
+            let known = |e: &Estimate| !e.saturated && e.radiance.is_finite();
+            let values = all.iter().map(|e| if known(e) { e.radiance } else { f64::NAN }).collect();
+            let variances = all.iter().map(|e| if known(e) { e.variance } else { f64::INFINITY }).collect();
+            if channels == 1 {
+                return Ok(vec![[values, variances]]);
+            }
+            let failed = |e: polarimetry::capture::detector::error::DetectorError| ImageError(e.to_string());
+            let images = demosaic(&values, width, height, method).map_err(failed)?;
+            let spread = demosaic_variance(&variances, width, height, method).map_err(failed)?;
+            let pairs = images.images.into_iter().zip(spread.images);
+            Ok(pairs.map(|(v, s)| [v, s]).collect())
+        };
+        let captured: Vec<Vec<[Vec<f64>; 2]>> = (0..captures).into_par_iter().map(one).collect::<Result<_, _>>()?;
+        let halved = channels == 4 && method == Method::Superpixel;
+        let side = if halved { 2 } else { 1 };
+        let mut out = Intensities {
+            values: vec![],
+            variances: vec![],
+            layout: Layout {
+                height: height / side,
+                width: width / side,
+                times: 1,
+                lanes: 1,
+            },
+            time: None,
+        };
+        for [values, variances] in captured.into_iter().flatten() {
+            out.values.extend(values.into_iter().map(|v| v as f32));
+            out.variances
+                .extend(variances.into_iter().map(|v| if v.is_nan() { f32::INFINITY } else { v as f32 }));
+        }
+        Ok(out)
+    }
+
+    fn scan(&self) -> Result<Intensities, ImageError> {
+        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
+        let [captures, height, width, bins] = shape[..] else {
+            return Err(self.damaged("the frames' shape"));
+        };
+        let mut spad: Spad = serde_json::from_value(self.detector["spad"].clone())
+            .map_err(|e| ImageError(format!("{}: {e}", self.store.path().display())))?;
+        let number = |name: &str| self.work[name].as_f64().ok_or_else(|| self.damaged(name));
+        let (bin_ps, offset_ps) = (number("bin_ps")?, number("offset_ps")?);
+        spad.bin_ps = bin_ps;
+        spad.bins = bins;
+        spad.period_ps = (spad.period_ps / bin_ps).round().max(bins as f64) * bin_ps;
+        let pulses = self
+            .store
+            .read_column("pulses")
+            .map_err(|e| ImageError(e.to_string()))?
+            .ok_or_else(|| self.damaged("`pulses`"))?;
+        let row = |n: usize| -> Result<Vec<[f32; 2]>, ImageError> {
+            let counts = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
+            let mut out = Vec::with_capacity(width * bins);
+            for (x, counts) in counts.chunks_exact(bins).enumerate() {
+                let mut diode = spad.clone();
+                diode.pulses = pulses[n * width + x].max(1.0) as u64;
+                // What is beyond the counter's window was not read, and has no part in what comes before it.
+                let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
+                period.resize(diode.period_bins(), 0);
+                let found = diode.estimate(&period, self.nm).map_err(|e| ImageError(e.to_string()))?;
+                out.extend(found.iter().map(|e| {
+                    let v = if e.saturated { f64::NAN } else { e.radiance };
+                    [v as f32, e.variance as f32]
+                }));
+            }
+            Ok(out)
+        };
+        let rows: Vec<Vec<[f32; 2]>> = (0..captures * height).into_par_iter().map(row).collect::<Result<_, _>>()?;
+        let all = || rows.iter().flatten();
+        Ok(Intensities {
+            values: all().map(|p| p[0]).collect(),
+            variances: all().map(|p| p[1]).collect(),
+            layout: Layout {
+                height,
+                width,
+                times: bins,
+                lanes: 1,
+            },
+            time: Some((offset_ps, bin_ps)),
+        })
+    }
+}
+
+/// The elements of `given`, each where its stage's encoder said that it stood: the mean over the frames of a capture.
+fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme, String> {
+    let captures = planned.captures();
+    let frames = store.layout().frames();
+    let per = frames / captures.max(1);
+    if per * captures != frames {
+        return Err("its frames are not those of its scheme".into());
+    }
+    let mut out = given.clone();
+    let names: Vec<String> = given.generator().iter().chain(given.analyzer()).map(|e| e.name.clone()).collect();
+    for name in names {
+        let read = store.read_column(&format!("angle_{name}")).map_err(|e| e.to_string())?;
+        let element = planned.generator().iter().chain(planned.analyzer()).find(|e| e.name == name);
+        let angles: Vec<f64> = match (read, element) {
+            (Some(angles), _) => angles
+                .chunks_exact(per)
+                .map(|a| (a.iter().sum::<f64>() / per as f64).to_radians())
+                .collect(),
+            (None, Some(element)) => (0..captures).map(|k| element.set_at(k).angle).collect(),
+            (None, None) => continue,
+        };
+        if angles.iter().any(|a| !a.is_finite()) {
+            return Err(format!("an angle of `{name}` is no number"));
+        }
+        out = out.turned(&name, &angles).map_err(|e| e.to_string())?;
+    }
+    Ok(out)
+}

@@ -1,0 +1,550 @@
+//! Rig files: which instruments there are, by which drivers, and of simulated ones the bench that they share.
+//!
+//! ```toml
+//! name = "simulated"
+//! [stages.retarder_2]                # the name of the element that it carries
+//! driver = "simulated"               # or "apt", with `port` and `model`
+//! backlash_deg = 0.05
+//! [projector]
+//! driver = "simulated"
+//! size = [32, 32]
+//! [camera]
+//! driver = "simulated"
+//! size = [64, 64]
+//! [detector.cmos]                    # the sensor as it is believed to be: what readings are made light with
+//! photons_per_unit = 1e6
+//! [bench]                            # of simulated instruments
+//! tensor = "spatial.zarr"            # or scene = "…/scene.toml", which is rendered first
+//! slice = "spatial"
+//! wavelength_nm = 550
+//! optics = "optics.toml"             # a scheme file with the elements as they are in truth
+//! ```
+
+use super::geometry::{Geometry, GeometryFile};
+use crate::instrument::{CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits, StageLimits};
+use crate::simulated::faults::FaultAt;
+use base::document;
+use base::locate::{InputError, Located};
+use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::scheme::Scheme;
+use polarimetry::capture::scheme_file;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How an instrument is spoken to.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Driver {
+    /// The simulated bench.
+    #[default]
+    Simulated,
+    /// Thorlabs' APT protocol over a serial port.
+    Apt,
+    /// TI's DLPC350 over HID.
+    Dlpc350,
+    /// SCPI over TCP.
+    Scpi,
+    /// A vendor's library, loaded when it is needed.
+    Vendor,
+}
+
+/// A stage of a rig file.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StageFile {
+    /// Its driver.
+    #[serde(default)]
+    pub driver: Driver,
+    /// Serial port, of `apt`.
+    pub port: Option<String>,
+    /// Model, of `apt`.
+    pub model: Option<String>,
+    /// Overshoot with which it comes to its goals from below, degrees.
+    #[serde(default = "half")]
+    pub approach_deg: f64,
+    /// Play of a simulated one, degrees.
+    #[serde(default)]
+    pub backlash_deg: f64,
+    /// Speed of a simulated one, degrees a second.
+    #[serde(default = "twenty_five")]
+    pub velocity: f64,
+    /// Acceleration of a simulated one, degrees a second squared.
+    #[serde(default = "twenty_five")]
+    pub acceleration: f64,
+    /// Encoder's step of a simulated one, degrees.
+    #[serde(default = "encoder")]
+    pub resolution_deg: f64,
+}
+
+fn half() -> f64 {
+    0.5
+}
+fn twenty_five() -> f64 {
+    25.0
+}
+/// Of Thorlabs' PRM1-Z8: 1919.64 counts a degree.
+fn encoder() -> f64 {
+    1.0 / 1919.641_857_862_339_1
+}
+
+impl StageFile {
+    /// Limits of a simulated one.
+    #[must_use]
+    pub fn limits(&self) -> StageLimits {
+        StageLimits {
+            range_deg: [-720.0, 720.0],
+            velocity: self.velocity,
+            acceleration: self.acceleration,
+            resolution_deg: self.resolution_deg,
+        }
+    }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProjectorFile {
+    #[serde(default)]
+    driver: Driver,
+    size: [u32; 2],
+    #[serde(default = "one")]
+    bits: u8,
+    #[serde(default = "many")]
+    patterns: usize,
+    #[serde(default = "quarter")]
+    shortest_ms: f64,
+}
+
+fn one() -> u8 {
+    1
+}
+fn many() -> usize {
+    4096
+}
+fn quarter() -> f64 {
+    0.235
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFile {
+    #[serde(default)]
+    driver: Driver,
+    size: [u32; 2],
+    #[serde(default = "unit_step")]
+    step: [u32; 2],
+    #[serde(default = "row_time")]
+    row_time_us: f64,
+}
+
+fn unit_step() -> [u32; 2] {
+    [1, 1]
+}
+fn row_time() -> f64 {
+    10.0
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GalvoFile {
+    #[serde(default)]
+    driver: Driver,
+    #[serde(default = "galvo_range")]
+    range_deg: [f64; 2],
+    #[serde(default = "settle")]
+    settle_us: f64,
+}
+
+fn galvo_range() -> [f64; 2] {
+    [20.0; 2]
+}
+fn settle() -> f64 {
+    300.0
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LaserFile {
+    #[serde(default)]
+    driver: Driver,
+    nm: f64,
+    #[serde(default = "rates")]
+    rate_hz: [f64; 2],
+}
+
+fn rates() -> [f64; 2] {
+    [1e5, 8e7]
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CounterFile {
+    #[serde(default)]
+    driver: Driver,
+    #[serde(default = "counter_bins")]
+    bins: usize,
+    #[serde(default = "finest")]
+    finest_ps: f64,
+}
+
+fn counter_bins() -> usize {
+    32_768
+}
+fn finest() -> f64 {
+    25.0
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DetectorFile {
+    cmos: Option<Cmos>,
+    spad: Option<Spad>,
+}
+
+/// What a simulated bench's light meets.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Scene {
+    /// A finished store.
+    Tensor(PathBuf),
+    /// A scene that is rendered first: file, samples a pixel.
+    Scene(PathBuf, Option<u32>),
+    /// A plain sample.
+    Sample([f32; 16]),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum SampleFile {
+    Named(String),
+    Matrix([[f32; 4]; 4]),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BenchFile {
+    tensor: Option<PathBuf>,
+    scene: Option<PathBuf>,
+    spp: Option<u32>,
+    sample: Option<SampleFile>,
+    #[serde(default = "spatial")]
+    slice: String,
+    wavelength_nm: f64,
+    optics: Option<PathBuf>,
+    camera_fov_deg: Option<f64>,
+    projector_fov_deg: Option<f64>,
+    #[serde(default)]
+    seed: u64,
+    #[serde(default)]
+    real_time: bool,
+    cmos: Option<Cmos>,
+    spad: Option<Spad>,
+    #[serde(default)]
+    faults: Vec<FaultAt>,
+}
+
+fn spatial() -> String {
+    "spatial".into()
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RigFile {
+    name: Option<String>,
+    wavelength_nm: Option<f64>,
+    #[serde(default)]
+    stages: BTreeMap<String, Located<StageFile>>,
+    projector: Option<Located<ProjectorFile>>,
+    camera: Option<Located<CameraFile>>,
+    galvo: Option<Located<GalvoFile>>,
+    laser: Option<Located<LaserFile>>,
+    counter: Option<Located<CounterFile>>,
+    #[serde(default)]
+    detector: DetectorFile,
+    geometry: Option<Located<GeometryFile>>,
+    bench: Option<Located<BenchFile>>,
+}
+
+/// A checked bench.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BenchPlan {
+    /// What the light meets.
+    pub scene: Scene,
+    /// The slice that is played.
+    pub slice: String,
+    /// Wavelength, nanometres.
+    pub nm: f64,
+    /// Elements in truth; those of the plan's scheme where none are given.
+    pub optics: Option<Scheme>,
+    /// Horizontal field of view of camera (or scan) and projector, degrees, where rays are not all along the axis.
+    pub fov_deg: [Option<f64>; 2],
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Time passes as on the wall.
+    pub real_time: bool,
+    /// The camera in truth.
+    pub cmos: Cmos,
+    /// The diode in truth.
+    pub spad: Spad,
+    /// Mishaps.
+    pub faults: Vec<FaultAt>,
+}
+
+/// A checked rig file.
+#[derive(Clone, Debug)]
+pub struct RigPlan {
+    /// Its name.
+    pub name: String,
+    /// Stages by the elements that they carry.
+    pub stages: BTreeMap<String, StageFile>,
+    /// Driver and limits of the projector.
+    pub projector: Option<(Driver, ProjectorLimits)>,
+    /// Of the camera.
+    pub camera: Option<(Driver, CameraLimits)>,
+    /// Of the galvo.
+    pub galvo: Option<(Driver, GalvoLimits)>,
+    /// Of the laser.
+    pub laser: Option<(Driver, LaserLimits)>,
+    /// Of the counter.
+    pub counter: Option<(Driver, CounterLimits)>,
+    /// Wavelength of its light, nanometres.
+    pub wavelength_nm: f64,
+    /// The camera as it is believed to be.
+    pub cmos: Cmos,
+    /// The diode as it is believed to be.
+    pub spad: Spad,
+    /// Camera and projector.
+    pub geometry: Option<Geometry>,
+    /// The simulated bench.
+    pub bench: Option<BenchPlan>,
+}
+
+/// Reads a rig file.
+///
+/// # Errors
+/// [`InputError`] naming file, place and mend.
+pub fn load(path: &Path) -> Result<RigPlan, InputError> {
+    let text = document::read(path, "rig", "copy rigs/spatio_polarimetric/rig.toml and change it")?;
+    from_toml(path, &text)
+}
+
+/// A rig from TOML text; other files are looked for beside `path`.
+///
+/// # Errors
+/// As [`load`].
+pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
+    let file: RigFile = document::parse(path, text, |_| {
+        "a rig has [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], \
+         [geometry], [bench]"
+            .to_owned()
+    })?;
+    let fault = |span: Range<usize>, message: String, help: &str| InputError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: Some(span),
+        message,
+        help: Some(help.to_owned()),
+    };
+    for (name, stage) in &file.stages {
+        let speeds = [stage.velocity, stage.acceleration, stage.resolution_deg];
+        let rest = [stage.approach_deg, stage.backlash_deg];
+        let good = speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
+        if !good {
+            return Err(fault(
+                stage.span(),
+                format!("stage `{name}` has a number that no stage has"),
+                "give positive speeds and a step, and 0 to 90 degrees of approach and backlash",
+            ));
+        }
+        if stage.driver == Driver::Apt && stage.port.is_none() {
+            return Err(fault(
+                stage.span(),
+                format!("stage `{name}` has no port"),
+                "add port = \"/dev/ttyUSB0\", or COM3 of Windows",
+            ));
+        }
+    }
+    let pixels = |size: [u32; 2]| size.iter().all(|n| (1..=65_536).contains(n));
+    let milliseconds = |ms: f64| Duration::try_from_secs_f64(ms / 1e3).ok().filter(|_| ms < 1e6);
+    let projector = match &file.projector {
+        None => None,
+        Some(p) => {
+            let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
+            let shortest = milliseconds(p.shortest_ms).filter(|_| pixels(p.size) && (1..=8).contains(&p.bits));
+            let shortest = shortest.ok_or_else(|| fault(p.span(), "no projector is like that".into(), help))?;
+            Some((
+                p.driver.clone(),
+                ProjectorLimits {
+                    size: p.size,
+                    patterns: p.patterns,
+                    bits: p.bits,
+                    shortest,
+                },
+            ))
+        }
+    };
+    let camera = match &file.camera {
+        None => None,
+        Some(c) => {
+            let help = "give size = [columns, rows], step of regions, row_time_us";
+            let row_time = milliseconds(c.row_time_us / 1e3).filter(|_| pixels(c.size) && pixels(c.step));
+            let row_time = row_time.ok_or_else(|| fault(c.span(), "no camera is like that".into(), help))?;
+            Some((
+                c.driver.clone(),
+                CameraLimits {
+                    size: c.size,
+                    step: c.step,
+                    exposure: [Duration::from_micros(1), Duration::from_secs(3600)],
+                    gain_db: [0.0, 48.0],
+                    formats: vec![
+                        PixelFormat::Mono8,
+                        PixelFormat::Mono10p,
+                        PixelFormat::Mono12p,
+                        PixelFormat::Mono16,
+                    ],
+                    row_time,
+                },
+            ))
+        }
+    };
+    let galvo = match &file.galvo {
+        None => None,
+        Some(g) => {
+            let help = "give range_deg = [x, y] up to 60 and settle_us";
+            let good = g.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
+            let settle = milliseconds(g.settle_us / 1e3).filter(|_| good);
+            let settle = settle.ok_or_else(|| fault(g.span(), "no scanner is like that".into(), help))?;
+            Some((
+                g.driver.clone(),
+                GalvoLimits {
+                    range_deg: g.range_deg,
+                    // 16 bits over ±10 V of 0.8 V a mechanical degree.
+                    resolution_deg: 2.0 * 20.0 / 65_536.0 / 0.8,
+                    settle,
+                },
+            ))
+        }
+    };
+    let laser = match &file.laser {
+        None => None,
+        Some(l) => {
+            let good = l.nm > 100.0 && l.nm < 1e5 && l.rate_hz[0] > 0.0 && l.rate_hz[1] >= l.rate_hz[0];
+            if !good {
+                let help = "give nm and rate_hz = [least, greatest]";
+                return Err(fault(l.span(), "no laser is like that".into(), help));
+            }
+            let limits = LaserLimits {
+                nm: l.nm,
+                rate_hz: l.rate_hz,
+            };
+            Some((l.driver.clone(), limits))
+        }
+    };
+    let counter = match &file.counter {
+        None => None,
+        Some(c) => {
+            if !(1..=1 << 20).contains(&c.bins) || !(c.finest_ps > 0.0 && c.finest_ps < 1e9) {
+                let help = "give bins up to 1048576 and finest_ps";
+                return Err(fault(c.span(), "no counter is like that".into(), help));
+            }
+            let limits = CounterLimits {
+                bins: c.bins,
+                finest_ps: c.finest_ps,
+                longest: Duration::from_secs(3600),
+                full: u64::from(u32::MAX),
+            };
+            Some((c.driver.clone(), limits))
+        }
+    };
+    let cmos = file.detector.cmos.clone().unwrap_or_default();
+    let spad = file.detector.spad.clone().unwrap_or_default();
+    let detector = cmos.check().map_err(|e| e.to_string());
+    detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "mend it, or leave it out"))?;
+    let geometry = match &file.geometry {
+        None => None,
+        Some(g) => Some(Geometry::new(g).map_err(|e| fault(g.span(), e, "see the head of a shipped rig file"))?),
+    };
+    let bench = match &file.bench {
+        None => None,
+        Some(b) => Some(bench(path, b, &cmos, &spad, &fault)?),
+    };
+    let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
+    let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
+    if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
+        return Err(fault(0..0, "`wavelength_nm` is no wavelength".into(), "give nanometres"));
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(RigPlan {
+        name: file.name.unwrap_or_else(|| stem.into_owned()),
+        stages: file.stages.into_iter().map(|(n, s)| (n, (*s).clone())).collect(),
+        projector,
+        camera,
+        galvo,
+        laser,
+        counter,
+        wavelength_nm,
+        cmos,
+        spad,
+        geometry,
+        bench,
+    })
+}
+
+fn bench(
+    path: &Path,
+    file: &Located<BenchFile>,
+    cmos: &Cmos,
+    spad: &Spad,
+    fault: &dyn Fn(Range<usize>, String, &str) -> InputError,
+) -> Result<BenchPlan, InputError> {
+    let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
+    let scene = match (&file.tensor, &file.scene, &file.sample) {
+        (Some(tensor), None, None) => Scene::Tensor(beside(tensor)),
+        (None, Some(scene), None) => Scene::Scene(beside(scene), file.spp),
+        (None, None, Some(sample)) => Scene::Sample(match sample {
+            SampleFile::Matrix(rows) => std::array::from_fn(|i| rows[i / 4][i % 4]),
+            SampleFile::Named(name) => {
+                // Of a mirror that loses nothing handedness and ±45° are exchanged.
+                let sign = match name.as_str() {
+                    "air" => 1.0,
+                    "mirror" => -1.0,
+                    _ => {
+                        let help = "give \"air\", \"mirror\", or a matrix of four rows";
+                        return Err(fault(file.span(), format!("no sample is called `{name}`"), help));
+                    }
+                };
+                let diagonal = [1.0, 1.0, sign, sign];
+                std::array::from_fn(|i| if i % 5 == 0 { diagonal[i / 5] } else { 0.0 })
+            }
+        }),
+        _ => {
+            let help = "give one of `tensor`, `scene` and `sample`";
+            return Err(fault(file.span(), "the bench's light meets nothing, or two things".into(), help));
+        }
+    };
+    for fov in [file.camera_fov_deg, file.projector_fov_deg].into_iter().flatten() {
+        if !(fov > 0.0 && fov < 170.0) {
+            return Err(fault(file.span(), format!("a field of view of {fov}°"), "give degrees, up to 170"));
+        }
+    }
+    if !(file.wavelength_nm > 100.0 && file.wavelength_nm < 1e5) {
+        return Err(fault(file.span(), "`wavelength_nm` is no wavelength".into(), "give nanometres"));
+    }
+    let truth = file.cmos.clone().unwrap_or_else(|| cmos.clone());
+    let check = truth.check().map_err(|e| e.to_string());
+    check.map_err(|e| fault(file.span(), format!("[bench.cmos]: {e}"), "mend it, or leave it out"))?;
+    Ok(BenchPlan {
+        scene,
+        slice: file.slice.clone(),
+        nm: file.wavelength_nm,
+        optics: file.optics.as_ref().map(|p| scheme_file::load(&beside(p))).transpose()?,
+        fov_deg: [file.camera_fov_deg, file.projector_fov_deg],
+        seed: file.seed,
+        real_time: file.real_time,
+        cmos: truth,
+        spad: file.spad.clone().unwrap_or_else(|| spad.clone()),
+        faults: file.faults.clone(),
+    })
+}

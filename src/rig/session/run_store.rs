@@ -1,0 +1,184 @@
+//! The store of a run: raw frames over named axes, and all that is needed to make Mueller matrices of them.
+
+use super::plan::Work;
+use super::rig_file::RigPlan;
+use super::steps::Steps;
+use polarimetry::capture::scheme_file;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+use store::zarr::frames::{FrameAxis, FrameLayout, FrameNumber, FrameStore};
+use store::zarr::{CreateError, OpenError};
+
+/// Why a run's store cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum RunStoreError {
+    /// It cannot be made.
+    #[error(transparent)]
+    Create(#[from] CreateError),
+    /// It cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// It is of another run.
+    #[error("{path}: it was begun with another plan, scheme or rig ({what} is not the same); resume it with those, or choose another `-o`")]
+    Other {
+        /// The store.
+        path: String,
+        /// What differs.
+        what: String,
+    },
+    /// Nothing is left to do.
+    #[error("{path}: it is finished; `sunstone reconstruct` makes Mueller matrices of it")]
+    Finished {
+        /// The store.
+        path: String,
+    },
+}
+
+fn indices(name: &str, n: u64) -> FrameAxis {
+    FrameAxis {
+        name: name.into(),
+        units: "1".into(),
+        coords: (0..n).map(|i| i as f64).collect(),
+    }
+}
+
+/// The layout of a plan's frames.
+#[must_use]
+pub fn layout(steps: &Steps) -> FrameLayout {
+    let [captures, second, third] = steps.plan.run_shape();
+    match &steps.plan.work {
+        Work::Camera(work) => {
+            let exposures = work.exposures.iter().map(std::time::Duration::as_secs_f64).collect();
+            let exposure = FrameAxis {
+                name: "exposure".into(),
+                units: "s".into(),
+                coords: exposures,
+            };
+            let [width, height] = steps.frame_size.map(u64::from);
+            FrameLayout {
+                axes: vec![
+                    indices("capture", captures),
+                    indices("shot", second),
+                    exposure,
+                    indices("y", height),
+                    indices("x", width),
+                ],
+                run_axes: 3,
+                gathered: false,
+                number: FrameNumber::U16,
+            }
+        }
+        Work::Scan(work) => {
+            let centre = |i: u32| work.offset_ps + (f64::from(i) + 0.5) * work.bin_ps;
+            let t = FrameAxis {
+                name: "t".into(),
+                units: "ps".into(),
+                coords: (0..work.bins).map(centre).collect(),
+            };
+            FrameLayout {
+                axes: vec![indices("capture", captures), indices("y", second), indices("x", third), t],
+                run_axes: 3,
+                gathered: true,
+                number: FrameNumber::U32,
+            }
+        }
+    }
+}
+
+/// What stands in the store beside the frames.
+#[must_use]
+pub fn attributes(steps: &Steps, rig: &RigPlan) -> Map<String, Value> {
+    let mut first = 0;
+    let masks: Vec<Value> = steps
+        .masks
+        .iter()
+        .map(|m| {
+            let value = json!({"name": m.name, "first": first, "shots": m.shots.len()});
+            first += m.shots.len();
+            value
+        })
+        .collect();
+    let work = match &steps.plan.work {
+        Work::Camera(work) => json!({
+            "kind": "camera",
+            "masks": masks,
+            "regions": steps.shots.iter().map(|(_, r)| [r.x, r.y, r.width, r.height]).collect::<Vec<_>>(),
+            "gain_db": work.gain_db,
+            "format": work.format.name(),
+        }),
+        Work::Scan(work) => json!({
+            "kind": "scan",
+            "fov_x_deg": work.fov_x_deg,
+            "dwell_s": work.dwell.as_secs_f64(),
+            "bin_ps": work.bin_ps,
+            "offset_ps": work.offset_ps,
+            "rate_hz": work.rate_hz,
+        }),
+    };
+    let detector = match &steps.plan.work {
+        Work::Camera(_) => json!({"cmos": rig.cmos}),
+        Work::Scan(_) => json!({"spad": rig.spad}),
+    };
+    let mut all = Map::new();
+    all.insert("kind".into(), json!("frames"));
+    all.insert("program".into(), json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))));
+    all.insert("name".into(), json!(steps.plan.name));
+    all.insert("plan".into(), json!(steps.plan.text));
+    // Of finite numbers, which TOML can write.
+    let scheme = scheme_file::to_toml(&steps.plan.scheme).unwrap_or_default();
+    all.insert("scheme".into(), json!(scheme));
+    all.insert("rig".into(), json!(rig.name));
+    all.insert("stages".into(), json!(steps.stage_names));
+    all.insert("wavelength_nm".into(), json!(rig.wavelength_nm));
+    all.insert("detector".into(), detector);
+    all.insert("work".into(), work);
+    all
+}
+
+/// Makes the store of a new run.
+///
+/// # Errors
+/// [`RunStoreError`].
+pub fn create(path: &Path, steps: &Steps, rig: &RigPlan, force: bool) -> Result<FrameStore, RunStoreError> {
+    let store = FrameStore::create(path, layout(steps), &attributes(steps, rig), force)?;
+    for mask in &steps.masks {
+        let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
+        let values: Vec<f64> = mask.shot_of.iter().map(of).collect();
+        store.write_map(&format!("shot_of_{}", mask.name), "1", &values)?;
+    }
+    Ok(store)
+}
+
+/// Opens the store of a run that was begun with the same plan and rig.
+///
+/// # Errors
+/// [`RunStoreError`].
+pub fn resume(path: &Path, steps: &Steps, rig: &RigPlan) -> Result<FrameStore, RunStoreError> {
+    let store = FrameStore::open_for_write(path)?;
+    let shown = path.display().to_string();
+    if store.is_finished() {
+        return Err(RunStoreError::Finished { path: shown });
+    }
+    // As they are once they were written and read.
+    let wanted = Value::Object(attributes(steps, rig));
+    let wanted: Value = serde_json::from_str(&wanted.to_string()).unwrap_or(wanted);
+    let found = store.attributes();
+    let differs = wanted
+        .as_object()
+        .into_iter()
+        .flatten()
+        .find(|(name, value)| found.get(*name) != Some(*value));
+    if let Some((name, _)) = differs {
+        return Err(RunStoreError::Other {
+            path: shown,
+            what: name.clone(),
+        });
+    }
+    if *store.layout() != layout(steps) {
+        return Err(RunStoreError::Other {
+            path: shown,
+            what: "the frames' shape".into(),
+        });
+    }
+    Ok(store)
+}
