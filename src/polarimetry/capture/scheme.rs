@@ -273,6 +273,25 @@ impl Scheme {
         out
     }
 
+    /// Changes an element but for its settings, which stay: its imperfections.
+    pub fn imperfect(&mut self, side: Side, element: usize, change: impl FnOnce(&mut Element)) {
+        let elements = match side {
+            Side::Generator => &mut self.generator,
+            Side::Analyzer => &mut self.analyzer,
+        };
+        if let Some(e) = elements.get_mut(element) {
+            let mut new = e.clone();
+            change(&mut new);
+            new.angle.clone_from(&e.angle);
+            if let (ElementKind::Retarder { retardance: new, .. }, ElementKind::Retarder { retardance, .. }) =
+                (&mut new.kind, &e.kind)
+            {
+                new.clone_from(retardance);
+            }
+            *e = new;
+        }
+    }
+
     /// The scheme with an element at other angles, radians: one for each capture.
     ///
     /// # Errors

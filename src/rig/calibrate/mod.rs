@@ -1,4 +1,5 @@
 //! Calibration: what the instruments of a rig truly are, from captures of known things, with covariances.
 
 pub mod geometric;
+pub mod least_squares;
 pub mod polarimetric;

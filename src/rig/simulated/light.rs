@@ -12,6 +12,8 @@ use tensor::field::Field;
 
 /// Images of patterns that are kept, bytes: a night shows the same ones again and again.
 const KEPT_BYTES: usize = 512 << 20;
+/// Rows of a scan that are kept, bytes.
+const MOST_ROWS_BYTES: usize = 64 << 20;
 /// A tensor's part that is played must fit in memory, bytes.
 const MOST_BYTES: u64 = 6 << 30;
 
@@ -58,7 +60,10 @@ pub struct PlayedScan {
     pub start_ps: f64,
     lane: usize,
     lanes: usize,
-    row: Option<(usize, Vec<f32>)>,
+    /// First of the rows in memory, and they.
+    rows: Option<(usize, Vec<f32>)>,
+    /// How many: those of a chunk, if they are not too large.
+    together: usize,
 }
 
 impl Scenery {
@@ -119,7 +124,12 @@ impl Scenery {
                 start_ps,
                 lane,
                 lanes,
-                row: None,
+                rows: None,
+                together: {
+                    let rows = layout.axes[0].chunk.max(1) as usize;
+                    let fits = rows * width * bins * ELEMENTS * lanes * 4 <= MOST_ROWS_BYTES;
+                    if fits { rows } else { 1 }
+                },
                 slice,
             }));
         }
@@ -132,17 +142,14 @@ impl Scenery {
             ));
         }
         let mut data = Vec::with_capacity(width * height * projector[0] * projector[1] * ELEMENTS);
-        let mut shape = layout.shape();
-        let start = |y: usize| {
-            let mut s = vec![0; shape.len()];
-            s[0] = y as u64;
-            s
-        };
-        let starts: Vec<Vec<u64>> = (0..height).map(start).collect();
-        shape[0] = 1;
-        for start in starts {
-            let row = slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
-            data.extend(row.into_iter().skip(lane).step_by(lanes));
+        // Rows of a chunk together: each is decompressed once.
+        let rows = layout.axes[0].chunk.max(1);
+        for y in (0..height as u64).step_by(rows as usize) {
+            let mut shape = layout.shape();
+            let mut start = vec![0; shape.len()];
+            (start[0], shape[0]) = (y, rows.min(height as u64 - y));
+            let block = slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
+            data.extend(block.into_iter().skip(lane).step_by(lanes));
         }
         Ok(Self::Tensor(PlayedTensor {
             camera,
@@ -252,7 +259,7 @@ fn lit_pixels(pattern: &[f32]) -> impl Iterator<Item = (usize, f32)> {
 }
 
 impl PlayedScan {
-    /// 16 elements a bin of a scan point. The row that was read last stays in memory.
+    /// 16 elements a bin of a scan point. The rows that were read last stay in memory.
     ///
     /// # Errors
     /// If the store is damaged, or there is no such point; in words.
@@ -261,18 +268,19 @@ impl PlayedScan {
         if x >= width || y >= height {
             return Err(format!("the beam points to {x}, {y}, beyond {width} x {height} points"));
         }
-        let at = match self.row.take() {
-            Some((row, data)) if row == y => (row, data),
+        let first = y / self.together * self.together;
+        let at = match self.rows.take() {
+            Some((found, data)) if found == first => (found, data),
             _ => {
                 let mut shape = self.slice.layout().shape();
                 let mut start = vec![0; shape.len()];
-                (start[0], shape[0]) = (y as u64, 1);
+                (start[0], shape[0]) = (first as u64, self.together.min(height - first) as u64);
                 let all = self.slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
-                (y, all.into_iter().skip(self.lane).step_by(self.lanes).collect())
+                (first, all.into_iter().skip(self.lane).step_by(self.lanes).collect())
             }
         };
-        let (_, data) = self.row.insert(at);
+        let (_, data) = self.rows.insert(at);
         let n = self.bins * ELEMENTS;
-        Ok(&data[x * n..][..n])
+        Ok(&data[((y - first) * width + x) * n..][..n])
     }
 }

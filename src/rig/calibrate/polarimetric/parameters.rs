@@ -1,0 +1,225 @@
+//! The imperfections of a scheme as a list of numbers that have names.
+
+use polarimetry::capture::coaxial::{Arm, Coaxial};
+use polarimetry::capture::element::{Element, ElementKind};
+use polarimetry::capture::scheme::{Scheme, Sensor, Side};
+use polarimetry::capture::spectral_value::SpectralValue;
+
+/// One imperfection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parameter {
+    /// Angle of an element's axis when its stage reads zero, degrees.
+    AxisOffset(Side, usize),
+    /// What a retarder's retardance has beyond the nominal one, degrees.
+    Retardance(Side, usize),
+    /// Least over greatest transmittance of a polarizer.
+    Extinction(Side, usize),
+    /// Of the polarizers on a sensor.
+    SensorExtinction,
+    /// Of one of them, degrees; that at 0° is the frame's and has none.
+    SensorOffset(usize),
+    /// Diattenuation of a beamsplitter's arm, transmission or reflection.
+    Diattenuation(bool),
+    /// Its retardance, degrees.
+    ArmRetardance(bool),
+    /// Refractive index of the galvo's metal.
+    GalvoIndex,
+    /// Its extinction coefficient.
+    GalvoAbsorption,
+}
+
+impl Parameter {
+    /// All that a scheme can have.
+    #[must_use]
+    pub fn all(scheme: &Scheme) -> Vec<Self> {
+        let mut all = vec![];
+        for (side, elements) in [(Side::Generator, scheme.generator()), (Side::Analyzer, scheme.analyzer())] {
+            for (i, e) in elements.iter().enumerate() {
+                all.push(Self::AxisOffset(side, i));
+                all.push(match e.kind {
+                    ElementKind::Polarizer { .. } => Self::Extinction(side, i),
+                    ElementKind::Retarder { .. } => Self::Retardance(side, i),
+                });
+            }
+        }
+        if let Sensor::PolarizerArray { .. } = scheme.sensor {
+            all.push(Self::SensorExtinction);
+            all.extend((1..4).map(Self::SensorOffset));
+        }
+        if let Some(coaxial) = &scheme.coaxial {
+            for transmission in [true, false] {
+                all.extend([Self::Diattenuation(transmission), Self::ArmRetardance(transmission)]);
+            }
+            if coaxial.galvo.is_some() {
+                all.extend([Self::GalvoIndex, Self::GalvoAbsorption]);
+            }
+        }
+        all
+    }
+
+    /// Its name, by that of its element.
+    #[must_use]
+    pub fn name(&self, scheme: &Scheme) -> String {
+        let of = |side: Side, i: usize| match side {
+            Side::Generator => scheme.generator()[i].name.clone(),
+            Side::Analyzer => scheme.analyzer()[i].name.clone(),
+        };
+        let arm = |transmission: bool| if transmission { "transmission" } else { "reflection" };
+        match *self {
+            Self::AxisOffset(side, i) => format!("{} axis offset", of(side, i)),
+            Self::Retardance(side, i) => format!("{} retardance error", of(side, i)),
+            Self::Extinction(side, i) => format!("{} extinction", of(side, i)),
+            Self::SensorExtinction => "sensor extinction".into(),
+            Self::SensorOffset(i) => format!("sensor axis offset at {}°", 45 * i),
+            Self::Diattenuation(t) => format!("{} diattenuation", arm(t)),
+            Self::ArmRetardance(t) => format!("{} retardance", arm(t)),
+            Self::GalvoIndex => "galvo index".into(),
+            Self::GalvoAbsorption => "galvo absorption".into(),
+        }
+    }
+
+    /// Its unit, for tables.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        match self {
+            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => "°",
+            _ => "",
+        }
+    }
+
+    /// Step of its derivatives, in its unit.
+    #[must_use]
+    pub fn step(&self) -> f64 {
+        match self {
+            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => 1e-3,
+            Self::Extinction(..) | Self::SensorExtinction => 1e-5,
+            Self::Diattenuation(_) => 1e-5,
+            Self::GalvoIndex | Self::GalvoAbsorption => 1e-4,
+        }
+    }
+
+    /// Its value at a wavelength.
+    #[must_use]
+    pub fn get(&self, scheme: &Scheme, nm: f64) -> f64 {
+        let of = |side: Side, i: usize| match side {
+            Side::Generator => &scheme.generator()[i],
+            Side::Analyzer => &scheme.analyzer()[i],
+        };
+        let arm = |transmission: bool| scheme.coaxial.as_ref().map(|c| part(c, transmission));
+        let galvo = || scheme.coaxial.as_ref().and_then(|c| c.galvo.as_ref());
+        match *self {
+            Self::AxisOffset(side, i) => of(side, i).axis_offset.to_degrees(),
+            Self::Retardance(side, i) => match &of(side, i).kind {
+                ElementKind::Retarder { error, .. } => error.at(nm).to_degrees(),
+                ElementKind::Polarizer { .. } => 0.0,
+            },
+            Self::Extinction(side, i) => match &of(side, i).kind {
+                ElementKind::Polarizer { extinction } => extinction.at(nm),
+                ElementKind::Retarder { .. } => 0.0,
+            },
+            Self::SensorExtinction => match &scheme.sensor {
+                Sensor::PolarizerArray { extinction, .. } => extinction.at(nm),
+                Sensor::Intensity => 0.0,
+            },
+            Self::SensorOffset(i) => match &scheme.sensor {
+                Sensor::PolarizerArray { axis_offsets, .. } => axis_offsets[i].to_degrees(),
+                Sensor::Intensity => 0.0,
+            },
+            Self::Diattenuation(t) => arm(t).map_or(0.0, |a| a.diattenuation.at(nm)),
+            Self::ArmRetardance(t) => arm(t).map_or(0.0, |a| a.retardance_deg.at(nm)),
+            Self::GalvoIndex => galvo().map_or(0.0, |g| g.n.at(nm)),
+            Self::GalvoAbsorption => galvo().map_or(0.0, |g| g.k.at(nm)),
+        }
+    }
+
+    /// Gives a scheme this value; one that depended on the wavelength is then the same at all.
+    pub fn set(&self, scheme: &mut Scheme, value: f64) {
+        let element = |scheme: &mut Scheme, side: Side, i: usize, f: &dyn Fn(&mut Element)| {
+            scheme.imperfect(side, i, f);
+        };
+        let same = SpectralValue::Same;
+        match *self {
+            Self::AxisOffset(side, i) => element(scheme, side, i, &|e| e.axis_offset = value.to_radians()),
+            Self::Retardance(side, i) => element(scheme, side, i, &|e| {
+                if let ElementKind::Retarder { error, .. } = &mut e.kind {
+                    *error = same(value.to_radians());
+                }
+            }),
+            Self::Extinction(side, i) => element(scheme, side, i, &|e| {
+                if let ElementKind::Polarizer { extinction } = &mut e.kind {
+                    *extinction = same(value);
+                }
+            }),
+            Self::SensorExtinction => {
+                if let Sensor::PolarizerArray { extinction, .. } = &mut scheme.sensor {
+                    *extinction = same(value);
+                }
+            }
+            Self::SensorOffset(i) => {
+                if let Sensor::PolarizerArray { axis_offsets, .. } = &mut scheme.sensor {
+                    axis_offsets[i] = value.to_radians();
+                }
+            }
+            Self::Diattenuation(t) => {
+                if let Some(c) = &mut scheme.coaxial {
+                    part_mut(c, t).diattenuation = same(value);
+                }
+            }
+            Self::ArmRetardance(t) => {
+                if let Some(c) = &mut scheme.coaxial {
+                    part_mut(c, t).retardance_deg = same(value);
+                }
+            }
+            Self::GalvoIndex | Self::GalvoAbsorption => {
+                if let Some(galvo) = scheme.coaxial.as_mut().and_then(|c| c.galvo.as_mut()) {
+                    let of = if *self == Self::GalvoIndex { &mut galvo.n } else { &mut galvo.k };
+                    *of = same(value);
+                }
+            }
+        }
+    }
+
+    /// The nearest value that can be: extinctions are not negative.
+    #[must_use]
+    pub fn possible(&self, value: f64) -> f64 {
+        match self {
+            Self::Extinction(..) | Self::SensorExtinction => value.clamp(0.0, 1.0),
+            Self::Diattenuation(_) => value.clamp(-1.0, 1.0),
+            Self::GalvoIndex | Self::GalvoAbsorption => value.max(0.0),
+            _ => value,
+        }
+    }
+}
+
+fn part(c: &Coaxial, transmission: bool) -> &Arm {
+    if transmission { &c.transmission } else { &c.reflection }
+}
+
+fn part_mut(c: &mut Coaxial, transmission: bool) -> &mut Arm {
+    if transmission { &mut c.transmission } else { &mut c.reflection }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_go_and_come() {
+        for array in [false, true] {
+            let mut scheme = Scheme::quad(4, array).expect("a scheme");
+            let all = Parameter::all(&scheme);
+            assert_eq!(all.len(), if array { 6 + 4 } else { 8 });
+            for (i, p) in all.iter().enumerate() {
+                p.set(&mut scheme, 0.01 * (i + 1) as f64);
+            }
+            for (i, p) in all.iter().enumerate() {
+                let want = 0.01 * (i + 1) as f64;
+                assert!((p.get(&scheme, 550.0) - want).abs() < 1e-12, "{}", p.name(&scheme));
+            }
+            let mut names: Vec<String> = all.iter().map(|p| p.name(&scheme)).collect();
+            names.sort();
+            names.dedup();
+            assert_eq!(names.len(), all.len());
+        }
+    }
+}
