@@ -1,5 +1,7 @@
 //! `sunstone reconstruct`.
 
+mod of_run;
+
 use super::failure::Failure;
 use super::places;
 use std::fs::File;
@@ -17,6 +19,7 @@ use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstru
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::store::numpy;
 use sunstone::store::numpy::NumpyReader;
+use sunstone::store::zarr::frames::is_frames;
 use sunstone::tensor::number::Number;
 use tracing::info;
 
@@ -32,14 +35,24 @@ Examples:
   sunstone reconstruct I.npy --scheme drr36.toml -o M.npy
   sunstone reconstruct I.npy --scheme drr36.toml -o M.npy --errors E.npy --saturation 65535
   sunstone reconstruct I.npy --scheme rgb.toml --wavelengths 450,550,660 -o M.npy      last axis of I: wavelengths
+  sunstone reconstruct night.zarr --scheme calibrated.toml -o mueller.zarr             a run: a slice for each mask
   sunstone reconstruct I.npy --scheme lqrpr8.toml --prior prior.toml --noise 0.002 -o M.npy")]
 pub struct Arguments {
-    /// Intensities (.npy).
-    #[arg(value_name = "I.npy")]
+    /// Intensities (.npy), or a store of raw frames written by `sunstone rig run`.
+    #[arg(value_name = "I.npy|RUN")]
     source: PathBuf,
-    /// Scheme of the captures.
+    /// Scheme of the captures. A run has its own; give the calibrated one.
     #[arg(long, value_name = "SCHEME")]
-    scheme: PathBuf,
+    scheme: Option<PathBuf>,
+    /// Mask of a run. Repeatable; without it, all but the dark one.
+    #[arg(long = "mask", value_name = "NAME")]
+    masks: Vec<String>,
+    /// Take the mosaic of a run's polarizer array apart in blocks of 2 x 2, instead of between neighbours.
+    #[arg(long)]
+    superpixel: bool,
+    /// Replace an output that is there.
+    #[arg(long)]
+    force: bool,
     /// Wavelengths of the last axis of the intensities, nanometres. One: of all of them.
     #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
@@ -66,8 +79,8 @@ pub struct Arguments {
     /// leaves over, which takes more than 16 measurements.
     #[arg(long, value_name = "E.npy")]
     errors: Option<PathBuf>,
-    /// File to write.
-    #[arg(short, long, value_name = "M.npy")]
+    /// File to write; of a run, also a store.
+    #[arg(short, long, value_name = "M.npy|STORE")]
     output: PathBuf,
 }
 
@@ -75,15 +88,24 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let outputs = [Some(&a.output), a.errors.as_ref()];
     let inputs = [
         Some(&a.source),
-        Some(&a.scheme),
+        a.scheme.as_ref(),
         a.variance.as_ref(),
         a.prior.as_ref(),
     ];
+    if is_frames(&a.source) {
+        return of_run::run(a);
+    }
     places::files(inputs, outputs)?;
     for path in outputs.into_iter().flatten() {
         places::extension(path, "arrays are", &["npy"])?;
     }
-    let scheme = load(&a.scheme)?;
+    let Some(scheme) = &a.scheme else {
+        return Err(Failure::input("--scheme: say what the intensities were captured with"));
+    };
+    if !a.masks.is_empty() || a.superpixel {
+        return Err(Failure::input("--mask and --superpixel: intensities have no masks; they are of runs"));
+    }
+    let scheme = load(scheme)?;
     if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
         return Err(Failure::input(
             "--noise: give a positive number, 1e-18 to 1e18, in units of the intensities",

@@ -1,5 +1,6 @@
 //! `sunstone rig`: plans, run by instruments that are real or simulated.
 
+mod calibrate;
 mod check;
 mod live;
 mod run;
@@ -27,6 +28,7 @@ pub struct Arguments {
 enum Command {
     Run(run::Arguments),
     Check(check::Arguments),
+    Calibrate(calibrate::Arguments),
     Status(status::Arguments),
 }
 
@@ -34,6 +36,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     match &a.command {
         Command::Run(a) => run::run(a),
         Command::Check(a) => check::run(a),
+        Command::Calibrate(a) => calibrate::run(a),
         Command::Status(a) => status::run(a),
     }
 }

@@ -7,6 +7,7 @@ use super::{Session, summary, time};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+use sunstone::rig::session::rig_file;
 use sunstone::rig::session::run::{self, RunError};
 use sunstone::rig::session::run_store::{self, RunStoreError};
 use sunstone::rig::session::writer;
@@ -21,6 +22,7 @@ Examples:
   sunstone rig run rigs/spatio_polarimetric/plan.toml -o night.zarr
   sunstone rig run plan.toml --rig lab.toml --dry-run
   sunstone rig run plan.toml -o night.zarr --resume
+  sunstone rig run plan.toml --sample mirror -o mirror.zarr
   sunstone reconstruct night.zarr -o mueller.zarr")]
 pub struct Arguments {
     /// Plan (TOML).
@@ -31,6 +33,10 @@ pub struct Arguments {
     /// Store to write.
     #[arg(short, long, value_name = "STORE", required_unless_present = "dry_run")]
     output: Option<PathBuf>,
+    /// Capture a known sample instead of the scene, to calibrate with: air, mirror or polarizer (at 0°). A simulated bench
+    /// puts it there; in a laboratory you do.
+    #[arg(long, value_name = "SAMPLE", value_parser = ["air", "mirror", "polarizer"])]
+    sample: Option<String>,
     /// Show what it costs and stop.
     #[arg(long)]
     dry_run: bool,
@@ -45,7 +51,11 @@ pub struct Arguments {
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let session = Session::load(&a.plan, a.rig.as_ref())?;
+    let mut session = Session::load(&a.plan, a.rig.as_ref())?;
+    if let (Some(sample), Some(bench)) = (&a.sample, &mut session.rig.bench) {
+        let mueller = rig_file::sample_of(sample).unwrap_or_default();
+        bench.scene = rig_file::Scene::Sample(mueller);
+    }
     if let Some(output) = &a.output {
         places::folders(session.inputs.iter().map(Some), [Some(output)])?;
         let extra = session.rig.bench.as_ref().map(|b| &b.scene);
@@ -73,9 +83,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return Ok(());
     };
     let store = if a.resume {
-        run_store::resume(output, &steps, &session.rig)
+        run_store::resume(output, &steps, &session.rig, a.sample.as_deref())
     } else {
-        run_store::create(output, &steps, &session.rig, a.force)
+        run_store::create(output, &steps, &session.rig, a.sample.as_deref(), a.force)
     };
     let store = store.map_err(|e| match &e {
         RunStoreError::Create(cause) => Failure::of_system(cause.is_of_system(), e),

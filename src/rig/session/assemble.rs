@@ -82,7 +82,10 @@ pub fn bench(rig: &RigPlan, bench: &BenchPlan, plan: &Plan, scenery: Scenery) ->
 /// In words; a scene has to be rendered before.
 pub fn scenery(plan: &BenchPlan, camera: [usize; 2], tensor: Option<&std::path::Path>) -> Result<Scenery, AssembleError> {
     let path = match (&plan.scene, tensor) {
-        (Scene::Sample(mueller), _) => return Ok(Scenery::sample(*mueller, camera)),
+        (Scene::Sample(mueller), _) => {
+            let bright = mueller.map(|v| v * plan.brightness as f32);
+            return Ok(Scenery::sample(bright, camera));
+        }
         (_, Some(path)) => path,
         (Scene::Tensor(path), None) => path,
         (Scene::Scene(path, _), None) => {

@@ -1,9 +1,12 @@
 //! From raw frames to intensities: what a sensor's numbers say of the light, mask by mask, and where its elements stood.
 
+use super::rig_file::sample_of;
+use crate::calibrate::polarimetric::samples::Sample;
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::estimate::Estimate;
 use polarimetry::capture::detector::polarizer_array::{Method, demosaic, demosaic_variance};
 use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::element::Ray;
 use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::scheme_file;
 use polarimetry::capture::simulate::Layout;
@@ -105,6 +108,55 @@ impl Run {
             }
         }
         Ok(found)
+    }
+
+    /// A run of a known sample, as calibration takes it: the mean over all pixels that were read of every measurement, along
+    /// the axis.
+    ///
+    /// # Errors
+    /// [`ImageError`]: the run is of no known sample, nothing was read.
+    pub fn sample(&self) -> Result<Sample, ImageError> {
+        let path = self.store.path().display();
+        let name = self.store.attributes().get("sample").and_then(Value::as_str);
+        let name = name.ok_or_else(|| {
+            ImageError(format!("{path}: it is of no known sample; make it with `sunstone rig run PLAN --sample air`"))
+        })?;
+        let mueller = sample_of(name).ok_or_else(|| ImageError(format!("{path}: no sample is called `{name}`")))?;
+        let mask = self
+            .masks
+            .iter()
+            .find(|m| *m == "full")
+            .or(self.masks.iter().find(|m| *m != "dark"))
+            .ok_or_else(|| ImageError(format!("{path}: it has no lit mask")))?;
+        let seen = self.intensities(mask, Method::Superpixel)?;
+        let pixels = seen.layout.pixels();
+        let per_bin = seen.time.is_some();
+        let (mut intensities, mut sigmas) = (vec![], vec![]);
+        let measured = seen.values.chunks_exact(pixels.max(1)).zip(seen.variances.chunks_exact(pixels.max(1)));
+        for (values, variances) in measured {
+            // Of histograms the sum over all bins counts, whose variance is that of all counts.
+            let known = values.iter().zip(variances).filter(|(v, s)| v.is_finite() && s.is_finite());
+            let (n, sum, square) = known.fold((0.0, 0.0, 0.0), |(n, a, b), (v, s)| {
+                (n + 1.0, a + f64::from(*v), b + f64::from(*s))
+            });
+            let n = if per_bin { n / seen.layout.times as f64 } else { n };
+            intensities.push(sum / n);
+            sigmas.push(f64::max(square, 1e-300).sqrt() / n);
+        }
+        Ok(Sample {
+            name: name.to_owned(),
+            mueller: mueller.map(f64::from),
+            scheme: self.scheme.clone(),
+            ray: Ray::axial(self.nm),
+            intensities,
+            sigmas,
+        })
+    }
+
+    /// Attributes of its store.
+    #[must_use]
+    pub fn attributes(&self) -> &serde_json::Map<String, Value> {
+        self.store.attributes()
     }
 
     fn damaged(&self, what: &str) -> ImageError {
@@ -211,23 +263,41 @@ impl Run {
         Ok(out)
     }
 
+    fn pulses(&self) -> Result<Vec<f64>, ImageError> {
+        let read = self.store.read_column("pulses").map_err(|e| ImageError(e.to_string()))?;
+        read.ok_or_else(|| self.damaged("`pulses`"))
+    }
+
+    /// The diode of a scan, with the counter's bins and the mean number of pulses; `None` of a camera's run.
+    ///
+    /// # Errors
+    /// [`ImageError`] if what is stored of it is damaged.
+    pub fn diode(&self) -> Result<Option<Spad>, ImageError> {
+        if self.work["kind"] != "scan" {
+            return Ok(None);
+        }
+        let mut spad: Spad = serde_json::from_value(self.detector["spad"].clone())
+            .map_err(|e| ImageError(format!("{}: {e}", self.store.path().display())))?;
+        let bins = self.store.layout().frame_len();
+        let bin_ps = self.work["bin_ps"].as_f64().ok_or_else(|| self.damaged("`bin_ps`"))?;
+        spad.bin_ps = bin_ps;
+        spad.bins = bins;
+        spad.period_ps = (spad.period_ps / bin_ps).round().max(bins as f64) * bin_ps;
+        let pulses = self.pulses()?;
+        spad.pulses = (pulses.iter().sum::<f64>() / pulses.len().max(1) as f64).max(1.0) as u64;
+        spad.check().map_err(|e| ImageError(e.to_string()))?;
+        Ok(Some(spad))
+    }
+
     fn scan(&self) -> Result<Intensities, ImageError> {
         let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
         let [captures, height, width, bins] = shape[..] else {
             return Err(self.damaged("the frames' shape"));
         };
-        let mut spad: Spad = serde_json::from_value(self.detector["spad"].clone())
-            .map_err(|e| ImageError(format!("{}: {e}", self.store.path().display())))?;
-        let number = |name: &str| self.work[name].as_f64().ok_or_else(|| self.damaged(name));
-        let (bin_ps, offset_ps) = (number("bin_ps")?, number("offset_ps")?);
-        spad.bin_ps = bin_ps;
-        spad.bins = bins;
-        spad.period_ps = (spad.period_ps / bin_ps).round().max(bins as f64) * bin_ps;
-        let pulses = self
-            .store
-            .read_column("pulses")
-            .map_err(|e| ImageError(e.to_string()))?
-            .ok_or_else(|| self.damaged("`pulses`"))?;
+        let spad = self.diode()?.ok_or_else(|| self.damaged("`detector`"))?;
+        let offset_ps = self.work["offset_ps"].as_f64().ok_or_else(|| self.damaged("`offset_ps`"))?;
+        let bin_ps = spad.bin_ps;
+        let pulses = self.pulses()?;
         let row = |n: usize| -> Result<Vec<[f32; 2]>, ImageError> {
             let counts = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
             let mut out = Vec::with_capacity(width * bins);

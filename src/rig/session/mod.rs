@@ -11,6 +11,7 @@ pub mod image;
 pub mod journal;
 pub mod lab;
 pub mod masks;
+pub mod mueller;
 pub mod plan;
 pub mod recover;
 pub mod rig_file;

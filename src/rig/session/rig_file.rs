@@ -229,6 +229,8 @@ struct BenchFile {
     scene: Option<PathBuf>,
     spp: Option<u32>,
     sample: Option<SampleFile>,
+    #[serde(default = "unit")]
+    brightness: f64,
     #[serde(default = "spatial")]
     slice: String,
     wavelength_nm: f64,
@@ -243,6 +245,10 @@ struct BenchFile {
     spad: Option<Spad>,
     #[serde(default)]
     faults: Vec<FaultAt>,
+}
+
+fn unit() -> f64 {
+    1.0
 }
 
 fn spatial() -> String {
@@ -274,6 +280,8 @@ pub struct BenchPlan {
     pub scene: Scene,
     /// The slice that is played.
     pub slice: String,
+    /// What a sample's matrix is multiplied with, in the unit of radiance.
+    pub brightness: f64,
     /// Wavelength, nanometres.
     pub nm: f64,
     /// Elements in truth; those of the plan's scheme where none are given.
@@ -492,6 +500,19 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })
 }
 
+/// The Mueller matrix of a sample that has a name, row-major: `air`; `mirror`, which loses nothing and exchanges handedness and
+/// ±45°; `polarizer`, perfect and at 0°.
+#[must_use]
+pub fn sample_of(name: &str) -> Option<[f32; 16]> {
+    let diagonal = |d: [f32; 4]| std::array::from_fn(|i| if i % 5 == 0 { d[i / 5] } else { 0.0 });
+    match name {
+        "air" => Some(diagonal([1.0; 4])),
+        "mirror" => Some(diagonal([1.0, 1.0, -1.0, -1.0])),
+        "polarizer" => Some(std::array::from_fn(|i| if i / 4 < 2 && i % 4 < 2 { 0.5 } else { 0.0 })),
+        _ => None,
+    }
+}
+
 fn bench(
     path: &Path,
     file: &Located<BenchFile>,
@@ -505,19 +526,10 @@ fn bench(
         (None, Some(scene), None) => Scene::Scene(beside(scene), file.spp),
         (None, None, Some(sample)) => Scene::Sample(match sample {
             SampleFile::Matrix(rows) => std::array::from_fn(|i| rows[i / 4][i % 4]),
-            SampleFile::Named(name) => {
-                // Of a mirror that loses nothing handedness and ±45° are exchanged.
-                let sign = match name.as_str() {
-                    "air" => 1.0,
-                    "mirror" => -1.0,
-                    _ => {
-                        let help = "give \"air\", \"mirror\", or a matrix of four rows";
-                        return Err(fault(file.span(), format!("no sample is called `{name}`"), help));
-                    }
-                };
-                let diagonal = [1.0, 1.0, sign, sign];
-                std::array::from_fn(|i| if i % 5 == 0 { diagonal[i / 5] } else { 0.0 })
-            }
+            SampleFile::Named(name) => sample_of(name).ok_or_else(|| {
+                let help = "give \"air\", \"mirror\", \"polarizer\", or a matrix of four rows";
+                fault(file.span(), format!("no sample is called `{name}`"), help)
+            })?,
         }),
         _ => {
             let help = "give one of `tensor`, `scene` and `sample`";
@@ -529,6 +541,9 @@ fn bench(
             return Err(fault(file.span(), format!("a field of view of {fov}°"), "give degrees, up to 170"));
         }
     }
+    if !(file.brightness > 0.0 && file.brightness < 1e30) {
+        return Err(fault(file.span(), "`brightness` is none".into(), "give a positive number"));
+    }
     if !(file.wavelength_nm > 100.0 && file.wavelength_nm < 1e5) {
         return Err(fault(file.span(), "`wavelength_nm` is no wavelength".into(), "give nanometres"));
     }
@@ -538,6 +553,7 @@ fn bench(
     Ok(BenchPlan {
         scene,
         slice: file.slice.clone(),
+        brightness: file.brightness,
         nm: file.wavelength_nm,
         optics: file.optics.as_ref().map(|p| scheme_file::load(&beside(p))).transpose()?,
         fov_deg: [file.camera_fov_deg, file.projector_fov_deg],

@@ -85,9 +85,9 @@ pub fn layout(steps: &Steps) -> FrameLayout {
     }
 }
 
-/// What stands in the store beside the frames.
+/// What stands in the store beside the frames; `sample` is what was captured, if it is a known one.
 #[must_use]
-pub fn attributes(steps: &Steps, rig: &RigPlan) -> Map<String, Value> {
+pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<String, Value> {
     let mut first = 0;
     let masks: Vec<Value> = steps
         .masks
@@ -132,6 +132,9 @@ pub fn attributes(steps: &Steps, rig: &RigPlan) -> Map<String, Value> {
     all.insert("wavelength_nm".into(), json!(rig.wavelength_nm));
     all.insert("detector".into(), detector);
     all.insert("work".into(), work);
+    if let Some(sample) = sample {
+        all.insert("sample".into(), json!(sample));
+    }
     all
 }
 
@@ -139,8 +142,14 @@ pub fn attributes(steps: &Steps, rig: &RigPlan) -> Map<String, Value> {
 ///
 /// # Errors
 /// [`RunStoreError`].
-pub fn create(path: &Path, steps: &Steps, rig: &RigPlan, force: bool) -> Result<FrameStore, RunStoreError> {
-    let store = FrameStore::create(path, layout(steps), &attributes(steps, rig), force)?;
+pub fn create(
+    path: &Path,
+    steps: &Steps,
+    rig: &RigPlan,
+    sample: Option<&str>,
+    force: bool,
+) -> Result<FrameStore, RunStoreError> {
+    let store = FrameStore::create(path, layout(steps), &attributes(steps, rig, sample), force)?;
     for mask in &steps.masks {
         let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
         let values: Vec<f64> = mask.shot_of.iter().map(of).collect();
@@ -153,14 +162,19 @@ pub fn create(path: &Path, steps: &Steps, rig: &RigPlan, force: bool) -> Result<
 ///
 /// # Errors
 /// [`RunStoreError`].
-pub fn resume(path: &Path, steps: &Steps, rig: &RigPlan) -> Result<FrameStore, RunStoreError> {
+pub fn resume(
+    path: &Path,
+    steps: &Steps,
+    rig: &RigPlan,
+    sample: Option<&str>,
+) -> Result<FrameStore, RunStoreError> {
     let store = FrameStore::open_for_write(path)?;
     let shown = path.display().to_string();
     if store.is_finished() {
         return Err(RunStoreError::Finished { path: shown });
     }
     // As they are once they were written and read.
-    let wanted = Value::Object(attributes(steps, rig));
+    let wanted = Value::Object(attributes(steps, rig, sample));
     let wanted: Value = serde_json::from_str(&wanted.to_string()).unwrap_or(wanted);
     let found = store.attributes();
     let differs = wanted

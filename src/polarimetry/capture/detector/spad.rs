@@ -239,6 +239,17 @@ impl Spad {
         Ok(rates)
     }
 
+    /// Variance of the estimate in one bin of this radiance after all pulses, dead time left out: photons and dark counts are
+    /// Poisson's.
+    #[must_use]
+    pub fn variance(&self, radiance: f64, nm: f64) -> f64 {
+        let unit = self.per_unit(nm);
+        let rate = (unit * radiance).max(0.0) + self.dark();
+        // At least one count in all: no bin is known better than that.
+        let pulses = self.pulses as f64;
+        rate.max(1.0 / pulses) / (pulses * unit * unit)
+    }
+
     /// Counts in each bin of the period after all pulses of one capture, for rates of [`Self::rates`].
     ///
     /// # Errors

@@ -1,0 +1,91 @@
+//! `sunstone reconstruct` of a run's raw frames.
+
+use super::super::failure::Failure;
+use super::super::places;
+use super::Arguments;
+use serde_json::json;
+use std::path::Path;
+use sunstone::polarimetry::capture::scheme_file::load;
+use sunstone::polarimetry::reconstruct::pixels::Options;
+use sunstone::polarimetry::reconstruct::second_moment;
+use sunstone::rig::session::image::Run;
+use sunstone::rig::session::mueller::{RunOptions, write_store};
+use sunstone::store::numpy;
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let inputs = [Some(&a.source), a.scheme.as_ref(), a.prior.as_ref()];
+    let array = a.output.extension().is_some_and(|e| e == "npy");
+    if array {
+        places::files(inputs, [Some(&a.output), a.errors.as_ref()])?;
+    } else {
+        places::folders(inputs, [Some(&a.output)])?;
+        if a.errors.is_some() {
+            return Err(Failure::input("--errors: a store holds the errors beside the matrices; leave it out"));
+        }
+    }
+    if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
+        return Err(Failure::input(
+            "--variance, --noise, --saturation: a run's detector tells them; leave them out",
+        ));
+    }
+    let scheme = a.scheme.as_deref().map(load).transpose()?;
+    let run = Run::open(&a.source, scheme.as_ref()).map_err(Failure::input)?;
+    let masks: Vec<String> = if a.masks.is_empty() {
+        run.masks.iter().filter(|m| *m != "dark").cloned().collect()
+    } else {
+        a.masks.clone()
+    };
+    if array && masks.len() != 1 {
+        return Err(Failure::input(format!(
+            "an array holds one mask, and the run has {}; choose with --mask, or write a store: -o {}",
+            masks.join(", "),
+            a.output.with_extension("zarr").display()
+        )));
+    }
+    let how = RunOptions {
+        options: Options {
+            noise: a.noise,
+            realizable: a.realizable,
+            prior: a.prior.as_deref().map(second_moment::load).transpose()?,
+            saturation: None,
+        },
+        fov_x: a.view.map(f64::to_radians),
+        superpixel: a.superpixel,
+    };
+    let mut images = vec![];
+    for mask in &masks {
+        images.push(run.mueller(mask, &how).map_err(Failure::input)?);
+    }
+    if array {
+        let image = &images[0];
+        let mut shape = vec![image.layout.height, image.layout.width];
+        if image.time.is_some() {
+            shape.push(image.layout.times);
+        }
+        shape.extend([4, 4]);
+        let save = |path: &Path, values: &[f32]| {
+            numpy::save(path, &shape, values).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+        };
+        if let Some(path) = &a.errors {
+            save(path, &image.errors)?;
+        }
+        save(&a.output, &image.mean)?;
+    } else {
+        let mut attributes = run.attributes().clone();
+        attributes.insert("kind".into(), json!("reconstruction"));
+        attributes.insert("source".into(), json!(format!("sunstone reconstruct {}", a.source.display())));
+        if let Some(path) = &a.scheme {
+            attributes.insert("calibrated_scheme".into(), json!(path.display().to_string()));
+        }
+        write_store(&a.output, &images, run.nm, &attributes, a.force)
+            .map_err(|e| Failure::of_system(e.is_of_system(), e))?;
+    }
+    for image in &images {
+        let t = image.tally;
+        super::super::output::print(&format!(
+            "{:<14} {} pixels, {} without some of their measurements, {} not determined",
+            image.name, t.pixels, t.partial, t.lost
+        ))?;
+    }
+    super::super::output::print(&a.output.display().to_string())
+}

@@ -1,0 +1,83 @@
+//! `sunstone rig calibrate`.
+
+use super::super::failure::Failure;
+use super::super::places;
+use std::path::PathBuf;
+use sunstone::base::whole_file;
+use sunstone::polarimetry::capture::scheme_file;
+use sunstone::rig::calibrate::polarimetric::parameters::Parameter;
+use sunstone::rig::calibrate::polarimetric::samples::{Calibrated, calibrate};
+use sunstone::rig::session::image::Run;
+
+/// Find what polarizers, retarders, beamsplitter and mirrors truly are, from runs of known samples.
+///
+/// Fits axis offsets, retardances, extinctions and the rest of a scheme's imperfections to all runs together, prints each with its
+/// standard deviation and what the samples cannot tell, and writes the scheme with them: what `sunstone reconstruct --scheme` and
+/// captures read.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone rig run plan.toml --sample air -o air.zarr
+  sunstone rig run plan.toml --sample mirror -o mirror.zarr
+  sunstone rig calibrate air.zarr mirror.zarr -o calibrated.toml
+  sunstone reconstruct night.zarr --scheme calibrated.toml -o mueller.zarr")]
+pub struct Arguments {
+    /// Runs made with --sample.
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Imperfections that may differ, by words of their names (axis, retardance, extinction, …). Without it, all.
+    #[arg(long, value_delimiter = ',', value_name = "WORDS")]
+    free: Vec<String>,
+    /// Scheme to write.
+    #[arg(short, long, value_name = "SCHEME.toml")]
+    output: PathBuf,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
+    places::extension(&a.output, "schemes are", &["toml"])?;
+    let mut samples = vec![];
+    for path in &a.runs {
+        let run = Run::open(path, None).map_err(Failure::input)?;
+        samples.push(run.sample().map_err(Failure::input)?);
+    }
+    let Some(first) = samples.first() else {
+        return Err(Failure::input("give runs of known samples"));
+    };
+    let all = Parameter::all(&first.scheme);
+    let names = |p: &Parameter| p.name(&first.scheme);
+    for word in &a.free {
+        if !all.iter().any(|p| names(p).contains(word.as_str())) {
+            let known: Vec<String> = all.iter().map(names).collect();
+            return Err(Failure::input(format!("--free: nothing is called `{word}`; there are {}", known.join(", "))));
+        }
+    }
+    let free: Vec<Parameter> = all
+        .iter()
+        .filter(|p| a.free.is_empty() || a.free.iter().any(|w| names(p).contains(w.as_str())))
+        .copied()
+        .collect();
+    let found = calibrate(&samples, &free).map_err(Failure::input)?;
+    let text = scheme_file::to_toml(&found.scheme).map_err(Failure::failed)?;
+    whole_file::write(&a.output, text.as_bytes())
+        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
+    super::super::output::print(table(&found).trim_end())?;
+    super::super::output::print(&a.output.display().to_string())
+}
+
+fn table(found: &Calibrated) -> String {
+    let width = found.found.iter().map(|f| f.name.chars().count()).max().unwrap_or(0);
+    let mut text = String::new();
+    for f in &found.found {
+        let sigma = f.sigma.map_or("not told".to_owned(), |s| format!("± {s:.5}"));
+        text.push_str(&format!("{:<width$}  {:>10.5}{} {sigma}\n", f.name, f.value, f.parameter.unit()));
+    }
+    text.push_str(&format!(
+        "chi squared {:.1} over {} degrees of freedom\n",
+        found.fit.chi_squared, found.fit.freedom
+    ));
+    for words in &found.untold {
+        text.push_str(&format!("not told: {words}\n"));
+    }
+    text
+}

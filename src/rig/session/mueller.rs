@@ -1,0 +1,196 @@
+//! From a run's intensities to Mueller matrices with standard errors, and their store.
+
+use super::image::{ImageError, Intensities, Run};
+use polarimetry::capture::design_matrix::DesignMatrix;
+use polarimetry::capture::detector::polarizer_array::Method;
+use polarimetry::capture::directions::Directions;
+use polarimetry::capture::element::Ray;
+use polarimetry::capture::simulate::Layout;
+use polarimetry::reconstruct::along_rays::reconstruct;
+use polarimetry::reconstruct::pixels::{Options, Tally};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+use store::probe::ProbeError;
+use store::zarr::TensorStore;
+use tensor::axes::{Axis, AxisKind, SliceLayout};
+use tensor::field::Field;
+
+/// Mueller matrices of one mask.
+pub struct MuellerImage {
+    /// Name of the mask.
+    pub name: String,
+    /// 16 elements a pixel, row-major; NaN where nothing tells them.
+    pub mean: Vec<f32>,
+    /// Their standard errors.
+    pub errors: Vec<f32>,
+    /// Rows, columns, time bins.
+    pub layout: Layout,
+    /// Begin and width of the time bins, ps.
+    pub time: Option<(f64, f64)>,
+    /// What became of the pixels.
+    pub tally: Tally,
+}
+
+/// How a run is reconstructed.
+#[derive(Clone, Debug, Default)]
+pub struct RunOptions {
+    /// As of images; saturated readings are known to be so.
+    pub options: Options,
+    /// Horizontal field of view of the camera, radians, where light passes plates obliquely. A scan's is known.
+    pub fov_x: Option<f64>,
+    /// How a polarizer mosaic is taken apart.
+    pub superpixel: bool,
+}
+
+impl Run {
+    /// Mueller matrices of one mask. Weights are inverse variances: of a camera as its readings tell them; of a diode as a
+    /// first estimate without weights predicts them, because a bin without counts says nothing of its own variance.
+    ///
+    /// # Errors
+    /// [`ImageError`]: no such mask, damaged frames, too few captures.
+    pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
+        let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
+        let Intensities {
+            values,
+            mut variances,
+            layout,
+            time,
+        } = self.intensities(mask, method)?;
+        let points = self.scheme.coaxial.as_ref().is_some_and(|c| c.galvo.is_some());
+        let fov = how.fov_x.or(self.fov_x.filter(|_| points));
+        let view = fov.map_or(Directions::Axial, |f| Directions::pinhole(f, layout.width, layout.height));
+        let rays = view.rays(layout, &[self.nm]);
+        let pixels = layout.pixels();
+        let mut image = MuellerImage {
+            name: mask.to_owned(),
+            mean: vec![0.0; pixels * 16],
+            errors: vec![0.0; pixels * 16],
+            layout,
+            time,
+            tally: Tally::default(),
+        };
+        let shape = [layout.times, layout.lanes];
+        let failed = |e: polarimetry::capture::design_matrix::RankError| ImageError(e.to_string());
+        if let Some(spad) = self.diode()? {
+            let plain = Options::default();
+            let first = &mut image.mean;
+            reconstruct(&self.scheme, &rays, shape, &plain, &values, None, first, None).map_err(failed)?;
+            variances = self.predicted(&rays, layout, first, &|radiance| spad.variance(radiance, self.nm));
+        }
+        image.tally = reconstruct(
+            &self.scheme,
+            &rays,
+            shape,
+            &how.options,
+            &values,
+            Some(&variances),
+            &mut image.mean,
+            Some(&mut image.errors),
+        )
+        .map_err(failed)?;
+        Ok(image)
+    }
+
+    /// Variances that matrices predict: of the mean of each measurement over a pixel's neighbours in time, since a bin's own
+    /// estimate is as noisy as what it is to weigh.
+    fn predicted(
+        &self,
+        rays: &[Ray],
+        layout: Layout,
+        matrices: &[f32],
+        variance: &(dyn Fn(f64) -> f64 + Sync),
+    ) -> Vec<f32> {
+        const NEAR: usize = 4;
+        let pixels = layout.pixels();
+        let count = self.scheme.measurements();
+        let axial = (rays.len() == layout.lanes).then(|| DesignMatrix::new(&self.scheme, &rays[0]));
+        let place = |p: usize| -> Vec<f32> {
+            let own = (rays.len() != layout.lanes).then(|| DesignMatrix::new(&self.scheme, &rays[p]));
+            let Some(design) = axial.as_ref().or(own.as_ref()) else {
+                return vec![];
+            };
+            let mut out = Vec::with_capacity(count * layout.times);
+            for m in 0..count {
+                let clean: Vec<f64> = (0..layout.times)
+                    .map(|t| {
+                        let matrix = &matrices[(p * layout.times + t) * 16..][..16];
+                        (0..16).map(|e| design.a[(m, e)] * f64::from(matrix[e])).sum::<f64>()
+                    })
+                    .collect();
+                for t in 0..layout.times {
+                    let near = &clean[t.saturating_sub(NEAR)..(t + NEAR + 1).min(layout.times)];
+                    let known = near.iter().filter(|v| v.is_finite());
+                    let (n, sum) = known.fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + v));
+                    out.push(variance(if n > 0.0 { sum / n } else { 0.0 }) as f32);
+                }
+            }
+            out
+        };
+        let places: Vec<Vec<f32>> = (0..layout.height * layout.width).into_par_iter().map(place).collect();
+        let mut out = vec![0.0; count * pixels];
+        for (p, all) in places.iter().enumerate() {
+            for (m, times) in all.chunks_exact(layout.times.max(1)).enumerate() {
+                out[m * pixels + p * layout.times..][..layout.times].copy_from_slice(times);
+            }
+        }
+        out
+    }
+}
+
+/// Writes matrices of masks as a store: a slice for each.
+///
+/// # Errors
+/// If it cannot be made or written.
+pub fn write_store(
+    path: &Path,
+    images: &[MuellerImage],
+    nm: f64,
+    attributes: &Map<String, Value>,
+    replace: bool,
+) -> Result<(), ProbeError> {
+    let layout = |image: &MuellerImage| {
+        let axis = |kind, coords: Vec<f64>, chunk: u64| Axis {
+            kind,
+            chunk: chunk.clamp(1, coords.len().max(1) as u64),
+            coords,
+        };
+        let indices = |n: usize| (0..n).map(|i| i as f64).collect::<Vec<f64>>();
+        let Layout { height, width, times, .. } = image.layout;
+        let mut axes = vec![
+            axis(AxisKind::Y, indices(height), 32),
+            axis(AxisKind::X, indices(width), 32),
+        ];
+        if let Some((start, bin)) = image.time {
+            let centres = (0..times).map(|i| start + (i as f64 + 0.5) * bin).collect();
+            axes.push(axis(AxisKind::T, centres, 128));
+        }
+        axes.push(axis(AxisKind::StokesOut, indices(4), 4));
+        axes.push(axis(AxisKind::StokesIn, indices(4), 4));
+        axes.push(axis(AxisKind::Wavelength, vec![nm], 1));
+        let mut slice = Map::new();
+        slice.insert("mask".into(), json!(image.name));
+        let layout = SliceLayout {
+            name: image.name.clone(),
+            axes,
+            time: image.time,
+        };
+        (layout, slice)
+    };
+    let slices: Vec<_> = images.iter().map(layout).collect();
+    let fill = |store: &TensorStore| -> Result<(), ProbeError> {
+        let failed = |e: store::zarr::OpenError| ProbeError::Write {
+            path: path.to_owned(),
+            cause: e.to_string(),
+        };
+        for (image, (layout, _)) in images.iter().zip(&slices) {
+            let slice = store.slice(&image.name).map_err(failed)?;
+            let shape = layout.shape();
+            let start = vec![0; shape.len()];
+            slice.write(Field::Mean, &start, &shape, &image.mean)?;
+            slice.write(Field::StdError, &start, &shape, &image.errors)?;
+        }
+        store.finish().map_err(failed)
+    };
+    TensorStore::create_filled(path, &slices, attributes, None, replace, fill).map(drop)
+}
