@@ -55,6 +55,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let (Some(sample), Some(bench)) = (&a.sample, &mut session.rig.bench) {
         let mueller = rig_file::sample_of(sample).unwrap_or_default();
         bench.scene = rig_file::Scene::Sample(mueller);
+        // Another night has other noise.
+        bench.seed = bench.seed.wrapping_add(u64::from_le_bytes(std::array::from_fn(|i| {
+            sample.as_bytes().get(i).copied().unwrap_or(0)
+        })));
     }
     if let Some(output) = &a.output {
         places::folders(session.inputs.iter().map(Some), [Some(output)])?;
