@@ -125,7 +125,10 @@ fn info(a: &Info) -> Result<(), Failure> {
         line("duration", format!("{:.6} s", found.duration as f64 * s));
     }
     for channel in found.channels() {
-        line(&format!("channel {channel}"), format!("{} photons", found.photons[usize::from(channel)]));
+        line(
+            &format!("channel {channel}"),
+            format!("{} photons", found.photons[usize::from(channel)]),
+        );
     }
     for (i, n) in found.markers.iter().enumerate().filter(|(_, n)| **n > 0) {
         line(&format!("marker {}", i + 1), format!("{n} times"));
@@ -134,8 +137,17 @@ fn info(a: &Info) -> Result<(), Failure> {
     line("overflows", found.overflows.to_string());
     line("unknown", format!("{} records", found.unknown));
     for tag in &header.tags {
-        let index = if tag.index < 0 { String::new() } else { format!("[{}]", tag.index) };
-        let _ = write!(out, "\n{}{index} = {}", tag.name.escape_default(), shown(&tag.value));
+        let index = if tag.index < 0 {
+            String::new()
+        } else {
+            format!("[{}]", tag.index)
+        };
+        let _ = write!(
+            out,
+            "\n{}{index} = {}",
+            tag.name.escape_default(),
+            shown(&tag.value)
+        );
     }
     super::output::print(&out)
 }
@@ -173,10 +185,15 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     };
     if channels.is_empty() {
         let mend = "name channels by --channel for an array of zeros";
-        return Err(Failure::input(format!("{}: it has no photons; {mend}", a.file.display())));
+        return Err(Failure::input(format!(
+            "{}: it has no photons; {mend}",
+            a.file.display()
+        )));
     }
     if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
-        return Err(Failure::input("--channel: a channel is named twice; name each once"));
+        return Err(Failure::input(
+            "--channel: a channel is named twice; name each once",
+        ));
     }
     let bins = a.bins.unwrap_or_else(|| Plan::period_bins(&reader, bin));
     let plan = Plan {
@@ -188,10 +205,22 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     let start = std::time::Instant::now();
     let found = histogram(&mut reader, &plan).map_err(failed)?;
     let (records, seconds) = (reader.records(), start.elapsed().as_secs_f64());
-    info!("{records} records in {seconds:.4} s, {:.1} million a second", 1e-6 * records as f64 / seconds);
-    info!("channels {:?}, {} of {} photons", plan.channels, found.counted(), found.photons);
+    info!(
+        "{records} records in {seconds:.4} s, {:.1} million a second",
+        1e-6 * records as f64 / seconds
+    );
+    info!(
+        "channels {:?}, {} of {} photons",
+        plan.channels,
+        found.counted(),
+        found.photons
+    );
     if found.unknown > 0 {
-        eprintln!("warning: {}: {} records mean nothing", a.file.display(), found.unknown);
+        eprintln!(
+            "warning: {}: {} records mean nothing",
+            a.file.display(),
+            found.unknown
+        );
     }
     let shape = &found.shape[if scan.is_some() { 0 } else { 2 }..];
     numpy::save(&a.output, shape, &found.counts)
@@ -204,7 +233,10 @@ fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> 
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
         let mend = "leave --bin-ps out";
-        return Err(Failure::input(format!("{}: it does not state its resolution; {mend}", a.file.display())));
+        return Err(Failure::input(format!(
+            "{}: it does not state its resolution; {mend}",
+            a.file.display()
+        )));
     };
     let counts = wanted / (resolution * 1e12);
     if !(0.5..1e9).contains(&counts) || (counts - counts.round()).abs() > 1e-6 * counts {
@@ -220,13 +252,19 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
     let (width, height) = match a.pixels[..] {
         [] => return Ok(None),
         [width, height] if width > 0 && height > 0 => (width, height),
-        _ => return Err(Failure::input("--pixels: give columns and rows, as in --pixels 128,128")),
+        _ => {
+            return Err(Failure::input(
+                "--pixels: give columns and rows, as in --pixels 128,128",
+            ));
+        }
     };
     let bit = |n: &u8| 1 << (n - 1);
     let markers = |begin: &u8, end: u8| {
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
         if begin & end != 0 || (begin | end) & frame != 0 {
-            return Err(Failure::input("--pixel-marker: begin, end and frame need markers of their own"));
+            return Err(Failure::input(
+                "--pixel-marker: begin, end and frame need markers of their own",
+            ));
         }
         Ok(Clock::Pixels { begin, end, frame })
     };
@@ -235,12 +273,19 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
             let of_header = Scan::of_header(reader.header()).map(|s| s.clock);
             of_header.ok_or_else(|| {
                 let mend = "say by --pixel-marker which marker begins a pixel";
-                Failure::input(format!("{}: its header describes no line scan; {mend}", a.file.display()))
+                Failure::input(format!(
+                    "{}: its header describes no line scan; {mend}",
+                    a.file.display()
+                ))
             })?
         }
         [begin] => markers(begin, 0)?,
         [begin, end] => markers(begin, bit(end))?,
-        _ => return Err(Failure::input("--pixel-marker: give one or two, as in --pixel-marker 1,2")),
+        _ => {
+            return Err(Failure::input(
+                "--pixel-marker: give one or two, as in --pixel-marker 1,2",
+            ));
+        }
     };
     Ok(Some(Scan { width, height, clock }))
 }

@@ -81,7 +81,8 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
         let mut head = [0; tag::SIZE];
         bytes.fill(&mut head, "the header, before Header_End")?;
         let name = ascii(&head[..32]);
-        let [index, kind] = [32, 36].map(|i| u32::from_le_bytes([head[i], head[i + 1], head[i + 2], head[i + 3]]));
+        let [index, kind] =
+            [32, 36].map(|i| u32::from_le_bytes([head[i], head[i + 1], head[i + 2], head[i + 3]]));
         if name == LAST {
             return Ok((header, bytes.at));
         }
@@ -189,7 +190,12 @@ impl Header {
         };
         match self.int("TTResultFormat_BitsPerRecord") {
             None | Some(0 | 32) => {}
-            Some(bits) => return Err(wrong(format!("records of {bits} bits"), "only those of 32 are known")),
+            Some(bits) => {
+                return Err(wrong(
+                    format!("records of {bits} bits"),
+                    "only those of 32 are known",
+                ));
+            }
         }
         let known = u32::try_from(code).ok().and_then(RecordType::of_code);
         known.ok_or_else(|| {
@@ -208,7 +214,10 @@ impl Header {
         let mut version = [0; 8];
         let text = self.version.as_bytes();
         if text.len() > 8 || !text.is_ascii() {
-            return Err(format!("version {:?}: it has at most 8 ASCII characters", self.version));
+            return Err(format!(
+                "version {:?}: it has at most 8 ASCII characters",
+                self.version
+            ));
         }
         version[..text.len()].copy_from_slice(text);
         out.extend_from_slice(&version);

@@ -37,9 +37,14 @@ impl Plan {
         let all = f64::from(record.dtimes());
         let period = match record.mode() {
             Mode::T3 => header.global_resolution_s(),
-            Mode::T2 => header.int("TTResult_SyncRate").filter(|n| *n > 0).map(|n| 1.0 / n as f64),
+            Mode::T2 => header
+                .int("TTResult_SyncRate")
+                .filter(|n| *n > 0)
+                .map(|n| 1.0 / n as f64),
         };
-        let counts = period.zip(header.resolution_s(record.mode())).map(|(p, r)| (p / r + 1e-6).floor());
+        let counts = period
+            .zip(header.resolution_s(record.mode()))
+            .map(|(p, r)| (p / r + 1e-6).floor());
         let counts = counts.filter(|n| (1.0..=all).contains(n)).unwrap_or(all);
         (counts / f64::from(bin.max(1))).ceil() as usize
     }
@@ -51,7 +56,9 @@ impl Plan {
     /// Why it cannot be, and what to do.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
-        let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));
+        let elements = elements
+            .zip(self.pixels())
+            .and_then(|(row, pixels)| row.checked_mul(pixels));
         let channels = record.channels();
         if self.bin == 0 || elements == Some(0) {
             return Some((
@@ -114,7 +121,10 @@ struct State {
 /// Counts one block.
 fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     let State {
-        first, bin_of, counts, ..
+        first,
+        bin_of,
+        counts,
+        ..
     } = state;
     let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
     let (bin, bins, row) = (state.bin, state.bins, state.row);
@@ -141,7 +151,11 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
                     bin_of[dtime as usize & 0x7fff]
                 };
                 let slot = first[channel as usize & 63] + later;
-                let element = if slot < room { base + slot as usize } else { nowhere };
+                let element = if slot < room {
+                    base + slot as usize
+                } else {
+                    nowhere
+                };
                 counts[element] = counts[element].saturating_add(1);
             }
             Parts::Overflow(more) => {
@@ -180,9 +194,13 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
     let row = plan.bins * plan.channels.len();
     let elements = row * plan.pixels().unwrap_or(1);
     let mut counts = Vec::new();
-    counts
-        .try_reserve_exact(elements + 1)
-        .map_err(|_| PtuError::of_request(&file, "there is not the memory for its histogram", "take wider bins"))?;
+    counts.try_reserve_exact(elements + 1).map_err(|_| {
+        PtuError::of_request(
+            &file,
+            "there is not the memory for its histogram",
+            "take wider bins",
+        )
+    })?;
     counts.resize(elements + 1, 0);
     let mut first = [NOWHERE; 64];
     for (i, channel) in plan.channels.iter().enumerate().rev() {

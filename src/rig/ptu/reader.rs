@@ -73,7 +73,9 @@ impl<R: Read> Reader<R> {
         let bytes = length - begin;
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
         // A measurement whose end nobody wrote states none: all that is there counts.
-        let stated = header.int("TTResult_NumberOfRecords").and_then(|n| u64::try_from(n).ok());
+        let stated = header
+            .int("TTResult_NumberOfRecords")
+            .and_then(|n| u64::try_from(n).ok());
         let stated = stated.filter(|n| *n > 0).unwrap_or(found);
         Ok(Self {
             source,

@@ -130,7 +130,11 @@ impl RecordType {
     /// Values of `dtime` in T3.
     #[must_use]
     pub fn dtimes(self) -> u32 {
-        if self.family() == Family::PicoT3 { 1 << 12 } else { 1 << 15 }
+        if self.family() == Family::PicoT3 {
+            1 << 12
+        } else {
+            1 << 15
+        }
     }
 
     pub(super) fn family(self) -> Family {
@@ -139,8 +143,12 @@ impl RecordType {
             Self::PicoHarpT3 => Family::PicoT3,
             Self::HydraHarpT2 => Family::OldHydraT2,
             Self::HydraHarpT3 => Family::OldHydraT3,
-            Self::HydraHarp2T2 | Self::TimeHarp260NT2 | Self::TimeHarp260PT2 | Self::GenericT2 => Family::HydraT2,
-            Self::HydraHarp2T3 | Self::TimeHarp260NT3 | Self::TimeHarp260PT3 | Self::GenericT3 => Family::HydraT3,
+            Self::HydraHarp2T2 | Self::TimeHarp260NT2 | Self::TimeHarp260PT2 | Self::GenericT2 => {
+                Family::HydraT2
+            }
+            Self::HydraHarp2T3 | Self::TimeHarp260NT3 | Self::TimeHarp260PT3 | Self::GenericT3 => {
+                Family::HydraT3
+            }
         }
     }
 }

@@ -44,7 +44,12 @@ impl Scan {
             Some(n @ 1..=4) => 1 << (n - 1),
             _ => 0,
         };
-        let size = |name| header.int(name).and_then(|n| usize::try_from(n).ok()).filter(|n| *n > 0);
+        let size = |name| {
+            header
+                .int(name)
+                .and_then(|n| usize::try_from(n).ok())
+                .filter(|n| *n > 0)
+        };
         let pixel_s = header.float("ImgHdr_TimePerPixel")? * 1e-3;
         let ticks = (pixel_s / header.global_resolution_s()?).round();
         let begin = marker("ImgHdr_LineStart");
@@ -100,7 +105,10 @@ impl Beam {
     /// A marker came. Ends come before frames and those before begins, if they come at once.
     pub fn marker(&mut self, time: u64, bits: u8) {
         let Some(scan) = self.scan else { return };
-        let (Clock::Pixels { begin, end, frame } | Clock::Lines { begin, end, frame, .. }) = scan.clock;
+        let (Clock::Pixels { begin, end, frame }
+        | Clock::Lines {
+            begin, end, frame, ..
+        }) = scan.clock;
         if bits & (end | frame) != 0 {
             (self.pixel, self.line, self.during) = (None, None, NEVER);
         }
@@ -124,10 +132,16 @@ impl Beam {
     #[cold]
     pub fn advance(&mut self, time: u64) {
         (self.pixel, self.during) = (None, NEVER);
-        let (Some(scan), Some((begin, first))) = (self.scan, self.line) else { return };
-        let Clock::Lines { pixel_time, .. } = scan.clock else { return };
+        let (Some(scan), Some((begin, first))) = (self.scan, self.line) else {
+            return;
+        };
+        let Clock::Lines { pixel_time, .. } = scan.clock else {
+            return;
+        };
         let pixel_time = pixel_time.max(1);
-        let Some(since) = time.checked_sub(begin) else { return };
+        let Some(since) = time.checked_sub(begin) else {
+            return;
+        };
         let x = since / pixel_time;
         if x < scan.width as u64 {
             self.pixel = Some(first + x as usize);

@@ -61,8 +61,8 @@ pub(super) fn is_long(kind: u32) -> bool {
 
 /// Windows-1252's characters from 0x80 to 0x9f; five bytes are without one and stay what they are.
 const ANSI: [char; 32] = [
-    '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}', '‘',
-    '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
+    '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}',
+    '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
 ];
 
 fn from_ansi(bytes: &[u8]) -> String {
@@ -110,7 +110,10 @@ impl Value {
             code::FLOATS => {
                 let (numbers, rest) = long.as_chunks::<8>();
                 if !rest.is_empty() {
-                    return Err(format!("a list of numbers of {} bytes, not of 8 each", long.len()));
+                    return Err(format!(
+                        "a list of numbers of {} bytes, not of 8 each",
+                        long.len()
+                    ));
                 }
                 Self::Floats(numbers.iter().map(|b| f64::from_le_bytes(*b)).collect())
             }
@@ -184,7 +187,9 @@ impl Tag {
     pub(super) fn write(&self, out: &mut Vec<u8>) -> Result<(), String> {
         let Self { name, index, value } = self;
         if name.is_empty() || name.len() > LONGEST_NAME || !name.bytes().all(|b| b.is_ascii_graphic()) {
-            return Err(format!("tag {name:?}: a name has 1 to 32 visible ASCII characters"));
+            return Err(format!(
+                "tag {name:?}: a name has 1 to 32 visible ASCII characters"
+            ));
         }
         let (kind, word, long) = value.write().map_err(|e| format!("tag {name}: {e}"))?;
         let mut padded = [0; LONGEST_NAME];

@@ -1,7 +1,7 @@
 //! Writes files: header, records in the order of time, and their number at the end.
 
 use super::header::Header;
-use super::record::{Family, Layout, Mode, PicoT2, PicoT3, HydraT2, HydraT3, RecordType};
+use super::record::{Family, HydraT2, HydraT3, Layout, Mode, PicoT2, PicoT3, RecordType};
 use super::tag::{Tag, Value};
 use std::fs::File;
 use std::io::{self, BufWriter, Error, ErrorKind, Seek, SeekFrom, Write};
@@ -59,9 +59,7 @@ impl Description {
             !stated || name.starts_with("TTResult") || name.starts_with("MeasDesc")
         });
         let own: Vec<Tag> = own.map(|(name, value)| Tag::new(name, value)).collect();
-        let more = self.tags.iter().filter(|t| {
-            own.iter().all(|o| o.name != t.name)
-        });
+        let more = self.tags.iter().filter(|t| own.iter().all(|o| o.name != t.name));
         let more: Vec<Tag> = more.cloned().collect();
         Header {
             version: "1.0.00".into(),
@@ -95,7 +93,9 @@ impl<W: Write + Seek> Writer<W> {
     /// Of the system; of kind `InvalidInput` for tags that cannot be written.
     pub fn begin(mut out: W, description: &Description) -> io::Result<Self> {
         let header = description.header().write().map_err(refused)?;
-        let name = header.windows(RECORDS.len()).position(|w| w == RECORDS.as_bytes());
+        let name = header
+            .windows(RECORDS.len())
+            .position(|w| w == RECORDS.as_bytes());
         let begin = out.stream_position()?;
         out.write_all(&header)?;
         Ok(Self {
@@ -123,7 +123,10 @@ impl<W: Write + Seek> Writer<W> {
     /// Lets the clock run over as often as it must, and gives the rest.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
-            return Err(refused(format!("time {time} comes after {}; give them in their order", self.last)));
+            return Err(refused(format!(
+                "time {time} comes after {}; give them in their order",
+                self.last
+            )));
         }
         self.last = time;
         let mut periods = (time - self.overflow) / self.period;
@@ -134,7 +137,9 @@ impl<W: Write + Seek> Writer<W> {
             _ => 1,
         };
         if periods / most > LONGEST_PAUSE {
-            return Err(refused(format!("nothing happens for {periods} turns of the clock before time {time}")));
+            return Err(refused(format!(
+                "nothing happens for {periods} turns of the clock before time {time}"
+            )));
         }
         while periods > 0 {
             let n = periods.min(most);
@@ -160,10 +165,17 @@ impl<W: Write + Seek> Writer<W> {
         let first = u8::from(family == Family::PicoT2);
         let (t3, last) = (self.record.mode() == Mode::T3, self.record.channels() - 1);
         if !(first..=last).contains(&channel) {
-            return Err(refused(format!("channel {channel}: those of {} are {first} to {last}", self.record.name())));
+            return Err(refused(format!(
+                "channel {channel}: those of {} are {first} to {last}",
+                self.record.name()
+            )));
         }
         if t3 && u32::from(dtime) >= self.record.dtimes() {
-            return Err(refused(format!("dtime {dtime}: {} has {}", self.record.name(), self.record.dtimes())));
+            return Err(refused(format!(
+                "dtime {dtime}: {} has {}",
+                self.record.name(),
+                self.record.dtimes()
+            )));
         }
         let (time, dtime, channel) = (self.at(time)?, u32::from(dtime), u32::from(channel));
         self.put(match family {
