@@ -1,5 +1,7 @@
 //! `sunstone ptu`: photons that a counter of PicoQuant's has stamped with their times.
 
+mod events;
+
 use super::failure::Failure;
 use super::places;
 use clap::{Args, Subcommand};
@@ -17,7 +19,7 @@ use sunstone::rig::ptu::tag::Value;
 use sunstone::store::numpy;
 use tracing::info;
 
-/// Read files of time-tagged photons (.ptu) of PicoQuant's counters.
+/// Read and write files of time-tagged photons (.ptu) of PicoQuant's counters.
 ///
 /// PicoHarp 300 and 330, HydraHarp 400, TimeHarp 260, MultiHarp; T2 and T3. Files of any size are read in the same memory.
 #[derive(Args)]
@@ -30,6 +32,8 @@ pub struct Arguments {
 enum Command {
     Info(Info),
     Histogram(Histogram),
+    Records(events::Records),
+    Write(events::FromText),
 }
 
 /// Print what a file holds: its tags, photons by channel, markers, duration.
@@ -86,6 +90,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     match &a.command {
         Command::Info(a) => info(a),
         Command::Histogram(a) => count(a),
+        Command::Records(a) => events::print(a),
+        Command::Write(a) => events::write(a),
     }
 }
 
