@@ -203,7 +203,7 @@ impl Layout for PicoT2 {
                 dtime: 0,
                 channel,
             },
-            15 if time & 15 == 0 => Parts::Overflow(Self::PERIOD),
+            15 if time.is_multiple_of(16) => Parts::Overflow(Self::PERIOD),
             15 => Parts::Marker {
                 time,
                 bits: (time & 15) as u8,

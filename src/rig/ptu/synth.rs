@@ -21,11 +21,10 @@ pub struct Stamp {
 
 /// Uniform in 0 to `below`, which is above 0.
 fn draw(stream: &mut Stream, below: u64) -> u64 {
-    // Of 72 bits, so that no bias is left that a test could see.
+    // Of 64 bits, so that no bias is left that a test could see.
     let word = [0; 3].map(|_: u8| u128::from((stream.uniform() * 16_777_216.0) as u32));
     let word = word[0] << 48 | word[1] << 24 | word[2];
-    // 2^56 detections are more than memory holds: the product fits.
-    ((word >> 8) * u128::from(below) >> 64) as u64
+    (((word >> 8) * u128::from(below)) >> 64) as u64
 }
 
 /// Deals counts of bins to pulses, in the order of time. `alone`: at most one detection a pulse; detections beyond the
