@@ -133,7 +133,8 @@ impl<W: Write + Seek> Writer<W> {
         // Overflows of one record.
         let most = match self.record.family() {
             Family::HydraT3 => (1 << 10) - 1,
-            Family::HydraT2 => (1 << 25) - 1,
+            // Records hold more, but `ptufile` multiplies in 32 bits, which are full at 128.
+            Family::HydraT2 => 127,
             _ => 1,
         };
         if periods / most > LONGEST_PAUSE {
