@@ -107,14 +107,14 @@ pub fn print(a: &Records) -> Result<(), Failure> {
     }
 }
 
-/// An event of a line, none of one that says nothing; nothing at all if it is wrong.
-fn event(line: &str) -> Option<Option<Event>> {
+/// The event of a line, none if it is wrong; names of columns are as little an event as overflows, which are made anew.
+fn event(line: &str) -> Option<Event> {
     let words: Vec<&str> = line.split(',').map(str::trim).collect();
     let &[kind, time, dtime, channel, markers] = &words[..] else {
         return None;
     };
     let time = || time.parse().ok();
-    Some(Some(match kind {
+    Some(match kind {
         "photon" => Event::Photon {
             time: time()?,
             dtime: if dtime.is_empty() { 0 } else { dtime.parse().ok()? },
@@ -125,9 +125,9 @@ fn event(line: &str) -> Option<Option<Event>> {
             time: time()?,
             bits: markers.parse().ok()?,
         },
-        "overflow" | "kind" => return Some(None),
+        "overflow" | "kind" => Event::Overflow { time: 0 },
         _ => return None,
-    }))
+    })
 }
 
 pub fn write(a: &FromText) -> Result<(), Failure> {
@@ -167,9 +167,9 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
                 return Err(ErrorKind::InvalidInput.into());
             };
             let result = match event {
-                Some(Event::Photon { time, dtime, channel }) => writer.photon(time, dtime, channel),
-                Some(Event::Sync { time }) => writer.sync(time),
-                Some(Event::Marker { time, bits }) => writer.marker(time, bits),
+                Event::Photon { time, dtime, channel } => writer.photon(time, dtime, channel),
+                Event::Sync { time } => writer.sync(time),
+                Event::Marker { time, bits } => writer.marker(time, bits),
                 _ => Ok(()),
             };
             if let Err(e) = &result
