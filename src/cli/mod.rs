@@ -16,6 +16,7 @@ mod phase;
 mod places;
 mod probe;
 mod project;
+mod ptu;
 mod reconstruct;
 mod render;
 mod rig;
@@ -80,6 +81,7 @@ enum Command {
     Export(export::Arguments),
     Import(import::Arguments),
     Project(project::Arguments),
+    Ptu(ptu::Arguments),
     Pbrdf(pbrdf::Arguments),
     Phase(phase::Arguments),
     /// Print the JSON Schema of scene files.
@@ -110,6 +112,7 @@ pub fn run() -> ExitCode {
         Command::Export(a) => export::run(&a),
         Command::Import(a) => import::run(&a),
         Command::Project(a) => project::run(&a),
+        Command::Ptu(a) => ptu::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),
         Command::Phase(a) => phase::run(&a),
         Command::Schema => schema(),

@@ -1,0 +1,297 @@
+//! `sunstone ptu`: photons that a counter of PicoQuant's has stamped with their times.
+
+mod events;
+
+use super::failure::Failure;
+use super::places;
+use clap::{Args, Subcommand};
+use std::fmt::Write;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use sunstone::rig::ptu::error::PtuError;
+use sunstone::rig::ptu::histogram::{Plan, histogram};
+use sunstone::rig::ptu::reader::Reader;
+use sunstone::rig::ptu::record::Mode;
+use sunstone::rig::ptu::scan::{Clock, Scan};
+use sunstone::rig::ptu::survey::{Survey, survey};
+use sunstone::rig::ptu::tag::Value;
+use sunstone::store::numpy;
+use tracing::info;
+
+/// Read and write files of time-tagged photons (.ptu) of PicoQuant's counters.
+///
+/// PicoHarp 300 and 330, HydraHarp 400, TimeHarp 260, MultiHarp; T2 and T3. Files of any size are read in the same memory.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Info(Info),
+    Histogram(Histogram),
+    Records(events::Records),
+    Write(events::FromText),
+}
+
+/// Print what a file holds: its tags, photons by channel, markers, duration.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  sunstone ptu info night.ptu
+  sunstone ptu info night.ptu | grep HW_")]
+struct Info {
+    /// File of photons.
+    #[arg(value_name = "FILE.ptu")]
+    file: PathBuf,
+}
+
+/// Count photons by their time since the laser's pulse, by channel, and by pixel of a galvo scan.
+///
+/// Writes an array of u32: (channels, bins), or with --pixels (rows, columns, channels, bins). Pixels are told by markers in the file:
+/// one a pixel (--pixel-marker), or one a line, with the durations that the header states. Photons between pixels are in none.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  sunstone ptu histogram night.ptu -o counts.npy                      all channels that have photons, one laser period
+  sunstone ptu histogram night.ptu -o counts.npy --channel 0 --bin-ps 100
+  sunstone ptu histogram night.ptu -o scan.npy --pixels 128,128 --pixel-marker 1,2 --frame-marker 3
+  sunstone ptu histogram night.ptu -o scan.npy --pixels 128,128       a line scan, by the markers of its header")]
+struct Histogram {
+    /// File of photons.
+    #[arg(value_name = "FILE.ptu")]
+    file: PathBuf,
+    /// File to write.
+    #[arg(short, long, value_name = "OUT.npy")]
+    output: PathBuf,
+    /// Width of a bin, picoseconds: a multiple of the file's resolution (default: that).
+    #[arg(long, value_name = "PS")]
+    bin_ps: Option<f64>,
+    /// Bins (default: those of one laser period).
+    #[arg(long, value_name = "N")]
+    bins: Option<usize>,
+    /// Channels, from 0 (comma-separated; default: those that have photons).
+    #[arg(long, value_name = "C,…", value_delimiter = ',')]
+    channel: Vec<u8>,
+    /// Columns and rows of the scan.
+    #[arg(long, value_name = "W,H", value_delimiter = ',')]
+    pixels: Vec<usize>,
+    /// The marker, 1 to 4, that begins each pixel, and the one that ends it, if there is one.
+    #[arg(long, value_name = "N[,N]", value_delimiter = ',', requires = "pixels", value_parser = clap::value_parser!(u8).range(1..=4))]
+    pixel_marker: Vec<u8>,
+    /// The marker that begins a frame.
+    #[arg(long, value_name = "N", requires = "pixel_marker", value_parser = clap::value_parser!(u8).range(1..=4))]
+    frame_marker: Option<u8>,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    match &a.command {
+        Command::Info(a) => info(a),
+        Command::Histogram(a) => count(a),
+        Command::Records(a) => events::print(a),
+        Command::Write(a) => events::write(a),
+    }
+}
+
+fn failed(e: PtuError) -> Failure {
+    Failure::of_system(e.of_system, e)
+}
+
+/// Opens a file, and warns of one that is cut off.
+fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
+    let reader = Reader::open(path).map_err(failed)?;
+    if let Some(mismatch) = reader.mismatch() {
+        eprintln!("warning: {}: {mismatch}", path.display());
+    }
+    Ok(reader)
+}
+
+fn surveyed(path: &Path) -> Result<Survey, Failure> {
+    let mut reader = Reader::open(path).map_err(failed)?;
+    survey(&mut reader).map_err(failed)
+}
+
+fn info(a: &Info) -> Result<(), Failure> {
+    let mut reader = open(&a.file)?;
+    let found = survey(&mut reader).map_err(failed)?;
+    let (header, record) = (reader.header(), reader.record_type());
+    let mut out = format!("records      {} of {}", reader.records(), record.name());
+    let mut line = |name: &str, value: String| {
+        let _ = write!(out, "\n{name:12} {value}");
+    };
+    if let Some(s) = header.resolution_s(record.mode()) {
+        line("resolution", format!("{:.6} ps", s * 1e12));
+    }
+    if let Some(s) = header.global_resolution_s() {
+        if record.mode() == Mode::T3 {
+            line("period", format!("{:.6} ns", s * 1e9));
+        }
+        line("duration", format!("{:.6} s", found.duration as f64 * s));
+    }
+    for channel in found.channels() {
+        line(
+            &format!("channel {channel}"),
+            format!("{} photons", found.photons[usize::from(channel)]),
+        );
+    }
+    for (i, n) in found.markers.iter().enumerate().filter(|(_, n)| **n > 0) {
+        line(&format!("marker {}", i + 1), format!("{n} times"));
+    }
+    line("syncs", found.syncs.to_string());
+    line("overflows", found.overflows.to_string());
+    line("unknown", format!("{} records", found.unknown));
+    for tag in &header.tags {
+        let index = if tag.index < 0 {
+            String::new()
+        } else {
+            format!("[{}]", tag.index)
+        };
+        let _ = write!(
+            out,
+            "\n{}{index} = {}",
+            tag.name.escape_default(),
+            shown(&tag.value)
+        );
+    }
+    super::output::print(&out)
+}
+
+/// Longest text or list that is shown whole.
+const LONGEST: usize = 200;
+
+fn shown(value: &Value) -> String {
+    let text = match value {
+        Value::Empty => "(empty)".into(),
+        Value::Bool(b) => b.to_string(),
+        Value::Int(i) => i.to_string(),
+        Value::Bits(b) | Value::Color(b) => format!("{b:#x}"),
+        Value::Float(f) => format!("{f:?}"),
+        Value::Time(days) => format!("{days:?} days since 1899-12-30"),
+        Value::Floats(f) => format!("{:?}", &f[..f.len().min(LONGEST / 4)]),
+        Value::Text(t) | Value::Wide(t) => format!("{t:?}"),
+        Value::Blob(b) => format!("{} bytes", b.len()),
+    };
+    match text.char_indices().nth(LONGEST) {
+        Some((at, _)) => format!("{} …", &text[..at]),
+        None => text,
+    }
+}
+
+fn count(a: &Histogram) -> Result<(), Failure> {
+    places::files([Some(&a.file)], [Some(&a.output)])?;
+    places::extension(&a.output, "arrays are", &["npy"])?;
+    let mut reader = open(&a.file)?;
+    let scan = scan(a, &reader)?;
+    let bin = bin(a, &reader)?;
+    let channels = match &a.channel[..] {
+        [] => surveyed(&a.file)?.channels(),
+        given => given.to_vec(),
+    };
+    if channels.is_empty() {
+        let mend = "name channels by --channel for an array of zeros";
+        return Err(Failure::input(format!(
+            "{}: it has no photons; {mend}",
+            a.file.display()
+        )));
+    }
+    if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
+        return Err(Failure::input(
+            "--channel: a channel is named twice; name each once",
+        ));
+    }
+    let bins = a.bins.unwrap_or_else(|| Plan::period_bins(&reader, bin));
+    let plan = Plan {
+        bin,
+        bins,
+        channels,
+        scan,
+    };
+    let start = std::time::Instant::now();
+    let found = histogram(&mut reader, &plan).map_err(failed)?;
+    let (records, seconds) = (reader.records(), start.elapsed().as_secs_f64());
+    info!(
+        "{records} records in {seconds:.4} s, {:.1} million a second",
+        1e-6 * records as f64 / seconds
+    );
+    info!(
+        "channels {:?}, {} of {} photons",
+        plan.channels,
+        found.counted(),
+        found.photons
+    );
+    if found.unknown > 0 {
+        eprintln!(
+            "warning: {}: {} records mean nothing",
+            a.file.display(),
+            found.unknown
+        );
+    }
+    let shape = &found.shape[if scan.is_some() { 0 } else { 2 }..];
+    numpy::save(&a.output, shape, &found.counts)
+        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
+    super::output::print(&a.output.display().to_string())
+}
+
+/// The width of a bin in the file's own counts.
+fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> {
+    let Some(wanted) = a.bin_ps else { return Ok(1) };
+    let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
+        let mend = "leave --bin-ps out";
+        return Err(Failure::input(format!(
+            "{}: it does not state its resolution; {mend}",
+            a.file.display()
+        )));
+    };
+    let counts = wanted / (resolution * 1e12);
+    if !(0.5..1e9).contains(&counts) || (counts - counts.round()).abs() > 1e-6 * counts {
+        let resolution = resolution * 1e12;
+        return Err(Failure::input(format!(
+            "--bin-ps {wanted}: give a multiple of the file's resolution, {resolution:.6} ps"
+        )));
+    }
+    Ok(counts.round() as u32)
+}
+
+fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>, Failure> {
+    let (width, height) = match a.pixels[..] {
+        [] => return Ok(None),
+        [width, height] if width > 0 && height > 0 => (width, height),
+        _ => {
+            return Err(Failure::input(
+                "--pixels: give columns and rows, as in --pixels 128,128",
+            ));
+        }
+    };
+    let bit = |n: &u8| 1 << (n - 1);
+    let markers = |begin: &u8, end: u8| {
+        let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
+        if begin & end != 0 || (begin | end) & frame != 0 {
+            return Err(Failure::input(
+                "--pixel-marker: begin, end and frame need markers of their own",
+            ));
+        }
+        Ok(Clock::Pixels { begin, end, frame })
+    };
+    let clock = match &a.pixel_marker[..] {
+        [] => {
+            let of_header = Scan::of_header(reader.header()).map(|s| s.clock);
+            of_header.ok_or_else(|| {
+                let mend = "say by --pixel-marker which marker begins a pixel";
+                Failure::input(format!(
+                    "{}: its header describes no line scan; {mend}",
+                    a.file.display()
+                ))
+            })?
+        }
+        [begin] => markers(begin, 0)?,
+        [begin, end] => markers(begin, bit(end))?,
+        _ => {
+            return Err(Failure::input(
+                "--pixel-marker: give one or two, as in --pixel-marker 1,2",
+            ));
+        }
+    };
+    Ok(Some(Scan { width, height, clock }))
+}

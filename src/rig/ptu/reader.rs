@@ -1,0 +1,154 @@
+//! Reads a file block by block: its memory is the same however long the file is.
+
+use super::error::PtuError;
+use super::header::{self, Header};
+use super::record::{Decoder, Event, RecordType};
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// Records of a block.
+const BLOCK: usize = 1 << 16;
+
+/// In what a file's length differs from what its header says: it was cut off, or grew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mismatch {
+    /// Records by the header.
+    pub stated: u64,
+    /// Records that the file holds.
+    pub found: u64,
+    /// Bytes behind the last whole record: those of a torn one.
+    pub torn: u8,
+}
+
+impl std::fmt::Display for Mismatch {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { stated, found, torn } = self;
+        write!(f, "its header states {stated} records, the file holds {found}")?;
+        if *torn > 0 {
+            write!(f, " and {torn} bytes of a torn one")?;
+        }
+        if found > stated {
+            write!(f, "; the first {stated} are read")?;
+        }
+        Ok(())
+    }
+}
+
+/// A file that is read.
+#[derive(Debug)]
+pub struct Reader<R> {
+    source: R,
+    file: PathBuf,
+    header: Header,
+    record: RecordType,
+    records: u64,
+    mismatch: Option<Mismatch>,
+    read: u64,
+    at: u64,
+    block: Vec<u8>,
+}
+
+impl Reader<BufReader<File>> {
+    /// Opens a regular file and reads its header.
+    ///
+    /// # Errors
+    /// [`PtuError`]: no file, no `.ptu` file, a tag that is damaged, records of an unknown type.
+    pub fn open(path: &Path) -> Result<Self, PtuError> {
+        let failed = |e| PtuError::io(path, 0, &e);
+        let file = base::input::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        Self::new(BufReader::new(file), length, path)
+    }
+}
+
+impl<R: Read> Reader<R> {
+    /// Reads the header from the begin of `length` bytes; `file` is named by errors.
+    ///
+    /// # Errors
+    /// As [`Reader::open`].
+    pub fn new(mut source: R, length: u64, file: &Path) -> Result<Self, PtuError> {
+        let (header, begin) = header::read(&mut source, length, file)?;
+        let record = header.record_type(file)?;
+        let bytes = length - begin;
+        let (found, torn) = (bytes / 4, (bytes % 4) as u8);
+        // A measurement whose end nobody wrote states none: all that is there counts.
+        let stated = header
+            .int("TTResult_NumberOfRecords")
+            .and_then(|n| u64::try_from(n).ok());
+        let stated = stated.filter(|n| *n > 0).unwrap_or(found);
+        Ok(Self {
+            source,
+            file: file.to_owned(),
+            header,
+            record,
+            records: found.min(stated),
+            mismatch: (stated != found || torn > 0).then_some(Mismatch { stated, found, torn }),
+            read: 0,
+            at: begin,
+            block: vec![],
+        })
+    }
+
+    /// The header.
+    #[must_use]
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The file's name.
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Type of the records.
+    #[must_use]
+    pub fn record_type(&self) -> RecordType {
+        self.record
+    }
+
+    /// Records that are there to be read.
+    #[must_use]
+    pub fn records(&self) -> u64 {
+        self.records
+    }
+
+    /// What is to be warned of: a file that is shorter or longer than its header says.
+    #[must_use]
+    pub fn mismatch(&self) -> Option<Mismatch> {
+        self.mismatch
+    }
+
+    /// The next records, as they are; none at the end.
+    ///
+    /// # Errors
+    /// [`PtuError`] if the system cannot read on.
+    pub fn block(&mut self) -> Result<&[[u8; 4]], PtuError> {
+        let count = (self.records - self.read).min(BLOCK as u64);
+        self.block.resize(count as usize * 4, 0);
+        self.source
+            .read_exact(&mut self.block)
+            .map_err(|e| PtuError::io(&self.file, self.at, &e))?;
+        self.read += count;
+        self.at += count * 4;
+        Ok(self.block.as_chunks().0)
+    }
+
+    /// Gives every event to a function, in order.
+    ///
+    /// # Errors
+    /// As [`Self::block`].
+    pub fn events(&mut self, mut take: impl FnMut(Event)) -> Result<(), PtuError> {
+        let mut decoder = Decoder::new(self.record);
+        loop {
+            let block = self.block()?;
+            if block.is_empty() {
+                return Ok(());
+            }
+            for record in block {
+                take(decoder.decode(u32::from_le_bytes(*record)));
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! What a file holds, without keeping any of it.
+
+use super::error::PtuError;
+use super::reader::Reader;
+use super::record::{Layout, Parts, with_layout};
+use std::io::Read;
+
+/// Numbers of a file's records.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Survey {
+    /// Photons by channel.
+    pub photons: [u64; 64],
+    /// Markers by their input; two at once count at both.
+    pub markers: [u64; 4],
+    /// Sync pulses (T2).
+    pub syncs: u64,
+    /// Records that say that the clock ran over.
+    pub overflows: u64,
+    /// Records that mean nothing.
+    pub unknown: u64,
+    /// Largest time since a sync pulse (T3).
+    pub last_dtime: u32,
+    /// Time of the last record, in counts of the time tag.
+    pub duration: u64,
+}
+
+impl Survey {
+    /// All photons.
+    #[must_use]
+    pub fn all_photons(&self) -> u64 {
+        self.photons.iter().sum()
+    }
+
+    /// Channels with photons.
+    #[must_use]
+    pub fn channels(&self) -> Vec<u8> {
+        (0..64).filter(|c| self.photons[usize::from(*c)] > 0).collect()
+    }
+}
+
+fn count<L: Layout>(survey: &mut Survey, overflow: &mut u64, block: &[[u8; 4]]) {
+    let mut base = *overflow;
+    for record in block {
+        match L::split(u32::from_le_bytes(*record)) {
+            Parts::Photon { time, dtime, channel } => {
+                survey.photons[channel as usize & 63] += 1;
+                survey.last_dtime = survey.last_dtime.max(dtime);
+                survey.duration = base.saturating_add(u64::from(time));
+            }
+            Parts::Overflow(more) => {
+                base = base.saturating_add(more);
+                survey.overflows += 1;
+                survey.duration = base;
+            }
+            Parts::Marker { time, bits } => {
+                for (i, count) in survey.markers.iter_mut().enumerate() {
+                    *count += u64::from(bits >> i & 1);
+                }
+                survey.duration = base.saturating_add(u64::from(time));
+            }
+            Parts::Sync { time } => {
+                survey.syncs += 1;
+                survey.duration = base.saturating_add(u64::from(time));
+            }
+            Parts::Unknown => survey.unknown += 1,
+        }
+    }
+    *overflow = base;
+}
+
+/// Counts a file's records, from where the reader is to its end.
+///
+/// # Errors
+/// [`PtuError`] if the system cannot read on.
+pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
+    let record = reader.record_type();
+    let mut overflow = 0;
+    let mut survey = Survey {
+        photons: [0; 64],
+        markers: [0; 4],
+        syncs: 0,
+        overflows: 0,
+        unknown: 0,
+        last_dtime: 0,
+        duration: 0,
+    };
+    loop {
+        let block = reader.block()?;
+        if block.is_empty() {
+            return Ok(survey);
+        }
+        let (survey, overflow) = (&mut survey, &mut overflow);
+        with_layout!(record, count[](survey, overflow, block));
+    }
+}

@@ -1,0 +1,311 @@
+#!/usr/bin/env python3
+"""Photon files (.ptu) against ptufile: what each writes, the other reads.
+
+For each of the twelve types of records:
+- words: random records, put behind a header by ptufile's own `encode_tag`, taken apart by `sunstone ptu records` and by ptufile;
+- written: random photons, syncs and markers across many turns of the clock, written by `sunstone ptu write`, read by ptufile;
+- histogram: of that file by `sunstone ptu histogram` and by ptufile's `decode_histogram` (T3), or by NumPy from ptufile's records (T2).
+Then scans that ptufile's `imwrite` writes, of both types of records that it has, by pixel, channel and bin; and tags of every type
+that `encode_tag` knows. All must be equal, every record and every count. Exits with 1 if a row is not.
+
+`--power` plants errors in the files that we are given, one at a time (each bit of one record, an overflow left out, the type of
+a tag, a torn record's bytes, a photon's bin), and checks that each is noticed.
+"""
+
+import argparse
+import csv
+import io
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import environment
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import logging
+
+    import numpy as np
+    import ptufile
+    from ptufile.ptufile import encode_tag
+
+    logging.getLogger("ptufile").setLevel(logging.CRITICAL)
+
+TYPES = {
+    "picoharp-300-t2": 0x00010203, "picoharp-300-t3": 0x00010303, "hydraharp-1-t2": 0x00010204, "hydraharp-1-t3": 0x00010304,
+    "hydraharp-2-t2": 0x01010204, "hydraharp-2-t3": 0x01010304, "timeharp-260-n-t2": 0x00010205, "timeharp-260-n-t3": 0x00010305,
+    "timeharp-260-p-t2": 0x00010206, "timeharp-260-p-t3": 0x00010306, "multiharp-t2": 0x00010207, "multiharp-t3": 0x00010307,
+}
+COUNT = 20_000
+SPECIAL = 1 << 31
+
+
+def run(*arguments):
+    """What the program prints; None if it refuses."""
+    done = subprocess.run([environment.sunstone(), "ptu", *map(str, arguments)], capture_output=True, text=True)
+    if done.returncode not in (0, 2):
+        sys.exit(f"sunstone ptu {' '.join(map(str, arguments))}: {done.stderr}")
+    return done.stdout if done.returncode == 0 else None
+
+
+def ours(path):
+    """Records as we read them: kind, time, dtime, channel, markers; what a record has not is -1, markers 0. None if refused."""
+    text = run("records", path)
+    if text is None:
+        return None
+    rows = []
+    for kind, *numbers in list(csv.reader(io.StringIO(text)))[1:]:
+        time, dtime, channel, markers = (int(n) if n else -1 for n in numbers)
+        # ptufile gives times of overflows that are of no use, and calls sync pulses channel 0.
+        rows.append((-1 if kind in ("overflow", "unknown") else time, dtime, 0 if kind == "sync" else channel, max(markers, 0)))
+    return np.array(rows, np.int64).reshape(-1, 4)
+
+
+def theirs(path):
+    """Records as ptufile reads them, alike."""
+    with ptufile.PtuFile(path) as file:
+        records, t3 = file.decode_records(), file.is_t3
+    over = (records["channel"] < 0) & (records["marker"] == 0)
+    time = np.where(over, -1, records["time"].astype(np.int64))
+    dtime = records["dtime"] if t3 else np.where(records["channel"] >= 0, 0, -1)
+    return np.stack([time, dtime, records["channel"], records["marker"]], axis=1).astype(np.int64)
+
+
+def different(a, b, t3):
+    """Number of records that differ; those of T2 have no dtime."""
+    if a is None or len(a) != len(b):
+        return max(len(b), 1)
+    columns = [0, 1, 2, 3] if t3 else [0, 2, 3]
+    return int((a[:, columns] != b[:, columns]).any(axis=1).sum())
+
+
+def words(code, rng, count=COUNT):
+    """Random records of a type, of all kinds that mean something."""
+    t3, pico = code >> 8 & 3 == 3, code & 0xFF == 3
+    kind = rng.integers(0, 10, count)
+    bits = rng.integers(1, 16, count)
+    if pico:
+        photon = rng.integers(0, 1 << 28, count) | rng.integers(1, 5, count) << 28
+        if t3:
+            marker = 15 << 28 | bits << 16 | rng.integers(0, 1 << 16, count)
+            over = 15 << 28 | rng.integers(0, 1 << 16, count) * 0
+        else:
+            marker = 15 << 28 | rng.integers(0, 1 << 24, count) << 4 | bits
+            over = np.full(count, 15 << 28)
+            photon = np.where(kind == 2, photon & 0x0FFFFFFF, photon)
+    else:
+        photon = rng.integers(0, SPECIAL, count)
+        low = rng.integers(0, 1 << (10 if t3 else 25), count)
+        marker = SPECIAL | bits << 25 | low
+        over = SPECIAL | 63 << 25 | rng.integers(0, 4, count)
+        if not t3:
+            photon = np.where(kind == 2, SPECIAL | low, photon)
+    return np.where(kind == 0, marker, np.where(kind == 1, over, photon)).astype("<u4")
+
+
+def whole(code, records, **more):
+    """A file: ptufile's tags, these records."""
+    tags = {"Measurement_Mode": 3 if code >> 8 & 3 == 3 else 2, "Measurement_SubMode": 0, "MeasDesc_GlobalResolution": 1e-7,
+            "MeasDesc_Resolution": 25e-12, "TTResult_SyncRate": 10_000_000, "TTResult_NumberOfRecords": len(records),
+            "TTResultFormat_TTTRRecType": code, "TTResultFormat_BitsPerRecord": 32, **more}
+    out = b"PQTTTR\0\0" + b"1.0.00\0\0"
+    for name, value in tags.items():
+        out += b"".join(encode_tag(name, v, i) for i, v in enumerate(value)) if isinstance(value, list) else encode_tag(name, value)
+    return out + encode_tag("Header_End", None) + np.asarray(records, "<u4").tobytes()
+
+
+def events(code, rng, count=COUNT):
+    """Random events of a type, in the order of time, as rows of ours()."""
+    t3, pico = code >> 8 & 3 == 3, code & 0xFF == 3
+    kind = rng.integers(0, 20, count)
+    gaps = np.where(rng.integers(0, 100, count) == 0, rng.integers(0, 400_000_000 if not t3 else 3_000_000, count), rng.integers(0, 50, count))
+    time = np.cumsum(gaps) * 16
+    dtime = rng.integers(0, 4096 if pico else 1 << 15, count) if t3 else np.zeros(count, int)
+    first, last = (0, 4) if pico and t3 else (1, 5) if pico else (0, 64)
+    channel = rng.integers(first, last, count)
+    bits = rng.integers(1, 16, count)
+    marker, sync = kind == 0, (kind == 1) & (not t3)
+    if pico and not t3:
+        # Their markers stand in the last bits of the time.
+        time = time + np.where(marker, bits, 15 * (np.cumsum(marker) * 0 + 1))
+        time[~marker] = time[~marker] // 16 * 16 + 15
+    rows = np.stack([time, np.where(marker | sync, -1, dtime), np.where(marker, -1, np.where(sync, 0, channel)), np.where(marker, bits, 0)], axis=1)
+    lines = ["kind,time,dtime,channel,markers"]
+    for (t, d, c, m), s in zip(rows.tolist(), sync):
+        lines.append(f"marker,{t},,,{m}" if m else f"sync,{t},,," if s else f"photon,{t},{d},{c},")
+    order = np.argsort(time, kind="stable")
+    return rows[order], "\n".join([lines[0]] + [lines[i + 1] for i in order])
+
+
+def histogram(path, folder, *more):
+    """Our histogram."""
+    out = folder / "h.npy"
+    out.unlink(missing_ok=True)
+    return np.load(out) if run("histogram", path, "-o", out, *more) is not None else None
+
+
+def unequal(a, b):
+    """Counts that differ."""
+    return max(b.size, 1) if a is None or a.shape != b.shape else int((a.astype(np.int64) != b.astype(np.int64)).sum())
+
+
+def wanted(path, rows, bins, bin_width):
+    """ptufile's histogram by channel; of T2 by NumPy, times being those since the last sync pulse."""
+    with ptufile.PtuFile(path, trimdims="") as file:
+        if file.is_t3:
+            counts = file.decode_histogram(dtime=32768 * 2).astype(np.int64)
+            counts = counts[:, : bins * bin_width]
+            return counts.reshape(len(counts), bins, bin_width).sum(axis=2)
+        records = file.decode_records()
+    raw = file_words(path)
+    code = ptufile_code(path)
+    sync = (raw >> 28 == 0) if code & 0xFF == 3 else (raw >> 25 == 64)
+    photon = (records["channel"] >= 0) & ~sync
+    last = np.maximum.accumulate(np.where(sync, records["time"].astype(np.int64), -1))
+    since = records["time"].astype(np.int64) - last
+    keep = photon & (last >= 0) & (since < bins * bin_width)
+    out = np.zeros((64, bins), np.int64)
+    np.add.at(out, (records["channel"][keep], since[keep] // bin_width), 1)
+    return out
+
+
+def file_words(path):
+    with ptufile.PtuFile(path) as file:
+        return file.read_records().copy()
+
+
+def ptufile_code(path):
+    with ptufile.PtuFile(path) as file:
+        return int(file.tags["TTResultFormat_TTTRRecType"])
+
+
+def compare(name, code, rng, folder):
+    """Rows of a type: what, how many, how many differ."""
+    t3, path = code >> 8 & 3 == 3, folder / "f.ptu"
+    path.write_bytes(whole(code, words(code, rng)))
+    yield "words", COUNT, different(ours(path), theirs(path), t3)
+    rows, text = events(code, rng)
+    (folder / "e.csv").write_text(text)
+    path.unlink()
+    period = 100_000 if t3 else 1
+    if run("write", folder / "e.csv", "-o", path, "--record", name, "--period-ps", period) is None:
+        yield "written", COUNT, COUNT
+        return
+    read = theirs(path)
+    yield "written", COUNT, different(rows, read[read[:, 0] >= 0], t3)
+    with ptufile.PtuFile(path) as file:
+        tags = file.tags
+    right = tags["TTResultFormat_TTTRRecType"] == code and tags["TTResult_NumberOfRecords"] == len(read)
+    yield "its tags", 2, 0 if right and np.isclose(tags["MeasDesc_GlobalResolution"], period * 1e-12) else 1
+    width, bins = (4, 1000) if t3 else (16, 500)
+    counts = wanted(path, read, bins, width)
+    used = np.flatnonzero(counts.sum(axis=1))
+    found = histogram(path, folder, "--channel", ",".join(map(str, used)), "--bins", bins, "--bin-ps", width * (25 if t3 else 1))
+    assert counts.sum() > COUNT / 100, "a histogram of nothing"
+    yield "histogram", counts[used].size, unequal(found, counts[used])
+
+
+def scans(rng, folder):
+    """Scans that ptufile writes."""
+    path = folder / "scan.ptu"
+    for shape in ((3, 16, 24, 2, 500), (1, 32, 8, 5, 2000)):
+        image = rng.poisson(0.05, shape).astype(np.uint32)
+        ptufile.imwrite(path, image, 1e-7, 25e-12)
+        with ptufile.PtuFile(path, trimdims="") as file:
+            read = file.decode_image(frame=-1, dtime=shape[4])[0]
+        read = read[:, :, : shape[3]]
+        found = histogram(path, folder, "--pixels", f"{shape[2]},{shape[1]}", "--bins", shape[4])
+        yield f"scan {'x'.join(map(str, shape))}", image[0].size, unequal(found, read) + unequal(found, image.sum(axis=0))
+
+
+def tags(folder):
+    """Tags of all types, by what `ptu info` prints."""
+    import datetime
+
+    path = folder / "tags.ptu"
+    values = {"A_Bool": True, "A_Int": -(1 << 62), "A_Float": 1.25e-300, "A_Text": "µm × 5 €", "A_Wide": "λ 中", "A_Blob": bytes(range(16)),
+              "A_Time": datetime.datetime(2021, 6, 1, 12), "A_List": [1, 2, 3], "A_Empty": None}
+    path.write_bytes(whole(0x00010305, [0], **values))
+    text = (run("info", path) or "").splitlines()
+    expected = ["A_Bool = true", f"A_Int = {-(1 << 62)}", "A_Float = 1.25e-300", 'A_Text = "µm × 5 €"', 'A_Wide = "λ 中"',
+                "A_Blob = 16 bytes", "A_Time = 44348.5 days since 1899-12-30", "A_List[0] = 1", "A_List[1] = 2", "A_List[2] = 3",
+                "A_Empty = (empty)"]
+    return len(expected), sum(line not in text for line in expected)
+
+
+def power(rng, folder):
+    """Whether planted errors are noticed: what, planted, noticed."""
+    good, bad = folder / "good.ptu", folder / "bad.ptu"
+    for name, code in TYPES.items():
+        t3 = code >> 8 & 3 == 3
+        records = words(code, rng, 200)
+        # A photon within.
+        good.write_bytes(whole(code, records))
+        truth = theirs(good)
+        at = np.flatnonzero((truth[:, 2] >= 0) & (truth[:, 3] == 0))[50]
+        noticed = 0
+        for bit in range(32):
+            planted = records.copy()
+            planted[at] ^= np.uint32(1 << bit)
+            bad.write_bytes(whole(code, planted))
+            noticed += different(ours(bad), truth, t3) > 0
+        yield f"{name}: a bit of a record", 32, noticed
+        over = np.flatnonzero(truth[:, 0] < 0)[3]
+        bad.write_bytes(whole(code, np.delete(records, over)))
+        read = ours(bad)
+        read = None if read is None else read[read[:, 0] >= 0]
+        yield f"{name}: an overflow lost", 1, int(different(read, truth[truth[:, 0] >= 0], t3) > 0)
+    # The tag that says what records are, with another type; its value alone with another code; bits that a record has not.
+    data = whole(0x00010305, words(0x00010305, rng, 200))
+    good.write_bytes(data)
+    truth = theirs(good)
+    at = data.find(b"TTResultFormat_TTTRRecType")
+    for what, where, value in (("type", 39, 0x20), ("type unknown", 39, 0x33), ("value", 40, 0x04), ("value of T2", 41, 0x02)):
+        planted = bytearray(data)
+        planted[at + where] = value
+        # The first version of the HydraHarp counts overflows alone: the next byte is that of the TimeHarp's last.
+        bad.write_bytes(planted)
+        yield f"a tag's {what}", 1, int(different(ours(bad), truth, True) > 0)
+    bad.write_bytes(data[:-2])
+    yield "a torn record", 1, int(different(ours(bad), truth, True) > 0)
+    path = folder / "scan.ptu"
+    image = rng.poisson(0.5, (1, 8, 8, 1, 64)).astype(np.uint32)
+    ptufile.imwrite(path, image, 1e-7, 25e-12)
+    data = bytearray(path.read_bytes())
+    data[-4 * 40 + 2] ^= 1
+    path.write_bytes(data)
+    found = histogram(path, folder, "--pixels", "8,8", "--bins", 64)
+    yield "a bin of a scan", 1, int(unequal(found, image.sum(axis=0)) > 0)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    parser.add_argument("--seed", type=int, default=1, help="of records, events and scans")
+    a = parser.parse_args()
+    failed = False
+    rng = np.random.default_rng(a.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        if a.power:
+            for what, planted, noticed in power(rng, folder):
+                failed |= noticed < planted
+                print(f"{what:44} {noticed:3} of {planted:3} {'noticed' if noticed == planted else 'NOT ALL NOTICED'}", flush=True)
+            sys.exit(1 if failed else 0)
+        print(f"{'':44} {'compared':>9} {'different':>9}")
+        for name, code in TYPES.items():
+            for what, count, wrong in compare(name, code, rng, folder):
+                failed |= wrong > 0
+                print(f"{name + ', ' + what:44} {count:9} {wrong:9}", flush=True)
+        for what, count, wrong in scans(rng, folder):
+            failed |= wrong > 0
+            print(f"{what:44} {count:9} {wrong:9}", flush=True)
+        count, wrong = tags(folder)
+        failed |= wrong > 0
+        print(f"{'tags of all types':44} {count:9} {wrong:9}")
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()
