@@ -95,6 +95,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if is_frames(&a.source) {
         return of_run::run(a);
     }
+    if !a.source.exists() {
+        return Err(Failure::input(format!("{}: there is no such file", a.source.display())));
+    }
     places::files(inputs, outputs)?;
     for path in outputs.into_iter().flatten() {
         places::extension(path, "arrays are", &["npy"])?;
