@@ -1,7 +1,8 @@
 //! What looks and what shines: calibrated pinholes and lenses, the projector, epipolar geometry, other emitters.
 
-pub mod distortion;
 pub mod emitter;
 pub mod epipolar;
 pub mod pinhole;
 pub mod projector;
+
+pub use optics::distortion;

@@ -60,6 +60,18 @@ impl Fisheye {
         ]
     }
 
+    /// Derivatives of [`Self::distort`] by k1 to k4.
+    #[must_use]
+    pub fn by_coefficients(&self, p: DVec2) -> [DVec2; 4] {
+        let r = p.length();
+        if r < TINY {
+            return [DVec2::ZERO; 4];
+        }
+        let t = r.atan();
+        let t2 = t * t;
+        [t2, t2 * t2, t2 * t2 * t2, t2 * t2 * t2 * t2].map(|power| p * (t * power / r))
+    }
+
     /// Distorted normalized coordinates → ideal ones; `None` beyond [`WIDEST`] and where the polynomial falls.
     #[inline]
     #[must_use]

@@ -142,6 +142,39 @@ mod tests {
             }
         }
 
+        #[test]
+        fn derivatives_by_coefficients(x in -0.6..0.6, y in -0.6..0.6) {
+            let (p, h) = (DVec2::new(x, y), 1e-6);
+            for lens in lenses() {
+                let difference = |a: Distortion, b: Distortion| (a.distort(p) - b.distort(p)) / (2.0 * h);
+                match lens {
+                    Distortion::None => {}
+                    Distortion::Opencv(l) => {
+                        let order: [fn(&mut Opencv) -> &mut f64; 12] = [
+                            |l| &mut l.k1, |l| &mut l.k2, |l| &mut l.p1, |l| &mut l.p2, |l| &mut l.k3, |l| &mut l.k4,
+                            |l| &mut l.k5, |l| &mut l.k6, |l| &mut l.s1, |l| &mut l.s2, |l| &mut l.s3, |l| &mut l.s4,
+                        ];
+                        for (of, got) in order.into_iter().zip(l.by_coefficients(p)) {
+                            let (mut more, mut less) = (l, l);
+                            *of(&mut more) += h;
+                            *of(&mut less) -= h;
+                            let want = difference(Distortion::Opencv(more), Distortion::Opencv(less));
+                            prop_assert!((want - got).length() < 1e-8, "{want} {got}");
+                        }
+                    }
+                    Distortion::Fisheye(l) => {
+                        for (i, got) in l.by_coefficients(p).into_iter().enumerate() {
+                            let (mut more, mut less) = (l, l);
+                            more.k[i] += h;
+                            less.k[i] -= h;
+                            let want = difference(Distortion::Fisheye(more), Distortion::Fisheye(less));
+                            prop_assert!((want - got).length() < 1e-8, "{want} {got}");
+                        }
+                    }
+                }
+            }
+        }
+
         /// Fisheyes see to near 90°.
         #[test]
         fn fisheyes_invert_far_off_the_axis(theta in 0.0..1.56, turn in 0.0..std::f64::consts::TAU) {

@@ -89,6 +89,36 @@ impl Opencv {
         [[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]]
     }
 
+    /// Derivatives of [`Self::distort`] by the coefficients in OpenCV's order, k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
+    #[must_use]
+    pub fn by_coefficients(&self, p: DVec2) -> [DVec2; 12] {
+        let r2 = p.length_squared();
+        let [r4, r6] = [r2 * r2, r2 * r2 * r2];
+        let above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let below = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6));
+        let (up, down) = (p / below, -p * (above / (below * below)));
+        let xy = 2.0 * p.x * p.y;
+        let bent = [
+            up * r2,
+            up * r4,
+            DVec2::new(xy, r2 + 2.0 * p.y * p.y),
+            DVec2::new(r2 + 2.0 * p.x * p.x, xy),
+            up * r6,
+            down * r2,
+            down * r4,
+            down * r6,
+            DVec2::X * r2,
+            DVec2::X * r4,
+            DVec2::Y * r2,
+            DVec2::Y * r4,
+        ];
+        if self.tilt.is_none() {
+            return bent;
+        }
+        let [[a, b], [c, d]] = self.tilt.jacobian(self.bend(p));
+        bent.map(|v| DVec2::new(a * v.x + b * v.y, c * v.x + d * v.y))
+    }
+
     #[inline]
     fn bend_jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
         let r2 = p.length_squared();
