@@ -2,7 +2,7 @@
 //! the loss of half the digits that squaring costs. Rational lenses need them.
 
 use super::bundle::{Corner, State, Weights};
-use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6};
+use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
 
 /// Square root of the information, the poses of the views eliminated.
 pub struct Root {
@@ -10,8 +10,10 @@ pub struct Root {
     shared: DMatrix<f64>,
     /// Lengths of the Jacobian's columns.
     lengths: DVector<f64>,
-    /// By view: factors of its pose, and of the shared parameters beside it.
-    own: Vec<(Matrix6<f64>, Matrix6xX<f64>)>,
+    /// By view: factors of its pose, of the shared parameters beside it, and what its residuals become.
+    own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
+    /// What the residuals become.
+    right: DVector<f64>,
 }
 
 /// Covariances, in blocks.
@@ -29,19 +31,21 @@ impl Root {
     #[must_use]
     pub fn of(state: &State, views: &[Vec<Corner>], w: &Weights) -> Option<Self> {
         let n = state.shared();
-        let mut shared = DMatrix::zeros(0, n);
+        // The last column is of the residuals.
+        let mut all = DMatrix::zeros(0, n + 1);
         let mut squares = DVector::zeros(n);
         let mut own = vec![];
         for (v, corners) in views.iter().enumerate() {
-            let (jacobian, ..) = state.rows(v, corners, w)?;
+            let (jacobian, residual, _) = state.rows(v, corners, w)?;
             if !jacobian.iter().all(|x| x.is_finite()) {
                 return None;
             }
             let rows = jacobian.nrows();
             // The pose first; rows of zeros where a view has fewer measurements than parameters.
-            let mut ordered = DMatrix::zeros(rows.max(n + 6), n + 6);
+            let mut ordered = DMatrix::zeros(rows.max(n + 7), n + 7);
             ordered.view_mut((0, 0), (rows, 6)).copy_from(&jacobian.columns(n, 6));
             ordered.view_mut((0, 6), (rows, n)).copy_from(&jacobian.columns(0, n));
+            ordered.view_mut((0, n + 6), (rows, 1)).copy_from(&residual);
             for i in 0..n {
                 squares[i] += jacobian.column(i).norm_squared();
             }
@@ -49,18 +53,31 @@ impl Root {
             own.push((
                 r.fixed_view::<6, 6>(0, 0).into_owned(),
                 r.fixed_rows::<6>(0).columns(6, n).into_owned(),
+                r.fixed_view::<6, 1>(0, n + 6).into_owned(),
             ));
-            let old = shared.nrows();
-            let mut stacked = DMatrix::zeros(old + n, n);
-            stacked.rows_mut(0, old).copy_from(&shared);
-            stacked.rows_mut(old, n).copy_from(&r.view((6, 6), (n, n)));
-            shared = stacked.qr().r();
+            let old = all.nrows();
+            let mut stacked = DMatrix::zeros(old + n + 1, n + 1);
+            stacked.rows_mut(0, old).copy_from(&all);
+            stacked.rows_mut(old, n + 1).copy_from(&r.view((6, 6), (n + 1, n + 1)));
+            all = stacked.qr().r();
         }
         Some(Self {
-            shared,
+            shared: all.view((0, 0), (n, n)).into_owned(),
             lengths: squares.map(f64::sqrt),
             own,
+            right: all.view((0, n), (n, 1)).column(0).into_owned(),
         })
+    }
+
+    /// The step of Gauss and Newton, by parameters and poses; `None` if there is none.
+    fn step(&self) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
+        let shared = self.shared.solve_upper_triangular(&self.right)?;
+        let of = |(r, beside, right): &(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)| {
+            r.solve_upper_triangular(&(right - beside * &shared))
+        };
+        let own: Option<Vec<_>> = self.own.iter().map(of).collect();
+        let finite = shared.iter().all(|x| x.is_finite());
+        Some((shared.clone(), own?)).filter(|_| finite)
     }
 
     /// How much is known of the least known combination of shared parameters, from 0 (nothing) to about 1, and that
@@ -80,7 +97,7 @@ impl Root {
         let back = self.shared.solve_upper_triangular(&DMatrix::identity(n, n))?;
         let shared = &back * back.transpose();
         let (mut own, mut mixed) = (vec![], vec![]);
-        for (r, beside) in &self.own {
+        for (r, beside, _) in &self.own {
             let inverse = r.solve_upper_triangular(&Matrix6::identity())?;
             let path = inverse * beside;
             let root = &path * &back;
@@ -90,4 +107,25 @@ impl Root {
         let finite = shared.iter().all(|x| x.is_finite());
         finite.then_some(Covariance { shared, own, mixed })
     }
+}
+
+/// A few steps of Gauss and Newton from where Levenberg and Marquardt end, in the digits that their normal equations lose, as
+/// long as the cost falls.
+pub fn polish(mut state: State, views: &[Vec<Corner>], w: &Weights) -> State {
+    let mut cost = state.cost(views, w);
+    for _ in 0..10 {
+        let step = Root::of(&state, views, w).and_then(|r| r.step());
+        let Some((shared, own)) = step else { break };
+        let next = state.changed(&shared, &own);
+        let now = next.cost(views, w);
+        if now.is_nan() || now >= cost {
+            break;
+        }
+        let done = cost - now < 1e-12 * cost;
+        (state, cost) = (next, now);
+        if done {
+            break;
+        }
+    }
+    state
 }

@@ -1,7 +1,7 @@
 //! From corners to calibrated devices: a beginning, bundle adjustment, noise, covariances, and what stays open.
 
 use super::bundle::{Corner, State, Weights, minimize};
-use super::covariance::{Covariance, Root};
+use super::covariance::{Covariance, Root, polish};
 use super::device::{Device, Free, Model, count};
 use super::fault::Fault;
 use super::pose::Pose;
@@ -90,6 +90,7 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
     let rounds = if setups.len() > 1 { 3 } else { 1 };
     for _ in 0..rounds {
         (state, _) = minimize(&state, views, &w, 200).ok_or_else(|| no_fit(&state, views, &w))?;
+        state = polish(state, views, &w);
         let rms = rms(&state, views, &w);
         let hopeless = rms.iter().zip(setups).any(|(r, s)| r.is_nan() || *r > HOPELESS * f64::from(s.size[0]));
         if hopeless {
