@@ -222,7 +222,7 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let mut cost = f64::INFINITY;
         // First the pinhole, then what bends most, then all: a rational lens that begins far off finds a pole.
         let all = setup.free.ties(&state.devices[0]);
-        let most = setup.free.ties_of(&state.devices[0], |name| !name.starts_with(['k', 's', 'p']) || matches!(name, "k1" | "k2"));
+        let most = setup.free.ties_of(&state.devices[0], |name| !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3"));
         for ties in [first.ties(&state.devices[0]), most, all] {
             state.free = count(&ties);
             state.ties = vec![ties];

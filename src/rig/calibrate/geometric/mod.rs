@@ -5,11 +5,13 @@
 
 pub mod board;
 pub mod bundle;
+pub mod corners;
 pub mod covariance;
 pub mod device;
 pub mod fault;
 pub mod fit;
 pub mod homography;
+pub mod image;
 mod open;
 pub mod pose;
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use super::bundle::State;
 use super::covariance::Root;
+use super::device::Model;
 use super::fault::Fault;
 use nalgebra::DMatrix;
 
@@ -94,7 +95,10 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
             if bad || !error(i).is_finite() {
                 return Err(Fault::NotDetermined {
                     what: format!("{} {name}: {size:.0} ± {:.0} pixels", title(d), error(i)),
-                    mend: format!("{TILT}, or fix it"),
+                    mend: match device.model {
+                        Model::Eight | Model::Twelve => format!("take 5 coefficients, or {TILT}"),
+                        _ => format!("{TILT}, or fix it"),
+                    },
                 });
             }
         }
