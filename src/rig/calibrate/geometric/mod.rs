@@ -8,10 +8,13 @@ pub mod bundle;
 pub mod corners;
 pub mod covariance;
 pub mod device;
+pub mod epipolar;
 pub mod fault;
 pub mod fit;
+pub mod fundamental;
 pub mod homography;
 pub mod image;
+pub mod light;
 mod open;
 pub mod pose;
 #[cfg(test)]

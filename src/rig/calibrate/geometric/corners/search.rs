@@ -1,7 +1,7 @@
 //! The board of known size in an image: all of its corners in their order, or why not.
 
 use super::grid::{Place, extent, grids};
-use super::saddle::{Saddle, candidates, refine};
+use super::saddle::{SOFT, Saddle, candidates, refine};
 use crate::calibrate::geometric::board::Board;
 use crate::calibrate::geometric::homography;
 use crate::calibrate::geometric::image::Image;
@@ -41,8 +41,10 @@ const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 /// [`NotFound`].
 pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     let mut seen = NotFound::Nothing;
+    let source = image;
+    let image = &source.blurred(SOFT);
     for blur in BLURS {
-        let near = candidates(image, blur);
+        let near = candidates(source, blur);
         let radius = f64::from(3.0 * blur).max(4.0);
         let mut all: Vec<Saddle> = near
             .iter()
@@ -181,7 +183,7 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
-    /// A board as a device sees it, averaged over 5 × 5 points a pixel, white around it.
+    /// A board as a device sees it, averaged over 64 points a pixel, white around it.
     pub(crate) fn photograph(device: &Device, pose: &Pose, board: &Board) -> Image {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();
@@ -196,8 +198,10 @@ mod tests {
         let mut values = vec![];
         for y in 0..h {
             for x in 0..w {
-                let grid = (0..25).map(|k| sample(x as f64 + (f64::from(k % 5) + 0.5) / 5.0, y as f64 + (f64::from(k / 5) + 0.5) / 5.0));
-                values.push(grid.sum::<f32>() / 25.0);
+                // Spread evenly in all directions (Roberts' sequence).
+                let part = |k: i32, a: f64| (f64::from(k) * a).fract();
+                let points = (0..64).map(|k| sample(x as f64 + part(k, 0.7548776662), y as f64 + part(k, 0.5698402910)));
+                values.push(points.sum::<f32>() / 64.0);
             }
         }
         Image::new(w, h, values).unwrap()
