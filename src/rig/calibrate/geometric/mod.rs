@@ -5,6 +5,7 @@
 
 pub mod board;
 pub mod bundle;
+pub mod calibration;
 pub mod corners;
 pub mod covariance;
 pub mod device;
