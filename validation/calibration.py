@@ -338,6 +338,10 @@ def with_projector(seed, folder, planted):
         (folder / f"view{i}").mkdir()
         for n in names:
             run("probe", f"{i}.zarr", f"p{n[:3]}", "--sum", "wavelength", "-o", f"view{i}/{n[:3]}.npy", "--force", folder=folder)
+        # What comes with it: coordinates and errors.
+        for other in (folder / f"view{i}").iterdir():
+            if len(other.name) > len("000.npy"):
+                other.unlink()
         return f"view{i}"
     with ThreadPoolExecutor(2) as pool:
         views = list(pool.map(one, range(len(all_poses))))

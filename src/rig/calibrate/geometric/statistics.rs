@@ -2,10 +2,12 @@
 
 use super::board::Board;
 use super::bundle::Corner;
-use super::device::{Device, Model, project_all};
+use super::device::{Device, Free, Model, project_all};
+use super::fault::Fault;
 use super::fit::{Fit, Setup, fit};
 use super::pose::Pose;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2, Vector3};
+use proptest::prelude::*;
 use rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -202,4 +204,134 @@ fn errors_of_projectors_are_what_they_claim() {
     repeats(&pair(Model::Five), 128, 0.05, true).hold("pair, 5 coefficients");
     // At 0.05 pixels one in a hundred rational lenses of the projector runs off to infinite coefficients, and is refused.
     repeats(&pair(Model::Eight), 64, 0.01, false).hold("pair, 8 coefficients");
+}
+
+#[test]
+fn outliers_are_found_and_left_out() {
+    let devices = [camera(Model::Five)];
+    let poses = poses(8);
+    let mut views = views(&devices, &poses, [0.05, 0.0], &mut Noise::new(1));
+    let planted = [(0, 3), (2, 50), (5, 0), (5, 1), (7, 33)];
+    for (v, c) in planted {
+        views[v][c].camera += Vector2::new(6.0, -3.0);
+    }
+    let plain = fit(&setups(&devices), &views, false).unwrap();
+    let robust = fit(&setups(&devices), &views, true).unwrap();
+    assert!(planted.iter().all(|p| robust.outliers.contains(p)) && robust.outliers.len() <= 7, "{:?}", robust.outliers);
+    assert!(plain.sigma[0] > 0.3 && robust.sigma[0] < 0.06, "{:?}", robust.sigma);
+    let z = (robust.devices[0].focal.x - devices[0].focal.x) / robust.errors(0)[0];
+    assert!(z.abs() < 4.0, "{z}");
+}
+
+#[test]
+fn what_is_fixed_stays() {
+    let mut truth = camera(Model::Five);
+    truth.focal.y = truth.focal.x;
+    truth.centre = Vector2::new(640.0, 480.0);
+    truth.coefficients[2..].fill(0.0);
+    let views = views(&[truth.clone()], &poses(8), [0.05, 0.0], &mut Noise::new(4));
+    let mut setup = Setup::new(truth.size, Model::Five);
+    setup.free = Free {
+        aspect: false,
+        centre: false,
+        tangential: false,
+        k3: false,
+        ..Free::default()
+    };
+    let found = fit(&[setup], &views, false).unwrap();
+    let d = &found.devices[0];
+    assert_eq!((d.centre, d.focal.x), (truth.centre, d.focal.y));
+    assert_eq!(d.coefficients[2..], [0.0; 3]);
+    let errors = found.errors(0);
+    assert!(errors[0] > 0.0 && errors[0] == errors[1] && errors[2..4] == [0.0; 2] && errors[6..] == [0.0; 3]);
+    assert!((d.focal.x - truth.focal.x).abs() < 5.0 * errors[0]);
+}
+
+/// k1 to k4 of OpenCV's fisheye, 60° off the axis.
+#[test]
+fn fisheyes_are_found() {
+    let mut truth = Device::pinhole([1280, 960], [420.0, 421.0], [645.0, 477.0], Model::Fisheye);
+    truth.coefficients = vec![0.05, -0.01, 0.004, -0.001];
+    let views = views(&[truth.clone()], &poses(12), [0.05, 0.0], &mut Noise::new(2));
+    let found = fit(&setups(&[truth.clone()]), &views, false).unwrap();
+    for ((got, want), error) in found.devices[0].parameters().iter().zip(truth.parameters()).zip(found.errors(0)) {
+        assert!((got - want).abs() < 4.5 * error, "{got} {want} ± {error}");
+    }
+}
+
+fn refused(views: &[Vec<Corner>], model: Model) -> Fault {
+    fit(&setups(&[camera(model)]), views, false).expect_err("a fault")
+}
+
+#[test]
+fn views_that_do_not_tell_are_refused() {
+    let devices = [camera(Model::Five)];
+    let flat = |tilt: f64, sigma: f64| {
+        let poses: Vec<Pose> = (0..6)
+            .map(|i| {
+                let a = f64::from(i);
+                Pose::new([tilt, 0.0, 0.2 * a], [0.05 * a.sin() - 0.15, 0.04 * a.cos() - 0.1, 0.35 + 0.03 * a])
+            })
+            .collect();
+        views(&devices, &poses, [sigma, 0.0], &mut Noise::new(6))
+    };
+    // Boards square to the axis: distance and focal length are one, with noise and without.
+    for sigma in [0.0, 0.05] {
+        let fault = refused(&flat(0.0, sigma), Model::Five);
+        assert!(matches!(&fault, Fault::NotDetermined { .. }), "{fault}");
+        assert!(fault.to_string().contains("tilt the board"), "{fault}");
+    }
+    // One view, with the centre free.
+    let one = views(&devices, &poses(1), [0.05, 0.0], &mut Noise::new(6));
+    let fault = refused(&one, Model::Five);
+    assert!(matches!(fault, Fault::NotDetermined { .. }), "{fault}");
+    assert_eq!(refused(&[], Model::Five), Fault::NoViews);
+}
+
+#[test]
+fn wrong_points_are_refused() {
+    let good = views(&[camera(Model::Five)], &poses(6), [0.05, 0.0], &mut Noise::new(6));
+    let mut nan = good.clone();
+    nan[2][7].camera.x = f64::NAN;
+    assert_eq!(refused(&nan, Model::Five), Fault::NotFinite { view: 3 });
+    let mut line = good.clone();
+    line[1].truncate(9);
+    assert_eq!(refused(&line, Model::Five), Fault::Collinear { view: 2 });
+    line[1].truncate(2);
+    assert_eq!(refused(&line, Model::Five), Fault::Collinear { view: 2 });
+    // Corners in no order fit no camera.
+    let mut mixed = good;
+    let mut x = 1_usize;
+    for view in &mut mixed {
+        for i in 0..view.len() {
+            x = (x * 7919 + 13) % 1_000_003;
+            let j = x % view.len();
+            let (a, b) = (view[i].camera, view[j].camera);
+            (view[i].camera, view[j].camera) = (b, a);
+        }
+    }
+    let fault = refused(&mixed, Model::Five);
+    assert!(matches!(fault, Fault::NoFit { .. } | Fault::NotDetermined { .. }), "{fault}");
+    assert!(Board::new(2, 9, 0.01).is_err() && Board::new(9, 6, f64::NAN).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    /// Points from anywhere: an answer or a fault, no panic.
+    #[test]
+    fn any_views_are_survived(points in prop::collection::vec(prop::array::uniform4(-1e3..1e3_f64), 0..60), split in 1_usize..20,
+        eight in any::<bool>(), robust in any::<bool>(), far in any::<bool>()) {
+        let corner = |p: &[f64; 4]| Corner {
+            board: Vector3::new(p[0] * 1e-3, p[1] * 1e-3, 0.0),
+            camera: Vector2::new(p[2], p[3]),
+            projector: far.then(|| (Vector2::new(p[3], p[0]), Matrix2::zeros())),
+        };
+        let views: Vec<Vec<Corner>> = points.chunks(split).map(|c| c.iter().map(corner).collect()).collect();
+        let model = if eight { Model::Eight } else { Model::Five };
+        let mut setups = vec![Setup::new([1000, 800], model)];
+        if far {
+            setups.push(Setup::new([800, 600], Model::Five));
+        }
+        let _ = fit(&setups, &views, robust);
+    }
 }
