@@ -178,7 +178,9 @@ fn length(text: &str) -> Result<f64, String> {
 
 /// Width and height.
 fn size(text: &str) -> Result<[u32; 2], String> {
-    let parts = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let parts = text
+        .split_once('x')
+        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parts.ok_or_else(|| "give width and height in pixels, as 912x1140".into())
 }
 
@@ -246,9 +248,14 @@ impl Target {
 
 /// The board in each of the images; `None` where it is not seen, which is said.
 fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
-    let found: Vec<_> = images.par_iter().map(|(_, image)| corners::find(image, board)).collect();
+    let found: Vec<_> = images
+        .par_iter()
+        .map(|(_, image)| corners::find(image, board))
+        .collect();
     let told = found.into_iter().zip(images).map(|(found, (name, _))| {
-        found.map_err(|why| eprintln!("note: {name} left out: {why}")).ok()
+        found
+            .map_err(|why| eprintln!("note: {name} left out: {why}"))
+            .ok()
     });
     told.collect()
 }
@@ -266,7 +273,10 @@ fn one_size(images: &[(String, Image)]) -> Result<[u32; 2], Failure> {
 }
 
 fn board(a: &BoardArguments) -> Result<(), Failure> {
-    places::files(a.images.iter().map(Some), [Some(&a.target.output), a.corners.as_ref()])?;
+    places::files(
+        a.images.iter().map(Some),
+        [Some(&a.target.output), a.corners.as_ref()],
+    )?;
     let board = a.target.board()?;
     let load = |p: &PathBuf| Ok((p.display().to_string(), Image::load(p).map_err(Failure::input)?));
     let images: Vec<(String, Image)> = a.images.par_iter().map(load).collect::<Result<_, Failure>>()?;
@@ -285,7 +295,10 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
         let corners: Vec<Corner> = points.iter().zip(&found.corners).map(corner).collect();
         for (i, c) in corners.iter().enumerate() {
             let file = name.replace(',', "_");
-            table += &format!("{file},{i},{},{},{:.5},{:.5}\n", c.board.x, c.board.y, c.camera.x, c.camera.y);
+            table += &format!(
+                "{file},{i},{},{},{:.5},{:.5}\n",
+                c.board.x, c.board.y, c.camera.x, c.camera.y
+            );
         }
         views.push(corners);
         files.push(name.clone());
@@ -299,9 +312,11 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
             board.rows
         )));
     }
-    let fitted = fit(&[a.target.setup(size, a.target.lens)], &views, a.target.robust).map_err(Failure::input)?;
+    let fitted =
+        fit(&[a.target.setup(size, a.target.lens)], &views, a.target.robust).map_err(Failure::input)?;
     if let Some(path) = &a.corners {
-        whole_file::write(path, table.as_bytes()).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        whole_file::write(path, table.as_bytes())
+            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     a.target.write(&fitted, files)
 }
@@ -322,11 +337,14 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
 
 /// The images of a folder, by name.
 fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let bad = |e: std::io::Error| Failure::input(format!("{}: {e}; give a folder of images", folder.display()));
+    let bad =
+        |e: std::io::Error| Failure::input(format!("{}: {e}; give a folder of images", folder.display()));
     let mut all = vec![];
     for entry in std::fs::read_dir(folder).map_err(bad)? {
         let path = entry.map_err(bad)?.path();
-        let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        let hidden = path
+            .file_name()
+            .is_some_and(|n| n.to_string_lossy().starts_with('.'));
         if !hidden && path.extension().is_some_and(|e| e == "png" || e == "npy") {
             all.push(path);
         }
@@ -351,20 +369,38 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
             .collect::<Result<_, _>>()?;
         let name = folder.display().to_string();
         let decoded = decode(&sequence, &images).map_err(|e| {
-            Failure::input(format!("{name}: {e}; give one image a pattern of `sunstone calibrate patterns`, in their order"))
+            Failure::input(format!(
+                "{name}: {e}; give one image a pattern of `sunstone calibrate patterns`, in their order"
+            ))
         })?;
         let here = images[0].size();
         if *size.get_or_insert(here) != here {
-            return Err(Failure::input(format!("{name}: its images are of another size than those of the first folder")));
+            return Err(Failure::input(format!(
+                "{name}: its images are of another size than those of the first folder"
+            )));
         }
-        let white = [(format!("{name}, white"), images.into_iter().next().unwrap_or_else(|| unreachable!("decoded")))];
-        let Some(found) = search(&white, &board).pop().flatten() else { continue };
+        let white = [(
+            format!("{name}, white"),
+            images
+                .into_iter()
+                .next()
+                .unwrap_or_else(|| unreachable!("decoded")),
+        )];
+        let Some(found) = search(&white, &board).pop().flatten() else {
+            continue;
+        };
         let reach = a.reach.unwrap_or((0.5 * found.smallest).clamp(6.0, 40.0));
         let thrown = at_corners(&decoded, &found.corners, reach);
         let lit = thrown.iter().flatten().count();
-        info!("{name}: {} pixels decoded, {lit} of {} corners lit", decoded.count(), board.len());
+        info!(
+            "{name}: {} pixels decoded, {lit} of {} corners lit",
+            decoded.count(),
+            board.len()
+        );
         if lit < 8 {
-            eprintln!("note: {name} left out: the projector's light is decoded around {lit} of its corners only");
+            eprintln!(
+                "note: {name} left out: the projector's light is decoded around {lit} of its corners only"
+            );
             continue;
         }
         let corner = |((x, at), projector): ((&_, &_), _)| Corner {
@@ -372,13 +408,25 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
             camera: *at,
             projector,
         };
-        views.push(points.iter().zip(&found.corners).zip(thrown).map(corner).collect::<Vec<_>>());
+        views.push(
+            points
+                .iter()
+                .zip(&found.corners)
+                .zip(thrown)
+                .map(corner)
+                .collect::<Vec<_>>(),
+        );
         files.push(name);
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
-        return Err(Failure::input("no folder shows all of the board under the projector's light"));
+        return Err(Failure::input(
+            "no folder shows all of the board under the projector's light",
+        ));
     };
-    let setups = [a.target.setup(size, a.target.lens), a.target.setup(sequence.size, a.projector_lens)];
+    let setups = [
+        a.target.setup(size, a.target.lens),
+        a.target.setup(sequence.size, a.projector_lens),
+    ];
     let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;
     a.target.write(&fitted, files)
 }

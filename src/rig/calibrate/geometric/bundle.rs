@@ -130,11 +130,19 @@ impl State {
     /// Derivatives and residuals of a view's measurements, each over its standard deviation, and half of their squares: columns
     /// are the shared parameters, then the six of the view's pose. `None` if a corner is behind a device.
     #[must_use]
-    pub fn rows(&self, v: usize, corners: &[Corner], w: &Weights) -> Option<(DMatrix<f64>, DVector<f64>, f64)> {
+    pub fn rows(
+        &self,
+        v: usize,
+        corners: &[Corner],
+        w: &Weights,
+    ) -> Option<(DMatrix<f64>, DVector<f64>, f64)> {
         let n = self.shared();
         let lenses: Vec<_> = self.devices.iter().map(Device::lens).collect();
         let pose = &self.poses[v];
-        let rows: usize = corners.iter().map(|c| if c.projector.is_some() { 4 } else { 2 }).sum();
+        let rows: usize = corners
+            .iter()
+            .map(|c| if c.projector.is_some() { 4 } else { 2 })
+            .sum();
         let mut jacobian = DMatrix::zeros(rows, n + 6);
         let mut residual = DVector::zeros(rows);
         let (mut row, mut sum) = (0, 0.0);
@@ -148,7 +156,9 @@ impl State {
             let scale = weight.sqrt() / w.sigma[0];
             let by_pose = camera.by_point * moves(&turned);
             self.fill(&mut jacobian, row, 0, &camera, &Matrix2::identity(), scale);
-            jacobian.fixed_view_mut::<2, 6>(row, n).copy_from(&(by_pose * scale));
+            jacobian
+                .fixed_view_mut::<2, 6>(row, n)
+                .copy_from(&(by_pose * scale));
             residual.fixed_rows_mut::<2>(row).copy_from(&(off * scale));
             row += 2;
             let (Some((q, j)), Some(projector)) = (&corner.projector, self.devices.get(1)) else {
@@ -164,7 +174,9 @@ impl State {
             self.fill(&mut jacobian, row, 0, &camera, &-j, scale);
             self.fill(&mut jacobian, row, 1, &thrown, &Matrix2::identity(), scale);
             let by_relative = thrown.by_point * moves(&far) * scale;
-            jacobian.fixed_view_mut::<2, 6>(row, self.free).copy_from(&by_relative);
+            jacobian
+                .fixed_view_mut::<2, 6>(row, self.free)
+                .copy_from(&by_relative);
             let turn = thrown.by_point * self.relative.rotation;
             let own = (turn * moves(&turned) - j * by_pose) * scale;
             jacobian.fixed_view_mut::<2, 6>(row, n).copy_from(&own);
@@ -190,7 +202,9 @@ impl State {
             let squared = jacobian.tr_mul(&jacobian);
             let right = jacobian.tr_mul(&residual);
             normal.shared += squared.view((0, 0), (n, n));
-            normal.mixed.push(squared.fixed_columns::<6>(n).rows(0, n).into_owned());
+            normal
+                .mixed
+                .push(squared.fixed_columns::<6>(n).rows(0, n).into_owned());
             normal.own.push(squared.fixed_view::<6, 6>(n, n).into_owned());
             normal.shared_right += right.rows(0, n);
             normal.own_right.push(right.fixed_rows::<6>(n).into_owned());
@@ -199,7 +213,15 @@ impl State {
     }
 
     /// Adds a device's own derivatives, times a matrix.
-    fn fill(&self, out: &mut DMatrix<f64>, row: usize, device: usize, seen: &Seen, by: &Matrix2<f64>, scale: f64) {
+    fn fill(
+        &self,
+        out: &mut DMatrix<f64>,
+        row: usize,
+        device: usize,
+        seen: &Seen,
+        by: &Matrix2<f64>,
+        scale: f64,
+    ) {
         for (tie, d) in self.ties[device].iter().zip(&seen.by_parameters) {
             if let Some((i, factor)) = tie {
                 let d = by * d * (factor * scale);
@@ -249,7 +271,9 @@ impl Normal {
             inverses.push(inverse);
         }
         // Parameters differ by orders of magnitude: scaled, their diagonal is 1.
-        let scale = schur.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
+        let scale = schur
+            .diagonal()
+            .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
         let d = DMatrix::from_diagonal(&scale);
         let solved = (&d * schur * &d).cholesky()?.solve(&right.component_mul(&scale));
         let shared = solved.component_mul(&scale);
@@ -274,9 +298,16 @@ impl Normal {
     }
 }
 
-/// Minimizes the cost from a state; `None` if a corner is behind a device there.
+/// Minimizes the cost from a state, `most` steps at most, until one gains less than `least` of it; `None` if a corner is behind a
+/// device there.
 #[must_use]
-pub fn minimize(start: &State, views: &[Vec<Corner>], w: &Weights, most: usize) -> Option<(State, f64)> {
+pub fn minimize(
+    start: &State,
+    views: &[Vec<Corner>],
+    w: &Weights,
+    most: usize,
+    least: f64,
+) -> Option<(State, f64)> {
     let mut state = start.clone();
     let mut cost = state.cost(views, w);
     if !cost.is_finite() {
@@ -301,7 +332,7 @@ pub fn minimize(start: &State, views: &[Vec<Corner>], w: &Weights, most: usize) 
                 return Some((state, cost));
             }
         }
-        if before - cost < 1e-13 * before || cost < 1e-22 {
+        if before - cost < least * before || cost < 1e-22 {
             break;
         }
     }

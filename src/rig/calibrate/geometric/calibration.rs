@@ -116,7 +116,8 @@ impl DeviceTable {
             resolution: device.size,
             opencv_matrix: [[f.x, 0.0, c.x - 0.5], [0.0, f.y, c.y - 0.5], [0.0, 0.0, 1.0]],
             opencv: list.filter(|k| device.model != Model::Fisheye && !k.is_empty()),
-            fisheye: (device.model == Model::Fisheye).then(|| std::array::from_fn(|i| device.coefficients[i])),
+            fisheye: (device.model == Model::Fisheye)
+                .then(|| std::array::from_fn(|i| device.coefficients[i])),
             pose: PoseTable {
                 extrinsics: Extrinsics {
                     rotation,
@@ -147,7 +148,10 @@ impl DeviceTable {
             (Some(_), Some(_)) => return None,
         };
         let plain = skew == 0.0 && below == 0.0 && last == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
-        let finite = [fx, fy, cx, cy].iter().chain(&coefficients).all(|x| x.is_finite());
+        let finite = [fx, fy, cx, cy]
+            .iter()
+            .chain(&coefficients)
+            .all(|x| x.is_finite());
         let sized = self.resolution.iter().all(|n| (1..=32768).contains(n));
         (plain && finite && sized).then(|| Device {
             size: self.resolution,
@@ -165,8 +169,12 @@ impl DeviceTable {
         let rotation = Matrix3::from_fn(|i, j| e.rotation[i][j]);
         let translation = Vector3::from(e.t);
         let off = (rotation.transpose() * rotation - Matrix3::identity()).amax();
-        (off < 1e-6 && rotation.determinant() > 0.0 && translation.iter().all(|x| x.is_finite()))
-            .then_some(Pose { rotation, translation })
+        (off < 1e-6 && rotation.determinant() > 0.0 && translation.iter().all(|x| x.is_finite())).then_some(
+            Pose {
+                rotation,
+                translation,
+            },
+        )
     }
 }
 
@@ -215,7 +223,11 @@ impl Calibration {
             },
             covariance: CovarianceTable {
                 names,
-                rows: fit.covariance.row_iter().map(|r| r.iter().copied().collect()).collect(),
+                rows: fit
+                    .covariance
+                    .row_iter()
+                    .map(|r| r.iter().copied().collect())
+                    .collect(),
             },
         }
     }
@@ -244,18 +256,31 @@ impl Calibration {
         let mut entries = vec![];
         for (device, prefix) in [(Some(&self.camera), ""), (self.projector.as_ref(), "projector_")] {
             let Some(d) = device else { continue };
-            let lens = d.opencv.clone().or(d.fisheye.map(|k| k.to_vec())).unwrap_or_else(|| vec![0.0; 5]);
+            let lens = d
+                .opencv
+                .clone()
+                .or(d.fisheye.map(|k| k.to_vec()))
+                .unwrap_or_else(|| vec![0.0; 5]);
             entries.push(format!("\"{prefix}image_width\": {}", d.resolution[0]));
             entries.push(format!("\"{prefix}image_height\": {}", d.resolution[1]));
-            entries.push(format!("\"{prefix}camera_matrix\": {}", matrix(3, 3, d.opencv_matrix.as_flattened())));
-            entries.push(format!("\"{prefix}distortion_coefficients\": {}", matrix(1, lens.len(), &lens)));
+            entries.push(format!(
+                "\"{prefix}camera_matrix\": {}",
+                matrix(3, 3, d.opencv_matrix.as_flattened())
+            ));
+            entries.push(format!(
+                "\"{prefix}distortion_coefficients\": {}",
+                matrix(1, lens.len(), &lens)
+            ));
             if d.fisheye.is_some() {
                 entries.push(format!("\"{prefix}distortion_model\": \"fisheye\""));
             }
         }
         if let Some(p) = &self.projector {
             let e = &p.pose.extrinsics;
-            entries.push(format!("\"projector_R\": {}", matrix(3, 3, e.rotation.as_flattened())));
+            entries.push(format!(
+                "\"projector_R\": {}",
+                matrix(3, 3, e.rotation.as_flattened())
+            ));
             entries.push(format!("\"projector_T\": {}", matrix(3, 1, &e.t)));
         }
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))
@@ -294,7 +319,10 @@ mod tests {
         d.coefficients = k;
         let pose = Pose::new(turn, [0.1, 0.2, 0.3]);
         let fit = Fit {
-            covariance: nalgebra::DMatrix::identity(2 * (4 + d.coefficients.len()) + 6, 2 * (4 + d.coefficients.len()) + 6),
+            covariance: nalgebra::DMatrix::identity(
+                2 * (4 + d.coefficients.len()) + 6,
+                2 * (4 + d.coefficients.len()) + 6,
+            ),
             devices: vec![d.clone(), d],
             relative: pose,
             poses: vec![pose],

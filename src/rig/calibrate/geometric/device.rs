@@ -235,7 +235,11 @@ impl Free {
     }
 
     /// Of those alone whose names are chosen.
-    pub(super) fn ties_of(&self, device: &Device, chosen: impl Fn(&str) -> bool) -> Vec<Option<(usize, f64)>> {
+    pub(super) fn ties_of(
+        &self,
+        device: &Device,
+        chosen: impl Fn(&str) -> bool,
+    ) -> Vec<Option<(usize, f64)>> {
         let mut next = 0;
         let mut own = |free: bool| {
             free.then(|| {
@@ -281,7 +285,13 @@ mod tests {
 
     #[test]
     fn derivatives_are_differences() {
-        for model in [Model::Pinhole, Model::Five, Model::Eight, Model::Twelve, Model::Fisheye] {
+        for model in [
+            Model::Pinhole,
+            Model::Five,
+            Model::Eight,
+            Model::Twelve,
+            Model::Fisheye,
+        ] {
             let mut d = Device::pinhole([640, 480], [700.0, 690.0], [320.0, 241.0], model);
             for (i, c) in d.coefficients.iter_mut().enumerate() {
                 *c = 0.05 / (1.0 + i as f64) * if i % 2 == 0 { 1.0 } else { -1.0 };

@@ -54,7 +54,8 @@ impl Planes {
     /// Angles of the centres of all pixels of a device, row by row.
     fn all(&self, device: &Device, of: impl Fn(Vector2<f64>) -> Option<f64>) -> Vec<Option<f64>> {
         let [w, h] = device.size;
-        let pixels = (0..h).flat_map(|y| (0..w).map(move |x| Vector2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)));
+        let pixels =
+            (0..h).flat_map(|y| (0..w).map(move |x| Vector2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)));
         pixels.map(of).collect()
     }
 
@@ -65,13 +66,18 @@ impl Planes {
         let camera = self.all(&self.camera, |p| self.of_camera(p));
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let known = projector.iter().flatten();
-        let (least, most) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+        let (least, most) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+            (a.min(*x), b.max(*x))
+        });
         let count = f64::from(count.max(1));
         let band = |angle: &Option<f64>| {
             let at = (angle.as_ref()? - least) / (most - least) * count;
             (at >= 0.0 && at <= count).then_some(at.min(count - 1.0) as u32)
         };
-        [camera.iter().map(band).collect(), projector.iter().map(band).collect()]
+        [
+            camera.iter().map(band).collect(),
+            projector.iter().map(band).collect(),
+        ]
     }
 
     /// Camera pixels whose epipolar line passes a lit projector pixel within `reach` projector pixels, row by row. Those it does
@@ -83,13 +89,23 @@ impl Planes {
         // Intervals of angles that a lit pixel covers: its own plane, and how planes turn from pixel to pixel there.
         let mut covered = vec![];
         for (i, angle) in projector.iter().enumerate() {
-            let (Some(a), Some(true)) = (angle, lit.get(i)) else { continue };
+            let (Some(a), Some(true)) = (angle, lit.get(i)) else {
+                continue;
+            };
             let step = |other: Option<usize>| {
                 let there = other.and_then(|j| projector.get(j)).copied().flatten();
                 there.map_or(0.0, |b| b - a)
             };
-            let beside = if (i + 1) % width == 0 { i.checked_sub(1) } else { Some(i + 1) };
-            let below = if i + width < projector.len() { Some(i + width) } else { i.checked_sub(width) };
+            let beside = if (i + 1) % width == 0 {
+                i.checked_sub(1)
+            } else {
+                Some(i + 1)
+            };
+            let below = if i + width < projector.len() {
+                Some(i + width)
+            } else {
+                i.checked_sub(width)
+            };
             let turn = step(beside).hypot(step(below));
             covered.push((a - reach * turn, a + reach * turn));
         }
@@ -125,7 +141,12 @@ mod tests {
         camera.coefficients = vec![-0.2, 0.05, 0.002, -0.001, 0.0];
         let mut projector = Device::pinhole([80, 50], [90.0, 90.0], [40.0, 40.0], Model::Five);
         projector.coefficients = vec![0.1, 0.0, 0.0, 0.0, 0.0];
-        Planes::new(&camera, &projector, &Pose::new([0.03, -0.2, 0.05], [0.2, 0.04, 0.02])).unwrap()
+        Planes::new(
+            &camera,
+            &projector,
+            &Pose::new([0.03, -0.2, 0.05], [0.2, 0.04, 0.02]),
+        )
+        .unwrap()
     }
 
     proptest! {
@@ -161,9 +182,20 @@ mod tests {
         let lit: Vec<bool> = projector.iter().map(|b| *b == Some(4)).collect();
         let seen = planes.lit(&lit, 0.6);
         let of_band = camera.iter().filter(|b| **b == Some(4)).count();
-        let both = camera.iter().zip(&seen).filter(|(b, s)| **b == Some(4) && **s).count();
-        let outside = camera.iter().zip(&seen).filter(|(b, s)| **b != Some(4) && **s).count();
-        assert!(both * 100 > of_band * 98 && outside * 5 < of_band, "{both} of {of_band}, {outside}");
+        let both = camera
+            .iter()
+            .zip(&seen)
+            .filter(|(b, s)| **b == Some(4) && **s)
+            .count();
+        let outside = camera
+            .iter()
+            .zip(&seen)
+            .filter(|(b, s)| **b != Some(4) && **s)
+            .count();
+        assert!(
+            both * 100 > of_band * 98 && outside * 5 < of_band,
+            "{both} of {of_band}, {outside}"
+        );
         assert!(Planes::new(&planes.camera, &planes.projector, &Pose::default()).is_none());
     }
 }

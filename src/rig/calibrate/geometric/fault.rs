@@ -29,7 +29,9 @@ pub enum Fault {
         view: usize,
     },
     /// A board that is none.
-    #[error("a board of {columns} × {rows} corners with squares of {square} m: at least 3 × 3 inner corners and a positive length are wanted")]
+    #[error(
+        "a board of {columns} × {rows} corners with squares of {square} m: at least 3 × 3 inner corners and a positive length are wanted"
+    )]
     Board {
         /// Inner corners along x.
         columns: usize,

@@ -64,6 +64,10 @@ const OUTLIER: f64 = 4.5;
 const HUBER: f64 = 1.5;
 /// A first fit as good as this, pixels RMS, needs no other beginning.
 const GOOD: f64 = 1.0;
+/// Gain of a step, over the cost, at which a beginning is good enough, and a fit. Rational lenses have valleys in which steps
+/// gain less for long, with the same image.
+const ROUGH: f64 = 1e-7;
+const FINE: f64 = 1e-10;
 /// A fit worse than this part of the image's size is none.
 const HOPELESS: f64 = 0.02;
 
@@ -76,7 +80,11 @@ const HOPELESS: f64 = 0.02;
 pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit, Fault> {
     check(setups, views)?;
     let start = begin(setups, views, robust)?;
-    let measured: usize = views.iter().flatten().map(|c| if c.projector.is_some() { 4 } else { 2 }).sum();
+    let measured: usize = views
+        .iter()
+        .flatten()
+        .map(|c| if c.projector.is_some() { 4 } else { 2 })
+        .sum();
     let unknown = start.shared() + 6 * views.len();
     if measured <= unknown {
         return Err(Fault::TooFew { measured, unknown });
@@ -87,12 +95,17 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
         state = find_outliers(state, views, &mut w)?;
     }
     // The noise of each device, which weighs it, from what is left over.
-    let rounds = if setups.len() > 1 { 3 } else { 1 };
-    for _ in 0..rounds {
-        (state, _) = minimize(&state, views, &w, 200).ok_or_else(|| no_fit(&state, views, &w))?;
-        state = polish(state, views, &w);
+    let rounds = if setups.len() > 1 { 2 } else { 1 };
+    for round in 1..=rounds {
+        (state, _) = minimize(&state, views, &w, 200, FINE).ok_or_else(|| no_fit(&state, views, &w))?;
+        if round == rounds {
+            state = polish(state, views, &w);
+        }
         let rms = rms(&state, views, &w);
-        let hopeless = rms.iter().zip(setups).any(|(r, s)| r.is_nan() || *r > HOPELESS * f64::from(s.size[0]));
+        let hopeless = rms
+            .iter()
+            .zip(setups)
+            .any(|(r, s)| r.is_nan() || *r > HOPELESS * f64::from(s.size[0]));
         if hopeless {
             return Err(no_fit(&state, views, &w));
         }
@@ -114,7 +127,9 @@ fn check(setups: &[Setup], views: &[Vec<Corner>]) -> Result<(), Fault> {
     for (v, corners) in views.iter().enumerate() {
         let bounded = |p: &Vector2<f64>| p.iter().all(|x| x.abs() < 1e6);
         let finite = corners.iter().all(|c| {
-            let thrown = c.projector.is_none_or(|(q, j)| bounded(&q) && j.iter().all(|x| x.abs() < 1e6));
+            let thrown = c
+                .projector
+                .is_none_or(|(q, j)| bounded(&q) && j.iter().all(|x| x.abs() < 1e6));
             bounded(&c.camera) && thrown && c.board.iter().all(|x| x.abs() < 1e6)
         });
         if !finite {
@@ -140,7 +155,13 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     let thrown: Vec<Vec<Corner>> = views
         .iter()
         .map(|corners| {
-            let of = |c: &Corner| c.projector.map(|(q, _)| Corner { camera: q, projector: None, ..*c });
+            let of = |c: &Corner| {
+                c.projector.map(|(q, _)| Corner {
+                    camera: q,
+                    projector: None,
+                    ..*c
+                })
+            };
             corners.iter().filter_map(of).collect()
         })
         .collect();
@@ -192,7 +213,14 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
     let hs = zhang::homographies(&pairs).map_err(|view| Fault::Collinear { view: view + 1 })?;
     let apart: Vec<Vec<Corner>> = views
         .iter()
-        .map(|v| v.iter().map(|c| Corner { projector: None, ..*c }).collect())
+        .map(|v| {
+            v.iter()
+                .map(|c| Corner {
+                    projector: None,
+                    ..*c
+                })
+                .collect()
+        })
         .collect();
     let starts = match &setup.start {
         Some(device) => vec![device.clone()],
@@ -222,11 +250,13 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let mut cost = f64::INFINITY;
         // First the pinhole, then what bends most, then all: a rational lens that begins far off finds a pole.
         let all = setup.free.ties(&state.devices[0]);
-        let most = setup.free.ties_of(&state.devices[0], |name| !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3"));
+        let most = setup.free.ties_of(&state.devices[0], |name| {
+            !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")
+        });
         for ties in [first.ties(&state.devices[0]), most, all] {
             state.free = count(&ties);
             state.ties = vec![ties];
-            if let Some((next, at)) = minimize(&state, &apart, &w, 100) {
+            if let Some((next, at)) = minimize(&state, &apart, &w, 100, ROUGH) {
                 (state, cost) = (next, at);
             }
         }
@@ -271,14 +301,17 @@ fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
 fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Result<State, Fault> {
     for _ in 0..3 {
         for device in 0..w.sigma.len() {
-            let mut all: Vec<f64> = distances(&state, views, device).into_iter().map(|(_, d)| d).collect();
+            let mut all: Vec<f64> = distances(&state, views, device)
+                .into_iter()
+                .map(|(_, d)| d)
+                .collect();
             all.sort_by(f64::total_cmp);
             // The median of a distance in the plane is 1.1774 standard deviations of a coordinate.
             let middle = all.get(all.len() / 2).copied().unwrap_or(1.0);
             w.sigma[device] = (middle / 1.1774).max(1e-9);
         }
         w.huber = HUBER;
-        (state, _) = minimize(&state, views, w, 100).ok_or_else(|| no_fit(&state, views, w))?;
+        (state, _) = minimize(&state, views, w, 100, ROUGH).ok_or_else(|| no_fit(&state, views, w))?;
     }
     for device in 0..w.sigma.len() {
         for ((v, c), d) in distances(&state, views, device) {
@@ -383,13 +416,16 @@ impl Fit {
     pub fn errors(&self, device: usize) -> Vec<f64> {
         let first: usize = self.devices[..device].iter().map(|d| d.parameters().len()).sum();
         let n = self.devices[device].parameters().len();
-        (first..first + n).map(|i| self.covariance[(i, i)].sqrt()).collect()
+        (first..first + n)
+            .map(|i| self.covariance[(i, i)].sqrt())
+            .collect()
     }
 
     /// Standard errors of the change of `relative`: three angles, radians, and three lengths, metres; `None` without a projector.
     #[must_use]
     pub fn relative_errors(&self) -> Option<[f64; 6]> {
         let n = self.covariance.nrows();
-        (self.devices.len() > 1).then(|| std::array::from_fn(|i| self.covariance[(n - 6 + i, n - 6 + i)].sqrt()))
+        (self.devices.len() > 1)
+            .then(|| std::array::from_fn(|i| self.covariance[(n - 6 + i, n - 6 + i)].sqrt()))
     }
 }

@@ -93,7 +93,8 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
 fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Matrix3<f64> {
     let cost = |h: &Matrix3<f64>| -> f64 {
         let each = from.iter().zip(to).zip(weights);
-        each.map(|((p, q), w)| w * (apply(h, *p) - q).norm_squared()).sum()
+        each.map(|((p, q), w)| w * (apply(h, *p) - q).norm_squared())
+            .sum()
     };
     let mut best = cost(&h);
     for _ in 0..10 {
@@ -176,9 +177,14 @@ mod tests {
 
     #[test]
     fn lines_give_none() {
-        let from: Vec<_> = (0..10).map(|i| Vector2::new(f64::from(i), 2.0 * f64::from(i))).collect();
+        let from: Vec<_> = (0..10)
+            .map(|i| Vector2::new(f64::from(i), 2.0 * f64::from(i)))
+            .collect();
         let to: Vec<_> = (0..10).map(|i| Vector2::new(f64::from(i * i), 1.0)).collect();
         assert_eq!(fit(&from, &to), None);
-        assert_eq!(fit(&[Vector2::new(1.0, 1.0); 5], &[Vector2::new(1.0, 1.0); 5]), None);
+        assert_eq!(
+            fit(&[Vector2::new(1.0, 1.0); 5], &[Vector2::new(1.0, 1.0); 5]),
+            None
+        );
     }
 }

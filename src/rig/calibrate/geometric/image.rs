@@ -31,7 +31,11 @@ impl Image {
     /// Of values, row by row; `None` if their number is not width × height.
     #[must_use]
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
-        (width.checked_mul(height) == Some(values.len())).then_some(Self { width, height, values })
+        (width.checked_mul(height) == Some(values.len())).then_some(Self {
+            width,
+            height,
+            values,
+        })
     }
 
     /// Width and height.
@@ -78,7 +82,10 @@ impl Image {
                     out.push(taps.map(|(k, i)| k * image.at(x + i * dx, y + i * dy)).sum());
                 }
             }
-            Self { values: out, ..*image }
+            Self {
+                values: out,
+                ..*image
+            }
         };
         pass(&pass(self, 1, 0), 0, 1)
     }
@@ -93,7 +100,11 @@ impl Image {
             path: path.to_owned(),
             message,
         };
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
         let image = match extension.as_str() {
             "png" => png(path),
             "npy" => npy(path),
@@ -101,7 +112,9 @@ impl Image {
         };
         let image = image.map_err(error)?;
         if image.values.is_empty() || !image.values.iter().all(|v| v.is_finite()) {
-            return Err(error("it has no pixels, or some that are not finite numbers".into()));
+            return Err(error(
+                "it has no pixels, or some that are not finite numbers".into(),
+            ));
         }
         Ok(image)
     }
@@ -143,14 +156,22 @@ fn npy(path: &Path) -> Result<Image, String> {
     let (height, width, depth) = match reader.shape[..] {
         [h, w] => (h, w, 1),
         [h, w, d] if d > 0 => (h, w, d),
-        _ => return Err(format!("its shape is {:?}, where (height, width) is wanted", reader.shape)),
+        _ => {
+            return Err(format!(
+                "its shape is {:?}, where (height, width) is wanted",
+                reader.shape
+            ));
+        }
     };
     if reader.len() > MOST {
         return Err("it is too large".into());
     }
     let mut all = vec![0.0_f32; reader.len()];
     reader.read(0, &mut all).map_err(|e| e.to_string())?;
-    let values = all.chunks_exact(depth).map(|c| c.iter().sum::<f32>() / depth as f32).collect();
+    let values = all
+        .chunks_exact(depth)
+        .map(|c| c.iter().sum::<f32>() / depth as f32)
+        .collect();
     Image::new(width, height, values).ok_or_else(|| "it is damaged".into())
 }
 
@@ -204,7 +225,12 @@ mod tests {
 
     #[test]
     fn between_pixels_is_linear() {
-        let image = Image::new(4, 3, (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect()).unwrap();
+        let image = Image::new(
+            4,
+            3,
+            (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect(),
+        )
+        .unwrap();
         for (x, y) in [(0.5, 0.5), (1.7, 2.1), (3.5, 2.5)] {
             assert!((f64::from(image.between(x, y)) - (x - 0.5 + 10.0 * (y - 0.5))).abs() < 1e-5);
         }

@@ -27,7 +27,11 @@ fn names(state: &State) -> Vec<String> {
                 let who = title(d);
                 let more = format!("{who} {name}");
                 let old = &mut names[*i];
-                *old = if old.is_empty() { more } else { format!("{old} and {name}") };
+                *old = if old.is_empty() {
+                    more
+                } else {
+                    format!("{old} and {name}")
+                };
             }
         }
     }
@@ -39,7 +43,11 @@ fn names(state: &State) -> Vec<String> {
 }
 
 fn title(device: usize) -> &'static str {
-    if device == 0 { "the camera's" } else { "the projector's" }
+    if device == 0 {
+        "the camera's"
+    } else {
+        "the projector's"
+    }
 }
 
 /// The equations cannot be solved.
@@ -65,7 +73,9 @@ pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Faul
         .filter(|i| vector[*i].abs() > 0.3 * most)
         .map(|i| names[i].as_str())
         .collect();
-    let lens = those.iter().all(|n| n.contains(" k") || n.contains(" p") || n.contains(" s"));
+    let lens = those
+        .iter()
+        .all(|n| n.contains(" k") || n.contains(" p") || n.contains(" s"));
     Err(Fault::NotDetermined {
         what: if those.len() == 1 {
             format!("{} from the boards' poses", those[0])
@@ -105,10 +115,15 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
         first += device.parameters().len();
     }
     if state.devices.len() > 1 {
-        let worst = (0..3).map(|i| covariance[(first + i, first + i)].sqrt()).fold(0.0, f64::max);
+        let worst = (0..3)
+            .map(|i| covariance[(first + i, first + i)].sqrt())
+            .fold(0.0, f64::max);
         if worst > WORST_ANGLE {
             return Err(Fault::NotDetermined {
-                what: format!("how the projector is turned to the camera: ± {:.1} degrees", worst.to_degrees()),
+                what: format!(
+                    "how the projector is turned to the camera: ± {:.1} degrees",
+                    worst.to_degrees()
+                ),
                 mend: TILT.into(),
             });
         }
@@ -126,7 +141,8 @@ pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
             .filter_map(|i| {
                 let error = covariance[(first + i, first + i)].sqrt();
                 let value = device.parameters()[i];
-                (error > 0.0 && error > value.abs()).then(|| format!("{} = {value:.2e} ± {error:.1e}", names[i]))
+                (error > 0.0 && error > value.abs())
+                    .then(|| format!("{} = {value:.2e} ± {error:.1e}", names[i]))
             })
             .collect();
         if !weak.is_empty() {

@@ -31,7 +31,15 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
     let mut right = Vector2::zeros();
     for h in homographies {
         let shift = Matrix3::new(
-            1.0 / scale, 0.0, -centre.x / scale, 0.0, 1.0 / scale, -centre.y / scale, 0.0, 0.0, 1.0,
+            1.0 / scale,
+            0.0,
+            -centre.x / scale,
+            0.0,
+            1.0 / scale,
+            -centre.y / scale,
+            0.0,
+            0.0,
+            1.0,
         );
         let h = shift * h;
         let (a, b) = (h.column(0), h.column(1));
@@ -94,7 +102,15 @@ fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>
 pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     let (f, c) = (device.focal, device.centre);
     let back = Matrix3::new(
-        1.0 / f.x, 0.0, -c.x / f.x, 0.0, 1.0 / f.y, -c.y / f.y, 0.0, 0.0, 1.0,
+        1.0 / f.x,
+        0.0,
+        -c.x / f.x,
+        0.0,
+        1.0 / f.y,
+        -c.y / f.y,
+        0.0,
+        0.0,
+        1.0,
     );
     let m = back * h;
     let mut scale = 2.0 / (m.column(0).norm() + m.column(1).norm());
@@ -102,7 +118,11 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
         scale = -scale;
     }
     let m = m * scale;
-    let (x, y, t) = (m.column(0).into_owned(), m.column(1).into_owned(), m.column(2).into_owned());
+    let (x, y, t) = (
+        m.column(0).into_owned(),
+        m.column(1).into_owned(),
+        m.column(2).into_owned(),
+    );
     let near = Matrix3::from_columns(&[x, y, x.cross(&y)]);
     if !near.iter().chain(t.iter()).all(|v| v.is_finite()) {
         return None;
@@ -141,7 +161,10 @@ mod tests {
         let poses: Vec<Pose> = (0..5)
             .map(|i| {
                 let a = f64::from(i);
-                Pose::new([0.3 * a.sin(), 0.4 * a.cos(), 0.1 * a], [-0.1, -0.07, 0.5 + 0.02 * a])
+                Pose::new(
+                    [0.3 * a.sin(), 0.4 * a.cos(), 0.1 * a],
+                    [-0.1, -0.07, 0.5 + 0.02 * a],
+                )
             })
             .collect();
         let of = |device: &Device| -> Vec<Matrix3<f64>> {
@@ -155,7 +178,10 @@ mod tests {
         assert!((f - centred.focal).norm() < 1e-6, "{f}");
         let hs = of(&truth);
         let (f, c) = intrinsics(&hs, 640.0).unwrap();
-        assert!((f - truth.focal).norm() < 1e-5 && (c - truth.centre).norm() < 1e-5, "{f} {c}");
+        assert!(
+            (f - truth.focal).norm() < 1e-5 && (c - truth.centre).norm() < 1e-5,
+            "{f} {c}"
+        );
         for (h, want) in hs.iter().zip(&poses) {
             let got = pose(&truth, h).unwrap();
             let off = got.change_from(want);

@@ -25,7 +25,10 @@ fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> O
         })
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    near.into_iter().take(3).map(|(_, i)| i).find(|i| joined(image, here, &all[*i]))
+    near.into_iter()
+        .take(3)
+        .map(|(_, i)| i)
+        .find(|i| joined(image, here, &all[*i]))
 }
 
 /// Whether two corners are the ends of one side of a square: opposite colours along all of it, the same on each side.
@@ -69,7 +72,9 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     // The way of `to` that points as a way does.
     let same = |to: usize, way: Vector2<f64>| {
         let w = ways(&all[to]);
-        (0..4).max_by(|a, b| w[*a].dot(&way).total_cmp(&w[*b].dot(&way))).unwrap_or(0)
+        (0..4)
+            .max_by(|a, b| w[*a].dot(&way).total_cmp(&w[*b].dot(&way)))
+            .unwrap_or(0)
     };
     let mut taken = vec![false; all.len()];
     let mut grids = vec![];
@@ -87,7 +92,9 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
             let (place, turn) = (places[&i], turns[&i]);
             for step in 0..4 {
                 let way = ways(&all[i])[(turn + step) % 4];
-                let Some(next) = links[i][(turn + step) % 4] else { continue };
+                let Some(next) = links[i][(turn + step) % 4] else {
+                    continue;
+                };
                 let back = same(next, -way);
                 if links[next][back] != Some(i) {
                     continue;

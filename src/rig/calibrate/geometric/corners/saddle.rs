@@ -53,11 +53,17 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
         }
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let Some((typical, _)) = found.get((found.len() / 8).clamp(4, 24).min(found.len().saturating_sub(1))) else {
+    let Some((typical, _)) = found.get((found.len() / 8).clamp(4, 24).min(found.len().saturating_sub(1)))
+    else {
         return vec![];
     };
     let least = 0.02 * typical;
-    found.into_iter().filter(|(s, _)| *s > least).take(MOST).map(|(_, p)| p).collect()
+    found
+        .into_iter()
+        .filter(|(s, _)| *s > least)
+        .take(MOST)
+        .map(|(_, p)| p)
+        .collect()
 }
 
 /// Most candidates that are looked at.
@@ -71,7 +77,8 @@ fn erf(x: f64) -> [f64; 2] {
     // Abramowitz & Stegun 7.1.26, to 1.5e-7.
     let t = 1.0 / (1.0 + 0.3275911 * x.abs());
     let e = (-x * x).exp();
-    let tail = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * e;
+    let tail =
+        t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * e;
     [(1.0 - tail).copysign(x), std::f64::consts::FRAC_2_SQRT_PI * e]
 }
 
@@ -116,7 +123,10 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     });
     let (p, off) = tries.into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1))?;
     let moved = (Vector2::new(p[0], p[1]) - near).norm();
-    let (e1, e2) = (Vector2::new(p[2].cos(), p[2].sin()), Vector2::new(p[3].cos(), p[3].sin()));
+    let (e1, e2) = (
+        Vector2::new(p[2].cos(), p[2].sin()),
+        Vector2::new(p[3].cos(), p[3].sin()),
+    );
     let apart = e1.perp(&e2).abs();
     let sound = off < 0.35 * p[5].abs() && moved < 2.5 && apart > 0.25 && p[4] < radius;
     if !sound {
@@ -147,9 +157,13 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
         .collect();
     let mean = ring.iter().sum::<f64>() / RING as f64;
     // A saddle is the same seen from the other side; what is not is left out.
-    let half: Vec<f64> = (0..RING / 2).map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean).collect();
+    let half: Vec<f64> = (0..RING / 2)
+        .map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean)
+        .collect();
     let swing = half.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-    let odd = (0..RING / 2).map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2)).sum::<f64>();
+    let odd = (0..RING / 2)
+        .map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2))
+        .sum::<f64>();
     let even = half.iter().map(|v| v * v).sum::<f64>();
     if swing <= 0.0 || odd > even {
         return None;
@@ -174,7 +188,9 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
     );
     let between = if rises { 1.0 } else { -1.0 };
     let contrast = swing * between * by[5].signum();
-    Some(Parameters::from([near.x, near.y, a, b, 1.0, contrast, mean, 0.0, 0.0]))
+    Some(Parameters::from([
+        near.x, near.y, a, b, 1.0, contrast, mean, 0.0, 0.0,
+    ]))
 }
 
 /// Levenberg and Marquardt; the parameters, and the root mean square of what is left over.
@@ -194,7 +210,12 @@ fn settle(image: &Image, mut p: Parameters, radius: f64) -> Option<(Parameters, 
     if pixels.len() < 20 {
         return None;
     }
-    let cost = |p: &Parameters| pixels.iter().map(|(x, y, v)| (model(p, *x, *y).0 - v).powi(2)).sum::<f64>();
+    let cost = |p: &Parameters| {
+        pixels
+            .iter()
+            .map(|(x, y, v)| (model(p, *x, *y).0 - v).powi(2))
+            .sum::<f64>()
+    };
     let mut best = cost(&p);
     let mut damping = 1e-3;
     for _ in 0..40 {
@@ -295,7 +316,12 @@ mod tests {
         let flat = Image::new(31, 31, vec![7.0; 961]).unwrap();
         assert!(candidates(&flat, 1.5).is_empty());
         assert_eq!(refine(&flat, Vector2::new(15.5, 15.5), 6.0), None);
-        let edge = Image::new(31, 31, (0..961).map(|i| if i % 31 < 14 { 1.0 } else { 9.0 }).collect()).unwrap();
+        let edge = Image::new(
+            31,
+            31,
+            (0..961).map(|i| if i % 31 < 14 { 1.0 } else { 9.0 }).collect(),
+        )
+        .unwrap();
         assert_eq!(refine(&edge, Vector2::new(14.0, 15.5), 6.0), None);
     }
 }

@@ -22,7 +22,9 @@ pub struct Found {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotFound {
     /// No grid of corners at all.
-    #[error("no chessboard is seen: all of it must be in the image, sharp, with squares of 10 pixels or more")]
+    #[error(
+        "no chessboard is seen: all of it must be in the image, sharp, with squares of 10 pixels or more"
+    )]
     Nothing,
     /// A grid of another size.
     #[error(
@@ -82,7 +84,13 @@ fn apart(all: &mut Vec<Saddle>) {
 }
 
 /// The grid row by row; a few corners that were missed are looked for where their neighbours say.
-fn filled(image: &Image, grid: &BTreeMap<Place, usize>, all: &[Saddle], start: Place, [w, h]: [usize; 2]) -> Option<Vec<Saddle>> {
+fn filled(
+    image: &Image,
+    grid: &BTreeMap<Place, usize>,
+    all: &[Saddle],
+    start: Place,
+    [w, h]: [usize; 2],
+) -> Option<Vec<Saddle>> {
     if grid.len() * 5 < w * h * 4 {
         return None;
     }
@@ -130,7 +138,10 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
             next.push(i + w);
         }
         // Squares that are seen aslant are thinner than their sides are long.
-        let side = next.iter().map(|n| (full[*n].at - s.at).norm()).fold(f64::INFINITY, f64::min);
+        let side = next
+            .iter()
+            .map(|n| (full[*n].at - s.at).norm())
+            .fold(f64::INFINITY, f64::min);
         let lean = s.edges[0].perp(&s.edges[1]).abs();
         smallest = smallest.min(side);
         let radius = (REACH * side * (0.4 + 0.6 * lean)).clamp(WINDOW[0], WINDOW[1]);
@@ -156,7 +167,11 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
     let orders: Vec<Vec<usize>> = quarters.map(turned).collect();
     let dark = |order: &Vec<usize>| {
         // The square beyond the first corner.
-        let (a, b, c) = (&refined[order[0]], &refined[order[1]], &refined[order[board.columns]]);
+        let (a, b, c) = (
+            &refined[order[0]],
+            &refined[order[1]],
+            &refined[order[board.columns]],
+        );
         let outward = a.at - (b.at - a.at) * 0.3 - (c.at - a.at) * 0.3;
         let inward = a.at + (b.at - a.at) * 0.3 - (c.at - a.at) * 0.3;
         image.between(outward.x, outward.y) < image.between(inward.x, inward.y)
@@ -188,19 +203,29 @@ mod tests {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();
         let sample = |x: f64, y: f64| -> f32 {
-            let Some(n) = device.normalized(Vector2::new(x, y)) else { return 0.0 };
+            let Some(n) = device.normalized(Vector2::new(x, y)) else {
+                return 0.0;
+            };
             let ray = back.rotation * Vector3::new(n.x, n.y, 1.0);
             let p = back.translation - ray * (back.translation.z / ray.z);
-            let (i, j) = ((p.x / board.square + 1.0).floor(), (p.y / board.square + 1.0).floor());
+            let (i, j) = (
+                (p.x / board.square + 1.0).floor(),
+                (p.y / board.square + 1.0).floor(),
+            );
             let inside = (0.0..=board.columns as f64).contains(&i) && (0.0..=board.rows as f64).contains(&j);
-            if inside && (i + j) as i64 % 2 == 0 { 20.0 } else { 200.0 }
+            if inside && (i + j) as i64 % 2 == 0 {
+                20.0
+            } else {
+                200.0
+            }
         };
         let mut values = vec![];
         for y in 0..h {
             for x in 0..w {
                 // Spread evenly in all directions (Roberts' sequence).
                 let part = |k: i32, a: f64| (f64::from(k) * a).fract();
-                let points = (0..64).map(|k| sample(x as f64 + part(k, 0.7548776662), y as f64 + part(k, 0.5698402910)));
+                let points = (0..64)
+                    .map(|k| sample(x as f64 + part(k, 0.7548776662), y as f64 + part(k, 0.5698402910)));
                 values.push(points.sum::<f32>() / 64.0);
             }
         }
@@ -220,7 +245,8 @@ mod tests {
         for (i, turn) in [0.0, 0.7, 1.6, 2.9, 4.0, 5.5].into_iter().enumerate() {
             let middle = Pose::new([0.0; 3], [-0.09, -0.075, 0.0]);
             let tilt = Pose::new([0.0, 0.0, turn], [0.0; 3]);
-            let pose = Pose::new([0.3 - 0.1 * i as f64, 0.2, 0.0], [0.0, 0.01, 0.38]).after(&tilt.after(&middle));
+            let pose =
+                Pose::new([0.3 - 0.1 * i as f64, 0.2, 0.0], [0.0, 0.01, 0.38]).after(&tilt.after(&middle));
             let image = photograph(&d, &pose, &board);
             let found = find(&image, &board).expect("a board");
             let mut worst = 0.0_f64;
@@ -253,7 +279,12 @@ mod tests {
     #[test]
     fn noise_is_no_board() {
         let mut x = 1_u32;
-        let values = (0..200 * 150).map(|_| { x = x.wrapping_mul(1664525).wrapping_add(1013904223); (x >> 24) as f32 }).collect();
+        let values = (0..200 * 150)
+            .map(|_| {
+                x = x.wrapping_mul(1664525).wrapping_add(1013904223);
+                (x >> 24) as f32
+            })
+            .collect();
         let image = Image::new(200, 150, values).unwrap();
         assert!(find(&image, &Board::new(7, 6, 0.03).unwrap()).is_err());
     }

@@ -26,7 +26,11 @@ impl Decoded {
     /// Pixels that have both coordinates.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.u.iter().zip(&self.v).filter(|(u, v)| u.is_finite() && v.is_finite()).count()
+        self.u
+            .iter()
+            .zip(&self.v)
+            .filter(|(u, v)| u.is_finite() && v.is_finite())
+            .count()
     }
 }
 
@@ -59,7 +63,9 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
         ));
     }
     let n = width * height;
-    let contrast: Vec<f32> = (0..n).map(|i| images[0].values[i] - images[1].values[i]).collect();
+    let contrast: Vec<f32> = (0..n)
+        .map(|i| images[0].values[i] - images[1].values[i])
+        .collect();
     let mut sorted = contrast.clone();
     sorted.sort_by(f32::total_cmp);
     let bright = sorted[(n - 1) * 99 / 100];
@@ -68,7 +74,12 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
         let bits: Vec<[&Image; 2]> = (0..sequence.bits(axis))
             .rev()
             .filter_map(|b| {
-                let of = |inverted| frames.iter().find(|(p, _)| *p == Pattern::Bit(axis, b, inverted)).map(|(_, i)| *i);
+                let of = |inverted| {
+                    frames
+                        .iter()
+                        .find(|(p, _)| *p == Pattern::Bit(axis, b, inverted))
+                        .map(|(_, i)| *i)
+                };
                 Some([of(false)?, of(true)?])
             })
             .collect();
@@ -153,7 +164,11 @@ fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, cont
     let within = s.atan2(c) / TAU * period;
     let fine = within + period * ((coarse - within) / period).round();
     // The codes' error is a pixel at most.
-    if (fine - coarse).abs() < 2.0 { fine } else { f64::NAN }
+    if (fine - coarse).abs() < 2.0 {
+        fine
+    } else {
+        f64::NAN
+    }
 }
 
 #[cfg(test)]
@@ -227,9 +242,16 @@ mod tests {
     fn neighbours_differ_in_one_bit() {
         let sequence = Sequence::gray([1000, 7]).unwrap();
         assert_eq!((sequence.bits(Axis::Column), sequence.bits(Axis::Row)), (10, 3));
-        let bits: Vec<Pattern> = sequence.patterns().into_iter().filter(|p| matches!(p, Pattern::Bit(Axis::Column, _, false))).collect();
+        let bits: Vec<Pattern> = sequence
+            .patterns()
+            .into_iter()
+            .filter(|p| matches!(p, Pattern::Bit(Axis::Column, _, false)))
+            .collect();
         for u in 0..999 {
-            let changed = bits.iter().filter(|p| sequence.drive(**p, u, 0) != sequence.drive(**p, u + 1, 0)).count();
+            let changed = bits
+                .iter()
+                .filter(|p| sequence.drive(**p, u, 0) != sequence.drive(**p, u + 1, 0))
+                .count();
             assert_eq!(changed, 1);
         }
     }

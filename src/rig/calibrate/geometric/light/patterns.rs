@@ -53,7 +53,9 @@ impl Sequence {
             return Err(format!("a projector of {} × {} pixels is none", size[0], size[1]));
         }
         if shifts != 0 && !(3..=64).contains(&shifts) {
-            return Err(format!("{shifts} shifts do not tell a phase: give 3 to 64, or 0 for none"));
+            return Err(format!(
+                "{shifts} shifts do not tell a phase: give 3 to 64, or 0 for none"
+            ));
         }
         if !(4..=1024).contains(&period) {
             return Err(format!("a wave of {period} pixels: give 4 to 1024"));
@@ -101,7 +103,8 @@ impl Sequence {
                 f64::from(u8::from(on != inverted))
             }
             Pattern::Wave(axis, shift) => {
-                let phase = (f64::from(along(axis)) + 0.5) / f64::from(self.period) - f64::from(shift) / f64::from(self.shifts);
+                let phase = (f64::from(along(axis)) + 0.5) / f64::from(self.period)
+                    - f64::from(shift) / f64::from(self.shifts);
                 0.5 + 0.5 * (TAU * phase).cos()
             }
         }
@@ -112,6 +115,7 @@ impl Sequence {
     pub fn bytes(&self, pattern: Pattern) -> Vec<u8> {
         let [w, h] = self.size;
         let rows = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
-        rows.map(|(u, v)| (255.0 * self.drive(pattern, u, v)).round() as u8).collect()
+        rows.map(|(u, v)| (255.0 * self.drive(pattern, u, v)).round() as u8)
+            .collect()
     }
 }
