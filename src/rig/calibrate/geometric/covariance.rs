@@ -117,6 +117,7 @@ impl Root {
 
 /// A few steps of Gauss and Newton from where Levenberg and Marquardt end, in the digits that their normal equations lose, as
 /// long as the cost falls.
+#[must_use]
 pub fn polish(mut state: State, views: &[Vec<Corner>], w: &Weights) -> State {
     let mut cost = state.cost(views, w);
     for _ in 0..10 {

@@ -199,6 +199,7 @@ impl Device {
 
 /// What of a device the fit may change; the rest stays as it begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // each is one answer
 pub struct Free {
     /// Focal lengths.
     pub focal: bool,

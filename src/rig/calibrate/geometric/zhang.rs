@@ -135,11 +135,14 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     })
 }
 
+/// Points of a view on the board, and in pixels.
+pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
+
 /// Homographies of all views, from the board's plane.
 ///
 /// # Errors
 /// The number, from 0, of a view whose points lie on a line.
-pub fn homographies(views: &[(Vec<Vector2<f64>>, Vec<Vector2<f64>>)]) -> Result<Vec<Matrix3<f64>>, usize> {
+pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
     all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i))
         .collect()

@@ -62,10 +62,9 @@ pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
                 }
                 continue;
             }
-            if let Some(full) = filled(image, &grid, &all, start, [w, h]) {
-                if let Some(found) = in_order(image, &full, [w, h], board) {
-                    return Ok(found);
-                }
+            let full = filled(image, &grid, &all, start, [w, h]);
+            if let Some(found) = full.and_then(|full| in_order(image, &full, [w, h], board)) {
+                return Ok(found);
             }
         }
     }
@@ -267,8 +266,8 @@ mod tests {
         fn any_image_is_survived(w in 1_usize..40, h in 1_usize..40, kind in 0..4, seed in any::<u32>()) {
             let value = |i: usize| match kind {
                 0 => (i as u32).wrapping_mul(seed | 1) as f32,
-                1 => if (i / 3 + i / w / 3) % 2 == 0 { 1e30 } else { -1e30 },
-                2 => if (i % w / 5 + i / w / 5) % 2 == 0 { 1.0 } else { 0.0 },
+                1 => if (i / 3 + i / w / 3).is_multiple_of(2) { 1e30 } else { -1e30 },
+                2 => if (i % w / 5 + i / w / 5).is_multiple_of(2) { 1.0 } else { 0.0 },
                 _ => seed as f32,
             };
             let image = Image::new(w, h, (0..w * h).map(value).collect()).unwrap();
