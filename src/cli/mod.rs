@@ -1,5 +1,6 @@
 //! Command line: one module a command, one exit point.
 
+mod calibrate;
 mod capture;
 mod decompose;
 mod export;
@@ -78,6 +79,7 @@ enum Command {
     Reconstruct(reconstruct::Arguments),
     Rig(rig::Arguments),
     Trial(trial::Arguments),
+    Calibrate(calibrate::Arguments),
     Export(export::Arguments),
     Import(import::Arguments),
     Project(project::Arguments),
@@ -107,6 +109,7 @@ pub fn run() -> ExitCode {
         Command::Learn(a) => learn::run(&a),
         Command::Capture(a) => capture::run(&a),
         Command::Trial(a) => trial::run(&a),
+        Command::Calibrate(a) => calibrate::run(&a),
         Command::Reconstruct(a) => reconstruct::run(&a),
         Command::Rig(a) => rig::run(&a),
         Command::Export(a) => export::run(&a),

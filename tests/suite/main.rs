@@ -5,6 +5,7 @@
 
 mod arrays;
 mod bytes;
+mod calibrate;
 mod capture;
 mod commands;
 mod decompose;

@@ -1,0 +1,447 @@
+//! `sunstone calibrate`.
+
+use super::failure::Failure;
+use super::places;
+use clap::{Args, Subcommand, ValueEnum};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use sunstone::base::whole_file;
+use sunstone::rig::calibrate::geometric::board::Board;
+use sunstone::rig::calibrate::geometric::bundle::Corner;
+use sunstone::rig::calibrate::geometric::calibration::Calibration;
+use sunstone::rig::calibrate::geometric::corners::{self, Found};
+use sunstone::rig::calibrate::geometric::device::{Free, Model};
+use sunstone::rig::calibrate::geometric::fit::{Fit, Setup, fit};
+use sunstone::rig::calibrate::geometric::image::{Image, png_bytes};
+use sunstone::rig::calibrate::geometric::light::{Sequence, at_corners, decode};
+use tracing::info;
+
+/// Calibrate cameras and projectors from images.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  sunstone calibrate board shots/*.png --columns 9 --rows 6 --square 25mm -o calib.toml
+  sunstone calibrate patterns --projector 912x1140 -o patterns
+  sunstone calibrate projector view1 view2 view3 view4 --columns 9 --rows 6 --square 25mm --projector 912x1140 -o calib.toml")]
+pub struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    Board(BoardArguments),
+    Patterns(PatternArguments),
+    Projector(ProjectorArguments),
+}
+
+/// The target, and how it is fitted.
+#[derive(Args)]
+struct Target {
+    /// Inner corners of the board along its rows: one less than squares.
+    #[arg(long)]
+    columns: usize,
+    /// Inner corners along its columns.
+    #[arg(long)]
+    rows: usize,
+    /// Side of a square: 25mm, 2.5cm, 0.025m.
+    #[arg(long, value_parser = length)]
+    square: f64,
+    /// Model of the camera's lens: coefficients in OpenCV's order.
+    #[arg(long, value_enum, default_value_t = Lens::Five)]
+    lens: Lens,
+    /// Keep fy = fx.
+    #[arg(long)]
+    fix_aspect: bool,
+    /// Keep the principal point in the middle of the image.
+    #[arg(long)]
+    fix_centre: bool,
+    /// Keep k3 at 0.
+    #[arg(long)]
+    fix_k3: bool,
+    /// Keep p1 and p2 at 0.
+    #[arg(long)]
+    zero_tangential: bool,
+    /// Find corners that are far off, and leave them out.
+    #[arg(long)]
+    robust: bool,
+    /// File to write: .toml, or .json as OpenCV reads it.
+    #[arg(short, long, value_name = "CALIB.toml")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Lens {
+    #[value(name = "none")]
+    None,
+    #[value(name = "5")]
+    Five,
+    #[value(name = "8")]
+    Eight,
+    #[value(name = "12")]
+    Twelve,
+    #[value(name = "fisheye")]
+    Fisheye,
+}
+
+impl From<Lens> for Model {
+    fn from(lens: Lens) -> Self {
+        match lens {
+            Lens::None => Self::Pinhole,
+            Lens::Five => Self::Five,
+            Lens::Eight => Self::Eight,
+            Lens::Twelve => Self::Twelve,
+            Lens::Fisheye => Self::Fisheye,
+        }
+    }
+}
+
+/// Calibrate a camera from images of a chessboard.
+///
+/// Images are .png of 8 or 16 bits, or .npy; all of the board must be in each. Images in which it is not found are left
+/// out and named. Written are the `[camera]` of a scene file, standard errors, and covariances.
+#[derive(Args)]
+struct BoardArguments {
+    /// Images of the board in different poses.
+    #[arg(required = true, value_name = "IMAGES")]
+    images: Vec<PathBuf>,
+    #[command(flatten)]
+    target: Target,
+    /// Also write the corners that were found, as CSV: image, number, x, y on the board in metres, pixels x, y (the first pixel
+    /// covers 0..1).
+    #[arg(long, value_name = "CORNERS.csv")]
+    corners: Option<PathBuf>,
+}
+
+/// The structured light.
+#[derive(Args)]
+struct Light {
+    /// Size of the projector, pixels: 912x1140.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    projector: [u32; 2],
+    /// Also show waves shifted in so many steps, which place pixels between their neighbours.
+    #[arg(long, default_value_t = 0)]
+    shifts: u32,
+    /// Period of the waves, pixels.
+    #[arg(long, default_value_t = 16)]
+    period: u32,
+}
+
+impl Light {
+    fn sequence(&self) -> Result<Sequence, Failure> {
+        Sequence::with_waves(self.projector, self.shifts, self.period).map_err(Failure::input)
+    }
+}
+
+/// Write the patterns that `calibrate projector` wants shown: white, black, Gray codes of columns and rows with their inverses.
+#[derive(Args)]
+struct PatternArguments {
+    #[command(flatten)]
+    light: Light,
+    /// Folder to write them to, as 000.png and on.
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+}
+
+/// Calibrate a projector together with the camera that sees its patterns on a chessboard.
+///
+/// Every folder is one pose of the board: images of all patterns of `calibrate patterns` in their order, by name. Written are
+/// `[camera]` and `[projector]` of a scene file whose world is the camera's frame, standard errors, and covariances.
+#[derive(Args)]
+struct ProjectorArguments {
+    /// One folder a pose of the board.
+    #[arg(required = true, value_name = "FOLDERS")]
+    views: Vec<PathBuf>,
+    #[command(flatten)]
+    target: Target,
+    #[command(flatten)]
+    light: Light,
+    /// Model of the projector's lens.
+    #[arg(long, value_enum, default_value_t = Lens::Five)]
+    projector_lens: Lens,
+    /// Radius of the pixels around a corner that place it on the projector; by default half of the smallest square.
+    #[arg(long, value_name = "PIXELS")]
+    reach: Option<f64>,
+}
+
+/// A length with its unit, in metres.
+fn length(text: &str) -> Result<f64, String> {
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)];
+    let found = units.iter().find_map(|(unit, scale)| {
+        let number = text.trim().strip_suffix(unit)?.trim();
+        number.parse::<f64>().ok().map(|x| x * scale)
+    });
+    found
+        .filter(|x| x.is_finite() && *x > 0.0)
+        .ok_or_else(|| "give a positive length, as 25mm, 2.5cm or 0.025m".into())
+}
+
+/// Width and height.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let parts = text
+        .split_once('x')
+        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    parts.ok_or_else(|| "give width and height in pixels, as 912x1140".into())
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    match &a.what {
+        What::Board(a) => board(a),
+        What::Patterns(a) => patterns(a),
+        What::Projector(a) => projector(a),
+    }
+}
+
+impl Target {
+    fn board(&self) -> Result<Board, Failure> {
+        places::extension(&self.output, "calibrations are", &["toml", "json"])?;
+        Board::new(self.columns, self.rows, self.square).map_err(Failure::input)
+    }
+
+    fn setup(&self, size: [u32; 2], lens: Lens) -> Setup {
+        Setup {
+            free: Free {
+                aspect: !self.fix_aspect,
+                centre: !self.fix_centre,
+                k3: !self.fix_k3,
+                tangential: !self.zero_tangential,
+                ..Free::default()
+            },
+            ..Setup::new(size, lens.into())
+        }
+    }
+
+    /// Writes what was found, and says how good it is.
+    fn write(&self, fit: &Fit, files: Vec<String>) -> Result<(), Failure> {
+        let calibration = Calibration::new(fit, files);
+        let text = if self.output.extension().is_some_and(|e| e == "json") {
+            calibration.to_opencv_json()
+        } else {
+            calibration.to_toml().map_err(Failure::failed)?
+        };
+        whole_file::write(&self.output, text.as_bytes())
+            .map_err(|e| Failure::failed(format!("{}: {e}", self.output.display())))?;
+        for note in &fit.notes {
+            eprintln!("note: {note}");
+        }
+        for (v, c) in fit.outliers.iter().take(10) {
+            eprintln!("note: view {}, corner {} left out: it is far off", v + 1, c + 1);
+        }
+        for (title, d) in ["camera", "projector"].iter().zip(0..fit.devices.len()) {
+            let (device, errors) = (&fit.devices[d], fit.errors(d));
+            eprintln!(
+                "{title}: {:.4} pixels RMS; fx {:.2} ± {:.2}, fy {:.2} ± {:.2}, cx {:.2} ± {:.2}, cy {:.2} ± {:.2}",
+                fit.rms[d],
+                device.focal.x,
+                errors[0],
+                device.focal.y,
+                errors[1],
+                device.centre.x,
+                errors[2],
+                device.centre.y,
+                errors[3]
+            );
+        }
+        super::output::print(&self.output.display().to_string())
+    }
+}
+
+/// The board in each of the images; `None` where it is not seen, which is said.
+fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
+    let found: Vec<_> = images
+        .par_iter()
+        .map(|(_, image)| corners::find(image, board))
+        .collect();
+    let told = found.into_iter().zip(images).map(|(found, (name, _))| {
+        found
+            .map_err(|why| eprintln!("note: {name} left out: {why}"))
+            .ok()
+    });
+    told.collect()
+}
+
+/// All images are of one size.
+fn one_size(images: &[(String, Image)]) -> Result<[u32; 2], Failure> {
+    let size = images[0].1.size();
+    match images.iter().find(|(_, i)| i.size() != size) {
+        None => Ok(size),
+        Some((name, i)) => Err(Failure::input(format!(
+            "{name}: it is of {} × {} pixels, and {} of {} × {}: give images of one camera",
+            i.width, i.height, images[0].0, size[0], size[1]
+        ))),
+    }
+}
+
+fn board(a: &BoardArguments) -> Result<(), Failure> {
+    places::files(
+        a.images.iter().map(Some),
+        [Some(&a.target.output), a.corners.as_ref()],
+    )?;
+    let board = a.target.board()?;
+    let load = |p: &PathBuf| Ok((p.display().to_string(), Image::load(p).map_err(Failure::input)?));
+    let images: Vec<(String, Image)> = a.images.par_iter().map(load).collect::<Result<_, Failure>>()?;
+    let size = one_size(&images)?;
+    let found = search(&images, &board);
+    let points = board.points();
+    let (mut views, mut files) = (vec![], vec![]);
+    let mut table = String::from("image,corner,x_m,y_m,x_px,y_px\n");
+    for ((name, _), found) in images.iter().zip(&found) {
+        let Some(found) = found else { continue };
+        let corner = |(x, at): (&_, &_)| Corner {
+            board: *x,
+            camera: *at,
+            projector: None,
+        };
+        let corners: Vec<Corner> = points.iter().zip(&found.corners).map(corner).collect();
+        for (i, c) in corners.iter().enumerate() {
+            let file = name.replace(',', "_");
+            table += &format!(
+                "{file},{i},{},{},{:.5},{:.5}\n",
+                c.board.x, c.board.y, c.camera.x, c.camera.y
+            );
+        }
+        views.push(corners);
+        files.push(name.clone());
+    }
+    info!("{} of {} images show the board", views.len(), images.len());
+    if views.is_empty() {
+        return Err(Failure::input(format!(
+            "none of the {} images shows all of a board of {} × {} inner corners",
+            images.len(),
+            board.columns,
+            board.rows
+        )));
+    }
+    let fitted =
+        fit(&[a.target.setup(size, a.target.lens)], &views, a.target.robust).map_err(Failure::input)?;
+    if let Some(path) = &a.corners {
+        whole_file::write(path, table.as_bytes())
+            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    }
+    a.target.write(&fitted, files)
+}
+
+fn patterns(a: &PatternArguments) -> Result<(), Failure> {
+    places::folders([], [Some(&a.output)])?;
+    let sequence = a.light.sequence()?;
+    let [w, h] = sequence.size;
+    let all = sequence.patterns();
+    for (i, pattern) in all.iter().enumerate() {
+        let path = a.output.join(format!("{i:03}.png"));
+        let bytes = png_bytes(w, h, &sequence.bytes(*pattern));
+        let bytes = bytes.ok_or_else(|| Failure::failed("a pattern cannot be written as PNG"))?;
+        whole_file::write(&path, &bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    }
+    super::output::print(&format!("{}: {} patterns", a.output.display(), all.len()))
+}
+
+/// The images of a folder, by name.
+fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let bad =
+        |e: std::io::Error| Failure::input(format!("{}: {e}; give a folder of images", folder.display()));
+    let mut all = vec![];
+    for entry in std::fs::read_dir(folder).map_err(bad)? {
+        let path = entry.map_err(bad)?.path();
+        let hidden = path
+            .file_name()
+            .is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        if !hidden && path.extension().is_some_and(|e| e == "png" || e == "npy") {
+            all.push(path);
+        }
+    }
+    all.sort();
+    Ok(all)
+}
+
+fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
+    places::files([], [Some(&a.target.output)])?;
+    let board = a.target.board()?;
+    let sequence = a.light.sequence()?;
+    if a.reach.is_some_and(|r| !(2.0..=1000.0).contains(&r)) {
+        return Err(Failure::input("--reach: give 2 to 1000 pixels"));
+    }
+    let points = board.points();
+    let (mut views, mut files, mut size) = (vec![], vec![], None);
+    for folder in &a.views {
+        let images: Vec<Image> = frames(folder)?
+            .par_iter()
+            .map(|p| Image::load(p).map_err(Failure::input))
+            .collect::<Result<_, _>>()?;
+        let name = folder.display().to_string();
+        let decoded = decode(&sequence, &images).map_err(|e| {
+            Failure::input(format!(
+                "{name}: {e}; give one image a pattern of `sunstone calibrate patterns`, in their order"
+            ))
+        })?;
+        let here = images[0].size();
+        if *size.get_or_insert(here) != here {
+            return Err(Failure::input(format!(
+                "{name}: its images are of another size than those of the first folder"
+            )));
+        }
+        let white = [(
+            format!("{name}, white"),
+            images
+                .into_iter()
+                .next()
+                .unwrap_or_else(|| unreachable!("decoded")),
+        )];
+        let Some(found) = search(&white, &board).pop().flatten() else {
+            continue;
+        };
+        let reach = a.reach.unwrap_or((0.5 * found.smallest).clamp(6.0, 40.0));
+        let thrown = at_corners(&decoded, &found.corners, reach);
+        let lit = thrown.iter().flatten().count();
+        info!(
+            "{name}: {} pixels decoded, {lit} of {} corners lit",
+            decoded.count(),
+            board.len()
+        );
+        if lit < 8 {
+            eprintln!(
+                "note: {name} left out: the projector's light is decoded around {lit} of its corners only"
+            );
+            continue;
+        }
+        let corner = |((x, at), projector): ((&_, &_), _)| Corner {
+            board: *x,
+            camera: *at,
+            projector,
+        };
+        views.push(
+            points
+                .iter()
+                .zip(&found.corners)
+                .zip(thrown)
+                .map(corner)
+                .collect::<Vec<_>>(),
+        );
+        files.push(name);
+    }
+    let Some(size) = size.filter(|_| !views.is_empty()) else {
+        return Err(Failure::input(
+            "no folder shows all of the board under the projector's light",
+        ));
+    };
+    let setups = [
+        a.target.setup(size, a.target.lens),
+        a.target.setup(sequence.size, a.projector_lens),
+    ];
+    let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;
+    a.target.write(&fitted, files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_units() {
+        assert_eq!(length("25mm"), Ok(0.025));
+        assert_eq!(length("0.5 m"), Ok(0.5));
+        assert_eq!(length("3cm"), Ok(0.03));
+        assert!(length("-1mm").is_err() && length("mm").is_err() && length("nanm").is_err());
+        assert_eq!(size("912x1140"), Ok([912, 1140]));
+        assert!(size("912").is_err());
+    }
+}

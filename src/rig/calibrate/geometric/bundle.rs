@@ -1,0 +1,340 @@
+//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt on everything at once, the poses of the views eliminated by
+//! Schur's complement.
+//!
+//! A projector's coordinate q of a corner is measured through the camera: a corner seen off by δ has its q off by Jδ, J the
+//! local map from camera to projector pixels. The residual of the projector is therefore q + J(ĉ - c) - q̂, in which the
+//! error of the camera cancels, and both residuals are independent.
+
+use super::covariance::Covariance;
+use super::device::{Device, Seen};
+use super::pose::{Pose, cross};
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Matrix6, MatrixXx6, SMatrix, Vector2, Vector3, Vector6};
+
+/// A corner of the board in one view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// On the board, metres.
+    pub board: Vector3<f64>,
+    /// Where the camera sees it, continuous pixels.
+    pub camera: Vector2<f64>,
+    /// Which pixel of the projector lights it, and how that pixel moves with the camera's (0 where both are measured apart).
+    pub projector: Option<(Vector2<f64>, Matrix2<f64>)>,
+}
+
+/// A parameter moved by a free one: its number, and how much.
+pub type Tie = Option<(usize, f64)>;
+
+/// All that is estimated.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// The camera, and the projector if there is one.
+    pub devices: Vec<Device>,
+    /// Which free parameter moves each of a device's; numbers count through the devices.
+    pub ties: Vec<Vec<Tie>>,
+    /// Free parameters of the devices; six more of `relative` follow if there are two devices.
+    pub free: usize,
+    /// Camera to projector.
+    pub relative: Pose,
+    /// Board to camera.
+    pub poses: Vec<Pose>,
+}
+
+/// How measurements count.
+#[derive(Clone, Debug)]
+pub struct Weights {
+    /// Standard deviation of a coordinate, pixels, by device; infinite: the device does not count.
+    pub sigma: Vec<f64>,
+    /// Huber's bound in standard deviations of a coordinate; infinite: least squares.
+    pub huber: f64,
+    /// Corners left out, by view and corner.
+    pub out: Vec<Vec<bool>>,
+}
+
+/// The normal equations at a state.
+#[derive(Clone, Debug)]
+pub struct Normal {
+    shared: DMatrix<f64>,
+    mixed: Vec<MatrixXx6<f64>>,
+    own: Vec<Matrix6<f64>>,
+    shared_right: DVector<f64>,
+    own_right: Vec<Vector6<f64>>,
+}
+
+/// Distances of one corner, over their standard deviations.
+type Residual = (Vector2<f64>, Option<Vector2<f64>>);
+
+impl State {
+    /// Number of shared free parameters.
+    #[must_use]
+    pub fn shared(&self) -> usize {
+        self.free + if self.devices.len() > 1 { 6 } else { 0 }
+    }
+
+    /// Measured minus seen, pixels, of a corner by both devices; `None` if it is behind one.
+    #[must_use]
+    pub fn residual(&self, view: usize, corner: &Corner) -> Option<Residual> {
+        let x = self.poses[view].apply(corner.board);
+        let seen = self.devices[0].project(&x)?;
+        let thrown = match (&corner.projector, self.devices.get(1)) {
+            (Some((q, j)), Some(projector)) => {
+                let at = projector.project(&self.relative.apply(x))?;
+                Some(q + j * (seen - corner.camera) - at)
+            }
+            _ => None,
+        };
+        Some((corner.camera - seen, thrown))
+    }
+
+    /// The state changed by a solution of the normal equations.
+    #[must_use]
+    pub fn changed(&self, shared: &DVector<f64>, own: &[Vector6<f64>]) -> Self {
+        let mut next = self.clone();
+        for (device, ties) in next.devices.iter_mut().zip(&self.ties) {
+            let moved: Vec<f64> = device
+                .parameters()
+                .iter()
+                .zip(ties)
+                .map(|(p, tie)| p + tie.map_or(0.0, |(i, by)| by * shared[i]))
+                .collect();
+            *device = device.with(&moved);
+        }
+        if self.devices.len() > 1 {
+            next.relative = self
+                .relative
+                .changed(std::array::from_fn(|i| shared[self.free + i]));
+        }
+        for (pose, by) in next.poses.iter_mut().zip(own) {
+            *pose = pose.changed((*by).into());
+        }
+        next
+    }
+
+    /// Huber's or half the squared cost; infinite if a corner is behind a device.
+    #[must_use]
+    pub fn cost(&self, views: &[Vec<Corner>], w: &Weights) -> f64 {
+        let mut sum = 0.0;
+        for (v, corners) in views.iter().enumerate() {
+            for (corner, _) in corners.iter().zip(&w.out[v]).filter(|(_, out)| !**out) {
+                let Some((a, b)) = self.residual(v, corner) else {
+                    return f64::INFINITY;
+                };
+                sum += huber(a.norm() / w.sigma[0], w.huber).0;
+                if let Some(b) = b {
+                    sum += huber(b.norm() / w.sigma[1], w.huber).0;
+                }
+            }
+        }
+        if sum.is_nan() { f64::INFINITY } else { sum }
+    }
+
+    /// Derivatives and residuals of a view's measurements, each over its standard deviation, and half of their squares: columns
+    /// are the shared parameters, then the six of the view's pose. `None` if a corner is behind a device.
+    #[must_use]
+    pub fn rows(
+        &self,
+        v: usize,
+        corners: &[Corner],
+        w: &Weights,
+    ) -> Option<(DMatrix<f64>, DVector<f64>, f64)> {
+        let n = self.shared();
+        let lenses: Vec<_> = self.devices.iter().map(Device::lens).collect();
+        let pose = &self.poses[v];
+        let rows: usize = corners
+            .iter()
+            .map(|c| if c.projector.is_some() { 4 } else { 2 })
+            .sum();
+        let mut jacobian = DMatrix::zeros(rows, n + 6);
+        let mut residual = DVector::zeros(rows);
+        let (mut row, mut sum) = (0, 0.0);
+        for (corner, _) in corners.iter().zip(&w.out[v]).filter(|(_, out)| !**out) {
+            let x = pose.apply(corner.board);
+            let turned = pose.rotation * corner.board;
+            let camera = self.devices[0].see(&lenses[0], &x)?;
+            let off = corner.camera - camera.at;
+            let (cost, weight) = huber(off.norm() / w.sigma[0], w.huber);
+            sum += cost;
+            let scale = weight.sqrt() / w.sigma[0];
+            let by_pose = camera.by_point * moves(&turned);
+            self.fill(&mut jacobian, row, 0, &camera, &Matrix2::identity(), scale);
+            jacobian
+                .fixed_view_mut::<2, 6>(row, n)
+                .copy_from(&(by_pose * scale));
+            residual.fixed_rows_mut::<2>(row).copy_from(&(off * scale));
+            row += 2;
+            let (Some((q, j)), Some(projector)) = (&corner.projector, self.devices.get(1)) else {
+                continue;
+            };
+            let far = self.relative.rotation * x;
+            let thrown = projector.see(&lenses[1], &(far + self.relative.translation))?;
+            // Both move what the projector is compared at.
+            let off = q - j * off - thrown.at;
+            let (cost, weight) = huber(off.norm() / w.sigma[1], w.huber);
+            sum += cost;
+            let scale = weight.sqrt() / w.sigma[1];
+            self.fill(&mut jacobian, row, 0, &camera, &-j, scale);
+            self.fill(&mut jacobian, row, 1, &thrown, &Matrix2::identity(), scale);
+            let by_relative = thrown.by_point * moves(&far) * scale;
+            jacobian
+                .fixed_view_mut::<2, 6>(row, self.free)
+                .copy_from(&by_relative);
+            let turn = thrown.by_point * self.relative.rotation;
+            let own = (turn * moves(&turned) - j * by_pose) * scale;
+            jacobian.fixed_view_mut::<2, 6>(row, n).copy_from(&own);
+            residual.fixed_rows_mut::<2>(row).copy_from(&(off * scale));
+            row += 2;
+        }
+        Some((jacobian, residual, sum))
+    }
+
+    /// The normal equations; `None` if a corner is behind a device.
+    #[must_use]
+    pub fn linearized(&self, views: &[Vec<Corner>], w: &Weights) -> Option<Normal> {
+        let n = self.shared();
+        let mut normal = Normal {
+            shared: DMatrix::zeros(n, n),
+            mixed: vec![],
+            own: vec![],
+            shared_right: DVector::zeros(n),
+            own_right: vec![],
+        };
+        for (v, corners) in views.iter().enumerate() {
+            let (jacobian, residual, _) = self.rows(v, corners, w)?;
+            let squared = jacobian.tr_mul(&jacobian);
+            let right = jacobian.tr_mul(&residual);
+            normal.shared += squared.view((0, 0), (n, n));
+            normal
+                .mixed
+                .push(squared.fixed_columns::<6>(n).rows(0, n).into_owned());
+            normal.own.push(squared.fixed_view::<6, 6>(n, n).into_owned());
+            normal.shared_right += right.rows(0, n);
+            normal.own_right.push(right.fixed_rows::<6>(n).into_owned());
+        }
+        Some(normal)
+    }
+
+    /// Adds a device's own derivatives, times a matrix.
+    fn fill(
+        &self,
+        out: &mut DMatrix<f64>,
+        row: usize,
+        device: usize,
+        seen: &Seen,
+        by: &Matrix2<f64>,
+        scale: f64,
+    ) {
+        for (tie, d) in self.ties[device].iter().zip(&seen.by_parameters) {
+            if let Some((i, factor)) = tie {
+                let d = by * d * (factor * scale);
+                out[(row, *i)] += d.x;
+                out[(row + 1, *i)] += d.y;
+            }
+        }
+    }
+}
+
+/// Derivative of R x + t by a change of the pose; `turned` is R x.
+fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
+    let mut m = SMatrix::<f64, 3, 6>::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-cross(turned));
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
+    m
+}
+
+/// Huber's loss of a distance, and the weight of its square.
+fn huber(r: f64, bound: f64) -> (f64, f64) {
+    if r <= bound || r.is_nan() {
+        (0.5 * r * r, 1.0)
+    } else {
+        (bound * (r - 0.5 * bound), bound / r)
+    }
+}
+
+impl Normal {
+    /// The step of Levenberg and Marquardt, or Gauss and Newton where `damping` is 0.
+    fn step(&self, damping: f64) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
+        let damped = |d: f64| d + damping * d.max(1e-30);
+        let mut schur = self.shared.clone();
+        for i in 0..schur.nrows() {
+            schur[(i, i)] = damped(schur[(i, i)]);
+        }
+        let mut right = self.shared_right.clone();
+        let mut inverses = vec![];
+        for ((own, mixed), own_right) in self.own.iter().zip(&self.mixed).zip(&self.own_right) {
+            let mut own = *own;
+            for i in 0..6 {
+                own[(i, i)] = damped(own[(i, i)]);
+            }
+            let inverse = own.cholesky()?.inverse();
+            let folded = mixed * inverse;
+            schur -= &folded * mixed.transpose();
+            right -= &folded * own_right;
+            inverses.push(inverse);
+        }
+        // Parameters differ by orders of magnitude: scaled, their diagonal is 1.
+        let scale = schur
+            .diagonal()
+            .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
+        let d = DMatrix::from_diagonal(&scale);
+        let solved = (&d * schur * &d).cholesky()?.solve(&right.component_mul(&scale));
+        let shared = solved.component_mul(&scale);
+        let own = inverses
+            .iter()
+            .zip(&self.mixed)
+            .zip(&self.own_right)
+            .map(|((inverse, mixed), right)| inverse * (right - mixed.tr_mul(&shared)))
+            .collect();
+        shared.iter().all(|x| x.is_finite()).then_some((shared, own))
+    }
+
+    /// How many parameters these measurements take up: tr(C N), C the inverse of all measurements' equations.
+    #[must_use]
+    pub fn taken(&self, all: &Covariance) -> f64 {
+        let mut sum = all.shared.component_mul(&self.shared).sum();
+        for v in 0..self.own.len() {
+            sum += all.own[v].component_mul(&self.own[v]).sum();
+            sum += 2.0 * all.mixed[v].component_mul(&self.mixed[v]).sum();
+        }
+        sum
+    }
+}
+
+/// Minimizes the cost from a state, `most` steps at most, until one gains less than `least` of it; `None` if a corner is behind a
+/// device there.
+#[must_use]
+pub fn minimize(
+    start: &State,
+    views: &[Vec<Corner>],
+    w: &Weights,
+    most: usize,
+    least: f64,
+) -> Option<(State, f64)> {
+    let mut state = start.clone();
+    let mut cost = state.cost(views, w);
+    if !cost.is_finite() {
+        return None;
+    }
+    let mut damping = 1e-3;
+    for _ in 0..most {
+        let normal = state.linearized(views, w)?;
+        let before = cost;
+        loop {
+            if let Some((shared, own)) = normal.step(damping) {
+                let next = state.changed(&shared, &own);
+                let now = next.cost(views, w);
+                if now <= cost {
+                    damping = (damping * 0.1).max(1e-15);
+                    (state, cost) = (next, now);
+                    break;
+                }
+            }
+            damping *= 10.0;
+            if damping > 1e8 {
+                return Some((state, cost));
+            }
+        }
+        if before - cost < least * before || cost < 1e-22 {
+            break;
+        }
+    }
+    Some((state, cost))
+}

@@ -1,0 +1,138 @@
+//! What measurements tell of all parameters: the triangular factor of the Jacobian (QR), from which covariances come without
+//! the loss of half the digits that squaring costs. Rational lenses need them.
+
+use super::bundle::{Corner, State, Weights};
+use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
+
+/// Square root of the information, the poses of the views eliminated.
+pub struct Root {
+    /// RᵀR is the information about the shared parameters when the poses are not known.
+    shared: DMatrix<f64>,
+    /// Lengths of the Jacobian's columns.
+    lengths: DVector<f64>,
+    /// By view: factors of its pose, of the shared parameters beside it, and what its residuals become.
+    own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
+    /// What the residuals become.
+    right: DVector<f64>,
+}
+
+/// Covariances, in blocks.
+pub struct Covariance {
+    /// Of the shared parameters.
+    pub shared: DMatrix<f64>,
+    /// Of each pose.
+    pub own: Vec<Matrix6<f64>>,
+    /// Between the shared parameters and each pose.
+    pub mixed: Vec<MatrixXx6<f64>>,
+}
+
+impl Root {
+    /// Of a state; `None` if a corner is behind a device, or a number is not finite.
+    #[must_use]
+    pub fn of(state: &State, views: &[Vec<Corner>], w: &Weights) -> Option<Self> {
+        let n = state.shared();
+        // The last column is of the residuals.
+        let mut all = DMatrix::zeros(0, n + 1);
+        let mut squares = DVector::zeros(n);
+        let mut own = vec![];
+        for (v, corners) in views.iter().enumerate() {
+            let (jacobian, residual, _) = state.rows(v, corners, w)?;
+            if !jacobian.iter().all(|x| x.is_finite()) {
+                return None;
+            }
+            let rows = jacobian.nrows();
+            // The pose first; rows of zeros where a view has fewer measurements than parameters.
+            let mut ordered = DMatrix::zeros(rows.max(n + 7), n + 7);
+            ordered
+                .view_mut((0, 0), (rows, 6))
+                .copy_from(&jacobian.columns(n, 6));
+            ordered
+                .view_mut((0, 6), (rows, n))
+                .copy_from(&jacobian.columns(0, n));
+            ordered.view_mut((0, n + 6), (rows, 1)).copy_from(&residual);
+            for i in 0..n {
+                squares[i] += jacobian.column(i).norm_squared();
+            }
+            let r = ordered.qr().r();
+            own.push((
+                r.fixed_view::<6, 6>(0, 0).into_owned(),
+                r.fixed_rows::<6>(0).columns(6, n).into_owned(),
+                r.fixed_view::<6, 1>(0, n + 6).into_owned(),
+            ));
+            let old = all.nrows();
+            let mut stacked = DMatrix::zeros(old + n + 1, n + 1);
+            stacked.rows_mut(0, old).copy_from(&all);
+            stacked
+                .rows_mut(old, n + 1)
+                .copy_from(&r.view((6, 6), (n + 1, n + 1)));
+            all = stacked.qr().r();
+        }
+        Some(Self {
+            shared: all.view((0, 0), (n, n)).into_owned(),
+            lengths: squares.map(f64::sqrt),
+            own,
+            right: all.view((0, n), (n, 1)).column(0).into_owned(),
+        })
+    }
+
+    /// The step of Gauss and Newton, by parameters and poses; `None` if there is none.
+    fn step(&self) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
+        let shared = self.shared.solve_upper_triangular(&self.right)?;
+        let of = |(r, beside, right): &(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)| {
+            r.solve_upper_triangular(&(right - beside * &shared))
+        };
+        let own: Option<Vec<_>> = self.own.iter().map(of).collect();
+        let finite = shared.iter().all(|x| x.is_finite());
+        Some((shared.clone(), own?)).filter(|_| finite)
+    }
+
+    /// How much is known of the least known combination of shared parameters, from 0 (nothing) to about 1, and that
+    /// combination: as singular value and vector of the root whose columns are scaled to what would be known if the poses were.
+    #[must_use]
+    pub fn least_known(&self) -> Option<(f64, DVector<f64>)> {
+        let scale = self.lengths.map(|d| if d > 0.0 { d.recip() } else { 0.0 });
+        let svd = (&self.shared * DMatrix::from_diagonal(&scale)).try_svd(false, true, 1e-16, 10_000)?;
+        let least = svd.singular_values.imin();
+        Some((svd.singular_values[least], svd.v_t?.row(least).transpose()))
+    }
+
+    /// The covariances; `None` if there are none.
+    #[must_use]
+    pub fn invert(&self) -> Option<Covariance> {
+        let n = self.shared.ncols();
+        let back = self.shared.solve_upper_triangular(&DMatrix::identity(n, n))?;
+        let shared = &back * back.transpose();
+        let (mut own, mut mixed) = (vec![], vec![]);
+        for (r, beside, _) in &self.own {
+            let inverse = r.solve_upper_triangular(&Matrix6::identity())?;
+            let path = inverse * beside;
+            let root = &path * &back;
+            own.push(inverse * inverse.transpose() + &root * root.transpose());
+            mixed.push(-(&shared * path.transpose()));
+        }
+        let finite = shared.iter().all(|x| x.is_finite());
+        finite.then_some(Covariance { shared, own, mixed })
+    }
+}
+
+/// A few steps of Gauss and Newton from where Levenberg and Marquardt end, in the digits that their normal equations lose, as
+/// long as the cost falls.
+#[must_use]
+pub fn polish(mut state: State, views: &[Vec<Corner>], w: &Weights) -> State {
+    let mut cost = state.cost(views, w);
+    for _ in 0..10 {
+        let step = Root::of(&state, views, w).and_then(|r| r.step());
+        let Some((shared, own)) = step else { break };
+        let next = state.changed(&shared, &own);
+        let now = next.cost(views, w);
+        if now.is_nan() || now >= cost {
+            break;
+        }
+        let done = cost - now < 1e-12 * cost;
+        (state, cost) = (next, now);
+        if done {
+            break;
+        }
+    }
+    state
+}

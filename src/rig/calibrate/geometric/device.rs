@@ -1,0 +1,323 @@
+//! What is calibrated of a device: focal lengths, principal point, lens; which of it is free; and how pixels depend on it.
+
+use super::pose::Pose;
+use glam::DVec2;
+use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
+use optics::distortion::Distortion;
+use optics::distortion::fisheye::Fisheye;
+use optics::distortion::opencv::Opencv;
+
+/// Models of a lens, by OpenCV's count of coefficients.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Model {
+    /// No distortion.
+    Pinhole,
+    /// k1, k2, p1, p2, k3: Brown–Conrady.
+    #[default]
+    Five,
+    /// With k4, k5, k6: rational.
+    Eight,
+    /// With s1 to s4: thin prism.
+    Twelve,
+    /// k1 to k4 of a fisheye.
+    Fisheye,
+}
+
+const OPENCV: [&str; 12] = [
+    "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4",
+];
+
+impl Model {
+    /// Names of the coefficients, in OpenCV's order.
+    #[must_use]
+    pub fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Pinhole => &[],
+            Self::Five => &OPENCV[..5],
+            Self::Eight => &OPENCV[..8],
+            Self::Twelve => &OPENCV,
+            Self::Fisheye => &["k1", "k2", "k3", "k4"],
+        }
+    }
+
+    /// The lens with these coefficients.
+    #[must_use]
+    pub fn lens(self, k: &[f64]) -> Distortion {
+        let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
+        match self {
+            Self::Pinhole => Distortion::None,
+            Self::Fisheye => Distortion::Fisheye(Fisheye {
+                k: [at(0), at(1), at(2), at(3)],
+            }),
+            // Not `from`, which makes `None` of zeros: its derivatives are wanted there.
+            Self::Five | Self::Eight | Self::Twelve => Distortion::Opencv(Opencv {
+                k1: at(0),
+                k2: at(1),
+                p1: at(2),
+                p2: at(3),
+                k3: at(4),
+                k4: at(5),
+                k5: at(6),
+                k6: at(7),
+                s1: at(8),
+                s2: at(9),
+                s3: at(10),
+                s4: at(11),
+                ..Opencv::default()
+            }),
+        }
+    }
+}
+
+/// A device's image: pixels of point p of the plane z = 1 are focal · lens(p) + centre, in continuous pixels of which the
+/// first covers 0..1 (OpenCV's centre is half a pixel less).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Device {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Focal lengths along x and y, pixels.
+    pub focal: Vector2<f64>,
+    /// Principal point, pixels.
+    pub centre: Vector2<f64>,
+    /// Model of the lens.
+    pub model: Model,
+    /// Coefficients in the order of [`Model::names`].
+    pub coefficients: Vec<f64>,
+}
+
+/// Where a point is seen, and how that depends on everything.
+pub struct Seen {
+    /// Pixels.
+    pub at: Vector2<f64>,
+    /// By the point in device coordinates.
+    pub by_point: Matrix2x3<f64>,
+    /// By fx, fy, cx, cy and the coefficients.
+    pub by_parameters: Vec<Vector2<f64>>,
+}
+
+impl Device {
+    /// Without distortion.
+    #[must_use]
+    pub fn pinhole(size: [u32; 2], focal: [f64; 2], centre: [f64; 2], model: Model) -> Self {
+        Self {
+            size,
+            focal: focal.into(),
+            centre: centre.into(),
+            model,
+            coefficients: vec![0.0; model.names().len()],
+        }
+    }
+
+    /// The lens.
+    #[must_use]
+    pub fn lens(&self) -> Distortion {
+        self.model.lens(&self.coefficients)
+    }
+
+    /// fx, fy, cx, cy and the coefficients.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<f64> {
+        let first = [self.focal.x, self.focal.y, self.centre.x, self.centre.y];
+        first.iter().chain(&self.coefficients).copied().collect()
+    }
+
+    /// Names of [`Self::parameters`].
+    #[must_use]
+    pub fn names(&self) -> Vec<&'static str> {
+        ["fx", "fy", "cx", "cy"]
+            .iter()
+            .chain(self.model.names())
+            .copied()
+            .collect()
+    }
+
+    /// With other [`Self::parameters`].
+    #[must_use]
+    pub fn with(&self, parameters: &[f64]) -> Self {
+        Self {
+            focal: Vector2::new(parameters[0], parameters[1]),
+            centre: Vector2::new(parameters[2], parameters[3]),
+            coefficients: parameters[4..].to_vec(),
+            ..self.clone()
+        }
+    }
+
+    /// Pixels of a point in device coordinates; `None` behind the device.
+    #[must_use]
+    pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
+        let far = x.z > 0.0;
+        far.then(|| self.pixel(self.lens().distort(DVec2::new(x.x / x.z, x.y / x.z))))
+    }
+
+    fn pixel(&self, d: DVec2) -> Vector2<f64> {
+        Vector2::new(
+            self.focal.x * d.x + self.centre.x,
+            self.focal.y * d.y + self.centre.y,
+        )
+    }
+
+    /// [`Self::project`] with all derivatives; `lens` is [`Self::lens`].
+    #[must_use]
+    pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
+        if x.z.is_nan() || x.z <= 0.0 {
+            return None;
+        }
+        let p = DVec2::new(x.x / x.z, x.y / x.z);
+        let d = lens.distort(p);
+        let [[a, b], [c, e]] = lens.jacobian(p);
+        let f = self.focal;
+        let bend = Matrix2::new(f.x * a, f.x * b, f.y * c, f.y * e);
+        let slope = Matrix2x3::new(1.0, 0.0, -p.x, 0.0, 1.0, -p.y) / x.z;
+        let mut by_parameters = vec![
+            Vector2::new(d.x, 0.0),
+            Vector2::new(0.0, d.y),
+            Vector2::x(),
+            Vector2::y(),
+        ];
+        let scaled = |v: &DVec2| Vector2::new(f.x * v.x, f.y * v.y);
+        let count = self.coefficients.len();
+        match lens {
+            Distortion::None => {}
+            Distortion::Opencv(l) => by_parameters.extend(l.by_coefficients(p)[..count].iter().map(scaled)),
+            Distortion::Fisheye(l) => by_parameters.extend(l.by_coefficients(p).iter().map(scaled)),
+        }
+        Some(Seen {
+            at: self.pixel(d),
+            by_point: bend * slope,
+            by_parameters,
+        })
+    }
+
+    /// Normalized coordinates, lens undone, of a pixel; `None` where the lens does not lead there.
+    #[must_use]
+    pub fn normalized(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
+        let q = (pixel - self.centre).component_div(&self.focal);
+        let p = self.lens().undistort(DVec2::new(q.x, q.y))?;
+        Some(Vector2::new(p.x, p.y))
+    }
+}
+
+/// What of a device the fit may change; the rest stays as it begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // each is one answer
+pub struct Free {
+    /// Focal lengths.
+    pub focal: bool,
+    /// Each focal length by itself; otherwise fy/fx stays as it begins, 1 unless a beginning is given.
+    pub aspect: bool,
+    /// The principal point; otherwise it stays where it begins, in the middle.
+    pub centre: bool,
+    /// p1 and p2; otherwise 0.
+    pub tangential: bool,
+    /// k3; otherwise 0.
+    pub k3: bool,
+    /// The lens at all.
+    pub lens: bool,
+}
+
+impl Default for Free {
+    fn default() -> Self {
+        Self {
+            focal: true,
+            aspect: true,
+            centre: true,
+            tangential: true,
+            k3: true,
+            lens: true,
+        }
+    }
+}
+
+impl Free {
+    /// For each of [`Device::parameters`]: the number of the free one that moves it, and how much.
+    #[must_use]
+    pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
+        self.ties_of(device, |_| true)
+    }
+
+    /// Of those alone whose names are chosen.
+    pub(super) fn ties_of(
+        &self,
+        device: &Device,
+        chosen: impl Fn(&str) -> bool,
+    ) -> Vec<Option<(usize, f64)>> {
+        let mut next = 0;
+        let mut own = |free: bool| {
+            free.then(|| {
+                next += 1;
+                (next - 1, 1.0)
+            })
+        };
+        let names = device.names();
+        let fisheye = device.model == Model::Fisheye;
+        let mut ties: Vec<Option<(usize, f64)>> = vec![];
+        for name in names {
+            let tie = match name {
+                name if !chosen(name) => None,
+                "fx" => own(self.focal),
+                "fy" if self.aspect => own(self.focal),
+                "fy" => ties[0].map(|(i, _)| (i, device.focal.y / device.focal.x)),
+                "cx" | "cy" => own(self.centre),
+                "p1" | "p2" => own(self.lens && self.tangential),
+                "k3" if !fisheye => own(self.lens && self.k3),
+                _ => own(self.lens),
+            };
+            ties.push(tie);
+        }
+        ties
+    }
+}
+
+/// How many free parameters ties have.
+#[must_use]
+pub fn count(ties: &[Option<(usize, f64)>]) -> usize {
+    ties.iter().flatten().map(|(i, _)| i + 1).max().unwrap_or(0)
+}
+
+/// Where a device sees a board's points from a pose; `None` if one is behind it.
+#[must_use]
+pub fn project_all(device: &Device, pose: &Pose, points: &[Vector3<f64>]) -> Option<Vec<Vector2<f64>>> {
+    points.iter().map(|x| device.project(&pose.apply(*x))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_are_differences() {
+        for model in [
+            Model::Pinhole,
+            Model::Five,
+            Model::Eight,
+            Model::Twelve,
+            Model::Fisheye,
+        ] {
+            let mut d = Device::pinhole([640, 480], [700.0, 690.0], [320.0, 241.0], model);
+            for (i, c) in d.coefficients.iter_mut().enumerate() {
+                *c = 0.05 / (1.0 + i as f64) * if i % 2 == 0 { 1.0 } else { -1.0 };
+            }
+            let x = Vector3::new(0.3, -0.2, 0.9);
+            let seen = d.see(&d.lens(), &x).expect("before it");
+            assert_eq!(Some(seen.at), d.project(&x));
+            let h = 1e-6;
+            for i in 0..3 {
+                let mut e = Vector3::zeros();
+                e[i] = h;
+                let want = (d.project(&(x + e)).unwrap() - d.project(&(x - e)).unwrap()) / (2.0 * h);
+                assert!((seen.by_point.column(i) - want).norm() < 1e-5, "{model:?}");
+            }
+            for i in 0..seen.by_parameters.len() {
+                let at = |sign: f64| {
+                    let mut p = d.parameters();
+                    p[i] += sign * h;
+                    d.with(&p).project(&x).unwrap()
+                };
+                let want = (at(1.0) - at(-1.0)) / (2.0 * h);
+                assert!((seen.by_parameters[i] - want).norm() < 1e-5, "{model:?} {i}");
+            }
+            let back = d.normalized(seen.at).expect("one-to-one");
+            assert!((back - x.xy() / x.z).norm() < 1e-9);
+        }
+    }
+}

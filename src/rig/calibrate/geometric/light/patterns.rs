@@ -1,0 +1,121 @@
+//! What a projector shows: white, black, Gray codes of columns and rows with their inverses, and phase-shifted waves if wanted.
+
+use std::f64::consts::TAU;
+
+/// Numbers along which axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Columns, u.
+    Column,
+    /// Rows, v.
+    Row,
+}
+
+/// One image of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pattern {
+    /// All on.
+    White,
+    /// All off.
+    Black,
+    /// A bit of the Gray code of an axis, 0 the lowest; inverted or not.
+    Bit(Axis, u32, bool),
+    /// A cosine along an axis, shifted by so many parts of its period.
+    Wave(Axis, u32),
+}
+
+/// The sequence of patterns for a projector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sequence {
+    /// Width and height of the projector, pixels.
+    pub size: [u32; 2],
+    /// Shifts of the waves, 3 to 64; 0: none.
+    pub shifts: u32,
+    /// Period of the waves, pixels.
+    pub period: u32,
+}
+
+impl Sequence {
+    /// Gray codes alone.
+    ///
+    /// # Errors
+    /// If the size is 0 or above 32,768.
+    pub fn gray(size: [u32; 2]) -> Result<Self, String> {
+        Self::with_waves(size, 0, 16)
+    }
+
+    /// With waves behind the Gray codes, which place a pixel between its neighbours.
+    ///
+    /// # Errors
+    /// If the size is 0 or above 32,768, there are 1, 2 or more than 64 shifts, or the period is below 4.
+    pub fn with_waves(size: [u32; 2], shifts: u32, period: u32) -> Result<Self, String> {
+        if !size.iter().all(|n| (1..=32768).contains(n)) {
+            return Err(format!("a projector of {} × {} pixels is none", size[0], size[1]));
+        }
+        if shifts != 0 && !(3..=64).contains(&shifts) {
+            return Err(format!(
+                "{shifts} shifts do not tell a phase: give 3 to 64, or 0 for none"
+            ));
+        }
+        if !(4..=1024).contains(&period) {
+            return Err(format!("a wave of {period} pixels: give 4 to 1024"));
+        }
+        Ok(Self { size, shifts, period })
+    }
+
+    /// Bits that an axis takes.
+    #[must_use]
+    pub fn bits(&self, axis: Axis) -> u32 {
+        let n = self.length(axis);
+        u32::BITS - (n - 1).leading_zeros()
+    }
+
+    fn length(&self, axis: Axis) -> u32 {
+        match axis {
+            Axis::Column => self.size[0],
+            Axis::Row => self.size[1],
+        }
+    }
+
+    /// All patterns in the order in which they are shown, and in which images of them are given back.
+    #[must_use]
+    pub fn patterns(&self) -> Vec<Pattern> {
+        let mut all = vec![Pattern::White, Pattern::Black];
+        for axis in [Axis::Column, Axis::Row] {
+            for bit in (0..self.bits(axis)).rev() {
+                all.extend([Pattern::Bit(axis, bit, false), Pattern::Bit(axis, bit, true)]);
+            }
+            all.extend((0..self.shifts).map(|s| Pattern::Wave(axis, s)));
+        }
+        all
+    }
+
+    /// Drive of a projector pixel, 0 to 1.
+    #[must_use]
+    pub fn drive(&self, pattern: Pattern, u: u32, v: u32) -> f64 {
+        let along = |axis| if axis == Axis::Column { u } else { v };
+        match pattern {
+            Pattern::White => 1.0,
+            Pattern::Black => 0.0,
+            Pattern::Bit(axis, bit, inverted) => {
+                let x = along(axis);
+                let on = ((x ^ (x >> 1)) >> bit) & 1 == 1;
+                f64::from(u8::from(on != inverted))
+            }
+            Pattern::Wave(axis, shift) => {
+                let phase = (f64::from(along(axis)) + 0.5) / f64::from(self.period)
+                    - f64::from(shift) / f64::from(self.shifts);
+                0.5 + 0.5 * (TAU * phase).cos()
+            }
+        }
+    }
+
+    /// Bytes of a pattern, row by row.
+    #[must_use]
+    pub fn bytes(&self, pattern: Pattern) -> Vec<u8> {
+        let [w, h] = self.size;
+        let rows = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
+        rows.map(|(u, v)| (255.0 * self.drive(pattern, u, v)).round() as u8)
+            .collect()
+    }
+}
