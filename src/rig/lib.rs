@@ -5,6 +5,7 @@
 
 pub mod calibrate;
 pub mod clock;
+pub mod conformance;
 pub mod driver;
 pub mod instrument;
 pub mod ptu;

@@ -5,11 +5,13 @@ use super::{Session, driver};
 use std::path::PathBuf;
 use std::time::Duration;
 use sunstone::render::Unwatched;
+use sunstone::rig::conformance::{self, Report};
+use sunstone::rig::instrument::Instrument as _;
 
 /// Talk to every instrument of a rig. Nothing moves without --move.
 ///
-/// Prints what each says of itself. With --move, stages find their zero and turn by a degree and back. Exit code 1 if one does
-/// not answer.
+/// Prints what each says of itself. With --move, stages find their zero and turn, patterns are shown, the laser shines and photons
+/// are counted: the suite of checks that every driver passes. Exit code 1 if one does not answer, or breaks a promise.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Plan, which says what the rig is for.
@@ -17,7 +19,7 @@ pub struct Arguments {
     /// Rig, instead of the plan's.
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
-    /// Home all stages, and turn them.
+    /// Move, shine and count: try all that the instruments promise.
     #[arg(long = "move")]
     moves: bool,
 }
@@ -49,19 +51,30 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
     }
     if a.moves {
+        let mut reports: Vec<(String, Report)> = vec![];
         for (name, stage) in &mut rig.stages {
-            let device = &mut stage.device;
-            let moved = device
-                .home(Duration::from_secs(120))
-                .and_then(|()| device.begin_move(1.0))
-                .and_then(|()| device.finish_move(Duration::from_secs(60)))
-                .and_then(|at| {
-                    lines.push(format!("{name:<14} homed, turned to {:.4}°", at.angle_deg));
-                    device.begin_move(0.0)?;
-                    device.finish_move(Duration::from_secs(60))
-                });
-            if let Err(failure) = moved {
-                failed.push(failure.to_string());
+            reports.push((name.clone(), conformance::rotation_stage(stage.device.as_mut())));
+        }
+        if let Some(i) = &mut rig.projector {
+            reports.push((i.name().to_owned(), conformance::pattern_projector(i.as_mut())));
+        }
+        if let Some(i) = &mut rig.camera {
+            reports.push((i.name().to_owned(), conformance::area_camera(i.as_mut())));
+        }
+        if let Some(i) = &mut rig.galvo {
+            reports.push((i.name().to_owned(), conformance::galvo_scanner(i.as_mut())));
+        }
+        if let Some(i) = &mut rig.laser {
+            reports.push((i.name().to_owned(), conformance::pulsed_laser(i.as_mut())));
+        }
+        if let Some(i) = &mut rig.counter {
+            reports.push((i.name().to_owned(), conformance::photon_counter(i.as_mut())));
+        }
+        for (name, report) in &reports {
+            let good = report.0.len() - report.faults().count();
+            lines.push(format!("{name:<14} keeps {good} of {} promises", report.0.len()));
+            for check in report.faults() {
+                failed.push(format!("{name}: {}: {}", check.name, check.fault.as_deref().unwrap_or_default()));
             }
         }
     }

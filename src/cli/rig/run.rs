@@ -96,8 +96,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         _ => Failure::input(e),
     })?;
     let recovered = writer::recover(&store).map_err(|e| Failure::failed(format!("{}: {e}", output.display())))?;
-    if !recovered.records.is_empty() {
-        eprintln!("{} of {} frames are there; going on", recovered.records.len(), steps.frames());
+    if recovered.frames > 0 {
+        eprintln!("{} of {} frames are there; going on", recovered.frames, steps.frames());
     }
     let mut live = Live::new(steps.frames());
     let outcome = run::run(&mut rig, &steps, store, recovered, &INTERRUPTED, &mut |p| live.frame(p));
@@ -114,7 +114,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )),
         RunError::Disk(e) => Failure::failed(e),
     })?;
-    run::finish(output, &steps).map_err(Failure::failed)?;
+    run_store::finish(output, &steps).map_err(Failure::failed)?;
     super::super::output::print(&format!(
         "{}: {} frames in {} of the rig's time, {} tries again, {:.1} s in all",
         output.display(),

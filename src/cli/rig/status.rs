@@ -24,7 +24,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )));
     }
     let failed = |e: std::io::Error| Failure::failed(format!("{}: {e}", a.store.display()));
-    let records = journal::frames(&a.store).map_err(failed)?;
+    let records = journal::frames(&a.store, |r| (r.frame, r.run_s)).map_err(failed)?;
     let (mut begins, mut retries, mut lines) = (0, 0, vec![]);
     journal::read(&a.store, |event| match event {
         Event::Frame(_) => {}
@@ -52,8 +52,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         a.store.display(),
         records.len()
     );
-    if let Some(last) = records.last() {
-        text.push_str(&format!("last frame {} after {}\n", last.frame, time(last.run_s)));
+    if let Some((frame, run_s)) = records.last() {
+        text.push_str(&format!("last frame {frame} after {}\n", time(*run_s)));
     }
     let skip = lines.len().saturating_sub(a.events);
     for line in &lines[skip..] {

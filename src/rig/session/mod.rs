@@ -15,6 +15,7 @@ pub mod mueller;
 pub mod plan;
 pub mod recover;
 pub mod rig_file;
+mod rig_syntax;
 pub mod run;
 pub mod run_store;
 pub mod steps;

@@ -20,8 +20,10 @@
 //! optics = "optics.toml"             # a scheme file with the elements as they are in truth
 //! ```
 
-use super::geometry::{Geometry, GeometryFile};
-use crate::instrument::{CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits, StageLimits};
+use super::geometry::Geometry;
+use super::rig_syntax::{BenchFile, RigFile, SampleFile};
+pub use super::rig_syntax::{Driver, StageFile};
+use crate::instrument::{CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits};
 use crate::simulated::faults::FaultAt;
 use base::document;
 use base::locate::{InputError, Located};
@@ -29,180 +31,10 @@ use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::spad::Spad;
 use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::scheme_file;
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-/// How an instrument is spoken to.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Driver {
-    /// The simulated bench.
-    #[default]
-    Simulated,
-    /// Thorlabs' APT protocol over a serial port.
-    Apt,
-    /// TI's DLPC350 over HID.
-    Dlpc350,
-    /// SCPI over TCP.
-    Scpi,
-    /// A vendor's library, loaded when it is needed.
-    Vendor,
-}
-
-/// A stage of a rig file.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StageFile {
-    /// Its driver.
-    #[serde(default)]
-    pub driver: Driver,
-    /// Serial port, of `apt`.
-    pub port: Option<String>,
-    /// Model, of `apt`.
-    pub model: Option<String>,
-    /// Overshoot with which it comes to its goals from below, degrees.
-    #[serde(default = "half")]
-    pub approach_deg: f64,
-    /// Play of a simulated one, degrees.
-    #[serde(default)]
-    pub backlash_deg: f64,
-    /// Speed of a simulated one, degrees a second.
-    #[serde(default = "twenty_five")]
-    pub velocity: f64,
-    /// Acceleration of a simulated one, degrees a second squared.
-    #[serde(default = "twenty_five")]
-    pub acceleration: f64,
-    /// Encoder's step of a simulated one, degrees.
-    #[serde(default = "encoder")]
-    pub resolution_deg: f64,
-}
-
-fn half() -> f64 {
-    0.5
-}
-fn twenty_five() -> f64 {
-    25.0
-}
-/// Of Thorlabs' PRM1-Z8: 1919.64 counts a degree.
-fn encoder() -> f64 {
-    1.0 / 1919.641_857_862_339_1
-}
-
-impl StageFile {
-    /// Limits of a simulated one.
-    #[must_use]
-    pub fn limits(&self) -> StageLimits {
-        StageLimits {
-            range_deg: [-720.0, 720.0],
-            velocity: self.velocity,
-            acceleration: self.acceleration,
-            resolution_deg: self.resolution_deg,
-        }
-    }
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ProjectorFile {
-    #[serde(default)]
-    driver: Driver,
-    size: [u32; 2],
-    #[serde(default = "one")]
-    bits: u8,
-    #[serde(default = "many")]
-    patterns: usize,
-    #[serde(default = "quarter")]
-    shortest_ms: f64,
-}
-
-fn one() -> u8 {
-    1
-}
-fn many() -> usize {
-    4096
-}
-fn quarter() -> f64 {
-    0.235
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraFile {
-    #[serde(default)]
-    driver: Driver,
-    size: [u32; 2],
-    #[serde(default = "unit_step")]
-    step: [u32; 2],
-    #[serde(default = "row_time")]
-    row_time_us: f64,
-}
-
-fn unit_step() -> [u32; 2] {
-    [1, 1]
-}
-fn row_time() -> f64 {
-    10.0
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GalvoFile {
-    #[serde(default)]
-    driver: Driver,
-    #[serde(default = "galvo_range")]
-    range_deg: [f64; 2],
-    #[serde(default = "settle")]
-    settle_us: f64,
-}
-
-fn galvo_range() -> [f64; 2] {
-    [20.0; 2]
-}
-fn settle() -> f64 {
-    300.0
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LaserFile {
-    #[serde(default)]
-    driver: Driver,
-    nm: f64,
-    #[serde(default = "rates")]
-    rate_hz: [f64; 2],
-}
-
-fn rates() -> [f64; 2] {
-    [1e5, 8e7]
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CounterFile {
-    #[serde(default)]
-    driver: Driver,
-    #[serde(default = "counter_bins")]
-    bins: usize,
-    #[serde(default = "finest")]
-    finest_ps: f64,
-}
-
-fn counter_bins() -> usize {
-    32_768
-}
-fn finest() -> f64 {
-    25.0
-}
-
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DetectorFile {
-    cmos: Option<Cmos>,
-    spad: Option<Spad>,
-}
 
 /// What a simulated bench's light meets.
 #[derive(Clone, Debug, PartialEq)]
@@ -213,64 +45,6 @@ pub enum Scene {
     Scene(PathBuf, Option<u32>),
     /// A plain sample.
     Sample([f32; 16]),
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
-enum SampleFile {
-    Named(String),
-    Matrix([[f32; 4]; 4]),
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BenchFile {
-    tensor: Option<PathBuf>,
-    scene: Option<PathBuf>,
-    spp: Option<u32>,
-    sample: Option<SampleFile>,
-    #[serde(default = "unit")]
-    brightness: f64,
-    #[serde(default = "spatial")]
-    slice: String,
-    wavelength_nm: f64,
-    optics: Option<PathBuf>,
-    camera_fov_deg: Option<f64>,
-    projector_fov_deg: Option<f64>,
-    #[serde(default)]
-    seed: u64,
-    #[serde(default)]
-    real_time: bool,
-    cmos: Option<Cmos>,
-    spad: Option<Spad>,
-    #[serde(default)]
-    faults: Vec<FaultAt>,
-}
-
-fn unit() -> f64 {
-    1.0
-}
-
-fn spatial() -> String {
-    "spatial".into()
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RigFile {
-    name: Option<String>,
-    wavelength_nm: Option<f64>,
-    #[serde(default)]
-    stages: BTreeMap<String, Located<StageFile>>,
-    projector: Option<Located<ProjectorFile>>,
-    camera: Option<Located<CameraFile>>,
-    galvo: Option<Located<GalvoFile>>,
-    laser: Option<Located<LaserFile>>,
-    counter: Option<Located<CounterFile>>,
-    #[serde(default)]
-    detector: DetectorFile,
-    geometry: Option<Located<GeometryFile>>,
-    bench: Option<Located<BenchFile>>,
 }
 
 /// A checked bench.

@@ -11,7 +11,6 @@ use super::steps::{Step, Steps, pointing};
 use super::writer::{DiskError, Recovered, Writer, checksum};
 use crate::instrument::{CameraSettings, CounterSettings, Failure, Fault, pixels};
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use store::zarr::frames::FrameStore;
@@ -93,7 +92,7 @@ pub fn run(
     stop: &AtomicBool,
     watch: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Outcome, RunError> {
-    let first = recovered.records.len() as u32;
+    let first = recovered.frames;
     let mut writer = Writer::new(store, recovered, rig.disk_full.take())?;
     let wall_s = rig.clock.wall_s();
     writer.event(Event::Begin { frame: first, wall_s })?;
@@ -483,41 +482,4 @@ impl Session<'_> {
             let _ = stage.device.stop(self.within);
         }
     }
-}
-
-/// Writes what is known of every frame beside them, and the manifest: the run is finished.
-///
-/// # Errors
-/// [`DiskError`].
-pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
-    let failed = |cause: String| DiskError {
-        path: path.to_owned(),
-        cause,
-    };
-    let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;
-    let records = super::journal::frames(path).map_err(|e| failed(e.to_string()))?;
-    if records.len() as u64 != steps.plan.frames() {
-        return Err(failed(format!(
-            "{} of {} frames are noted; resume",
-            records.len(),
-            steps.plan.frames()
-        )));
-    }
-    let column = |name: &str, units: &str, of: &dyn Fn(&FrameRecord) -> f64| {
-        let values: Vec<f64> = records.iter().map(of).collect();
-        store.write_column(name, units, &values).map_err(|e| failed(e.to_string()))
-    };
-    for (i, name) in steps.stage_names.iter().enumerate() {
-        column(&format!("angle_{name}"), "degree", &|r| {
-            r.angles_deg.get(i).copied().unwrap_or(f64::NAN)
-        })?;
-    }
-    if matches!(steps.plan.work, Work::Scan(_)) {
-        for (i, name) in ["pointing_x", "pointing_y"].into_iter().enumerate() {
-            column(name, "degree", &|r| r.pointing_deg.map_or(f64::NAN, |p| p[i]))?;
-        }
-        column("pulses", "1", &|r| r.pulses.map_or(f64::NAN, |p| p as f64))?;
-    }
-    super::writer::remove_log(path).map_err(|e| failed(e.to_string()))?;
-    store.finish().map_err(|e| failed(e.to_string()))
 }

@@ -1,8 +1,10 @@
 //! The store of a run: raw frames over named axes, and all that is needed to make Mueller matrices of them.
 
+use super::journal::{self, Event, FrameRecord};
 use super::plan::Work;
 use super::rig_file::RigPlan;
 use super::steps::Steps;
+use super::writer::{DiskError, remove_log};
 use polarimetry::capture::scheme_file;
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -195,4 +197,56 @@ pub fn resume(
         });
     }
     Ok(store)
+}
+
+/// Writes what is known of every frame beside them, and the manifest: the run is finished.
+///
+/// # Errors
+/// [`DiskError`].
+pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
+    let failed = |cause: String| DiskError {
+        path: path.to_owned(),
+        cause,
+    };
+    let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;
+    // A column of numbers for each thing that is known of all frames, and no more: there may be half a million.
+    let scan = matches!(steps.plan.work, Work::Scan(_));
+    let mut columns: Vec<(String, &str)> = vec![];
+    columns.extend(steps.stage_names.iter().map(|name| (format!("angle_{name}"), "degree")));
+    if scan {
+        let more = [("pointing_x", "degree"), ("pointing_y", "degree"), ("pulses", "1")];
+        columns.extend(more.map(|(name, units)| (name.to_owned(), units)));
+    }
+    let width = columns.len();
+    let stages = steps.stage_names.len();
+    let row = |r: FrameRecord| -> Vec<f64> {
+        let angle = |i: usize| r.angles_deg.get(i).copied().unwrap_or(f64::NAN);
+        let mut row: Vec<f64> = (0..stages).map(angle).collect();
+        if scan {
+            row.extend(r.pointing_deg.unwrap_or([f64::NAN; 2]));
+            row.push(r.pulses.map_or(f64::NAN, |p| p as f64));
+        }
+        row
+    };
+    let mut values: Vec<f64> = vec![];
+    let mut next = 0;
+    journal::read(path, |event| {
+        if let Event::Frame(record) = event
+            && record.frame <= next
+        {
+            values.truncate(record.frame as usize * width);
+            next = record.frame + 1;
+            values.extend(row(record));
+        }
+    })
+    .map_err(|e| failed(e.to_string()))?;
+    if u64::from(next) != steps.plan.frames() {
+        return Err(failed(format!("{next} of {} frames are noted; resume", steps.plan.frames())));
+    }
+    for (i, (name, units)) in columns.iter().enumerate() {
+        let column: Vec<f64> = values.iter().skip(i).step_by(width).copied().collect();
+        store.write_column(name, units, &column).map_err(|e| failed(e.to_string()))?;
+    }
+    remove_log(path).map_err(|e| failed(e.to_string()))?;
+    store.finish().map_err(|e| failed(e.to_string()))
 }

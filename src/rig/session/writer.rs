@@ -62,8 +62,8 @@ pub fn checksum(numbers: &[u32]) -> u32 {
 
 /// What of a run's store is sound, and what the log holds of the chunk that is not full.
 pub struct Recovered {
-    /// Records of frames that are on disk, from the first on.
-    pub records: Vec<FrameRecord>,
+    /// Frames that are on disk, from the first on.
+    pub frames: u32,
     part: Vec<u32>,
 }
 
@@ -73,14 +73,14 @@ pub struct Recovered {
 /// # Errors
 /// If the journal cannot be read.
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
-    let mut records = super::journal::frames(store.path())?;
+    let crcs = super::journal::frames(store.path(), |r| r.crc)?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
     let logged = read_log(store.path(), len).unwrap_or_default();
     let mut part = vec![];
     let mut sound = 0;
-    while sound < records.len() {
+    while sound < crcs.len() {
         let chunk = sound / per;
-        let end = (sound + per).min(records.len());
+        let end = (sound + per).min(crcs.len());
         let numbers = if end - sound == per {
             store.read_chunk(chunk).ok()
         } else {
@@ -94,7 +94,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
         let mut good = sound;
         let mut kept = vec![];
         for n in sound..end {
-            let want = records[n].crc;
+            let want = crcs[n];
             let found = of_chunk(n).filter(|d| checksum(d) == want);
             let Some(found) = found.or_else(|| of_log(n).filter(|d| checksum(d) == want)) else {
                 break;
@@ -113,8 +113,10 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
         }
         sound = good;
     }
-    records.truncate(sound);
-    Ok(Recovered { records, part })
+    Ok(Recovered {
+        frames: sound as u32,
+        part,
+    })
 }
 
 /// Frames of the log, up to the first that is torn.
@@ -171,7 +173,7 @@ impl Writer {
         };
         // The log anew, with what is sound in it alone.
         let len = work.store.layout().frame_len().max(1);
-        let first = recovered.records.len() - recovered.part.len() / len;
+        let first = recovered.frames as usize - recovered.part.len() / len;
         work.empty_log().map_err(failed)?;
         for (i, frame) in recovered.part.chunks_exact(len).enumerate() {
             work.append_log((first + i) as u32, frame).map_err(failed)?;

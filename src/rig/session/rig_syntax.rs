@@ -1,0 +1,238 @@
+//! The syntax of rig files; what it means is in [`super::rig_file`].
+
+use super::geometry::GeometryFile;
+use crate::instrument::StageLimits;
+use crate::simulated::faults::FaultAt;
+use base::locate::Located;
+use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::spad::Spad;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// How an instrument is spoken to.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Driver {
+    /// The simulated bench.
+    #[default]
+    Simulated,
+    /// Thorlabs' APT protocol over a serial port.
+    Apt,
+    /// TI's DLPC350 over HID.
+    Dlpc350,
+    /// SCPI over TCP.
+    Scpi,
+    /// A vendor's library, loaded when it is needed.
+    Vendor,
+}
+
+/// A stage of a rig file.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StageFile {
+    /// Its driver.
+    #[serde(default)]
+    pub driver: Driver,
+    /// Serial port, of `apt`.
+    pub port: Option<String>,
+    /// Model, of `apt`.
+    pub model: Option<String>,
+    /// Overshoot with which it comes to its goals from below, degrees.
+    #[serde(default = "half")]
+    pub approach_deg: f64,
+    /// Play of a simulated one, degrees.
+    #[serde(default)]
+    pub backlash_deg: f64,
+    /// Speed of a simulated one, degrees a second.
+    #[serde(default = "twenty_five")]
+    pub velocity: f64,
+    /// Acceleration of a simulated one, degrees a second squared.
+    #[serde(default = "twenty_five")]
+    pub acceleration: f64,
+    /// Encoder's step of a simulated one, degrees.
+    #[serde(default = "encoder")]
+    pub resolution_deg: f64,
+}
+
+fn half() -> f64 {
+    0.5
+}
+fn twenty_five() -> f64 {
+    25.0
+}
+/// Of Thorlabs' PRM1-Z8: 1919.64 counts a degree.
+fn encoder() -> f64 {
+    1.0 / 1919.641_857_862_339_1
+}
+
+impl StageFile {
+    /// Limits of a simulated one.
+    #[must_use]
+    pub fn limits(&self) -> StageLimits {
+        StageLimits {
+            range_deg: [-720.0, 720.0],
+            velocity: self.velocity,
+            acceleration: self.acceleration,
+            resolution_deg: self.resolution_deg,
+        }
+    }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProjectorFile {
+    #[serde(default)]
+    pub(super) driver: Driver,
+    pub(super) size: [u32; 2],
+    #[serde(default = "one")]
+    pub(super) bits: u8,
+    #[serde(default = "many")]
+    pub(super) patterns: usize,
+    #[serde(default = "quarter")]
+    pub(super) shortest_ms: f64,
+}
+
+fn one() -> u8 {
+    1
+}
+fn many() -> usize {
+    4096
+}
+fn quarter() -> f64 {
+    0.235
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraFile {
+    #[serde(default)]
+    pub(super) driver: Driver,
+    pub(super) size: [u32; 2],
+    #[serde(default = "unit_step")]
+    pub(super) step: [u32; 2],
+    #[serde(default = "row_time")]
+    pub(super) row_time_us: f64,
+}
+
+fn unit_step() -> [u32; 2] {
+    [1, 1]
+}
+fn row_time() -> f64 {
+    10.0
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GalvoFile {
+    #[serde(default)]
+    pub(super) driver: Driver,
+    #[serde(default = "galvo_range")]
+    pub(super) range_deg: [f64; 2],
+    #[serde(default = "settle")]
+    pub(super) settle_us: f64,
+}
+
+fn galvo_range() -> [f64; 2] {
+    [20.0; 2]
+}
+fn settle() -> f64 {
+    300.0
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LaserFile {
+    #[serde(default)]
+    pub(super) driver: Driver,
+    pub(super) nm: f64,
+    #[serde(default = "rates")]
+    pub(super) rate_hz: [f64; 2],
+}
+
+fn rates() -> [f64; 2] {
+    [1e5, 8e7]
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CounterFile {
+    #[serde(default)]
+    pub(super) driver: Driver,
+    #[serde(default = "counter_bins")]
+    pub(super) bins: usize,
+    #[serde(default = "finest")]
+    pub(super) finest_ps: f64,
+}
+
+fn counter_bins() -> usize {
+    32_768
+}
+fn finest() -> f64 {
+    25.0
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DetectorFile {
+    pub(super) cmos: Option<Cmos>,
+    pub(super) spad: Option<Spad>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum SampleFile {
+    Named(String),
+    Matrix([[f32; 4]; 4]),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BenchFile {
+    pub(super) tensor: Option<PathBuf>,
+    pub(super) scene: Option<PathBuf>,
+    pub(super) spp: Option<u32>,
+    pub(super) sample: Option<SampleFile>,
+    #[serde(default = "unit")]
+    pub(super) brightness: f64,
+    #[serde(default = "spatial")]
+    pub(super) slice: String,
+    pub(super) wavelength_nm: f64,
+    pub(super) optics: Option<PathBuf>,
+    pub(super) camera_fov_deg: Option<f64>,
+    pub(super) projector_fov_deg: Option<f64>,
+    #[serde(default)]
+    pub(super) seed: u64,
+    #[serde(default)]
+    pub(super) real_time: bool,
+    pub(super) cmos: Option<Cmos>,
+    pub(super) spad: Option<Spad>,
+    #[serde(default)]
+    pub(super) faults: Vec<FaultAt>,
+}
+
+fn unit() -> f64 {
+    1.0
+}
+
+fn spatial() -> String {
+    "spatial".into()
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RigFile {
+    pub(super) name: Option<String>,
+    pub(super) wavelength_nm: Option<f64>,
+    #[serde(default)]
+    pub(super) stages: BTreeMap<String, Located<StageFile>>,
+    pub(super) projector: Option<Located<ProjectorFile>>,
+    pub(super) camera: Option<Located<CameraFile>>,
+    pub(super) galvo: Option<Located<GalvoFile>>,
+    pub(super) laser: Option<Located<LaserFile>>,
+    pub(super) counter: Option<Located<CounterFile>>,
+    #[serde(default)]
+    pub(super) detector: DetectorFile,
+    pub(super) geometry: Option<Located<GeometryFile>>,
+    pub(super) bench: Option<Located<BenchFile>>,
+}

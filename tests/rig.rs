@@ -1,0 +1,293 @@
+//! Sessions that survive the night: runs of the simulated rig that are killed at random instants, or disturbed on purpose, and
+//! resumed, leave the very bytes of a run that nothing disturbed.
+//!
+//! `SUNSTONE_KILLS=200` kills as often (CI: 24); `-- --nocapture` prints the table of faults.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const RIG: &str = "name = \"test\"
+[stages.polarizer_1]
+[stages.retarder_2]
+backlash_deg = 0.1
+[stages.retarder_3]
+[stages.polarizer_4]
+[projector]
+size = [8, 6]
+[camera]
+size = [12, 10]
+[geometry]
+camera = { matrix = [[12, 0, 5.5], [0, 12, 4.5], [0, 0, 1]], distortion = [-0.1, 0.02, 0, 0] }
+projector = { matrix = [[8, 0, 3.5], [0, 8, 2.5], [0, 0, 1]] }
+rodrigues = [0, 0.05, 0]
+translation = [0.2, 0.01, 0]
+[laser]
+nm = 550
+[galvo]
+[counter]
+[bench]
+sample = \"air\"
+brightness = 0.3
+wavelength_nm = 550
+seed = 5
+";
+
+const CAMERA: &str = "
+rig = \"rig.toml\"
+scheme = { kind = \"quad\", captures = 6 }
+[camera]
+exposures_ms = [10, 40]
+masks = [\"dark\", \"full\", { name = \"epipolar\", stripes = 3 }]
+[limits]
+saturated_share = 0.9
+";
+
+const SCAN: &str = "
+rig = \"rig.toml\"
+scheme = { kind = \"quad\", captures = 4 }
+[scan]
+points = [5, 4]
+fov_x_deg = 10
+dwell_ms = 2
+bins = 64
+bin_ps = 25
+[limits]
+laser_power = 0.9
+";
+
+/// Files of a rig with two plans, and mishaps.
+struct Bench(tempfile::TempDir);
+
+impl Bench {
+    fn new(faults: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writes");
+        write("camera.toml", CAMERA);
+        write("scan.toml", SCAN);
+        write("rig.toml", &format!("{RIG}{faults}"));
+        write("sound.toml", RIG);
+        Self(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, plan: &str, store: &str, rest: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        command.args(["rig", "run"]).arg(self.path(plan)).arg("-o").arg(self.path(store)).args(rest);
+        command.stdin(Stdio::null());
+        command
+    }
+
+    fn run(&self, plan: &str, store: &str, rest: &[&str]) -> Output {
+        self.command(plan, store, rest).output().expect("runs")
+    }
+
+    /// The content of a finished store: all files but the journal, which has what differs from run to run.
+    fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
+        let root = self.path(store);
+        let verified = Command::new(env!("CARGO_BIN_EXE_sunstone")).arg("verify").arg(&root).output().expect("runs");
+        assert!(verified.status.success(), "{}", text(&verified));
+        let mut files = vec![];
+        let mut folders = vec![root.clone()];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(&folder).expect("lists") {
+                let path = entry.expect("an entry").path();
+                let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+                if path.is_dir() {
+                    folders.push(path);
+                } else if name != ".session.jsonl" {
+                    let bytes = std::fs::read(&path).expect("reads");
+                    files.push((path.strip_prefix(&root).expect("inside").to_owned(), bytes));
+                }
+            }
+        }
+        files.sort();
+        files
+    }
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn assert_same(a: &[(PathBuf, Vec<u8>)], b: &[(PathBuf, Vec<u8>)], what: &str) {
+    let names = |files: &[(PathBuf, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
+    assert_eq!(names(a), names(b), "{what}");
+    for (a, b) in a.iter().zip(b) {
+        assert!(a.1 == b.1, "{what}: {} differs", a.0.display());
+    }
+}
+
+/// Frames that the journal notes as taken, by number.
+fn noted(store: &Path) -> Vec<u32> {
+    let text = std::fs::read_to_string(store.join(".session.jsonl")).expect("a journal");
+    let events = text.lines().filter_map(|l| serde_json::from_str::<serde_json::Value>(l).ok());
+    let frames = events.filter(|e| e["event"] == "frame");
+    frames.map(|e| e["frame"].as_u64().expect("a number") as u32).collect()
+}
+
+/// Kills at random instants, each resumed: no frame lost, and none in the store twice.
+#[test]
+fn kills_lose_nothing() {
+    let kills: u32 = std::env::var("SUNSTONE_KILLS").map_or(24, |n| n.parse().expect("a number"));
+    let bench = Bench::new("");
+    let mut killed = 0;
+    let mut left = [0; 3];
+    let mut round = 0;
+    for plan in ["camera.toml", "scan.toml"] {
+        let begun = Instant::now();
+        assert!(bench.run(plan, "whole.zarr", &["--force"]).status.success());
+        let whole_takes = begun.elapsed();
+        let whole = bench.content("whole.zarr");
+        let mut here = 0;
+        while here < kills.div_ceil(2) {
+            let store = format!("{plan}{round}.zarr");
+            // Again and again until it comes to its end.
+            let mut resumed = 0;
+            loop {
+                round += 1;
+                let known = bench.path(&store).join("zarr.json").exists();
+                let rest: &[&str] = if known { &["--resume"] } else { &["--force"] };
+                let mut child = bench
+                    .command(plan, &store, rest)
+                    .stdout(Stdio::null())
+                    .stderr(Stdio::null())
+                    .spawn()
+                    .expect("starts");
+                // Any instant of a run, a golden ratio apart.
+                let share = (f64::from(round) * 0.618_034).fract();
+                std::thread::sleep(whole_takes.mul_f64(share * if resumed > 3 { 2.0 } else { 1.1 }));
+                let _ = child.kill();
+                let status = child.wait().expect("ends");
+                if status.success() {
+                    break;
+                }
+                here += 1;
+                killed += 1;
+                let path = bench.path(&store);
+                let state = match (path.join("zarr.json").exists(), path.join("manifest.txt").exists()) {
+                    (false, _) => 0,
+                    (true, false) => 1,
+                    (true, true) => 2,
+                };
+                left[state] += 1;
+                if state == 1 && !path.join("frames/raw").exists() {
+                    // Nothing was begun that could go on.
+                    let _ = std::fs::remove_dir_all(&path);
+                }
+                if state == 2 {
+                    break;
+                }
+                resumed += 1;
+            }
+            assert_same(&bench.content(&store), &whole, &store);
+            let mut frames = noted(&bench.path(&store));
+            frames.sort_unstable();
+            frames.dedup();
+            assert_eq!(frames.len(), noted(&bench.path("whole.zarr")).len());
+            std::fs::remove_dir_all(bench.path(&store)).expect("removes");
+        }
+    }
+    println!("{killed} kills: nothing begun {}, unfinished {}, finished {}", left[0], left[1], left[2]);
+    assert!(left[1] > 0, "no run was killed half way");
+}
+
+/// What went wrong, where and when; and whether the session is to end, with what in its message.
+const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
+    ("camera.toml", "dropped_frame", "camera", 9, None),
+    ("camera.toml", "timeout", "camera", 5, None),
+    ("camera.toml", "short_frame", "camera", 11, None),
+    ("camera.toml", "stale_frame", "camera", 12, None),
+    ("camera.toml", "saturation", "camera", 7, None),
+    ("camera.toml", "cable_out", "camera", 13, None),
+    ("camera.toml", "cable_gone", "camera", 14, Some("plug it in and resume")),
+    ("camera.toml", "power_cut", "camera", 15, None),
+    ("camera.toml", "interlock", "camera", 16, Some("interlock is open")),
+    ("camera.toml", "clock_back", "camera", 17, None),
+    ("camera.toml", "clock_forward", "camera", 18, None),
+    ("camera.toml", "stall", "retarder_2", 3, None),
+    ("camera.toml", "timeout", "retarder_3", 3, None),
+    ("camera.toml", "cable_out", "polarizer_1", 2, None),
+    ("camera.toml", "power_cut", "retarder_3", 4, None),
+    ("camera.toml", "cable_gone", "polarizer_4", 2, Some("plug it in and resume")),
+    ("camera.toml", "timeout", "projector", 6, None),
+    ("camera.toml", "cable_out", "projector", 4, None),
+    ("camera.toml", "disk_full", "disk", 8, Some("resume")),
+    ("scan.toml", "disk_full", "disk", 33, Some("resume")),
+    ("scan.toml", "laser_low", "galvo", 20, None),
+    ("scan.toml", "dropped_frame", "counter", 9, None),
+    ("scan.toml", "saturation", "counter", 10, None),
+    ("scan.toml", "timeout", "galvo", 11, None),
+    ("scan.toml", "cable_out", "counter", 12, None),
+    ("scan.toml", "power_cut", "counter", 30, None),
+    ("scan.toml", "interlock", "laser", 1, Some("interlock is open")),
+    ("scan.toml", "stall", "retarder_3", 3, None),
+    ("scan.toml", "clock_back", "counter", 40, None),
+];
+
+/// Every fault ends recovered, or in one clear error with all data safe: resumed on a sound rig, the bytes are the same.
+#[test]
+fn faults_lose_nothing() {
+    let sound = Bench::new("");
+    let whole = |plan: &str| {
+        let store = format!("{plan}.zarr");
+        assert!(sound.run(plan, &store, &[]).status.success());
+        sound.content(&store)
+    };
+    let (camera, scan) = (whole("camera.toml"), whole("scan.toml"));
+    println!("{:12} {:14} {:11} {:>4}  outcome", "plan", "fault", "instrument", "at");
+    for (plan, kind, instrument, at, ends) in FAULTS {
+        let fault = format!("[[bench.faults]]\nkind = \"{kind}\"\ninstrument = \"{instrument}\"\nat = {at}\n");
+        let bench = Bench::new(&fault);
+        let begun = Instant::now();
+        let output = bench.run(plan, "s.zarr", &[]);
+        assert!(begun.elapsed() < Duration::from_secs(60), "{kind} takes too long");
+        let said = text(&output);
+        let outcome = match ends {
+            None => {
+                assert!(output.status.success(), "{plan} {kind} of {instrument}: {said}");
+                let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
+                let event = ["retry", "suspend", "clock_jump"].into_iter().find(|e| {
+                    journal.lines().any(|l| l.contains(&format!("\"event\":\"{e}\"")))
+                });
+                // It did strike.
+                format!("recovered: {}", event.unwrap_or_else(|| panic!("{kind} of {instrument} left no trace")))
+            }
+            Some(words) => {
+                assert_eq!(output.status.code(), Some(1), "{kind} of {instrument}: {said}");
+                let last = said.lines().find(|l| l.starts_with("error")).unwrap_or_default().to_owned();
+                assert!(said.contains(words), "{said}");
+                let again = bench.run(plan, "s.zarr", &["--resume", "--rig", &bench.path("sound.toml").to_string_lossy()]);
+                assert!(again.status.success(), "{kind}: {}", text(&again));
+                format!("ended and resumed: {last}")
+            }
+        };
+        let want = if *plan == "camera.toml" { &camera } else { &scan };
+        assert_same(&bench.content("s.zarr"), want, kind);
+        println!("{plan:12} {kind:14} {instrument:11} {at:>4}  {outcome}");
+    }
+}
+
+/// Two sessions on one path, a plan that is another one, a store that is finished: refused in words, nothing touched.
+#[test]
+fn what_cannot_be_resumed_is_refused() {
+    let bench = Bench::new("");
+    assert!(bench.run("camera.toml", "s.zarr", &[]).status.success());
+    let before = bench.content("s.zarr");
+    for (rest, words) in [(&[][..], "already exists"), (&["--resume"][..], "it is finished")] {
+        let output = bench.run("camera.toml", "s.zarr", rest);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output).contains(words), "{}", text(&output));
+    }
+    let fault = "[[bench.faults]]\nkind = \"interlock\"\ninstrument = \"camera\"\nat = 20\n";
+    let broken = Bench::new(fault);
+    assert_eq!(broken.run("camera.toml", "s.zarr", &[]).status.code(), Some(1));
+    let other = CAMERA.replace("captures = 6", "captures = 7");
+    std::fs::write(broken.path("camera.toml"), other).expect("writes");
+    let output = broken.run("camera.toml", "s.zarr", &["--resume"]);
+    assert!(output.status.code() == Some(2) && text(&output).contains("another plan"), "{}", text(&output));
+    assert_same(&bench.content("s.zarr"), &before, "nothing touched");
+}
