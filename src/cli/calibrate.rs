@@ -37,6 +37,7 @@ enum What {
 
 /// The target, and how it is fitted.
 #[derive(Args)]
+#[allow(clippy::struct_excessive_bools)] // each is one flag
 struct Target {
     /// Inner corners of the board along its rows: one less than squares.
     #[arg(long)]

@@ -5,7 +5,6 @@
 //! local map from camera to projector pixels. The residual of the projector is therefore q + J(ĉ - c) - q̂, in which the
 //! error of the camera cancels, and both residuals are independent.
 
-use super::covariance::Covariance;
 use super::device::{Device, Seen};
 use super::pose::{Pose, cross};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Matrix6, MatrixXx6, SMatrix, Vector2, Vector3, Vector6};
@@ -53,9 +52,9 @@ pub struct Weights {
 /// The normal equations at a state.
 #[derive(Clone, Debug)]
 pub struct Normal {
-    shared: DMatrix<f64>,
-    mixed: Vec<MatrixXx6<f64>>,
-    own: Vec<Matrix6<f64>>,
+    pub(super) shared: DMatrix<f64>,
+    pub(super) mixed: Vec<MatrixXx6<f64>>,
+    pub(super) own: Vec<Matrix6<f64>>,
     shared_right: DVector<f64>,
     own_right: Vec<Vector6<f64>>,
 }
@@ -284,17 +283,6 @@ impl Normal {
             .map(|((inverse, mixed), right)| inverse * (right - mixed.tr_mul(&shared)))
             .collect();
         shared.iter().all(|x| x.is_finite()).then_some((shared, own))
-    }
-
-    /// How many parameters these measurements take up: tr(C N), C the inverse of all measurements' equations.
-    #[must_use]
-    pub fn taken(&self, all: &Covariance) -> f64 {
-        let mut sum = all.shared.component_mul(&self.shared).sum();
-        for v in 0..self.own.len() {
-            sum += all.own[v].component_mul(&self.own[v]).sum();
-            sum += 2.0 * all.mixed[v].component_mul(&self.mixed[v]).sum();
-        }
-        sum
     }
 }
 

@@ -1,7 +1,7 @@
 //! What measurements tell of all parameters: the triangular factor of the Jacobian (QR), from which covariances come without
 //! the loss of half the digits that squaring costs. Rational lenses need them.
 
-use super::bundle::{Corner, State, Weights};
+use super::bundle::{Corner, Normal, State, Weights};
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
 
 /// Square root of the information, the poses of the views eliminated.
@@ -112,6 +112,19 @@ impl Root {
         }
         let finite = shared.iter().all(|x| x.is_finite());
         finite.then_some(Covariance { shared, own, mixed })
+    }
+}
+
+impl Covariance {
+    /// How many parameters measurements take up whose normal equations N are `part` of all: tr(C N).
+    #[must_use]
+    pub fn taken(&self, part: &Normal) -> f64 {
+        let mut sum = self.shared.component_mul(&part.shared).sum();
+        for v in 0..part.own.len() {
+            sum += self.own[v].component_mul(&part.own[v]).sum();
+            sum += 2.0 * self.mixed[v].component_mul(&part.mixed[v]).sum();
+        }
+        sum
     }
 }
 

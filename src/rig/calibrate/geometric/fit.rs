@@ -370,7 +370,7 @@ fn noise(state: &State, views: &[Vec<Corner>], w: &mut Weights, inverse: &Covari
             continue;
         };
         let (sum, n) = squares(state, views, w, device);
-        let left = 2.0 * n as f64 - part.taken(inverse);
+        let left = 2.0 * n as f64 - inverse.taken(&part);
         // Exact points have no noise; a floor keeps the weights finite.
         *sigma = (sum / left.max(1.0)).sqrt().max(1e-9);
     }

@@ -17,7 +17,7 @@ pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>>
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
-/// Of a calibration: K'⁻ᵀ [t]× R K⁻¹; `None` where both devices are at one place.
+/// Of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×; `None` where both devices are at one place.
 #[must_use]
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| {

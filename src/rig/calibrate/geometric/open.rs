@@ -131,7 +131,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
     Ok(())
 }
 
-/// Coefficients of lenses that may as well be 0.
+/// Coefficients of lenses that may as well be 0, and lenses that go wrong where no view reaches.
 pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
     let mut first = 0;
     let mut notes = vec![];
@@ -150,6 +150,14 @@ pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
                 "{} lens: {} may as well be 0; a model with fewer coefficients may do",
                 title(d),
                 weak.join(", ")
+            ));
+        }
+        let [w, h] = device.size.map(f64::from);
+        let corners = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]];
+        if corners.iter().any(|c| device.normalized((*c).into()).is_none()) {
+            notes.push(format!(
+                "{} lens folds over in a corner of the image, where no view reaches: scenes refuse it; give views that do, or fix k3",
+                title(d)
             ));
         }
         first += names.len();
