@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 use sunstone::render::Unwatched;
 use sunstone::rig::conformance::{self, Report};
-use sunstone::rig::instrument::Instrument as _;
 
 /// Talk to every instrument of a rig. Nothing moves without --move.
 ///

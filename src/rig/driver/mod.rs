@@ -1,1 +1,4 @@
 //! Drivers that speak the protocols of real instruments over any line of bytes, each tried against an emulator.
+
+pub mod apt;
+pub mod line;

@@ -4,6 +4,8 @@ use super::lab::{Rig, Stage};
 use super::plan::{Plan, Work};
 use super::rig_file::{BenchPlan, Driver, RigPlan, Scene};
 use crate::clock::Clock;
+use crate::driver::apt::stage::{AptStage, Model};
+use crate::driver::line::SerialLine;
 use crate::simulated::area_camera::SimulatedCamera;
 use crate::simulated::counter::SimulatedCounter;
 use crate::simulated::laser::SimulatedLaser;
@@ -117,6 +119,15 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
             Driver::Simulated => {
                 let stage = SimulatedStage::new(name, bench(name)?, file.limits(), file.backlash_deg);
                 Box::new(stage)
+            }
+            Driver::Apt => {
+                let known = file.model.as_deref().unwrap_or("PRM1-Z8");
+                let model = Model::named(known)
+                    .ok_or_else(|| AssembleError(format!("`{name}`: no model is called `{known}`; PRM1-Z8 is known")))?;
+                let port = file.port.as_deref().unwrap_or_default();
+                let told = |e: String| AssembleError(format!("`{name}`: {e}; plug it in, or mend `port`"));
+                let line = SerialLine::open(port, 115_200, true).map_err(|e| told(e.to_string()))?;
+                Box::new(AptStage::new(name, Box::new(line), model).map_err(|e| told(e.to_string()))?)
             }
             other => return missing(name, other),
         };

@@ -1,0 +1,280 @@
+//! A rotation stage behind an APT controller (PRM1-Z8 on KDC101 or TDC001, and its family).
+
+use super::super::line::{Line, LineError};
+use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
+use crate::instrument::{Failure, Fault, Identity, Instrument, RotationStage, StageLimits, StageReading};
+use std::time::{Duration, Instant};
+
+/// How often a stage under way is asked where it is.
+const ASK: Duration = Duration::from_millis(100);
+/// A stage that stands for so many answers, and not at its goal, has stalled.
+const STANDS: u32 = 3;
+
+/// What a model's numbers mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// Encoder counts a degree.
+    pub counts_per_degree: f64,
+    /// Controller's units of a degree a second.
+    pub velocity: f64,
+    /// Controller's units of a degree a second squared.
+    pub acceleration: f64,
+    /// What it can do.
+    pub limits: StageLimits,
+}
+
+impl Model {
+    /// By the name that it is sold by.
+    ///
+    /// PRM1-Z8: 1919.6418578623391 counts a degree, sampled each 2048/6e6 s (Thorlabs' protocol, appendix on scaling).
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        const COUNTS: f64 = 1_919.641_857_862_339_1;
+        let family = ["PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M"];
+        family.iter().any(|n| n.eq_ignore_ascii_case(name)).then_some(Self {
+            counts_per_degree: COUNTS,
+            velocity: 42_941.6615,
+            acceleration: 14.6574,
+            limits: StageLimits {
+                range_deg: [-1e5, 1e5],
+                velocity: 25.0,
+                acceleration: 25.0,
+                resolution_deg: 1.0 / COUNTS,
+            },
+        })
+    }
+
+    fn counts(&self, degrees: f64) -> i32 {
+        (degrees * self.counts_per_degree).round() as i32
+    }
+}
+
+/// A stage.
+pub struct AptStage {
+    name: String,
+    line: Box<dyn Line>,
+    parser: Parser,
+    model: Model,
+    homed: bool,
+    goal: Option<i32>,
+}
+
+impl AptStage {
+    /// A stage at the end of a line; the controller is told to be quiet and to drive, nothing moves.
+    ///
+    /// # Errors
+    /// [`Failure`] if the line is gone.
+    pub fn new(name: &str, line: Box<dyn Line>, model: Model) -> Result<Self, Failure> {
+        let mut stage = Self {
+            name: name.to_owned(),
+            line,
+            parser: Parser::new(HOST),
+            model,
+            homed: false,
+            goal: None,
+        };
+        stage.begin()?;
+        Ok(stage)
+    }
+
+    fn begin(&mut self) -> Result<(), Failure> {
+        let limits = self.model.limits;
+        self.send(&Message::StopUpdates)?;
+        self.send(&Message::Enable(true))?;
+        self.send(&Message::SetVelocity {
+            acceleration: (limits.acceleration * self.model.acceleration).round() as i32,
+            velocity: (limits.velocity * self.model.velocity).round() as i32,
+        })
+    }
+
+    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    fn lost(&self, e: LineError) -> Failure {
+        match e {
+            LineError::Timeout => self.failure(Fault::Timeout, e.to_string()),
+            LineError::Gone(_) => self.failure(Fault::Disconnected, e.to_string()),
+        }
+    }
+
+    fn send(&mut self, message: &Message) -> Result<(), Failure> {
+        let bytes = message.bytes(CONTROLLER, HOST);
+        self.line.send(&bytes).map_err(|e| self.lost(e))
+    }
+
+    /// The next message before an instant.
+    fn next(&mut self, until: Instant) -> Result<Message, Failure> {
+        loop {
+            if let Some(message) = self.parser.next_message() {
+                return Ok(message);
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.lost(LineError::Timeout));
+            }
+            let bytes = self.line.receive(left).map_err(|e| self.lost(e))?;
+            self.parser.feed(&bytes);
+        }
+    }
+
+    /// Asks for a status; events that come before it are kept in mind by `seen`.
+    fn status(&mut self, until: Instant, seen: &mut dyn FnMut(&Message)) -> Result<Status, Failure> {
+        self.send(&Message::RequestDcStatus)?;
+        loop {
+            let message = self.next(until)?;
+            seen(&message);
+            if let Message::DcStatus(status) | Message::Status(status) = message {
+                self.homed = status.bits & bits::HOMED != 0;
+                return Ok(status);
+            }
+        }
+    }
+
+    fn reading(&self, status: Status) -> StageReading {
+        StageReading {
+            angle_deg: f64::from(status.position) / self.model.counts_per_degree,
+            moving: status.bits & bits::MOVING != 0,
+            homed: status.bits & bits::HOMED != 0,
+        }
+    }
+}
+
+impl Instrument for AptStage {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
+        let until = Instant::now() + within;
+        self.send(&Message::RequestInfo)?;
+        loop {
+            if let Message::Info { serial, model, firmware: [minor, interim, major] } = self.next(until)? {
+                return Ok(Identity {
+                    maker: "Thorlabs".into(),
+                    model,
+                    serial: serial.to_string(),
+                    firmware: format!("{major}.{interim}.{minor}"),
+                });
+            }
+        }
+    }
+
+    fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
+        self.parser.clear();
+        self.goal = None;
+        self.homed = false;
+        self.line.reopen().map_err(|e| self.lost(e))?;
+        self.begin()
+    }
+}
+
+impl RotationStage for AptStage {
+    fn limits(&self) -> StageLimits {
+        self.model.limits
+    }
+
+    fn home(&mut self, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        self.goal = None;
+        self.send(&Message::Home)?;
+        let mut homed = false;
+        loop {
+            let step = until.min(Instant::now() + ASK);
+            let mut begun = false;
+            match self.status(step, &mut |m| homed |= *m == Message::Homed) {
+                Ok(status) => {
+                    begun = status.bits & bits::HOMING != 0;
+                    if homed && !begun {
+                        return Ok(());
+                    }
+                    if status.bits & bits::MOTION_ERROR != 0 {
+                        return Err(self.failure(Fault::Stalled, "it cannot find its zero; look what holds it"));
+                    }
+                }
+                Err(e) if e.fault == Fault::Timeout && Instant::now() < until => {}
+                Err(e) => return Err(e),
+            }
+            if Instant::now() >= until {
+                let what = if begun { "it looks for its zero still" } else { "it did not find its zero" };
+                return Err(self.failure(Fault::Timeout, what));
+            }
+            if !homed {
+                std::thread::sleep(ASK / 10);
+            }
+        }
+    }
+
+    fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
+        let [least, most] = self.model.limits.range_deg;
+        if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
+            return Err(self.failure(
+                Fault::Limit,
+                format!("{angle_deg}° is not within {least}° to {most}°; mend the plan"),
+            ));
+        }
+        if !self.homed {
+            return Err(self.failure(Fault::Refused, "its zero is not known; home it"));
+        }
+        let counts = self.model.counts(angle_deg);
+        self.send(&Message::MoveAbsolute(counts))?;
+        self.goal = Some(counts);
+        Ok(())
+    }
+
+    fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure> {
+        let until = Instant::now() + within;
+        let Some(goal) = self.goal else {
+            return self.read(within);
+        };
+        let (mut stands, mut last) = (0, None);
+        loop {
+            // At least one answer's time, so that a move that is done is never a timeout.
+            let status = self.status(until.max(Instant::now() + ASK), &mut |_| {})?;
+            let reading = self.reading(status);
+            // Within two counts: the encoder's own noise.
+            if !reading.moving && (status.position - goal).abs() <= 2 {
+                self.goal = None;
+                return Ok(reading);
+            }
+            if status.bits & (bits::MOTION_ERROR | bits::LIMITS) != 0 {
+                self.goal = None;
+                let what = format!("it stopped at {:.3}°: its motor cannot follow, or a switch was met", reading.angle_deg);
+                return Err(self.failure(Fault::Stalled, what));
+            }
+            stands = if !reading.moving && last == Some(status.position) { stands + 1 } else { 0 };
+            last = Some(status.position);
+            if stands >= STANDS {
+                self.goal = None;
+                let what = format!("it stands at {:.3}°, short of its goal", reading.angle_deg);
+                return Err(self.failure(Fault::Stalled, what));
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.failure(Fault::Timeout, "it moves still; give it more time"));
+            }
+            std::thread::sleep(left.min(ASK / 5));
+        }
+    }
+
+    fn read(&mut self, within: Duration) -> Result<StageReading, Failure> {
+        let status = self.status(Instant::now() + within, &mut |_| {})?;
+        Ok(self.reading(status))
+    }
+
+    fn stop(&mut self, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        self.goal = None;
+        self.send(&Message::Stop { abrupt: true })?;
+        loop {
+            let status = self.status(until, &mut |_| {})?;
+            if status.bits & bits::MOVING == 0 {
+                return Ok(());
+            }
+            if Instant::now() >= until {
+                return Err(self.failure(Fault::Timeout, "it does not stop"));
+            }
+            std::thread::sleep(ASK / 10);
+        }
+    }
+}
