@@ -1,8 +1,9 @@
 //! The response as it was measured: the aligned mean of many histograms.
 //!
 //! Each histogram shows the response at one place between its bins; pixels with other time zeros show it at others. Detections
-//! per pulse, background subtracted and over the signal, are put on a grid of a fraction of a bin by linear weights, weighted by
-//! the signal. A grid of a fraction h of a bin widens it by h²/6 of a bin² in variance.
+//! per pulse, background subtracted and over the signal, are fitted by a straight line around each place of a grid of a fraction
+//! of a bin, with weights that fall linearly to 0 at the next place, and the signal's. That widens it by some h²/6 in variance
+//! where places are h apart.
 
 use super::captures::{Capture, Counter};
 use super::likelihood::{Known, Prepared};
@@ -28,8 +29,7 @@ pub fn aligned(
     if !(before + after).is_finite() || places < 4 {
         return None;
     }
-    let (mut sum, mut weights) = (vec![0.0; places], vec![0.0; places]);
-    let mut squares = vec![0.0; places];
+    let mut lines = vec![Line::default(); places];
     let known = Known::Impulse(found.response);
     for capture in captures {
         let zero = found.zero_ps.at(capture.pixel);
@@ -51,18 +51,14 @@ pub fn aligned(
             let place = ((k as f64 + 0.5 - arrival) * counter.bin_ps + before) / step_ps;
             let near = place.floor();
             for (j, part) in [(near, 1.0 - place.fract()), (near + 1.0, place - near)] {
-                if j < 0.0 || j >= places as f64 || part <= 0.0 {
-                    continue;
+                if j >= 0.0 && j < places as f64 && part > 0.0 {
+                    let [v, variance] = [light / local.signal, variance / local.signal.powi(2)];
+                    lines[j as usize].add(part * local.signal, place - j, v, variance);
                 }
-                let (j, w) = (j as usize, part * local.signal);
-                sum[j] += w * light / local.signal;
-                weights[j] += w;
-                squares[j] += w * w * variance / local.signal.powi(2);
             }
         }
     }
-    let mut share: Vec<f64> = sum.iter().zip(&weights).map(|(s, w)| s / w).collect();
-    let sigma = squares.iter().zip(&weights).map(|(s, w)| s.sqrt() / w).collect();
+    let (mut share, sigma): (Vec<f64>, Vec<f64>) = lines.iter().map(Line::at_place).unzip();
     bridge(&mut share)?;
     Some(Template {
         step_ps,
@@ -71,6 +67,38 @@ pub fn aligned(
         sigma,
         after_pulsing: found.response.after_pulsing,
     })
+}
+
+/// Sums for a straight line around a place.
+#[derive(Clone, Default)]
+struct Line {
+    /// Σ w, Σ w d, Σ w d².
+    weights: [f64; 3],
+    /// Σ w v, Σ w d v.
+    values: [f64; 2],
+    /// Σ w² σ², Σ w² d σ², Σ w² d² σ².
+    variances: [f64; 3],
+}
+
+impl Line {
+    /// A value `d` places behind this one.
+    fn add(&mut self, w: f64, d: f64, value: f64, variance: f64) {
+        for (k, power) in [1.0, d, d * d].into_iter().enumerate() {
+            self.weights[k] += w * power;
+            self.variances[k] += w * w * power * variance;
+        }
+        self.values[0] += w * value;
+        self.values[1] += w * d * value;
+    }
+
+    /// The line's value here and its standard error; the mean where all values are at one distance. NaN without values.
+    fn at_place(&self) -> (f64, f64) {
+        let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);
+        let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 { (s2, -s1) } else { (1.0, 0.0) };
+        let norm = a * s0 + b * s1;
+        let variance = a * a * e0 + 2.0 * a * b * e1 + b * b * e2;
+        ((a * v0 + b * v1) / norm, variance.max(0.0).sqrt() / norm)
+    }
 }
 
 /// Fills places that are not finite from their neighbours; `None` if all are.

@@ -355,9 +355,17 @@ impl Prepared {
                 let step = inverse(&information, damping).ok_or(Fault::Unsettled)? * score;
                 let next = self.moved(&local, &step, known);
                 let after = self.log_likelihood(&next, known);
+                // Of the step that was possible; at a limit there is none.
+                let step = Vector3::new(
+                    next.signal - local.signal,
+                    next.background - local.background,
+                    next.zero_ps - local.zero_ps,
+                );
                 let expected = step.dot(&score);
+                // Rounding of a sum of some 1e3 terms.
+                let little = 1e-6 + 1e-13 * value.abs();
                 if after.is_finite() && after >= value {
-                    let done = after - value < 1e-7 && expected < 1e-6;
+                    let done = after - value < little && expected < little;
                     (local, value) = (next, after);
                     damping = (damping * 0.1_f64).max(1e-12);
                     if done {
@@ -365,8 +373,7 @@ impl Prepared {
                     }
                     break;
                 }
-                // Rounding of ln L, of some 1e5 terms.
-                if expected < 1e-6 || damping > 1e12 {
+                if expected < little || damping > 1e12 {
                     return Ok(self.wrapped(local));
                 }
                 damping = (damping * 10.0).max(1e-6);

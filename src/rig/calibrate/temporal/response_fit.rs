@@ -120,7 +120,7 @@ pub(super) fn fit(
                 let gain = after.value - now.value;
                 (impulse, locals, now) = (next, moved, after);
                 damping = (damping * 0.1_f64).max(1e-12);
-                if gain < 1e-5 {
+                if gain < 1e-5 + 1e-13 * now.value.abs() {
                     break 'steps;
                 }
                 break;

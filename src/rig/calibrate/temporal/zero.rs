@@ -62,7 +62,7 @@ pub struct Temporal {
     pub unsettled: usize,
     /// Pearson's sum over groups of bins, of all captures.
     pub chi_squared: f64,
-    /// Its degrees of freedom.
+    /// Its degrees of freedom, three less for each capture; a little too few, since bins were fitted and groups are summed.
     pub freedom: usize,
     /// What these captures cannot tell, in words.
     pub untold: Vec<String>,
