@@ -84,14 +84,13 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
             return Err(RadiometricError::Setting { what, value, need });
         }
     }
-    let dark_frames = dark.iter().map(|s| f64::from(s.frames() - 1)).sum();
-    let top_dn = dark[0].top_dn();
-    let dark = Dark::of(dark, options.limit)?;
+    let (top_dn, frames) = (dark[0].top_dn(), dark);
+    let dark = Dark::of(frames, options.limit)?;
     let mut untold = vec![];
     if dark.rate.is_none() {
         untold.push("dark current: dark frames of one exposure alone; it is in the offset".to_owned());
     }
-    let levels = levels(&dark, light);
+    let levels = self::levels(&dark, light);
     let saturation = saturation(&levels);
     if saturation.is_none() {
         untold.push("saturation: no level of light is beyond it".to_owned());
@@ -101,7 +100,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
         .ok();
     let straight = Linearity::none(saturation.unwrap_or(1.0));
     let line = linearity.as_ref().unwrap_or(&straight);
-    let transfer = Transfer::of(&dark, dark_frames, &levels, saturation, line)
+    let transfer = Transfer::of(&self::levels(&dark, frames), &levels, saturation, line)
         .map_err(|e| untold.push(e))
         .ok();
     let flat = match &transfer {
@@ -149,7 +148,7 @@ impl Radiometry {
         }
         let straight = Linearity::none(1.0);
         let line = self.linearity.as_ref().unwrap_or(&straight);
-        let usable = self.dark.usable();
+        let (usable, rate) = (self.dark.usable(), self.dark.mean_rate());
         let mut out = Corrected {
             signal: Vec::with_capacity(pixels),
             variance: Vec::with_capacity(pixels),
@@ -166,7 +165,7 @@ impl Radiometry {
             let (linear, slope) = (line.linear(signal), line.slope(signal));
             // Shot noise of a reading below the dark level is none.
             let (gain, variance) = match &self.transfer {
-                Some(t) => (t.gain_e_per_dn, t.dark_variance + linear.max(0.0) / t.gain_e_per_dn),
+                Some(t) => (t.gain_e_per_dn, t.variance(linear.max(0.0) + rate * exposure_s)),
                 None => (1.0, self.dark.variance.at(p) * slope * slope),
             };
             let scale = gain / response;

@@ -24,7 +24,7 @@ pub struct Dark {
     pub offset: PixelMap,
     /// Its standard error.
     pub offset_sigma: PixelMap,
-    /// Variance from frame to frame, DN².
+    /// Variance from frame to frame at the shortest exposure, DN².
     pub variance: PixelMap,
     /// Its standard error.
     pub variance_sigma: PixelMap,
@@ -48,7 +48,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 impl Dark {
     /// The dark frame of stacks at one exposure or more; pixels that stand out by `limit` standard deviations are listed.
     ///
-    /// Exposures are weighted by the whole sensor's noise, standard errors are by each pixel's own.
+    /// Exposures are weighted by the whole sensor's noise; standard errors are by each pixel's own at each exposure.
     ///
     /// # Errors
     /// [`RadiometricError`].
@@ -76,17 +76,17 @@ impl Dark {
                 }
             })
             .collect();
-        let freedom: f64 = stacks.iter().map(|s| f64::from(s.frames() - 1)).sum();
-        let variance = |p: usize| -> f64 {
-            stacks.iter().map(|s| f64::from(s.frames() - 1) * s.variance(p)).sum::<f64>() / freedom
-        };
+        let by_exposure = |a: &&Stack, b: &&Stack| a.exposure_s().total_cmp(&b.exposure_s());
+        let shortest = stacks.iter().min_by(by_exposure).unwrap_or(&stacks[0]);
+        let longest = stacks.iter().max_by(by_exposure).unwrap_or(&stacks[0]);
+        let freedom = f64::from(shortest.frames() - 1);
+        let variance = |p: usize| shortest.variance(p);
         let value = |p: usize, k: usize| -> f64 { stacks.iter().zip(&parts).map(|(s, l)| l[k] * s.mean(p)).sum() };
         let sigma = |p: usize, k: usize| -> f64 {
-            let each = stacks.iter().zip(&parts).map(|(s, l)| l[k].powi(2) / f64::from(s.frames()));
-            (variance(p) * each.sum::<f64>()).sqrt()
+            let each = stacks.iter().zip(&parts).map(|(s, l)| l[k].powi(2) * s.variance(p) / f64::from(s.frames()));
+            each.sum::<f64>().sqrt()
         };
         let map = |f: &dyn Fn(usize) -> f64| (0..pixels).map(f).collect::<PixelMap>();
-        let longest = stacks.iter().max_by(|a, b| a.exposure_s().total_cmp(&b.exposure_s())).unwrap_or(&stacks[0]);
         let middle = median((0..pixels).map(|p| longest.mean(p)).collect());
         let noise = median((0..pixels).map(variance).collect());
         let apart = median((0..pixels).map(|p| (longest.mean(p) - middle).abs()).collect());
@@ -140,6 +140,16 @@ impl Dark {
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);
         self.offset_sigma.at(pixel).powi(2) + rate.powi(2)
+    }
+
+    /// Mean dark current of the pixels that are used, DN/s; 0 if it is not told.
+    #[must_use]
+    pub fn mean_rate(&self) -> f64 {
+        let Some(rate) = &self.rate else { return 0.0 };
+        let usable = self.usable();
+        let used = (0..usable.len()).filter(|p| usable[*p]);
+        let (sum, n) = used.fold((0.0, 0.0), |(sum, n), p| (sum + rate.at(p), n + 1.0));
+        sum / n
     }
 
     /// Whether each pixel is to be used.

@@ -39,7 +39,7 @@ impl Flat {
         transfer: &Transfer,
     ) -> Result<Self, String> {
         let top = saturation.unwrap_or_else(|| levels.iter().map(|l| l.signal).fold(0.0, f64::max) / USED[1]);
-        let usable = dark.usable();
+        let (usable, rate) = (dark.usable(), dark.mean_rate());
         let pixels = usable.len();
         let (mut sum, mut variance) = (vec![0.0; pixels], vec![0.0; pixels]);
         let (mut whole, mut of_offset) = (0.0, vec![0.0; pixels]);
@@ -53,7 +53,7 @@ impl Flat {
                 continue;
             }
             let linear = linearity.linear(mean);
-            let noise = (transfer.dark_variance + linear / transfer.gain_e_per_dn) / f64::from(s.frames());
+            let noise = transfer.variance(linear + rate * s.exposure_s()) / f64::from(s.frames());
             // The weights of the least error of a ratio.
             let w = linear / noise;
             whole += w * linear;

@@ -10,6 +10,8 @@ pub struct Level {
     pub light: f64,
     /// Mean signal over the dark frame, DN.
     pub signal: f64,
+    /// Mean signal of the dark current, DN, which is not in `signal`.
+    pub dark: f64,
     /// Mean variance from frame to frame, DN².
     pub variance: f64,
     /// Share of pixels that reached the largest number.
@@ -20,10 +22,10 @@ pub struct Level {
     pub pixels: f64,
 }
 
-/// Levels in the order of their light.
+/// Levels in the order of their light; dark frames are such of none.
 #[must_use]
 pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
-    let usable = dark.usable();
+    let (usable, rate) = (dark.usable(), dark.mean_rate());
     let level = |s: &Stack| {
         let (mut signal, mut variance, mut pixels) = (0.0, 0.0, 0.0);
         for p in (0..s.pixels()).filter(|p| usable[*p]) {
@@ -34,6 +36,7 @@ pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
         Level {
             light: s.light() * s.exposure_s(),
             signal: signal / pixels,
+            dark: rate * s.exposure_s(),
             variance: variance / pixels,
             clipped: s.clipped(),
             frames: f64::from(s.frames()),

@@ -98,7 +98,7 @@ impl Squares {
         self.1 += 1.0;
     }
 
-    /// Their mean is 1. That of 64 scatters by 0.18: the seeds are fixed, and other ones may well fall outside.
+    /// Their mean is 1. That of 256 scatters by 0.09; seeds are fixed.
     fn assert_one(&self, what: &str) {
         let mean = self.0 / self.1;
         println!("{what}: variance of z {mean:.3} of {}", self.1);
@@ -106,7 +106,7 @@ impl Squares {
     }
 }
 
-/// 64 cameras: errors over their stated standard errors, of everything.
+/// 256 cameras: errors over their stated standard errors, of everything.
 #[test]
 fn stated_errors_are_those_that_are_made() {
     let names = [
@@ -124,7 +124,7 @@ fn stated_errors_are_those_that_are_made() {
     ];
     let mut squares: Vec<Squares> = names.iter().map(|_| Squares::default()).collect();
     let (mut chi, mut freedom) = ([0.0; 2], [0.0; 2]);
-    for repeat in 0..64 {
+    for repeat in 0..256 {
         let camera = Camera::new(repeat);
         let mut random = stream(32, 0, repeat);
         let (dark, light) = camera.captures(&mut random);
@@ -146,8 +146,7 @@ fn stated_errors_are_those_that_are_made() {
             squares[5].add(d.offset.at(p) - camera.offset_dn[p], d.offset_sigma.at(p));
             let (rate, sigma) = (d.rate.as_ref().expect("two exposures"), d.rate_sigma.as_ref().expect("so"));
             squares[6].add(rate.at(p) - camera.dark_e_s[p] / camera.gain, sigma.at(p));
-            // Both exposures' together, half of the frames each.
-            let dark_e = 0.505 * camera.dark_e_s[p];
+            let dark_e = 0.01 * camera.dark_e_s[p];
             let variance = (camera.read_e.powi(2) + dark_e) / camera.gain.powi(2) + 1.0 / 12.0;
             squares[7].add(d.variance.at(p) - variance, variance / d.variance.at(p) * d.variance_sigma.at(p));
             squares[8].add(f.response.at(p) - camera.response[p], f.sigma.at(p));
@@ -206,9 +205,8 @@ fn settings_of_a_simulated_camera_come_back() {
     let gain = cmos.full_well_e / 4095.0;
     let t = found.transfer.expect("a gain");
     near(t.gain_e_per_dn, gain, t.gain_sigma);
-    // Dark frames hold the noise of 1 e⁻ of dark current on average 51 times over, levels that of 2.
-    near(t.read_noise_e, (2.4_f64.powi(2) + 51.0).sqrt(), 0.5);
-    assert!(t.gain_sigma < 0.01 * gain);
+    near(t.read_noise_e, 2.4, t.read_noise_sigma);
+    assert!(t.gain_sigma < 0.01 * gain && t.read_noise_sigma < 0.03, "{t:?}");
     let l = found.linearity.expect("a curve");
     for (c, sigma) in l.coefficients.iter().zip(&l.sigma) {
         near(*c, 0.0, *sigma);
@@ -226,7 +224,7 @@ fn settings_of_a_simulated_camera_come_back() {
 /// A frame of even light comes back even, in electrons, with the variance that it has.
 #[test]
 fn corrected_frames_are_the_light() {
-    let camera = Camera::new(100);
+    let camera = Camera::new(1000);
     let mut random = stream(33, 0, 0);
     let (dark, light) = camera.captures(&mut random);
     let found = calibrate(&dark, &light, &Options::default()).expect("a calibration");

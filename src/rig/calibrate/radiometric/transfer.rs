@@ -1,10 +1,10 @@
 //! Gain and read noise by photon transfer.
 //!
-//! Var y = σ² + y/g is fitted to the levels up to 70 % of saturation and the dark frames (EMVA 1288, 6.6). A variance of n frames and
+//! Var y = σ² + y/g is fitted to the levels up to 70 % of saturation and the dark frames (EMVA 1288, 6.6); y is of light and of
+//! dark current, whose electrons have shot noise too (in σ² where the dark frames are of one exposure). A variance of n frames and
 //! P pixels has the standard error √(2/((n - 1) P)) of itself. Poisson's own fourth cumulant, the error of the mean signal
 //! and their covariance cancel but for σ²/(n P), which is far less.
 
-use super::dark::Dark;
 use super::levels::Level;
 use super::linearity::Linearity;
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ pub struct Transfer {
     pub read_noise_e: f64,
     /// Its standard error; NaN where rounding hides it.
     pub read_noise_sigma: f64,
-    /// σ², DN².
+    /// σ², DN²: the variance without any electrons.
     pub dark_variance: f64,
     /// Covariance of σ² and 1/g: (σ², σ²), (σ², 1/g), (1/g, 1/g).
     pub covariance: [f64; 3],
@@ -39,32 +39,36 @@ pub struct Transfer {
 }
 
 impl Transfer {
+    /// Variance of one reading of so much linear signal, dark current's included, DN²; that of rounding is in it.
+    #[must_use]
+    pub fn variance(&self, signal: f64) -> f64 {
+        self.dark_variance + signal.max(0.0) / self.gain_e_per_dn
+    }
+
     /// Fits the curve of signals made linear.
     ///
     /// # Errors
     /// In words, what is missing.
     pub fn of(
-        dark: &Dark,
-        dark_frames: f64,
+        dark: &[Level],
         levels: &[Level],
         saturation: Option<f64>,
         linearity: &Linearity,
     ) -> Result<Self, String> {
-        let usable = dark.usable();
-        let pixels: Vec<usize> = (0..usable.len()).filter(|p| usable[*p]).collect();
-        let without = pixels.iter().map(|p| dark.variance.at(*p)).sum::<f64>() / pixels.len() as f64;
         // Signal, variance, twice the inverse of its relative variance.
-        let mut points = vec![(0.0, without, dark_frames * pixels.len() as f64)];
+        let freedom = |l: &Level| (l.frames - 1.0) * l.pixels;
+        let mut points: Vec<(f64, f64, f64)> = dark.iter().map(|l| (l.dark, l.variance, freedom(l))).collect();
+        let without = points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
         let most = saturation.map_or(f64::INFINITY, |s| USED * s);
         for l in levels.iter().filter(|l| l.signal <= most && l.clipped == 0.0 && l.light > 0.0) {
             let slope = linearity.slope(l.signal);
             points.push((
-                linearity.linear(l.signal),
+                linearity.linear(l.signal) + l.dark,
                 l.variance * slope * slope,
-                (l.frames - 1.0) * l.pixels,
+                freedom(l),
             ));
         }
-        if points.len() < 2 {
+        if points.len() <= dark.len() {
             return Err("gain: no level of light below saturation; capture some".into());
         }
         let brightest = points.iter().map(|p| p.0).fold(0.0, f64::max);
