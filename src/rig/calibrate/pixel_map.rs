@@ -51,7 +51,9 @@ impl<'de> Deserialize<'de> for PixelMap {
             .map_err(|e| de::Error::custom(format!("a map of pixels is not base64 ({e}); calibrate anew")))?;
         let (values, rest) = bytes.as_chunks::<4>();
         if !rest.is_empty() {
-            return Err(de::Error::custom("a map of pixels ends within a number; calibrate anew"));
+            return Err(de::Error::custom(
+                "a map of pixels ends within a number; calibrate anew",
+            ));
         }
         Ok(Self(values.iter().map(|b| f32::from_le_bytes(*b)).collect()))
     }
@@ -74,7 +76,13 @@ mod tests {
         let bits = |m: &PixelMap| m.0.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&read.map), bits(&map));
         // RFC 4648: 1.0 is 00 00 80 3f.
-        assert!(toml::to_string(&File { map: PixelMap(vec![1.0]) }).expect("a text").contains("\"AACAPw==\""));
+        assert!(
+            toml::to_string(&File {
+                map: PixelMap(vec![1.0])
+            })
+            .expect("a text")
+            .contains("\"AACAPw==\"")
+        );
         for bad in ["map = \"AACA\"", "map = \"§\"", "map = 3"] {
             assert!(toml::from_str::<File>(bad).is_err(), "{bad}");
         }

@@ -77,8 +77,16 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     }
     check(&dark.iter().chain(light).collect::<Vec<_>>())?;
     for (what, value, need) in [
-        ("the light's relative standard error", options.light_sigma, "zero or more"),
-        ("the limit of pixels that stand out", options.limit, "some standard deviations"),
+        (
+            "the light's relative standard error",
+            options.light_sigma,
+            "zero or more",
+        ),
+        (
+            "the limit of pixels that stand out",
+            options.limit,
+            "some standard deviations",
+        ),
     ] {
         if !(value.is_finite() && value >= 0.0) {
             return Err(RadiometricError::Setting { what, value, need });
@@ -104,14 +112,22 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
         .map_err(|e| untold.push(e))
         .ok();
     let flat = match &transfer {
-        Some(t) => Flat::of(&dark, light, &levels, saturation, line, t).map_err(|e| untold.push(e)).ok(),
+        Some(t) => Flat::of(&dark, light, &levels, saturation, line, t)
+            .map_err(|e| untold.push(e))
+            .ok(),
         None => None,
     };
     if flat.is_some() {
-        untold.push("flat field: unevenness of the light is in it, as the frames do not tell it from the pixels'".to_owned());
+        untold.push(
+            "flat field: unevenness of the light is in it, as the frames do not tell it from the pixels'"
+                .to_owned(),
+        );
     }
     let usable = dark.usable();
-    let offsets: Vec<f64> = (0..usable.len()).filter(|p| usable[*p]).map(|p| dark.offset.at(p)).collect();
+    let offsets: Vec<f64> = (0..usable.len())
+        .filter(|p| usable[*p])
+        .map(|p| dark.offset.at(p))
+        .collect();
     let offset = offsets.iter().sum::<f64>() / offsets.len() as f64;
     let from = saturation.map_or(f64::INFINITY, |s| offset + SATURATED * s);
     Ok(Radiometry {

@@ -57,10 +57,17 @@ impl Dark {
         let pixels = stacks[0].pixels();
         let weights: Vec<f64> = stacks
             .iter()
-            .map(|s| f64::from(s.frames()) / median((0..pixels).map(|p| s.variance(p)).collect()).max(1.0 / 12.0))
+            .map(|s| {
+                f64::from(s.frames()) / median((0..pixels).map(|p| s.variance(p)).collect()).max(1.0 / 12.0)
+            })
             .collect();
-        let sum = |f: &dyn Fn(&Stack) -> f64| -> f64 { stacks.iter().zip(&weights).map(|(s, w)| w * f(s)).sum() };
-        let (s0, s1, s2) = (sum(&|_| 1.0), sum(&Stack::exposure_s), sum(&|s| s.exposure_s().powi(2)));
+        let sum =
+            |f: &dyn Fn(&Stack) -> f64| -> f64 { stacks.iter().zip(&weights).map(|(s, w)| w * f(s)).sum() };
+        let (s0, s1, s2) = (
+            sum(&|_| 1.0),
+            sum(&Stack::exposure_s),
+            sum(&|s| s.exposure_s().powi(2)),
+        );
         let determinant = s0 * s2 - s1 * s1;
         let several = determinant > 1e-6 * s0 * s2;
         // Offset and rate are sums over stacks of means times these.
@@ -81,9 +88,13 @@ impl Dark {
         let longest = stacks.iter().max_by(by_exposure).unwrap_or(&stacks[0]);
         let freedom = f64::from(shortest.frames() - 1);
         let variance = |p: usize| shortest.variance(p);
-        let value = |p: usize, k: usize| -> f64 { stacks.iter().zip(&parts).map(|(s, l)| l[k] * s.mean(p)).sum() };
+        let value =
+            |p: usize, k: usize| -> f64 { stacks.iter().zip(&parts).map(|(s, l)| l[k] * s.mean(p)).sum() };
         let sigma = |p: usize, k: usize| -> f64 {
-            let each = stacks.iter().zip(&parts).map(|(s, l)| l[k].powi(2) * s.variance(p) / f64::from(s.frames()));
+            let each = stacks
+                .iter()
+                .zip(&parts)
+                .map(|(s, l)| l[k].powi(2) * s.variance(p) / f64::from(s.frames()));
             each.sum::<f64>().sqrt()
         };
         let map = |f: &dyn Fn(usize) -> f64| (0..pixels).map(f).collect::<PixelMap>();

@@ -7,7 +7,9 @@ pub enum RadiometricError {
     #[error("there are no dark frames; capture some with the lens capped")]
     NoDark,
     /// Too few frames for a variance.
-    #[error("the stack of {exposure_s} s has {frames} frames; noise is told from two on, and well from sixteen")]
+    #[error(
+        "the stack of {exposure_s} s has {frames} frames; noise is told from two on, and well from sixteen"
+    )]
     Frames {
         /// Exposure of the stack.
         exposure_s: f64,

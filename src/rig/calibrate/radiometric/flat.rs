@@ -69,7 +69,9 @@ impl Flat {
         let used: Vec<usize> = (0..pixels).filter(|p| usable[*p]).collect();
         let count = used.len() as f64;
         let mean = used.iter().map(|p| sum[*p]).sum::<f64>() / count;
-        let response: Vec<f64> = (0..pixels).map(|p| if usable[p] { sum[p] / mean } else { f64::NAN }).collect();
+        let response: Vec<f64> = (0..pixels)
+            .map(|p| if usable[p] { sum[p] / mean } else { f64::NAN })
+            .collect();
         // The dark frame's error is that of all stacks alike.
         let sigma: Vec<f64> = (0..pixels)
             .map(|p| {
@@ -83,7 +85,11 @@ impl Flat {
         let error = spread * (2.0 / (count - 1.0).max(1.0)).sqrt();
         Ok(Self {
             prnu,
-            prnu_sigma: if prnu > 0.0 { error / (2.0 * prnu) } else { error.sqrt() },
+            prnu_sigma: if prnu > 0.0 {
+                error / (2.0 * prnu)
+            } else {
+                error.sqrt()
+            },
             response: response.into_iter().collect(),
             sigma: sigma.into_iter().collect(),
         })

@@ -66,7 +66,9 @@ impl Linearity {
     pub fn slope(&self, signal: f64) -> f64 {
         let u = signal / self.scale_dn;
         let terms = self.coefficients.iter().enumerate();
-        1.0 + terms.map(|(j, c)| (j + 2) as f64 * c * u.powi(j as i32 + 1)).sum::<f64>()
+        1.0 + terms
+            .map(|(j, c)| (j + 2) as f64 * c * u.powi(j as i32 + 1))
+            .sum::<f64>()
     }
 
     /// Fits a polynomial of so many coefficients to levels below saturation (`scale_dn` where none was reached: the largest signal).
@@ -74,7 +76,12 @@ impl Linearity {
     ///
     /// # Errors
     /// In words, what more is needed.
-    pub fn of(levels: &[Level], saturation: Option<f64>, degree: usize, light_sigma: f64) -> Result<Self, String> {
+    pub fn of(
+        levels: &[Level],
+        saturation: Option<f64>,
+        degree: usize,
+        light_sigma: f64,
+    ) -> Result<Self, String> {
         let most = saturation.map_or(f64::INFINITY, |s| USED * s);
         let used: Vec<&Level> = levels
             .iter()
@@ -154,7 +161,10 @@ fn from_line(levels: &[&Level]) -> f64 {
     let (s0, s1, s2) = (sum(&|_| 1.0), sum(&|l| l.light), sum(&|l| l.light * l.light));
     let (y0, y1) = (sum(&|l| l.signal), sum(&|l| l.signal * l.light));
     let determinant = s0 * s2 - s1 * s1;
-    let (a, b) = ((y0 * s2 - y1 * s1) / determinant, (s0 * y1 - s1 * y0) / determinant);
+    let (a, b) = (
+        (y0 * s2 - y1 * s1) / determinant,
+        (s0 * y1 - s1 * y0) / determinant,
+    );
     let off = |l: &Level| ((l.signal - a - b * l.light) / (a + b * l.light)).abs();
     near.iter().map(|l| off(l)).sum::<f64>() / near.len() as f64
 }

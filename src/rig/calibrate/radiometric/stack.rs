@@ -31,9 +31,19 @@ impl Stack {
         let time = exposure_s.is_finite() && exposure_s > 0.0;
         setting("an exposure", exposure_s, time, "a positive time in seconds")?;
         let some = light.is_finite() && light >= 0.0;
-        setting("the light of a stack", light, some, "zero or more in a unit of your own")?;
+        setting(
+            "the light of a stack",
+            light,
+            some,
+            "zero or more in a unit of your own",
+        )?;
         setting("the number of pixels", pixels as f64, pixels > 0, "one or more")?;
-        setting("the largest digital number", f64::from(top_dn), top_dn > 0, "2^bits - 1")?;
+        setting(
+            "the largest digital number",
+            f64::from(top_dn),
+            top_dn > 0,
+            "2^bits - 1",
+        )?;
         Ok(Self {
             exposure_s,
             light,

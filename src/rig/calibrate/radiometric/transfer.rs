@@ -57,10 +57,14 @@ impl Transfer {
     ) -> Result<Self, String> {
         // Signal, variance, twice the inverse of its relative variance.
         let freedom = |l: &Level| (l.frames - 1.0) * l.pixels;
-        let mut points: Vec<(f64, f64, f64)> = dark.iter().map(|l| (l.dark, l.variance, freedom(l))).collect();
+        let mut points: Vec<(f64, f64, f64)> =
+            dark.iter().map(|l| (l.dark, l.variance, freedom(l))).collect();
         let without = points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
         let most = saturation.map_or(f64::INFINITY, |s| USED * s);
-        for l in levels.iter().filter(|l| l.signal <= most && l.clipped == 0.0 && l.light > 0.0) {
+        for l in levels
+            .iter()
+            .filter(|l| l.signal <= most && l.clipped == 0.0 && l.light > 0.0)
+        {
             let slope = linearity.slope(l.signal);
             points.push((
                 linearity.linear(l.signal) + l.dark,
@@ -78,18 +82,25 @@ impl Transfer {
         let mut chi_squared = 0.0;
         for _ in 0..5 {
             let weight = |p: &(f64, f64, f64)| p.2 / (2.0 * (offset + slope * p.0).max(1e-12).powi(2));
-            let sum = |f: &dyn Fn(&(f64, f64, f64)) -> f64| -> f64 { points.iter().map(|p| weight(p) * f(p)).sum() };
+            let sum = |f: &dyn Fn(&(f64, f64, f64)) -> f64| -> f64 {
+                points.iter().map(|p| weight(p) * f(p)).sum()
+            };
             let (s0, s1, s2) = (sum(&|_| 1.0), sum(&|p| p.0), sum(&|p| p.0 * p.0));
             let (v0, v1) = (sum(&|p| p.1), sum(&|p| p.0 * p.1));
             let determinant = s0 * s2 - s1 * s1;
             covariance = [s2 / determinant, -s1 / determinant, s0 / determinant];
-            let found = ((v0 * s2 - v1 * s1) / determinant, (s0 * v1 - s1 * v0) / determinant);
+            let found = (
+                (v0 * s2 - v1 * s1) / determinant,
+                (s0 * v1 - s1 * v0) / determinant,
+            );
             chi_squared = sum(&|p| (p.1 - found.0 - found.1 * p.0).powi(2));
             (offset, slope) = (found.0.max(1e-12), found.1.max(0.0));
         }
         let told = slope.is_finite() && slope > 5.0 * covariance[2].sqrt();
         if !told {
-            return Err("gain: the noise does not grow with the light; take more frames or more light".into());
+            return Err(
+                "gain: the noise does not grow with the light; take more frames or more light".into(),
+            );
         }
         let gain = 1.0 / slope;
         let electronic = offset - ROUNDING;

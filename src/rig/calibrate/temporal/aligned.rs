@@ -94,7 +94,11 @@ impl Line {
     /// The line's value here and its standard error; the mean where all values are at one distance. NaN without values.
     fn at_place(&self) -> (f64, f64) {
         let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);
-        let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 { (s2, -s1) } else { (1.0, 0.0) };
+        let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 {
+            (s2, -s1)
+        } else {
+            (1.0, 0.0)
+        };
         let norm = a * s0 + b * s1;
         let variance = a * a * e0 + 2.0 * a * b * e1 + b * b * e2;
         ((a * v0 + b * v1) / norm, variance.max(0.0).sqrt() / norm)

@@ -83,13 +83,28 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         }
     };
     let time = |v: f64| v.is_finite() && v > 0.0;
-    setting("bin", counter.bin_ps, time(counter.bin_ps), "a positive time in ps")?;
+    setting(
+        "bin",
+        counter.bin_ps,
+        time(counter.bin_ps),
+        "a positive time in ps",
+    )?;
     let bins = counter.period_bins;
-    setting("period", bins as f64, (8..=MOST_BINS).contains(&bins), "8 to 1048576 bins")?;
+    setting(
+        "period",
+        bins as f64,
+        (8..=MOST_BINS).contains(&bins),
+        "8 to 1048576 bins",
+    )?;
     let dead = counter.dead_ps;
     setting("dead time", dead, dead == 0.0 || time(dead), "zero or more ps")?;
     if let Some(after) = counter.after_pulse_ps {
-        setting("time of after-pulses", after, time(after), "a positive time in ps")?;
+        setting(
+            "time of after-pulses",
+            after,
+            time(after),
+            "a positive time in ps",
+        )?;
     }
     if captures.is_empty() {
         return Err(TemporalError::NoCapture);
@@ -100,7 +115,10 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
             return wrong(format!("it is of pixel {}, there are {pixels}", c.pixel));
         }
         if !c.travel_ps.is_finite() {
-            return wrong(format!("its travel time is {}; give the optical path over c in ps", c.travel_ps));
+            return wrong(format!(
+                "its travel time is {}; give the optical path over c in ps",
+                c.travel_ps
+            ));
         }
         if c.pulses == 0 {
             return wrong("it is of no pulses; give how many there were".into());
@@ -114,7 +132,10 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         }
         let sum: u64 = c.counts.iter().map(|n| u64::from(*n)).sum();
         if counter.mode == Mode::Synchronous && sum > c.pulses {
-            return wrong(format!("{sum} counts in {} pulses: a synchronous diode counts one at most", c.pulses));
+            return wrong(format!(
+                "{sum} counts in {} pulses: a synchronous diode counts one at most",
+                c.pulses
+            ));
         }
     }
     Ok(())

@@ -18,6 +18,8 @@ const TAUS: f64 = 24.0;
 /// Standard deviations by which a pulse stands out: noise in thousands of bins does so once in a million histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
+/// So that logarithms are finite.
+const LEAST_RATE: f64 = 1e-300;
 
 /// What the response is known by.
 #[derive(Clone, Copy)]
@@ -151,7 +153,11 @@ impl Prepared {
             Known::Impulse(impulse) => {
                 let response = impulse.response();
                 let jitter = SIGMAS * impulse.sigma_ps / self.bin_ps;
-                let tail = if impulse.tail_share > 0.0 { TAUS * impulse.tail_ps / self.bin_ps } else { 0.0 };
+                let tail = if impulse.tail_share > 0.0 {
+                    TAUS * impulse.tail_ps / self.bin_ps
+                } else {
+                    0.0
+                };
                 let (first, last) = (
                     (arrival - jitter).floor(),
                     (arrival + (jitter + tail).min(most)).ceil(),
@@ -179,30 +185,38 @@ impl Prepared {
 
     fn rate(&self, i: usize, share: f64, local: &Local, after_pulsing: f64) -> f64 {
         let after = self.after.get(i).map_or(0.0, |a| after_pulsing * a);
-        (local.signal * share + local.background + after).max(1e-300)
+        (local.signal * share + local.background + after).max(LEAST_RATE)
     }
 
     /// ln L, up to a constant.
     pub fn log_likelihood(&self, local: &Local, known: &Known) -> f64 {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
-        let one = |(i, share): (usize, &f64)| {
-            let (n, armed) = (self.n[i], self.armed[i]);
-            let rate = self.rate(i, *share, local, p);
-            match self.mode {
-                Mode::Synchronous if n > 0.0 => n * (-(-rate).exp_m1()).ln() - (armed - n) * rate,
-                Mode::Synchronous => -armed * rate,
-                Mode::FreeRunning if n > 0.0 => n * rate.ln() - armed * rate,
-                Mode::FreeRunning => -armed * rate,
-            }
+        let of = |n: f64, armed: f64, rate: f64| match self.mode {
+            Mode::Synchronous if n > 0.0 => n * (-(-rate).exp_m1()).ln() - (armed - n) * rate,
+            Mode::FreeRunning if n > 0.0 => n * rate.ln() - armed * rate,
+            _ => -armed * rate,
         };
-        shares.iter().enumerate().map(one).sum()
+        let mut flat = (0.0, 0.0);
+        let mut sum = 0.0;
+        for (i, share) in shares.iter().enumerate() {
+            if *share == 0.0 && self.after.is_empty() {
+                // Most bins have the background's rate alone.
+                flat = (flat.0 + self.n[i], flat.1 + self.armed[i]);
+            } else {
+                sum += of(self.n[i], self.armed[i], self.rate(i, *share, local, p));
+            }
+        }
+        sum + of(flat.0, flat.1, local.background.max(LEAST_RATE))
     }
 
     /// Derivatives of ln L and Fisher's information; those of the response are zero unless asked for.
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
-            up.iter().zip(&down).map(|(a, b)| (a - b) * local.signal / step).collect()
+            up.iter()
+                .zip(&down)
+                .map(|(a, b)| (a - b) * local.signal / step)
+                .collect()
         };
         let late = 0.01 * known.sigma_ps();
         let zero = |by: f64| self.spread(local.zero_ps + by, known);
@@ -223,24 +237,32 @@ impl Prepared {
             ];
         }
         let (mut score, mut information) = (Score::zeros(), Information::zeros());
+        let of = |n: f64, armed: f64, rate: f64| match self.mode {
+            Mode::Synchronous => {
+                let odds = 1.0 / rate.exp_m1();
+                (n * odds - (armed - n), armed * odds)
+            }
+            Mode::FreeRunning => (n / rate - armed, armed / rate),
+        };
+        let mut flat = (0.0, 0.0);
         for (i, share) in shares.iter().enumerate() {
             let (n, armed) = (self.n[i], self.armed[i]);
             if armed <= 0.0 {
                 continue;
             }
-            let rate = self.rate(i, *share, local, known.after_pulsing());
-            let (slope, weight) = match self.mode {
-                Mode::Synchronous => {
-                    let odds = 1.0 / rate.exp_m1();
-                    (n * odds - (armed - n), armed * odds)
-                }
-                Mode::FreeRunning => (n / rate - armed, armed / rate),
+            if *share == 0.0 && self.after.is_empty() {
+                flat = (flat.0 + n, flat.1 + armed);
+                continue;
+            }
+            let (slope, weight) = of(n, armed, self.rate(i, *share, local, known.after_pulsing()));
+            let after = if with_shape {
+                self.after.get(i).copied().unwrap_or(0.0)
+            } else {
+                0.0
             };
-            let after = if with_shape { self.after.get(i).copied().unwrap_or(0.0) } else { 0.0 };
             let shaped = |k: usize| by_shape[k].get(i).copied().unwrap_or(0.0);
             let g = Score::from([*share, 1.0, by_zero[i], shaped(0), shaped(1), shaped(2), after]);
             if *share == 0.0 {
-                // Most bins know of nothing but background and after-pulses.
                 for (a, b) in [(1, 1), (1, 6), (6, 1), (6, 6)] {
                     information[(a, b)] += weight * g[a] * g[b];
                 }
@@ -251,6 +273,9 @@ impl Prepared {
             score += g * slope;
             information += (g * weight) * g.transpose();
         }
+        let (slope, weight) = of(flat.0, flat.1, local.background.max(LEAST_RATE));
+        score[1] += slope;
+        information[(1, 1)] += weight;
         (score, information)
     }
 
@@ -292,10 +317,16 @@ impl Prepared {
     }
 
     /// Signal, background and time zero near the maximum; [`Fault::Dark`] without a pulse that stands out.
-    fn begin(&self, known: &Known) -> Result<Local, Fault> {
+    pub fn begin(&self, known: &Known) -> Result<Local, Fault> {
         let bins = self.n.len();
         let width = ((2.5 * known.sigma_ps() / self.bin_ps).round().max(1.0) as usize).min(bins / 4);
-        let live = |i: usize| if self.armed[i] > 0.0 { self.n[i] / self.armed[i] } else { 0.0 };
+        let live = |i: usize| {
+            if self.armed[i] > 0.0 {
+                self.n[i] / self.armed[i]
+            } else {
+                0.0
+            }
+        };
         let mut sum: f64 = (0..width).map(live).sum();
         let mut best = (0, sum);
         for k in 1..bins {
@@ -313,18 +344,24 @@ impl Prepared {
         let dark: f64 = outside.iter().map(|i| self.n[*i]).sum();
         let background = if armed > 0.0 { dark / armed } else { 0.0 };
         let inside = (0..width).map(|k| (first + k) % bins);
-        let (seen, chance) = inside.fold((0.0, 0.0), |(n, b), i| (n + self.n[i], b + background * self.armed[i]));
+        let (seen, chance) = inside.fold((0.0, 0.0), |(n, b), i| {
+            (n + self.n[i], b + background * self.armed[i])
+        });
         if !seen.is_finite() || seen - chance < SEEN * (chance + 1.0).sqrt() {
             return Err(Fault::Dark);
         }
         let local = |by: f64| Local {
             signal: (sum - background * width as f64).max(0.1 * sum),
             background: background.max(self.least()),
-            zero_ps: (first as f64 + 0.5 * width as f64) * self.bin_ps - self.travel_ps + by * known.sigma_ps(),
+            zero_ps: (first as f64 + 0.5 * width as f64) * self.bin_ps - self.travel_ps
+                + by * known.sigma_ps(),
         };
         let tries = (-6..=6).map(|k| local(0.5 * f64::from(k)));
         tries
-            .max_by(|a, b| self.log_likelihood(a, known).total_cmp(&self.log_likelihood(b, known)))
+            .max_by(|a, b| {
+                self.log_likelihood(a, known)
+                    .total_cmp(&self.log_likelihood(b, known))
+            })
             .ok_or(Fault::Dark)
     }
 
@@ -338,7 +375,9 @@ impl Prepared {
         let most = 2.0 * known.sigma_ps();
         Local {
             signal: (local.signal + by[0]).clamp(0.2 * local.signal, 5.0 * local.signal),
-            background: (local.background + by[1]).max(0.2 * local.background).max(self.least()),
+            background: (local.background + by[1])
+                .max(0.2 * local.background)
+                .max(self.least()),
             zero_ps: local.zero_ps + by[2].clamp(-most, most),
         }
     }
@@ -403,7 +442,8 @@ pub(super) fn block(information: &Information) -> Matrix3<f64> {
 /// (M + damping · diag M)⁻¹, rows and columns scaled to diagonals of 1; `None` if something is not told.
 pub(super) fn inverse(m: &Matrix3<f64>, damping: f64) -> Option<Matrix3<f64>> {
     let scale = m.diagonal().map(|v| 1.0 / v.sqrt());
-    let scaled = Matrix3::from_fn(|i, k| m[(i, k)] * scale[i] * scale[k] + if i == k { damping } else { 0.0 });
+    let scaled =
+        Matrix3::from_fn(|i, k| m[(i, k)] * scale[i] * scale[k] + if i == k { damping } else { 0.0 });
     let inverse = scaled.cholesky()?.inverse();
     Some(Matrix3::from_fn(|i, k| inverse[(i, k)] * scale[i] * scale[k]))
 }

@@ -53,7 +53,8 @@ struct Assembled {
 
 fn assemble(captures: &[&Prepared], locals: &[Local], impulse: Impulse) -> Assembled {
     let known = Known::Impulse(impulse);
-    let one = |(c, local): (&&Prepared, &Local)| (c.terms(local, &known, true), c.log_likelihood(local, &known));
+    let one =
+        |(c, local): (&&Prepared, &Local)| (c.terms(local, &known, true), c.log_likelihood(local, &known));
     let all: Vec<_> = captures.par_iter().zip(locals).map(one).collect();
     Assembled {
         value: all.iter().map(|(_, v)| v).sum(),

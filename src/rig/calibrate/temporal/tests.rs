@@ -34,7 +34,8 @@ fn counter(spad: &Spad) -> Counter {
         bin_ps: spad.bin_ps,
         period_bins: spad.period_bins(),
         dead_ps: spad.dead_time_ps,
-        after_pulse_ps: (spad.mode == Mode::FreeRunning && spad.after_pulsing > 0.0).then_some(spad.after_pulse_time_ps),
+        after_pulse_ps: (spad.mode == Mode::FreeRunning && spad.after_pulsing > 0.0)
+            .then_some(spad.after_pulse_time_ps),
     }
 }
 
@@ -51,7 +52,10 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
     let rates = fine.rates(&light, 635.0).expect("rates");
     let rates: Vec<f64> = rates.chunks(FINE).map(|c| c.iter().sum()).collect();
     let counts = spad.count(&rates, random).expect("counts");
-    (counts.iter().map(|n| *n as u32).collect(), (place + 0.5) * fine.bin_ps)
+    (
+        counts.iter().map(|n| *n as u32).collect(),
+        (place + 0.5) * fine.bin_ps,
+    )
 }
 
 /// Planes before pixels with planted time zeros.
@@ -150,7 +154,10 @@ fn stated_errors_are_those_that_are_made() {
         let c = found.clock.expect("two distances");
         clock.add(c.relative_error - error, c.sigma);
         for (k, squares) in shape.iter_mut().enumerate() {
-            squares.add(found.response.vector()[k] - truth.vector()[k], found.response_sigma[k]);
+            squares.add(
+                found.response.vector()[k] - truth.vector()[k],
+                found.response_sigma[k],
+            );
         }
         chi += found.chi_squared / found.freedom as f64 / 64.0;
     }
@@ -184,7 +191,12 @@ fn pile_up_does_not_move_time_zero() {
         assert!(error.abs() < 5.0 * sigma && sigma < 0.1, "{error} ± {sigma}");
         // Naively: the mean of the counts around their peak.
         let (_, travel, counts) = &bench.taken[pixel];
-        let peak = counts.iter().enumerate().max_by_key(|(_, n)| **n).expect("counts").0;
+        let peak = counts
+            .iter()
+            .enumerate()
+            .max_by_key(|(_, n)| **n)
+            .expect("counts")
+            .0;
         let near = || (peak - 8..peak + 9).map(|i| (25.0 * (i as f64 + 0.5), f64::from(counts[i])));
         let mean = near().map(|(t, n)| t * n).sum::<f64>() / near().map(|(_, n)| n).sum::<f64>() - travel;
         assert!(mean - want < -3.0, "{} early", want - mean);
@@ -230,12 +242,19 @@ fn measured_responses_serve_as_well() {
         let t = template.first_ps + k as f64 * template.step_ps;
         let want = response.before(t + 12.5) - response.before(t - 12.5);
         // The grid widens it.
-        assert!((share - want).abs() < 5.0 * sigma + 0.004 * template.share[48], "{t} ps: {share} for {want} ± {sigma}");
+        assert!(
+            (share - want).abs() < 5.0 * sigma + 0.004 * template.share[48],
+            "{t} ps: {share} for {want} ± {sigma}"
+        );
         chi += ((share - want) / sigma).powi(2) / template.share.len() as f64;
     }
     assert!(chi < 3.0, "{chi}");
     // Gauss and box: √(70² + ln 2·8/12·25²) nearly, the tail adds some.
-    assert!((70.0..80.0).contains(&template.fwhm_ps()), "{}", template.fwhm_ps());
+    assert!(
+        (70.0..80.0).contains(&template.fwhm_ps()),
+        "{}",
+        template.fwhm_ps()
+    );
     let with = calibrate_with(&template, &counter, &captures, 64, false).expect("a calibration");
     let mut squares = Squares::default();
     for (pixel, want) in bench.zeros.iter().enumerate() {
@@ -253,7 +272,10 @@ fn exact_counts_give_the_exact_time() {
     let (x, n) = (4321.0, 1e9);
     let response = truth.response();
     let counts: Vec<u32> = (0..BINS)
-        .map(|i| (n * (response.before(25.0 * (i + 1) as f64 - x) - response.before(25.0 * i as f64 - x))).round() as u32)
+        .map(|i| {
+            (n * (response.before(25.0 * (i + 1) as f64 - x) - response.before(25.0 * i as f64 - x))).round()
+                as u32
+        })
         .collect();
     let spad = diode(&truth);
     let capture = Capture {
@@ -264,24 +286,38 @@ fn exact_counts_give_the_exact_time() {
         pulses: 10_000_000_000_000_000,
     };
     let found = calibrate(&counter(&spad), &[capture], 2, &Options::default()).expect("a calibration");
-    assert!((found.zero_ps.at(1) - 321.0).abs() < 1e-3, "{}", found.zero_ps.at(1));
+    assert!(
+        (found.zero_ps.at(1) - 321.0).abs() < 1e-3,
+        "{}",
+        found.zero_ps.at(1)
+    );
     assert!(found.zero_ps.at(0).is_nan());
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 1e-2);
     assert!((found.response.tail_share - truth.tail_share).abs() < 1e-3);
     assert!((found.time_ps(1, 100) - (2512.5 - 321.0)).abs() < 1e-3);
     // Cramér and Rao: a Gaussian alone would have σ/√n.
     let least = truth.sigma_ps / n.sqrt();
-    assert!((1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)), "{}", found.own_sigma_ps.at(1) / least);
+    assert!(
+        (1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)),
+        "{}",
+        found.own_sigma_ps.at(1) / least
+    );
     assert!(found.untold.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
     // Light stays when histograms are aligned, and its mean moves by the time zero.
     let histogram: Vec<f64> = counts.iter().map(|n| f64::from(*n)).collect();
     let moved = found.aligned(1, &histogram);
     let mean = |h: &[f64]| {
         let sum: f64 = h.iter().sum();
-        (sum, h.iter().enumerate().map(|(i, v)| i as f64 * v).sum::<f64>() / sum)
+        (
+            sum,
+            h.iter().enumerate().map(|(i, v)| i as f64 * v).sum::<f64>() / sum,
+        )
     };
     let (a, b) = (mean(&histogram), mean(&moved));
-    assert!((a.0 / b.0 - 1.0).abs() < 1e-12 && ((a.1 - b.1) * 25.0 - 321.0).abs() < 1e-2, "{a:?} {b:?}");
+    assert!(
+        (a.0 / b.0 - 1.0).abs() < 1e-12 && ((a.1 - b.1) * 25.0 - 321.0).abs() < 1e-2,
+        "{a:?} {b:?}"
+    );
     assert!(found.aligned(0, &histogram).iter().all(|v| v.is_nan()));
 }
 
@@ -295,7 +331,11 @@ fn tails_that_are_not_there_are_said() {
     spad.pulses = 50_000;
     let bench = Bench::new(spad, 0.1, 4, &[5000.0], 0.0, 700);
     let found = bench.calibrate(&Options::default()).expect("a calibration");
-    assert!(found.untold.iter().any(|w| w.contains("no tail stands out")), "{:?}", found.untold);
+    assert!(
+        found.untold.iter().any(|w| w.contains("no tail stands out")),
+        "{:?}",
+        found.untold
+    );
     assert_eq!(found.response.tail_share, 0.0);
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 5.0 * found.response_sigma[0]);
 }
@@ -314,31 +354,82 @@ fn what_cannot_be_calibrated_is_said() {
         pulses,
     };
     let of = |c: Capture| calibrate(&counter, &[c], 1, &Options::default());
-    assert_eq!(of(capture(&flat, 1_000_000)), Err(TemporalError::NoPulse { dark: 1, saturated: 0 }));
-    assert_eq!(of(capture(&none, 1_000_000)), Err(TemporalError::NoPulse { dark: 1, saturated: 0 }));
-    assert_eq!(of(capture(&all, 1000)), Err(TemporalError::NoPulse { dark: 0, saturated: 1 }));
-    assert_eq!(calibrate(&counter, &[], 1, &Options::default()), Err(TemporalError::NoCapture));
+    assert_eq!(
+        of(capture(&flat, 1_000_000)),
+        Err(TemporalError::NoPulse {
+            dark: 1,
+            saturated: 0
+        })
+    );
+    assert_eq!(
+        of(capture(&none, 1_000_000)),
+        Err(TemporalError::NoPulse {
+            dark: 1,
+            saturated: 0
+        })
+    );
+    assert_eq!(
+        of(capture(&all, 1000)),
+        Err(TemporalError::NoPulse {
+            dark: 0,
+            saturated: 1
+        })
+    );
+    assert_eq!(
+        calibrate(&counter, &[], 1, &Options::default()),
+        Err(TemporalError::NoCapture)
+    );
     let message = |c: Capture| of(c).expect_err("is bad").to_string();
     assert!(message(capture(&all, 999)).contains("one at most"));
     assert!(message(capture(&all, 0)).contains("no pulses"));
     assert!(message(capture(&all[..5], 2000)).contains("5 bins"));
-    assert!(message(Capture { pixel: 1, ..capture(&all, 2000) }).contains("pixel 1"));
+    assert!(
+        message(Capture {
+            pixel: 1,
+            ..capture(&all, 2000)
+        })
+        .contains("pixel 1")
+    );
     for travel_ps in [f64::NAN, f64::INFINITY] {
-        assert!(message(Capture { travel_ps, ..capture(&all, 2000) }).contains("travel time"));
+        assert!(
+            message(Capture {
+                travel_ps,
+                ..capture(&all, 2000)
+            })
+            .contains("travel time")
+        );
     }
     // Light in one bin alone: a response that is narrower than can be told is no panic.
     let _ = of(capture(&all, 10_000));
     for bad in [
-        Counter { bin_ps: f64::NAN, ..counter },
-        Counter { period_bins: 3, ..counter },
-        Counter { dead_ps: -1.0, ..counter },
-        Counter { after_pulse_ps: Some(0.0), ..counter },
+        Counter {
+            bin_ps: f64::NAN,
+            ..counter
+        },
+        Counter {
+            period_bins: 3,
+            ..counter
+        },
+        Counter {
+            dead_ps: -1.0,
+            ..counter
+        },
+        Counter {
+            after_pulse_ps: Some(0.0),
+            ..counter
+        },
     ] {
         let found = calibrate(&bad, &[capture(&flat, 1_000_000)], 1, &Options::default());
         assert!(matches!(found, Err(TemporalError::Counter { .. })), "{found:?}");
     }
-    let start = Impulse { sigma_ps: f64::NAN, ..Impulse::default() };
-    let options = Options { start, ..Options::default() };
+    let start = Impulse {
+        sigma_ps: f64::NAN,
+        ..Impulse::default()
+    };
+    let options = Options {
+        start,
+        ..Options::default()
+    };
     assert!(calibrate(&counter, &[capture(&flat, 1_000_000)], 1, &options).is_err());
 }
 

@@ -169,7 +169,9 @@ pub fn calibrate(
     }
     let start = options.start.possible(counter.bin_ps, period_ps);
     let known = Known::Impulse(start);
-    let light = |c: &Capture| Prepared::new(counter, c).and_then(|p| p.fit(&known).map(|local| local.signal * c.pulses as f64));
+    let light = |c: &Capture| {
+        Prepared::new(counter, c).and_then(|p| p.begin(&known).map(|local| local.signal * c.pulses as f64))
+    };
     let lights: Vec<Result<f64, Fault>> = captures.par_iter().map(light).collect();
     let mut order: Vec<(usize, f64)> = lights
         .iter()
@@ -189,7 +191,7 @@ pub fn calibrate(
     if chosen.is_empty() {
         let count = |f: Fault| lights.iter().filter(|l| l.as_ref().err() == Some(&f)).count();
         return Err(TemporalError::NoPulse {
-            dark: count(Fault::Dark) + count(Fault::Unsettled),
+            dark: lights.len() - count(Fault::Saturated),
             saturated: count(Fault::Saturated),
         });
     }
@@ -210,7 +212,13 @@ pub fn calibrate(
             .copied()
             .filter(|s| !matches!(s, Shape::TailShare | Shape::TailTime))
             .collect();
-        fitted = fit(Impulse { tail_share: 0.0, ..start }, &without);
+        fitted = fit(
+            Impulse {
+                tail_share: 0.0,
+                ..start
+            },
+            &without,
+        );
         untold.push(format!(
             "{} and {}: no tail stands out from the Gaussian part; the share is 0",
             Shape::TailShare.name(),
@@ -219,7 +227,14 @@ pub fn calibrate(
     }
     let fitted = fitted?;
     let c = &fitted.covariance;
-    let found = finish(counter, captures, pixels, &Known::Impulse(fitted.impulse), c, options.correct_clock)?;
+    let found = finish(
+        counter,
+        captures,
+        pixels,
+        &Known::Impulse(fitted.impulse),
+        c,
+        options.correct_clock,
+    )?;
     untold.extend(found.untold);
     Ok(Temporal {
         untold,
@@ -245,7 +260,14 @@ pub fn calibrate_with(
 ) -> Result<Temporal, TemporalError> {
     check(counter, captures, pixels)?;
     let none = Matrix4::zeros();
-    finish(counter, captures, pixels, &Known::Template(template), &none, correct_clock)
+    finish(
+        counter,
+        captures,
+        pixels,
+        &Known::Template(template),
+        &none,
+        correct_clock,
+    )
 }
 
 /// Time zeros by a known response.
@@ -260,7 +282,11 @@ fn finish(
     let one = |c: &Capture| Prepared::new(counter, c).and_then(|p| One::of(c, &p, known));
     let all: Vec<Result<One, Fault>> = captures.par_iter().map(one).collect();
     let count = |f: Fault| all.iter().filter(|l| l.as_ref().err() == Some(&f)).count();
-    let (dark, saturated, unsettled) = (count(Fault::Dark), count(Fault::Saturated), count(Fault::Unsettled));
+    let (dark, saturated, unsettled) = (
+        count(Fault::Dark),
+        count(Fault::Saturated),
+        count(Fault::Unsettled),
+    );
     let mut by_pixel: Vec<Vec<One>> = (0..pixels).map(|_| vec![]).collect();
     let (mut chi_squared, mut freedom) = (0.0, 0);
     for one in all.into_iter().flatten() {
@@ -277,7 +303,9 @@ fn finish(
     let period_ps = counter.bin_ps * counter.period_bins as f64;
     for ones in &mut by_pixel {
         // The same side of the circle for all captures of a pixel.
-        let Some(first) = ones.first().map(|o| o.zero_ps) else { continue };
+        let Some(first) = ones.first().map(|o| o.zero_ps) else {
+            continue;
+        };
         for o in ones {
             o.zero_ps -= period_ps * ((o.zero_ps - first) / period_ps).round();
         }
@@ -302,7 +330,9 @@ fn finish(
             return [f64::NAN; 3];
         }
         let (zero, travel, with_response) = (zero / weights, travel / weights, with_response / weights);
-        let [late, spread] = correction.map_or([0.0, 0.0], |c| [c.relative_error * travel, (c.sigma * travel).powi(2)]);
+        let [late, spread] = correction.map_or([0.0, 0.0], |c| {
+            [c.relative_error * travel, (c.sigma * travel).powi(2)]
+        });
         let own = 1.0 / weights;
         let shared = with_response.dot(&(covariance * with_response));
         [zero - late, own.sqrt(), (own + shared + spread).sqrt()]
