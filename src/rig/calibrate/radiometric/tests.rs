@@ -218,7 +218,7 @@ fn settings_of_a_simulated_camera_come_back() {
     let light = [0.02, 0.1, 0.3, 0.6, 1.0, 1.3, 1.6, 1.9, 2.5].map(|l| stack(l, 1.0));
     let found = calibrate(&dark, &light, &Options::default()).expect("a calibration");
     let near = |value: f64, want: f64, sigma: f64| {
-        assert!((value - want).abs() < 5.0 * sigma, "{value} for {want} ± {sigma}")
+        assert!((value - want).abs() < 5.0 * sigma, "{value} for {want} ± {sigma}");
     };
     let gain = cmos.full_well_e / 4095.0;
     let t = found.transfer.expect("a gain");

@@ -114,8 +114,8 @@ fn bridge(share: &mut [f64]) -> Option<()> {
     for pair in known.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let (from, to) = (share[a], share[b]);
-        for i in a + 1..b {
-            share[i] = from + (to - from) * (i - a) as f64 / (b - a) as f64;
+        for (k, v) in share[a..b].iter_mut().enumerate() {
+            *v = from + (to - from) * k as f64 / (b - a) as f64;
         }
     }
     Some(())

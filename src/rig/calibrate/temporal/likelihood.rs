@@ -163,11 +163,23 @@ impl Prepared {
                     (arrival + (jitter + tail).min(most)).ceil(),
                 );
                 let at = |k: i64| response.before((k as f64 - arrival) * self.bin_ps);
-                let mut below = at(first as i64);
-                for k in first as i64..last as i64 {
+                // From here on the response is its exponential alone: each bin has the same part of the one before.
+                let (sigma, tau) = (impulse.sigma_ps, impulse.tail_ps);
+                let calm = arrival + sigma * (SIGMAS + sigma / tau) / self.bin_ps;
+                let mut k = first as i64;
+                let mut below = at(k);
+                while k < last as i64 && (k as f64) < calm {
                     let above = at(k + 1);
                     put(k, above - below);
                     below = above;
+                    k += 1;
+                }
+                let keep = (-self.bin_ps / tau).exp();
+                let late = 0.5 * (sigma / tau).powi(2) - (k as f64 - arrival) * self.bin_ps / tau;
+                let mut share = impulse.tail_share * late.exp() * (1.0 - keep);
+                for k in k..last as i64 {
+                    put(k, share);
+                    share *= keep;
                 }
             }
             Known::Template(t) => {
