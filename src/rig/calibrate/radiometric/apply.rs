@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Readings from this share of the saturation's signal on tell nothing.
 const SATURATED: f64 = 0.95;
+const MOST_DEGREE: usize = 8;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,6 +92,13 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
         if !(value.is_finite() && value >= 0.0) {
             return Err(RadiometricError::Setting { what, value, need });
         }
+    }
+    if options.degree > MOST_DEGREE {
+        return Err(RadiometricError::Setting {
+            what: "the number of linearity's coefficients",
+            value: options.degree as f64,
+            need: "0 to 8",
+        });
     }
     let (top_dn, frames) = (dark[0].top_dn(), dark);
     let dark = Dark::of(frames, options.limit)?;

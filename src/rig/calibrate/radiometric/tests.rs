@@ -5,6 +5,7 @@ use optics::sampling::stream::Stream;
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::random::stream;
 use polarimetry::capture::spectral_value::SpectralValue;
+use proptest::prelude::*;
 use rand_distr::{Distribution, Poisson, StandardNormal};
 
 const TOP: u32 = 4095;
@@ -384,4 +385,36 @@ fn calibrations_go_through_files() {
     let alone = calibrate(&dark[..1], &[], &Options::default()).expect("a calibration");
     let text = toml::to_string(&alone).expect("a text");
     assert_eq!(toml::from_str::<Radiometry>(&text).expect("a calibration"), alone);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Whatever was read: a calibration or an error, and frames that it corrects.
+    #[test]
+    fn no_frames_panic(
+        stacks in prop::collection::vec(
+            (
+                prop::collection::vec(prop::collection::vec(0_u32..=TOP, 3), 0..4),
+                prop_oneof![Just(0.01), 1e-6..1e6_f64, proptest::num::f64::ANY],
+                prop_oneof![1 => Just(0.0), 2 => 0.0..10.0_f64, 1 => proptest::num::f64::ANY],
+            ),
+            0..8,
+        ),
+        dark in 0_usize..4,
+        degree in 0_usize..10,
+    ) {
+        let of = |(frames, exposure, light): &(Vec<Vec<u32>>, f64, f64)| -> Option<Stack> {
+            let mut out = Stack::new(3, *exposure, *light, TOP).ok()?;
+            frames.iter().try_for_each(|f| out.add(f)).ok()?;
+            Some(out)
+        };
+        let stacks: Vec<Stack> = stacks.iter().filter_map(of).collect();
+        let (dark, light) = stacks.split_at(dark.min(stacks.len()));
+        let options = Options { degree, ..Options::default() };
+        if let Ok(found) = calibrate(dark, light, &options) {
+            let corrected = found.correct(&[0, 2000, TOP], 0.01).expect("a frame");
+            prop_assert_eq!(corrected.signal.len(), 3);
+        }
+    }
 }

@@ -5,6 +5,9 @@ use polarimetry::capture::detector::spad::Mode;
 /// Most bins of a period.
 const MOST_BINS: usize = 1 << 20;
 
+/// Longest time of all: a second.
+const LONGEST_PS: f64 = 1e12;
+
 /// The counter that made them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counter {
@@ -82,12 +85,12 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
             Err(TemporalError::Counter { what, value, need })
         }
     };
-    let time = |v: f64| v.is_finite() && v > 0.0;
+    let time = |v: f64| (1e-3..=LONGEST_PS).contains(&v);
     setting(
         "bin",
         counter.bin_ps,
         time(counter.bin_ps),
-        "a positive time in ps",
+        "a time in ps, 1e-3 to 1e12",
     )?;
     let bins = counter.period_bins;
     setting(
@@ -97,13 +100,13 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         "8 to 1048576 bins",
     )?;
     let dead = counter.dead_ps;
-    setting("dead time", dead, dead == 0.0 || time(dead), "zero or more ps")?;
+    setting("dead time", dead, dead == 0.0 || time(dead), "no time, or one in ps, 1e-3 to 1e12")?;
     if let Some(after) = counter.after_pulse_ps {
         setting(
             "time of after-pulses",
             after,
-            time(after),
-            "a positive time in ps",
+            time(after) && after <= 100.0 * counter.bin_ps * bins as f64,
+            "a time in ps, at most a hundred periods",
         )?;
     }
     if captures.is_empty() {
@@ -114,9 +117,9 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         if c.pixel >= pixels {
             return wrong(format!("it is of pixel {}, there are {pixels}", c.pixel));
         }
-        if !c.travel_ps.is_finite() {
+        if c.travel_ps.is_nan() || c.travel_ps.abs() > LONGEST_PS {
             return wrong(format!(
-                "its travel time is {}; give the optical path over c in ps",
+                "its travel time is {}; give the optical path over c in ps, at most 1e12",
                 c.travel_ps
             ));
         }

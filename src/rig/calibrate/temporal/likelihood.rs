@@ -398,6 +398,9 @@ impl Prepared {
     pub fn fit(&self, known: &Known) -> Result<Local, Fault> {
         let mut local = self.begin(known)?;
         let mut value = self.log_likelihood(&local, known);
+        if !value.is_finite() {
+            return Err(Fault::Unsettled);
+        }
         let mut damping = 1e-3;
         for _ in 0..STEPS {
             let (score, information) = self.terms(&local, known, false);

@@ -7,6 +7,7 @@ use polarimetry::capture::detector::random::stream;
 use polarimetry::capture::detector::response::FWHM_PER_SIGMA;
 use polarimetry::capture::detector::spad::{Mode, Spad};
 use polarimetry::capture::spectral_value::SpectralValue;
+use proptest::prelude::*;
 
 /// Parts of a bin in which the simulated light may come.
 const FINE: usize = 20;
@@ -442,4 +443,36 @@ fn calibrations_go_through_files() {
     found.clock = None;
     let text = toml::to_string(&found).expect("a text");
     assert_eq!(toml::from_str::<Temporal>(&text).expect("a calibration"), found);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Whatever was counted: a calibration or an error.
+    #[test]
+    fn no_histograms_panic(
+        counts in prop::collection::vec(prop_oneof![4 => 0_u32..6, 1 => 0_u32..5000, 1 => any::<u32>()], 8..40),
+        pulses in prop_oneof![any::<u64>(), 1000_u64..1_000_000],
+        travel_ps in prop_oneof![proptest::num::f64::ANY, 0.0..2000.0],
+        bin_ps in prop_oneof![proptest::num::f64::ANY, 1.0..100.0],
+        dead_ps in prop_oneof![proptest::num::f64::ANY, 0.0..2000.0],
+        after_pulse_ps in prop_oneof![Just(None), (1.0..1000.0).prop_map(Some), proptest::num::f64::ANY.prop_map(Some)],
+        synchronous in any::<bool>(),
+        peak in 0_u32..100_000,
+    ) {
+        let mut counts = counts;
+        counts[5] = counts[5].max(peak);
+        let mode = if synchronous { Mode::Synchronous } else { Mode::FreeRunning };
+        let counter = Counter { mode, bin_ps, period_bins: counts.len(), dead_ps, after_pulse_ps };
+        let capture = |travel_ps| Capture { pixel: 0, travel_ps, counts: &counts, pulses };
+        let captures = [capture(travel_ps), capture(travel_ps + 300.0)];
+        let options = Options { correct_clock: true, ..Options::default() };
+        if let Ok(found) = calibrate(&counter, &captures, 1, &options) {
+            prop_assert!(found.zero_ps.at(0).is_finite() && found.sigma_ps.at(0) >= 0.0);
+            let template = aligned(&found, &captures, &counter, 200.0, 400.0, 2);
+            if let Some(template) = template {
+                let _ = calibrate_with(&template, &counter, &captures, 1, false);
+            }
+        }
+    }
 }

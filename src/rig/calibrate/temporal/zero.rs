@@ -259,6 +259,19 @@ pub fn calibrate_with(
     correct_clock: bool,
 ) -> Result<Temporal, TemporalError> {
     check(counter, captures, pixels)?;
+    let period_ps = counter.bin_ps * counter.period_bins as f64;
+    let fits = template.share.iter().all(|v| v.is_finite())
+        && template.step_ps > 0.0
+        && template.first_ps >= -period_ps
+        && template.end_ps() <= period_ps
+        && (0.0..=0.9).contains(&template.after_pulsing);
+    if !fits {
+        return Err(TemporalError::Counter {
+            what: "measured response's first time",
+            value: template.first_ps,
+            need: "one within a period, a positive step and finite shares",
+        });
+    }
     let none = Matrix4::zeros();
     finish(
         counter,
