@@ -1,6 +1,7 @@
 //! Frames of one setting, reduced to means and variances of each pixel as they come.
 
 use super::error::RadiometricError;
+use crate::instrument::{RawFrame, pixels};
 
 /// Means and variances of the frames of one setting.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,6 +85,18 @@ impl Stack {
             self.clipped[i] |= *dn == self.top_dn;
         }
         Ok(())
+    }
+
+    /// Adds a frame as a camera took it.
+    ///
+    /// # Errors
+    /// [`RadiometricError::Size`] if its bytes are not those of its region, otherwise those of [`Self::add`].
+    pub fn add_raw(&mut self, frame: &RawFrame) -> Result<(), RadiometricError> {
+        let numbers = pixels::unpack(frame).ok_or_else(|| RadiometricError::Size {
+            found: frame.bytes.len() * 8 / frame.format.bits() as usize,
+            want: self.mean.len(),
+        })?;
+        self.add(&numbers)
     }
 
     /// Exposure, s.

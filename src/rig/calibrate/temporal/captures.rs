@@ -1,5 +1,6 @@
 //! What is measured: histograms of a plane at known distances.
 
+use crate::instrument::Histogram;
 use polarimetry::capture::detector::spad::Mode;
 
 /// Most bins of a period.
@@ -35,6 +36,19 @@ pub struct Capture<'a> {
     pub counts: &'a [u32],
     /// Laser pulses.
     pub pulses: u64,
+}
+
+impl<'a> Capture<'a> {
+    /// What a counter took of a pixel.
+    #[must_use]
+    pub fn of(histogram: &'a Histogram, pixel: usize, travel_ps: f64) -> Self {
+        Self {
+            pixel,
+            travel_ps,
+            counts: &histogram.counts,
+            pulses: histogram.pulses,
+        }
+    }
 }
 
 /// Why there is no calibration.
@@ -100,7 +114,12 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         "8 to 1048576 bins",
     )?;
     let dead = counter.dead_ps;
-    setting("dead time", dead, dead == 0.0 || time(dead), "no time, or one in ps, 1e-3 to 1e12")?;
+    setting(
+        "dead time",
+        dead,
+        dead == 0.0 || time(dead),
+        "no time, or one in ps, 1e-3 to 1e12",
+    )?;
     if let Some(after) = counter.after_pulse_ps {
         setting(
             "time of after-pulses",
