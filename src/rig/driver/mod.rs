@@ -2,3 +2,5 @@
 
 pub mod apt;
 pub mod line;
+pub mod scpi;
+pub mod tcp;
