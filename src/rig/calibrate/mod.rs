@@ -2,4 +2,7 @@
 
 pub mod geometric;
 pub mod least_squares;
+pub mod pixel_map;
 pub mod polarimetric;
+pub mod radiometric;
+pub mod temporal;

@@ -465,6 +465,13 @@ impl Session<'_> {
             let what = format!("{} bins came instead of {}", histogram.counts.len(), work.bins);
             return Err(Failure::new(Fault::Timeout, counter.name(), what));
         }
+        // Light that failed while it counted: what was counted is not to be used.
+        let laser = self.rig.laser.as_mut().ok_or_else(|| absent("laser"))?;
+        let power = laser.state(self.within)?.power;
+        if power < self.steps.plan.limits.laser_power {
+            let what = format!("its power fell to {power:.2} of nominal during a frame");
+            return Err(Failure::new(Fault::Timeout, laser.name(), what));
+        }
         record.number = histogram.number;
         record.pulses = Some(histogram.pulses);
         Ok(histogram.counts)

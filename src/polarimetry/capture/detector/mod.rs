@@ -16,7 +16,7 @@ pub mod file;
 pub mod pile_up;
 pub mod polarizer_array;
 pub mod random;
-mod response;
+pub mod response;
 pub mod spad;
 mod tcspc;
 #[cfg(test)]

@@ -74,8 +74,22 @@ pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     counts.iter().zip(armed).map(rate).collect()
 }
 
-/// The pulses, in parts, in which each bin was armed.
-fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
+/// The pulses in which a synchronous diode was still armed at each bin: A_i of [`coates`]; 0 where counts exceed pulses.
+#[must_use]
+pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
+    let mut left = pulses as f64;
+    let armed = |count: &u64| {
+        let armed = left.max(0.0);
+        left -= *count as f64;
+        armed
+    };
+    counts.iter().map(armed).collect()
+}
+
+/// The pulses, in parts, in which a free-running diode with a dead time of `dead` bins was armed at each bin of the period:
+/// A_i of [`live_time`]; not positive where it saw too much.
+#[must_use]
+pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let bins = counts.len();
     let n: Vec<_> = counts.iter().map(|n| *n as f64).collect();
     let mut before = vec![0.0];
@@ -199,6 +213,11 @@ mod tests {
         counts[6] = 2;
         let lost: Vec<_> = armed(&counts, 10, 3.0).iter().map(|a| 10.0 - a).collect();
         assert_eq!(lost, [2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0]);
+    }
+
+    #[test]
+    fn each_pulse_counts_once() {
+        assert_eq!(armed_before(&[3, 0, 7, 0], 10), [10.0, 7.0, 7.0, 0.0]);
     }
 
     #[test]
