@@ -136,7 +136,9 @@ impl LaserTable {
             (None, None) => {}
             (Some(_), Some(p)) if p > 0.0 && p.is_finite() => {}
             _ => {
-                return Err("`ask_power` and `nominal_power` (above 0) go together; give both or none".into());
+                return Err(
+                    "`ask_power` and `nominal_power` (above 0) go together; give both or none".into(),
+                );
             }
         }
         let optional = [
