@@ -35,6 +35,8 @@ pub enum Begin {
 
 /// A pattern of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+// Four bits of the controller's word, each of its own.
+#[allow(clippy::struct_excessive_bools)]
 pub struct Entry {
     /// What begins it.
     pub begin: Begin,

@@ -19,7 +19,7 @@ fn stripes(width: usize) -> Pattern {
         width: SIZE[0],
         height: SIZE[1],
         pixels: (0..w * h)
-            .map(|i| if i % w / width % 2 == 0 { 255 } else { 0 })
+            .map(|i| if (i % w / width).is_multiple_of(2) { 255 } else { 0 })
             .collect(),
     }
 }
