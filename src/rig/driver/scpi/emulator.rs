@@ -149,7 +149,7 @@ impl Emulator {
             ("OUTP", value) => {
                 match (value.to_ascii_uppercase().as_str(), state.trouble) {
                     ("ON" | "1", Trouble::Interlock) => {
-                        state.errors.push((-221, "Settings conflict; interlock open"))
+                        state.errors.push((-221, "Settings conflict; interlock open"));
                     }
                     ("ON" | "1", _) => state.on = true,
                     ("OFF" | "0", _) => state.on = false,
