@@ -1,4 +1,7 @@
 //! Drivers that speak the protocols of real instruments over any line of bytes, each tried against an emulator.
 
 pub mod apt;
+pub mod dlpc350;
 pub mod line;
+pub mod scpi;
+pub mod tcp;

@@ -1,0 +1,247 @@
+//! An emulated controller: a line whose other end does what the guide says, and fails on purpose.
+
+use super::super::line::LineError;
+use super::command::{Command, Entry, Mailbox, Question};
+use super::hid::{Assembler, HidLine, Message, REPORT};
+use super::projector::SHORTEST_US;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// What is wrong with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trouble {
+    /// Nothing.
+    #[default]
+    None,
+    /// It does not answer.
+    Silent,
+    /// It refuses everything.
+    Refuses,
+    /// Noise comes before every answer.
+    Noise,
+    /// The cable is out.
+    Out,
+    /// Sequences are aborted.
+    Aborts,
+}
+
+/// What its mirrors show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Light {
+    /// Image in flash.
+    pub image: u8,
+    /// Its pattern.
+    pub entry: Entry,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    trouble: Trouble,
+    images: u8,
+    pattern_mode: bool,
+    flash: bool,
+    trigger: u8,
+    times: [u32; 2],
+    config: [u8; 4],
+    mailbox: u8,
+    table: Vec<u8>,
+    list: Vec<u8>,
+    leds: u8,
+    /// Answers "under way" so often, then whether the sequence is good.
+    busy: u8,
+    valid: Option<u8>,
+    running: bool,
+    parser: Assembler,
+    answers: VecDeque<[u8; REPORT]>,
+}
+
+/// A controller; clones are the same one.
+#[derive(Clone, Debug, Default)]
+pub struct Emulator(Arc<Mutex<State>>);
+
+impl Emulator {
+    /// One whose flash has so many images.
+    #[must_use]
+    pub fn new(images: u8) -> Self {
+        let emulator = Self::default();
+        emulator.state().images = images;
+        emulator
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sets what is wrong.
+    pub fn trouble(&self, trouble: Trouble) {
+        self.state().trouble = trouble;
+    }
+
+    /// What light comes out, if any.
+    #[must_use]
+    pub fn light(&self) -> Option<Light> {
+        let state = self.state();
+        let entry = state.table.first_chunk::<3>().map(|b| Entry::read(*b))?;
+        let shines = state.running && state.leds == 8 && entry.leds != 0;
+        let image = *state.list.first()?;
+        shines.then_some(Light { image, entry })
+    }
+}
+
+impl State {
+    /// Does what it is told; `None` for what it does not know or cannot do now.
+    fn told(&mut self, code: u16, data: &[u8]) -> Option<()> {
+        let is = |c: &Command| c.code() == code;
+        let first = *data.first()?;
+        // While a sequence runs, it can be stopped, and diodes be switched.
+        let stands = !self.running || code == 0x1A24 || code == 0x1A07;
+        if !stands {
+            return None;
+        }
+        match code {
+            0x1A1B => self.pattern_mode = first == 1,
+            0x1A22 => self.flash = first == 3,
+            0x1A23 => self.trigger = first,
+            0x1A24 if first == 2 => {
+                // Only what was found good is started.
+                if self.valid.is_none_or(|v| v & 3 != 0) || self.busy > 0 {
+                    return None;
+                }
+                self.running = self.trouble != Trouble::Aborts;
+                return Some(());
+            }
+            0x1A24 => {
+                self.running = false;
+                return Some(());
+            }
+            0x1A29 => {
+                let time = |at: usize| data.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
+                self.times = [time(0)?, time(4)?];
+            }
+            0x1A31 => self.config = *data.first_chunk::<4>()?,
+            0x1A32 if first != 0 => return None,
+            0x1A32 => {}
+            0x1A33 => self.mailbox = first,
+            0x1A34 if self.mailbox == Mailbox::Images as u8 => self.list = data.to_vec(),
+            0x1A34 if self.mailbox == Mailbox::Patterns as u8 => self.table = data.to_vec(),
+            0x1A07 => {
+                self.leds = first;
+                return Some(());
+            }
+            _ if is(&Command::Validate) => {
+                self.valid = Some(self.check());
+                self.busy = 2;
+                return Some(());
+            }
+            _ => return None,
+        }
+        // What was checked is no more what is set.
+        self.valid = None;
+        Some(())
+    }
+
+    /// The bits of a validation.
+    fn check(&self) -> u8 {
+        let [exposure, period] = self.times;
+        let times = exposure >= SHORTEST_US && (period == exposure || period >= exposure.saturating_add(230));
+        let entries = usize::from(self.config[0]) + 1;
+        let good = |b: &[u8]| {
+            let entry = Entry::read([b[0], b[1], b[2]]);
+            (1..=8).contains(&entry.bits) && u32::from(entry.plane) <= 24 / u32::from(entry.bits)
+        };
+        let table = self.table.len() == 3 * entries && self.table.chunks_exact(3).all(good);
+        let list = self.list.len() == usize::from(self.config[3]) + 1
+            && self.list.iter().all(|i| *i < self.images.max(1));
+        let mode = self.pattern_mode && self.flash && self.trigger == 1 && self.mailbox == 0;
+        u8::from(!times) | u8::from(!(table && list && mode)) << 1
+    }
+
+    fn asked(&mut self, code: u16) -> Option<Vec<u8>> {
+        let all = [
+            Question::Hardware,
+            Question::Main,
+            Question::Validation,
+            Question::Images,
+            Question::Version,
+            Question::Tag,
+        ];
+        Some(match all.into_iter().find(|q| q.code() == code)? {
+            Question::Hardware => vec![if self.trouble == Trouble::Aborts { 0x41 } else { 1 }],
+            Question::Main => vec![u8::from(self.running) << 1],
+            Question::Validation if self.busy > 0 => {
+                self.busy -= 1;
+                vec![0x80]
+            }
+            Question::Validation => vec![self.valid?],
+            Question::Images => vec![self.images],
+            Question::Version => vec![0, 0, 1, 3, 0, 0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 3],
+            Question::Tag => {
+                let mut tag = b"SUNSTONE-EMULATED".to_vec();
+                tag.resize(33, 0);
+                tag
+            }
+        })
+    }
+}
+
+impl HidLine for Emulator {
+    fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError> {
+        let state = &mut *self.state();
+        if state.trouble == Trouble::Out {
+            return Err(LineError::Gone("the cable is out".into()));
+        }
+        let Some(message) = state.parser.feed(report) else {
+            return Ok(());
+        };
+        if state.trouble == Trouble::Silent {
+            return Ok(());
+        }
+        let done = match message.payload.split_first_chunk::<2>() {
+            Some((code, data)) if state.trouble != Trouble::Refuses => {
+                let code = u16::from_le_bytes(*code);
+                if message.read {
+                    state.asked(code)
+                } else {
+                    state.told(code, data).map(|()| vec![])
+                }
+            }
+            _ => None,
+        };
+        if state.trouble == Trouble::Noise {
+            let noise = message.number.wrapping_mul(37);
+            state.answers.push_back([noise | 0x1; REPORT]);
+        }
+        let answer = Message {
+            refused: done.is_none(),
+            payload: done.unwrap_or_default(),
+            ..message
+        };
+        state.answers.extend(answer.reports());
+        Ok(())
+    }
+
+    fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError> {
+        let answer = {
+            let mut state = self.state();
+            if state.trouble == Trouble::Out {
+                return Err(LineError::Gone("the cable is out".into()));
+            }
+            state.answers.pop_front()
+        };
+        answer.ok_or_else(|| {
+            std::thread::sleep(within);
+            LineError::Timeout
+        })
+    }
+
+    fn reopen(&mut self) -> Result<(), LineError> {
+        let mut state = self.state();
+        if state.trouble == Trouble::Out {
+            return Err(LineError::Gone("the cable is out".into()));
+        }
+        state.answers.clear();
+        state.parser.clear();
+        Ok(())
+    }
+}

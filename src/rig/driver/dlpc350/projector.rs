@@ -1,0 +1,349 @@
+//! The driver: patterns that the flash holds, one at a time.
+
+use super::super::line::LineError;
+use super::command::{Begin, Command, Entry, Mailbox, Question, Run, Source, complaints};
+use super::hid::{Assembler, HidLine, Message};
+use crate::instrument::{Failure, Fault, Identity, Instrument, Pattern, PatternProjector, ProjectorLimits};
+use std::time::{Duration, Instant};
+
+/// Pixels of its mirrors.
+pub const SIZE: [u32; 2] = [912, 1140];
+/// Shortest time of a pattern of one bit, microseconds (guide, table of pattern mode).
+pub const SHORTEST_US: u32 = 235;
+/// Images that flash can hold.
+const IMAGES: usize = 64;
+/// Planes of one bit in an image.
+const PLANES: usize = 24;
+
+/// What the flash holds: `images[i][p]` is plane `p` of image `i`, patterns of one bit, 255 and 0.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Flash(pub Vec<Vec<Pattern>>);
+
+/// One pattern as the controller finds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    image: u8,
+    plane: u8,
+    negative: bool,
+}
+
+/// A projector.
+pub struct Dlpc350 {
+    name: String,
+    line: Box<dyn HidLine>,
+    parser: Assembler,
+    number: u8,
+    flash: Flash,
+    period_us: u32,
+    leds: u8,
+    loaded: Vec<Place>,
+}
+
+impl Dlpc350 {
+    /// Over a line that is open. `leds` are those that shine (1 red, 2 green, 4 blue); a pattern repeats every `period`.
+    ///
+    /// # Errors
+    /// [`Failure`] with limit, for a flash that no controller has, no diode, a period that is too short or above a second.
+    pub fn new(
+        name: &str,
+        line: Box<dyn HidLine>,
+        flash: Flash,
+        leds: u8,
+        period: Duration,
+    ) -> Result<Self, Failure> {
+        let limit = |what: String| Err(Failure::new(Fault::Limit, name, what));
+        if flash.0.len() > IMAGES || flash.0.iter().any(|i| i.len() > PLANES) {
+            return limit(format!("flash holds {IMAGES} images of {PLANES} planes at most"));
+        }
+        if flash.0.iter().flatten().any(|p| !fits(p)) {
+            let [w, h] = SIZE;
+            return limit(format!("patterns in flash have {w} x {h} pixels of 0 or 255"));
+        }
+        if leds == 0 || leds > 7 {
+            return limit(format!(
+                "{leds} are no diodes; add up 1 for red, 2 for green, 4 for blue"
+            ));
+        }
+        let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
+        if !(SHORTEST_US..=1_000_000).contains(&period_us) {
+            return limit(format!(
+                "a period of {period:?} is not within {SHORTEST_US} µs to 1 s"
+            ));
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            line,
+            parser: Assembler::default(),
+            number: 0,
+            flash,
+            period_us,
+            leds,
+            loaded: vec![],
+        })
+    }
+
+    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    fn lost(&self, e: LineError) -> Failure {
+        match e {
+            LineError::Timeout => self.failure(Fault::Timeout, "no answer before the deadline"),
+            LineError::Gone(why) => self.failure(Fault::Disconnected, why),
+        }
+    }
+
+    /// One message and its answer's payload. Answers with other numbers are late ones to what timed out before.
+    fn exchange(&mut self, read: bool, code: u16, data: &[u8], until: Instant) -> Result<Vec<u8>, Failure> {
+        self.number = self.number.wrapping_add(1);
+        self.parser.clear();
+        for report in Message::host(read, self.number, code, data).reports() {
+            self.line.write(&report).map_err(|e| self.lost(e))?;
+        }
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.lost(LineError::Timeout));
+            }
+            let report = self.line.read(left).map_err(|e| self.lost(e))?;
+            match self.parser.feed(&report) {
+                Some(m) if m.number == self.number && m.read == read => {
+                    if m.refused {
+                        return Err(self.failure(Fault::Refused, format!("it refuses command {code:04X}")));
+                    }
+                    return Ok(m.payload);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn tell(&mut self, command: &Command, until: Instant) -> Result<(), Failure> {
+        self.exchange(false, command.code(), &command.data(), until)
+            .map(drop)
+    }
+
+    /// The answer's bytes, of which there are at least `least`.
+    fn ask(&mut self, question: Question, least: usize, until: Instant) -> Result<Vec<u8>, Failure> {
+        let answer = self.exchange(true, question.code(), &[], until)?;
+        if answer.len() < least {
+            let what = format!(
+                "it answers {} bytes to {question:?} instead of {least}",
+                answer.len()
+            );
+            return Err(self.failure(Fault::Disconnected, what));
+        }
+        Ok(answer)
+    }
+
+    /// Where a pattern, or its negative, is.
+    fn find(&self, pattern: &Pattern) -> Option<Place> {
+        let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
+        if all(255) || all(0) {
+            return Some(Place {
+                image: 0,
+                plane: Entry::WHITE,
+                negative: all(0),
+            });
+        }
+        let negative_of = |p: &Pattern| p.pixels.iter().zip(&pattern.pixels).all(|(a, b)| *a == 255 - b);
+        for (i, image) in self.flash.0.iter().enumerate() {
+            for (plane, held) in image.iter().enumerate() {
+                let negative = negative_of(held);
+                if negative || held.pixels == pattern.pixels {
+                    return Some(Place {
+                        image: i as u8,
+                        plane: plane as u8,
+                        negative,
+                    });
+                }
+            }
+        }
+        None
+    }
+
+    /// Sets a sequence of one pattern that repeats, lets the controller check it, and starts it.
+    fn run(&mut self, place: Place, until: Instant) -> Result<(), Failure> {
+        let entry = Entry {
+            begin: Begin::Internal,
+            plane: place.plane,
+            bits: 1,
+            leds: self.leds,
+            negative: place.negative,
+            dark_after: false,
+            fetch: true,
+            joined: false,
+        };
+        // The guide's order: everything is set while the sequence stands, validated last.
+        for command in [
+            Command::Run(Run::Stop),
+            Command::PatternMode(true),
+            Command::Source(Source::Flash),
+            Command::Config {
+                entries: 1,
+                repeat: true,
+                per_pulse: 1,
+                images: 1,
+            },
+            Command::TriggerMode(1),
+            Command::Exposure {
+                exposure_us: self.period_us,
+                period_us: self.period_us,
+            },
+            Command::Open(Mailbox::Images),
+            Command::Address(0),
+            Command::ImageTable(vec![place.image]),
+            Command::Open(Mailbox::Closed),
+            Command::Open(Mailbox::Patterns),
+            Command::Address(0),
+            Command::PatternTable(vec![entry]),
+            Command::Open(Mailbox::Closed),
+            Command::Leds(8),
+            Command::Validate,
+        ] {
+            self.tell(&command, until)?;
+        }
+        let bits = loop {
+            let bits = self.ask(Question::Validation, 1, until)?[0];
+            if bits & 0x80 == 0 {
+                break bits;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        };
+        if bits & 3 != 0 {
+            let what = format!("it finds its sequence wrong: {}", complaints(bits).join(", "));
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.tell(&Command::Run(Run::Start), until)
+    }
+
+    /// Waits until the mirrors follow.
+    fn stands(&mut self, until: Instant) -> Result<(), Failure> {
+        loop {
+            let main = self.ask(Question::Main, 1, until)?[0];
+            if main & 1 != 0 {
+                return Err(self.failure(Fault::Refused, "its mirrors are parked; switch it on"));
+            }
+            let period = Duration::from_micros(u64::from(self.period_us));
+            if main & 2 != 0 {
+                // Light of the pattern before ends within a period.
+                std::thread::sleep(period);
+                return Ok(());
+            }
+            let hardware = self.ask(Question::Hardware, 1, until)?[0];
+            if hardware & 0xC0 != 0 {
+                return Err(self.failure(
+                    Fault::Refused,
+                    format!("its sequence was aborted (hardware status {hardware:02X})"),
+                ));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+/// Whether a pattern is as large as the mirrors, and of one bit.
+fn fits(p: &Pattern) -> bool {
+    [p.width, p.height] == SIZE
+        && p.pixels.len() == SIZE[0] as usize * SIZE[1] as usize
+        && p.pixels.iter().all(|v| *v == 0 || *v == 255)
+}
+
+impl Instrument for Dlpc350 {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The protocol has no serial number; the firmware's tag stands for it, which its maker gives.
+    fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
+        let until = Instant::now() + within;
+        let v = self.ask(Question::Version, 4, until)?;
+        let tag = self.ask(Question::Tag, 1, until)?;
+        let tag: Vec<u8> = tag.into_iter().take_while(|b| (0x20..0x7F).contains(b)).collect();
+        let tag = String::from_utf8_lossy(&tag).trim().to_owned();
+        Ok(Identity {
+            maker: "Texas Instruments".into(),
+            model: "DLPC350".into(),
+            serial: if tag.is_empty() { "not told".into() } else { tag },
+            firmware: format!("{}.{}.{}", v[3], v[2], u16::from_le_bytes([v[0], v[1]])),
+        })
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        self.loaded.clear();
+        self.parser.clear();
+        self.line.reopen().map_err(|e| self.lost(e))?;
+        self.identify(within).map(drop)
+    }
+}
+
+impl PatternProjector for Dlpc350 {
+    fn limits(&self) -> ProjectorLimits {
+        ProjectorLimits {
+            size: SIZE,
+            patterns: IMAGES * PLANES,
+            bits: 1,
+            shortest: Duration::from_micros(u64::from(self.period_us)),
+        }
+    }
+
+    /// Finds patterns in flash: nothing is sent but a question for how many images it has.
+    fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        let limit = |what: String| Err(self.failure(Fault::Limit, what));
+        if patterns.len() > IMAGES * PLANES {
+            return limit(format!(
+                "{} patterns are more than its {}",
+                patterns.len(),
+                IMAGES * PLANES
+            ));
+        }
+        let mut places = Vec::with_capacity(patterns.len());
+        for (i, pattern) in patterns.iter().enumerate() {
+            if !fits(pattern) {
+                let [w, h] = SIZE;
+                return limit(format!("pattern {i} is not of {w} x {h} pixels of 0 or 255"));
+            }
+            match self.find(pattern) {
+                Some(place) => places.push(place),
+                None => {
+                    return limit(format!(
+                        "pattern {i} is not in its flash; write it there with its firmware, and name it in the list of what is"
+                    ));
+                }
+            }
+        }
+        let images = self.ask(Question::Images, 1, until)?[0];
+        let needed = places
+            .iter()
+            .filter(|p| p.plane != Entry::WHITE)
+            .map(|p| p.image + 1)
+            .max()
+            .unwrap_or(0);
+        if needed > images {
+            let what = format!(
+                "its flash has {images} images, and patterns are looked for in {needed}; the list is another firmware's"
+            );
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.loaded = places;
+        Ok(())
+    }
+
+    fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        let Some(place) = self.loaded.get(pattern).copied() else {
+            let what = format!("there is no pattern {pattern}; {} are loaded", self.loaded.len());
+            return Err(self.failure(Fault::Limit, what));
+        };
+        self.run(place, until)?;
+        self.stands(until)
+    }
+
+    /// Diodes off by hand first: they are, whatever the sequence does.
+    fn dark(&mut self, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        self.tell(&Command::Leds(0), until)?;
+        self.tell(&Command::Run(Run::Stop), until)
+    }
+}

@@ -1,0 +1,288 @@
+//! Packets, the driver against the emulator, and streams of reports that are none.
+
+use super::super::line::LineError;
+use super::command::{Begin, Command, Entry, Question, Run, complaints};
+use super::emulator::{Emulator, Trouble};
+use super::hid::{Assembler, HidLine, Message, REPORT};
+use super::projector::{Dlpc350, Flash, SIZE};
+use crate::conformance;
+use crate::instrument::{Fault, Instrument, Pattern, PatternProjector};
+use proptest::prelude::*;
+use std::time::{Duration, Instant};
+
+const LONG: Duration = Duration::from_secs(5);
+const PERIOD: Duration = Duration::from_millis(1);
+
+fn stripes(width: usize) -> Pattern {
+    let [w, h] = SIZE.map(|n| n as usize);
+    Pattern {
+        width: SIZE[0],
+        height: SIZE[1],
+        pixels: (0..w * h)
+            .map(|i| if (i % w / width).is_multiple_of(2) { 255 } else { 0 })
+            .collect(),
+    }
+}
+
+fn negative(p: &Pattern) -> Pattern {
+    let pixels = p.pixels.iter().map(|v| 255 - v).collect();
+    Pattern { pixels, ..p.clone() }
+}
+
+fn emulated() -> (Dlpc350, Emulator) {
+    let emulator = Emulator::new(2);
+    let flash = Flash(vec![vec![stripes(1), stripes(2)], vec![stripes(8)]]);
+    (
+        Dlpc350::new("dmd", Box::new(emulator.clone()), flash, 2, PERIOD).expect("a projector"),
+        emulator,
+    )
+}
+
+/// Bytes after the guide: flags, number, length, CMD3, CMD2, data.
+#[test]
+fn packets_are_the_guides() {
+    let start = Command::Run(Run::Start);
+    let reports = Message::host(false, 7, start.code(), &start.data()).reports();
+    assert_eq!(reports.len(), 1);
+    assert_eq!(reports[0][..8], [0x40, 7, 3, 0, 0x24, 0x1A, 2, 0]);
+    let reports = Message::host(true, 0, Question::Main.code(), &[]).reports();
+    assert_eq!(reports[0][..7], [0xC0, 0, 2, 0, 0x0C, 0x1A, 0]);
+    // 128 patterns are 384 bytes: 58 in the first report, 64 in each that follows.
+    let reports = Message::host(false, 1, 0x1A34, &[0xAB; 384]).reports();
+    assert_eq!(reports.len(), 1 + (384_usize - 58).div_ceil(64));
+    assert_eq!(reports[0][2..6], [0x82, 0x01, 0x34, 0x1A]);
+    let ends = reports
+        .last()
+        .expect("reports")
+        .iter()
+        .filter(|b| **b == 0xAB)
+        .count();
+    assert_eq!(ends, (384 - 58) % 64);
+    let times = Command::Exposure {
+        exposure_us: 1000,
+        period_us: 0x0001_0203,
+    };
+    assert_eq!(times.data(), [0xE8, 3, 0, 0, 3, 2, 1, 0]);
+}
+
+#[test]
+fn the_driver_conforms() {
+    let (mut projector, emulator) = emulated();
+    let report = conformance::pattern_projector(&mut projector);
+    let faults: Vec<_> = report.faults().collect();
+    println!("DLPC350 (emulated): {} checks", report.0.len());
+    assert!(report.0.len() >= 15 && faults.is_empty(), "{faults:?}");
+    assert_eq!(emulator.light(), None, "it is dark at the end");
+}
+
+#[test]
+fn patterns_are_found_in_flash() {
+    let (mut projector, emulator) = emulated();
+    let wanted = [stripes(8), negative(&stripes(2)), stripes(1)];
+    projector.load(&wanted, LONG).expect("all are there");
+    for (n, (image, plane, negative)) in [(1, 0, false), (0, 1, true), (0, 0, false)]
+        .into_iter()
+        .enumerate()
+    {
+        projector.show(n, LONG).expect("shows");
+        let light = emulator.light().expect("light");
+        let entry = light.entry;
+        assert_eq!(
+            (light.image, entry.plane, entry.negative),
+            (image, plane, negative)
+        );
+        assert_eq!((entry.bits, entry.leds, entry.begin), (1, 2, Begin::Internal));
+    }
+    projector.dark(LONG).expect("dark");
+    assert_eq!(emulator.light(), None);
+    let failure = projector.load(&[stripes(3)], LONG).expect_err("not there");
+    assert!(
+        failure.fault == Fault::Limit && failure.what.contains("flash"),
+        "{failure}"
+    );
+    projector
+        .show(0, LONG)
+        .expect("what was loaded before is still there");
+    // A list of another firmware.
+    let small = Emulator::new(1);
+    let flash = Flash(vec![vec![], vec![stripes(8)]]);
+    let mut projector = Dlpc350::new("dmd", Box::new(small), flash, 2, PERIOD).expect("a projector");
+    let failure = projector.load(&[stripes(8)], LONG).expect_err("one image");
+    assert!(
+        failure.fault == Fault::Limit && failure.what.contains("firmware"),
+        "{failure}"
+    );
+}
+
+#[test]
+fn troubles_are_told_apart() {
+    let (mut projector, emulator) = emulated();
+    projector.load(&[stripes(1)], LONG).expect("loads");
+    let short = Duration::from_millis(60);
+    for (trouble, fault) in [
+        (Trouble::Silent, Fault::Timeout),
+        (Trouble::Refuses, Fault::Refused),
+        (Trouble::Out, Fault::Disconnected),
+        (Trouble::Aborts, Fault::Refused),
+    ] {
+        emulator.trouble(trouble);
+        let begun = Instant::now();
+        let failure = projector.show(0, short).expect_err("fails");
+        assert_eq!(failure.fault, fault, "{trouble:?}: {failure}");
+        assert!(
+            begun.elapsed() < 5 * short,
+            "{trouble:?} took {:?}",
+            begun.elapsed()
+        );
+        emulator.trouble(Trouble::None);
+        projector.show(0, LONG).expect("goes on");
+    }
+    emulator.trouble(Trouble::Noise);
+    projector.show(0, LONG).expect("noise or not");
+    emulator.trouble(Trouble::Out);
+    assert_eq!(
+        projector.reconnect(LONG).expect_err("out").fault,
+        Fault::Disconnected
+    );
+    emulator.trouble(Trouble::None);
+    projector.reconnect(LONG).expect("back");
+    assert_eq!(
+        projector
+            .show(0, LONG)
+            .expect_err("settings have to be made again")
+            .fault,
+        Fault::Limit
+    );
+}
+
+#[test]
+fn what_no_controller_can_is_refused() {
+    let new = |flash: Flash, leds: u8, period: Duration| {
+        Dlpc350::new("dmd", Box::new(Emulator::new(1)), flash, leds, period)
+            .err()
+            .map(|f| f.fault)
+    };
+    assert_eq!(new(Flash::default(), 0, PERIOD), Some(Fault::Limit));
+    assert_eq!(new(Flash::default(), 8, PERIOD), Some(Fault::Limit));
+    assert_eq!(
+        new(Flash::default(), 7, Duration::from_micros(200)),
+        Some(Fault::Limit)
+    );
+    assert_eq!(new(Flash(vec![vec![]; 65]), 7, PERIOD), Some(Fault::Limit));
+    let mut grey = stripes(1);
+    grey.pixels[0] = 7;
+    assert_eq!(new(Flash(vec![vec![grey]]), 7, PERIOD), Some(Fault::Limit));
+    assert_eq!(new(Flash::default(), 7, PERIOD), None);
+    assert_eq!(complaints(0b11).len(), 2);
+}
+
+/// The emulator finds sequences wrong that the guide calls wrong: nothing else would test that the driver asks.
+#[test]
+fn wrong_sequences_do_not_start() {
+    let mut line = Emulator::new(1);
+    let mut number = 0;
+    let mut tell = |read: bool, code: u16, data: &[u8]| {
+        number += 1;
+        for report in Message::host(read, number, code, data).reports() {
+            line.write(&report).expect("writes");
+        }
+        Assembler::default()
+            .feed(&line.read(PERIOD).expect("answers"))
+            .expect("a message")
+    };
+    assert!(tell(false, 0x1A24, &[2]).refused, "nothing was validated");
+    assert!(!tell(false, 0x1A29, &[100, 0, 0, 0, 100, 0, 0, 0]).refused);
+    assert!(!tell(false, 0x1A1A, &[0]).refused);
+    assert_eq!(tell(true, 0x1A1A, &[]).payload, [0x80]);
+    assert_eq!(tell(true, 0x1A1A, &[]).payload, [0x80]);
+    assert_eq!(tell(true, 0x1A1A, &[]).payload, [3], "too short, and no table");
+    assert!(tell(false, 0x1A24, &[2]).refused);
+    assert!(tell(false, 0x1234, &[0]).refused && tell(true, 0x1234, &[]).refused);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn device_files_are_found_by_their_numbers() {
+    use super::hidraw;
+    let class = tempfile::tempdir().expect("a folder");
+    for (name, id) in [
+        ("hidraw3", "0003:00000451:00006401"),
+        ("hidraw0", "0003:0000046D:0000C077"),
+    ] {
+        let device = class.path().join(name).join("device");
+        std::fs::create_dir_all(&device).expect("made");
+        std::fs::write(
+            device.join("uevent"),
+            format!("DRIVER=hid-generic\nHID_ID={id}\n"),
+        )
+        .expect("written");
+    }
+    let found = hidraw::find(class.path(), hidraw::DLPC350);
+    assert_eq!(found, [std::path::Path::new("/dev/hidraw3")]);
+    assert!(hidraw::find(&class.path().join("none"), hidraw::DLPC350).is_empty());
+    let missing = hidraw::HidRaw::open([0xFFFF, 0xFFFE])
+        .err()
+        .expect("no such device");
+    assert!(missing.to_string().contains("ffff:fffe"), "{missing}");
+}
+
+/// Reports that come whatever is sent, and then nothing.
+struct Garbage(Vec<[u8; REPORT]>);
+
+impl HidLine for Garbage {
+    fn write(&mut self, _report: &[u8; REPORT]) -> Result<(), LineError> {
+        Ok(())
+    }
+    fn read(&mut self, _within: Duration) -> Result<[u8; REPORT], LineError> {
+        self.0.pop().ok_or(LineError::Timeout)
+    }
+    fn reopen(&mut self) -> Result<(), LineError> {
+        Ok(())
+    }
+}
+
+fn report() -> impl Strategy<Value = [u8; REPORT]> {
+    let head = prop::sample::select(vec![0x40_u8, 0xC0, 0x60, 0xE0, 0x00, 0xFF]);
+    let rest = prop::collection::vec(any::<u8>(), REPORT - 4);
+    (head, 0..4_u8, 0..700_u16, rest).prop_map(|(flags, number, length, rest)| {
+        let mut all = vec![flags, number];
+        all.extend(length.to_le_bytes());
+        all.extend(rest);
+        all.try_into().expect("64 bytes")
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(10_000))]
+
+    /// Ten thousand streams at the driver, and at the emulator: no panic, no hang.
+    #[test]
+    fn garbage_is_no_message(reports in prop::collection::vec(report(), 0..24), which in 0..4_u8) {
+        let begun = Instant::now();
+        let mut emulator = Emulator::new(1);
+        for r in &reports {
+            emulator.write(r).expect("takes it");
+        }
+        let mut dmd = Dlpc350::new("dmd", Box::new(Garbage(reports)), Flash::default(), 1, PERIOD).expect("a projector");
+        match which {
+            0 => drop(dmd.identify(LONG)),
+            1 => drop(dmd.reconnect(LONG)),
+            2 => drop(dmd.dark(LONG)),
+            _ => drop(dmd.load(&[], LONG).and_then(|()| dmd.show(0, LONG))),
+        }
+        prop_assert!(begun.elapsed() < LONG);
+    }
+
+    #[test]
+    fn messages_go_and_come(data in prop::collection::vec(any::<u8>(), 0..400), number: u8, read: bool) {
+        let message = Message::host(read, number, 0x1A34, &data);
+        let mut parser = Assembler::default();
+        let found: Vec<Message> = message.reports().iter().filter_map(|r| parser.feed(r)).collect();
+        prop_assert_eq!(found, vec![message]);
+    }
+
+    #[test]
+    fn entries_go_and_come(a: u8, b in 0..0x80_u8, c in 0..0x10_u8) {
+        prop_assert_eq!(Entry::read([a, b, c]).bytes(), [a, b, c]);
+    }
+}

@@ -1,0 +1,178 @@
+//! An emulated laser that listens on a socket and speaks SCPI, and fails on purpose.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// What is wrong with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trouble {
+    /// Nothing.
+    #[default]
+    None,
+    /// It does not answer.
+    Silent,
+    /// It answers late by so much.
+    Late(Duration),
+    /// Its answers are noise.
+    Noise,
+    /// It hangs up instead of an answer.
+    HangsUp,
+    /// Its interlock is open.
+    Interlock,
+}
+
+/// How the laser is.
+#[derive(Debug)]
+struct State {
+    on: bool,
+    rate_hz: f64,
+    errors: Vec<(i32, &'static str)>,
+    trouble: Trouble,
+}
+
+/// A laser with rates of 1 Hz to 80 MHz, and 5 mW if it is on. Commands: `OUTP`, `SOUR:FREQ`, `MEAS:POW?`, `SYST:INTL?`,
+/// `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?`, `*CLS`.
+#[derive(Clone, Debug)]
+pub struct Emulator(Arc<Mutex<State>>);
+
+impl Default for Emulator {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new(State {
+            on: false,
+            rate_hz: 1e6,
+            errors: vec![],
+            trouble: Trouble::None,
+        })))
+    }
+}
+
+impl Emulator {
+    /// Table of its commands, listening at `address`.
+    #[must_use]
+    pub fn table(address: &str) -> String {
+        format!(
+            "address = \"{address}\"\nnm = 635\nrate_hz = [1.0, 8e7]\nset_rate = \"SOUR:FREQ {{hz}}\"\n\
+             ask_rate = \"SOUR:FREQ?\"\nask_power = \"MEAS:POW?\"\nnominal_power = 5e-3\nask_interlock = \"SYST:INTL?\"\n"
+        )
+    }
+
+    /// Sets what is wrong.
+    pub fn trouble(&self, trouble: Trouble) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).trouble = trouble;
+    }
+
+    /// Light comes out.
+    #[must_use]
+    pub fn shines(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).on
+    }
+
+    /// Answers every connection that comes, each on its own thread, until the socket fails.
+    pub fn serve(&self, listener: &TcpListener) {
+        for stream in listener.incoming() {
+            let Ok(stream) = stream else { return };
+            let same = self.clone();
+            std::thread::spawn(move || same.converse(&stream));
+        }
+    }
+
+    fn converse(&self, stream: &TcpStream) {
+        let mut lines = BufReader::new(stream);
+        let mut out = stream;
+        let mut line = vec![];
+        loop {
+            line.clear();
+            match lines.read_until(b'\n', &mut line) {
+                Ok(n) if n > 0 => {}
+                _ => return,
+            }
+            let text = String::from_utf8_lossy(&line).into_owned();
+            let mut answers = vec![];
+            for command in text.split(';') {
+                if let Some(answer) = self.answer(command.trim()) {
+                    if !answers.is_empty() {
+                        answers.push(b';');
+                    }
+                    answers.extend(answer);
+                }
+            }
+            if answers.is_empty() {
+                continue;
+            }
+            answers.push(b'\n');
+            let trouble = self.0.lock().unwrap_or_else(PoisonError::into_inner).trouble;
+            match trouble {
+                Trouble::Silent => continue,
+                Trouble::Late(time) => std::thread::sleep(time),
+                Trouble::Noise => answers = vec![0xFF, 0x07, b'#', b'9', 0x80, b'\n'],
+                Trouble::HangsUp => return,
+                Trouble::None | Trouble::Interlock => {}
+            }
+            if out.write_all(&answers).is_err() {
+                return;
+            }
+        }
+    }
+
+    /// The answer to one command, if it has one.
+    #[must_use]
+    pub fn answer(&self, command: &str) -> Option<Vec<u8>> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (head, value) = command.split_once(' ').unwrap_or((command, ""));
+        let text = match (head.to_ascii_uppercase().as_str(), value.trim()) {
+            ("", _) => return None,
+            ("*IDN?", _) => "Sunstone,Emulated laser,1,1.0".into(),
+            ("*OPC?", _) => "1".into(),
+            ("*CLS", _) => {
+                state.errors.clear();
+                return None;
+            }
+            ("SYST:ERR?", _) => {
+                let (number, text) = if state.errors.is_empty() {
+                    (0, "No error")
+                } else {
+                    state.errors.remove(0)
+                };
+                format!("{number},\"{text}\"")
+            }
+            ("OUTP?", _) => u8::from(state.on).to_string(),
+            ("SOUR:FREQ?", _) => format!("{:E}", state.rate_hz),
+            ("MEAS:POW?", _) => if state.on { "5.000E-03" } else { "0" }.into(),
+            ("SYST:INTL?", _) => u8::from(state.trouble != Trouble::Interlock).to_string(),
+            ("CURV?", _) => {
+                let mut block = b"#3300".to_vec();
+                block.extend((0..300).map(|n| n as u8));
+                return Some(block);
+            }
+            ("OUTP", value) => {
+                match (value.to_ascii_uppercase().as_str(), state.trouble) {
+                    ("ON" | "1", Trouble::Interlock) => {
+                        state.errors.push((-221, "Settings conflict; interlock open"));
+                    }
+                    ("ON" | "1", _) => state.on = true,
+                    ("OFF" | "0", _) => state.on = false,
+                    _ => state.errors.push((-224, "Illegal parameter value")),
+                }
+                return None;
+            }
+            ("SOUR:FREQ", value) => {
+                match value.parse::<f64>() {
+                    Ok(hz) if (1.0..=8e7).contains(&hz) => state.rate_hz = hz,
+                    Ok(_) => state.errors.push((-222, "Data out of range")),
+                    Err(_) => state.errors.push((-104, "Data type error")),
+                }
+                return None;
+            }
+            _ => {
+                // As an instrument's: it remembers so many, then that there were more.
+                if state.errors.len() < 20 {
+                    state.errors.push((-113, "Undefined header"));
+                }
+                return None;
+            }
+        };
+        Some(text.into_bytes())
+    }
+}

@@ -1,0 +1,137 @@
+//! A pulsed laser, or a delay generator that triggers one, by a table of its commands.
+
+use super::super::line::Line;
+use super::super::tcp::TcpLine;
+use super::table::LaserTable;
+use super::talk::Talk;
+use crate::instrument::{Failure, Fault, Identity, Instrument, LaserLimits, LaserState, PulsedLaser};
+use std::time::{Duration, Instant};
+
+/// A laser that is told in SCPI.
+pub struct ScpiLaser {
+    talk: Talk,
+    table: LaserTable,
+}
+
+fn left(until: Instant) -> Duration {
+    until.saturating_duration_since(Instant::now())
+}
+
+impl ScpiLaser {
+    /// Over a line that is open.
+    #[must_use]
+    pub fn new(name: &str, line: Box<dyn Line>, table: LaserTable) -> Self {
+        let talk = Talk::new(name, line);
+        Self { talk, table }
+    }
+
+    /// Connects to the table's address.
+    ///
+    /// # Errors
+    /// [`Failure`]: disconnected, timeout.
+    pub fn connect(name: &str, table: LaserTable) -> Result<Self, Failure> {
+        let line = TcpLine::open(&table.address)
+            .map_err(|e| Failure::new(Fault::Disconnected, name, e.to_string()))?;
+        Ok(Self::new(name, Box::new(line), table))
+    }
+
+    /// Tells it, waits until that is done, and asks for errors.
+    fn tell(&mut self, command: &str, until: Instant) -> Result<(), Failure> {
+        self.talk.tell(command)?;
+        if self.table.waits {
+            self.talk.done(left(until))?;
+        }
+        self.talk.errors(&self.table.errors, command, left(until))
+    }
+
+    fn emitting(&mut self, until: Instant) -> Result<bool, Failure> {
+        let answer = self.talk.ask(&self.table.ask_on, left(until))?;
+        Ok(self
+            .table
+            .on_answers
+            .iter()
+            .any(|a| a.eq_ignore_ascii_case(&answer)))
+    }
+}
+
+impl Instrument for ScpiLaser {
+    fn name(&self) -> &str {
+        self.talk.name()
+    }
+
+    fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
+        self.talk.identity(within)
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        self.talk.reopen()?;
+        // Errors of before are not those of what follows.
+        self.talk.tell("*CLS")?;
+        self.talk.identity(left(until)).map(drop)
+    }
+}
+
+impl PulsedLaser for ScpiLaser {
+    fn limits(&self) -> LaserLimits {
+        self.table.limits()
+    }
+
+    fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        if !on {
+            let off = self.table.off.clone();
+            self.tell(&off, until)?;
+            if self.emitting(until)? {
+                return Err(self.talk.failure(
+                    Fault::Refused,
+                    "it was told to go off and shines; switch it off by its key",
+                ));
+            }
+            return Ok(());
+        }
+        let [least, most] = self.table.rate_hz;
+        if !(rate_hz >= least && rate_hz <= most) {
+            let what = format!("{rate_hz} Hz is not within {least} to {most}; mend the plan");
+            return Err(self.talk.failure(Fault::Limit, what));
+        }
+        if let Some(question) = self.table.ask_interlock.clone() {
+            let answer = self.talk.ask(&question, left(until))?;
+            if !["1", "+1", "ON"].contains(&answer.to_ascii_uppercase().as_str()) {
+                let what = format!("its interlock is open (`{question}` was answered `{answer}`); close it");
+                return Err(self.talk.failure(Fault::Refused, what));
+            }
+        }
+        // The rate first: light of a wrong rate is never let out.
+        if let Some(command) = self.table.rate(rate_hz) {
+            self.tell(&command, until)?;
+        }
+        let on = self.table.on.clone();
+        self.tell(&on, until)?;
+        if !self.emitting(until)? {
+            return Err(self.talk.failure(
+                Fault::Refused,
+                "it was told to shine and does not; look at its key and interlock",
+            ));
+        }
+        Ok(())
+    }
+
+    fn state(&mut self, within: Duration) -> Result<LaserState, Failure> {
+        let until = Instant::now() + within;
+        let emitting = self.emitting(until)?;
+        let rate_hz = match self.table.ask_rate.clone() {
+            Some(question) => self.talk.ask_number(&question, left(until))?,
+            None => self.table.rate_hz[0],
+        };
+        let power = match (self.table.ask_power.clone(), self.table.nominal_power) {
+            (Some(question), Some(nominal)) => self.talk.ask_number(&question, left(until))? / nominal,
+            _ => 1.0,
+        };
+        Ok(LaserState {
+            emitting,
+            rate_hz,
+            power,
+        })
+    }
+}

@@ -1,0 +1,265 @@
+//! A conversation in SCPI: commands and questions end with a newline, answers are text that ends with one, or blocks whose
+//! length is said (IEEE 488.2, 8.7.9).
+
+use super::super::line::{Line, LineError};
+use crate::instrument::{Failure, Fault, Identity};
+use std::time::{Duration, Instant};
+
+/// Longest answer in words; what is longer is no answer.
+const LONGEST: usize = 1 << 16;
+/// Largest block that is taken.
+const LARGEST: usize = 1 << 26;
+/// Errors that an instrument's queue holds at most; beyond that it makes them up.
+const ERRORS: usize = 64;
+
+/// One side of a conversation.
+pub struct Talk {
+    name: String,
+    line: Box<dyn Line>,
+    held: Vec<u8>,
+    /// An answer may come late and would be taken for another question's.
+    out_of_step: bool,
+}
+
+impl Talk {
+    /// Over a line; `name` is the instrument's in messages.
+    #[must_use]
+    pub fn new(name: &str, line: Box<dyn Line>) -> Self {
+        Self {
+            name: name.to_owned(),
+            line,
+            held: vec![],
+            out_of_step: false,
+        }
+    }
+
+    /// The instrument's name in messages.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// A failure of this instrument.
+    #[must_use]
+    pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    /// Opens the line anew and forgets what was under way.
+    ///
+    /// # Errors
+    /// [`Failure`]: disconnected, timeout.
+    pub fn reopen(&mut self) -> Result<(), Failure> {
+        self.held.clear();
+        let opened = self.line.reopen();
+        self.out_of_step = opened.is_err();
+        opened.map_err(|e| self.lost(e, "the connection"))
+    }
+
+    /// Sends a command that has no answer.
+    ///
+    /// # Errors
+    /// [`Failure`]: refused (what is not one line), disconnected, timeout.
+    pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
+        if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
+            return Err(self.failure(
+                Fault::Refused,
+                format!("{command:?} is no command: it is not one line"),
+            ));
+        }
+        if self.out_of_step {
+            self.reopen()?;
+        }
+        // An answer that nobody asked for is not one to what follows.
+        self.held.clear();
+        let sent = self.line.send(format!("{command}\n").as_bytes());
+        sent.map_err(|e| {
+            self.out_of_step = true;
+            self.lost(e, command)
+        })
+    }
+
+    /// Asks, and returns the answer's text without its newline.
+    ///
+    /// # Errors
+    /// [`Failure`]: timeout after `within`, disconnected (also what is no text).
+    pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
+        let until = Instant::now() + within;
+        self.tell(question)?;
+        let mut looked = 0;
+        let end = loop {
+            if let Some(at) = self.held[looked..].iter().position(|b| *b == b'\n') {
+                break looked + at;
+            }
+            looked = self.held.len();
+            if looked > LONGEST {
+                return Err(self.nonsense(question, "an answer without an end"));
+            }
+            self.more(question, until)?;
+        };
+        let bytes: Vec<u8> = self.held.drain(..=end).collect();
+        match std::str::from_utf8(&bytes) {
+            Ok(text) if !text.trim().chars().any(char::is_control) => Ok(text.trim().to_owned()),
+            _ => Err(self.nonsense(question, "an answer that is no text")),
+        }
+    }
+
+    /// Asks for a number. SCPI's own words for none and infinity (9.91E37, 9.9E37) are none.
+    ///
+    /// # Errors
+    /// [`Failure`] as of [`Self::ask`].
+    pub fn ask_number(&mut self, question: &str, within: Duration) -> Result<f64, Failure> {
+        let answer = self.ask(question, within)?;
+        match answer.parse::<f64>() {
+            Ok(n) if n.abs() < 9.9e37 => Ok(n),
+            _ => Err(self.failure(
+                Fault::Disconnected,
+                format!("`{question}` was answered `{answer}`, which is no number"),
+            )),
+        }
+    }
+
+    /// Asks for a block of bytes of definite length: `#`, a digit that says how many digits follow, those digits, the bytes.
+    ///
+    /// # Errors
+    /// [`Failure`]: timeout, disconnected (also a block without a length, whose end a stream of bytes cannot tell).
+    pub fn ask_block(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, Failure> {
+        let until = Instant::now() + within;
+        self.tell(question)?;
+        let head = self.take(question, 2, until)?;
+        let digits = match (head[0], head[1]) {
+            (b'#', n @ b'1'..=b'9') => usize::from(n - b'0'),
+            _ => return Err(self.nonsense(question, "no block with a length")),
+        };
+        let length = self.take(question, digits, until)?;
+        let length = length.iter().try_fold(0_usize, |n, d| {
+            d.is_ascii_digit().then(|| 10 * n + usize::from(d - b'0'))
+        });
+        let Some(length) = length.filter(|n| *n <= LARGEST) else {
+            return Err(self.nonsense(question, "a block whose length is none"));
+        };
+        let bytes = self.take(question, length, until)?;
+        let end = self.take(question, 1, until)?;
+        let end = if end == b"\r" {
+            self.take(question, 1, until)?
+        } else {
+            end
+        };
+        if end != b"\n" {
+            return Err(self.nonsense(question, "a block longer than it says"));
+        }
+        Ok(bytes)
+    }
+
+    /// Waits until all that was told is done (`*OPC?`).
+    ///
+    /// # Errors
+    /// [`Failure`] as of [`Self::ask`].
+    pub fn done(&mut self, within: Duration) -> Result<(), Failure> {
+        match self.ask("*OPC?", within)?.as_str() {
+            "1" | "+1" => Ok(()),
+            other => Err(self.failure(Fault::Disconnected, format!("`*OPC?` was answered `{other}`"))),
+        }
+    }
+
+    /// Empties the instrument's queue of errors by `question` (`SYST:ERR?` of SCPI), and fails with the first, if there is one.
+    ///
+    /// # Errors
+    /// [`Failure`]: limit (-222, -224 and their like: a value out of range), refused (what it does not know or cannot do now),
+    /// disconnected (-400 and below: answers out of step), timeout.
+    pub fn errors(&mut self, question: &str, after: &str, within: Duration) -> Result<(), Failure> {
+        let until = Instant::now() + within;
+        let mut first = None;
+        for _ in 0..ERRORS {
+            let answer = self.ask(question, until.saturating_duration_since(Instant::now()))?;
+            let number = answer.split(',').next().unwrap_or_default().trim();
+            let Ok(number) = number.parse::<i64>() else {
+                return Err(self.failure(
+                    Fault::Disconnected,
+                    format!("`{question}` was answered `{answer}`"),
+                ));
+            };
+            if number == 0 {
+                return first.map_or(Ok(()), Err);
+            }
+            first.get_or_insert_with(|| {
+                let fault = match number {
+                    -229..=-222 => Fault::Limit,
+                    -499..=-400 => Fault::Disconnected,
+                    _ => Fault::Refused,
+                };
+                self.failure(fault, format!("it answers `{answer}` to `{after}`"))
+            });
+        }
+        Err(self.failure(
+            Fault::Disconnected,
+            format!("`{question}` finds no end of errors"),
+        ))
+    }
+
+    /// Who it is (`*IDN?`): maker, model, serial number, firmware.
+    ///
+    /// # Errors
+    /// [`Failure`] as of [`Self::ask`].
+    pub fn identity(&mut self, within: Duration) -> Result<Identity, Failure> {
+        let answer = self.ask("*IDN?", within)?;
+        let fields: Vec<&str> = answer.splitn(4, ',').map(str::trim).collect();
+        match fields[..] {
+            [maker, model, serial, firmware] if ![maker, model, serial].contains(&"") => Ok(Identity {
+                maker: maker.into(),
+                model: model.into(),
+                serial: serial.into(),
+                firmware: firmware.into(),
+            }),
+            _ => Err(self.failure(
+                Fault::Disconnected,
+                format!("it says that it is `{answer}`, which is no identity"),
+            )),
+        }
+    }
+
+    /// The next `n` bytes.
+    fn take(&mut self, question: &str, n: usize, until: Instant) -> Result<Vec<u8>, Failure> {
+        while self.held.len() < n {
+            self.more(question, until)?;
+        }
+        Ok(self.held.drain(..n).collect())
+    }
+
+    fn more(&mut self, question: &str, until: Instant) -> Result<(), Failure> {
+        let left = until.saturating_duration_since(Instant::now());
+        let got = if left.is_zero() {
+            Err(LineError::Timeout)
+        } else {
+            self.line.receive(left)
+        };
+        match got {
+            Ok(bytes) => {
+                self.held.extend(bytes);
+                Ok(())
+            }
+            Err(e) => {
+                self.out_of_step = true;
+                Err(self.lost(e, question))
+            }
+        }
+    }
+
+    fn nonsense(&mut self, question: &str, what: &str) -> Failure {
+        self.out_of_step = true;
+        self.failure(
+            Fault::Disconnected,
+            format!("`{question}` was answered by {what}"),
+        )
+    }
+
+    fn lost(&self, e: LineError, about: &str) -> Failure {
+        match e {
+            LineError::Timeout => self.failure(
+                Fault::Timeout,
+                format!("no answer to `{about}` before the deadline"),
+            ),
+            LineError::Gone(why) => self.failure(Fault::Disconnected, why),
+        }
+    }
+}
