@@ -1,15 +1,16 @@
 //! `sunstone ptu`: photons that a counter of PicoQuant's has stamped with their times.
 
 mod events;
+mod file;
 
 use super::failure::Failure;
 use super::places;
 use clap::{Args, Subcommand};
+use file::{failed, open};
 use std::fmt::Write;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use sunstone::rig::ptu::error::PtuError;
 use sunstone::rig::ptu::histogram::{Plan, histogram};
 use sunstone::rig::ptu::reader::Reader;
 use sunstone::rig::ptu::record::Mode;
@@ -93,19 +94,6 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Command::Records(a) => events::print(a),
         Command::Write(a) => events::write(a),
     }
-}
-
-fn failed(e: PtuError) -> Failure {
-    Failure::of_system(e.of_system, e)
-}
-
-/// Opens a file, and warns of one that is cut off.
-fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
-    let reader = Reader::open(path).map_err(failed)?;
-    if let Some(mismatch) = reader.mismatch() {
-        eprintln!("warning: {}: {mismatch}", path.display());
-    }
-    Ok(reader)
 }
 
 fn surveyed(path: &Path) -> Result<Survey, Failure> {

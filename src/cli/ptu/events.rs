@@ -2,7 +2,7 @@
 
 use super::super::failure::Failure;
 use super::super::{output, places};
-use super::{failed, open};
+use super::file::{failed, open};
 use clap::Args;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};

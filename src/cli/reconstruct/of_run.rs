@@ -2,7 +2,7 @@
 
 use super::super::failure::Failure;
 use super::super::places;
-use super::Arguments;
+use super::arguments::Arguments;
 use serde_json::json;
 use std::path::Path;
 use sunstone::polarimetry::capture::scheme_file::load;

@@ -1,7 +1,7 @@
 //! `sunstone rig check`.
 
 use super::super::failure::Failure;
-use super::{Session, driver};
+use super::session::{Session, driver};
 use std::path::PathBuf;
 use std::time::Duration;
 use sunstone::render::Unwatched;

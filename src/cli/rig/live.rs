@@ -52,7 +52,7 @@ impl Live {
         let left = p.elapsed.as_secs_f64() / taken * f64::from(p.frames - p.done);
         let text = format!(
             "{rate:.1} frames/s, {} left on the rig, {} tries again  {}",
-            super::time(left),
+            super::session::time(left),
             p.retries,
             histogram(p.last)
         );

@@ -3,7 +3,7 @@
 use super::super::failure::Failure;
 use super::super::places;
 use super::live::{Live, Rendering};
-use super::{Session, summary, time};
+use super::session::{Session, summary, time};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;

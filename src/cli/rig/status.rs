@@ -1,7 +1,7 @@
 //! `sunstone rig status`.
 
 use super::super::failure::Failure;
-use super::time;
+use super::session::time;
 use std::path::PathBuf;
 use sunstone::rig::session::journal::{self, Event};
 use sunstone::store::zarr::frames::is_frames;

@@ -13,6 +13,7 @@ pub mod lab;
 pub mod masks;
 pub mod mueller;
 pub mod plan;
+pub mod progress;
 pub mod recover;
 pub mod rig_file;
 mod rig_syntax;

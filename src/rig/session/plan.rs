@@ -24,6 +24,8 @@
 //! ```
 
 use crate::instrument::PixelFormat;
+mod syntax;
+
 use base::document;
 use base::locate::{InputError, Located};
 use polarimetry::capture::scheme::Scheme;
@@ -32,6 +34,8 @@ use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+pub use syntax::Limits;
+use syntax::{CameraFile, MaskFile, PlanFile, ScanFile, SchemeFrom};
 
 /// Most frames of a run.
 pub const MOST_FRAMES: u64 = 100_000_000;
@@ -131,108 +135,6 @@ pub struct ScanWork {
     pub offset_ps: f64,
     /// Pulses a second.
     pub rate_hz: f64,
-}
-
-/// When to try again, wait, or give up.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Limits {
-    /// How often a step is tried again.
-    pub retries: u32,
-    /// First wait before that, seconds; doubled every time, up to 30 s.
-    pub backoff_s: f64,
-    /// Longest that any call to an instrument may take beyond what it is asked to do, seconds.
-    pub deadline_s: f64,
-    /// Longest wait for a condition, seconds.
-    pub suspend_s: f64,
-    /// Least power of the laser over nominal.
-    pub laser_power: f64,
-    /// Largest share of saturated pixels in the shortest exposure; beyond it a frame is taken again.
-    pub saturated_share: f64,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            retries: 5,
-            backoff_s: 0.5,
-            deadline_s: 10.0,
-            suspend_s: 600.0,
-            laser_power: 0.9,
-            saturated_share: 0.5,
-        }
-    }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PlanFile {
-    name: Option<String>,
-    rig: Option<PathBuf>,
-    scheme: Located<SchemeFrom>,
-    camera: Option<Located<CameraFile>>,
-    scan: Option<Located<ScanFile>>,
-    limits: Option<Located<Limits>>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum SchemeFrom {
-    File(PathBuf),
-    Kind(SchemeKind),
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SchemeKind {
-    kind: String,
-    captures: usize,
-    #[serde(default)]
-    array: bool,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraFile {
-    exposures_ms: Vec<f64>,
-    #[serde(default)]
-    gain_db: f64,
-    format: Option<String>,
-    masks: Vec<MaskFile>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum MaskFile {
-    Named(String),
-    Stripes(StripesFile),
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StripesFile {
-    name: String,
-    stripes: u32,
-    #[serde(default)]
-    outside: bool,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ScanFile {
-    points: [u32; 2],
-    fov_x_deg: f64,
-    dwell_ms: f64,
-    bins: u32,
-    bin_ps: f64,
-    #[serde(default)]
-    offset_ps: f64,
-    #[serde(default = "ten_megahertz")]
-    rate_hz: f64,
-}
-
-fn ten_megahertz() -> f64 {
-    1e7
 }
 
 /// Reads a plan.

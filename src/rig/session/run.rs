@@ -6,9 +6,10 @@
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
 use super::plan::{ScanWork, Work};
+pub use super::progress::{Outcome, Progress, RunError};
 use super::recover::{Tries, mend};
 use super::steps::{Step, Steps, pointing};
-use super::writer::{DiskError, Recovered, Writer, checksum};
+use super::writer::{Recovered, Writer, checksum};
 use crate::instrument::{CameraSettings, CounterSettings, Failure, Fault, pixels};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,46 +20,6 @@ use store::zarr::frames::FrameStore;
 const JUMP_S: f64 = 5.0;
 /// How often a condition is looked at.
 const LOOK: Duration = Duration::from_secs(5);
-
-/// Why a run ended before its end.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// An instrument failed for good.
-    #[error("{0}")]
-    Instrument(#[from] Failure),
-    /// The disk failed.
-    #[error(transparent)]
-    Disk(#[from] DiskError),
-    /// Ctrl-C.
-    #[error("interrupted; `--resume` goes on")]
-    Interrupted,
-}
-
-/// What a watcher is shown after every frame.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress<'a> {
-    /// Frames that are done, those of runs before included.
-    pub done: u32,
-    /// All frames.
-    pub frames: u32,
-    /// Numbers of the last frame.
-    pub last: &'a [u32],
-    /// Time since this run's begin, as the rig's clock has it.
-    pub elapsed: Duration,
-    /// Tries that failed since this run's begin.
-    pub retries: u32,
-}
-
-/// What a run left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
-    /// Frames that this run took.
-    pub taken: u32,
-    /// Tries that failed.
-    pub retries: u32,
-    /// Time that passed on the rig's clock.
-    pub elapsed: Duration,
-}
 
 /// A session at work.
 struct Session<'a> {

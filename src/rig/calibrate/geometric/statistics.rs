@@ -217,6 +217,7 @@ fn errors_of_cameras_are_what_they_claim() {
 }
 
 #[test]
+#[ignore = "half a minute; the gate runs it"]
 fn errors_of_projectors_are_what_they_claim() {
     let pair = |model| [camera(model), projector(model)];
     repeats(&pair(Model::Five), 128, 0.05, true).hold("pair, 5 coefficients");

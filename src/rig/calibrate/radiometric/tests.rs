@@ -1,3 +1,5 @@
+//! Cameras with planted faults: what is found of them, and how far off it is in stated errors.
+
 use super::RadiometricError;
 use super::apply::{Options, Radiometry, calibrate};
 use super::stack::Stack;

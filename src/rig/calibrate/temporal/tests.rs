@@ -1,3 +1,5 @@
+//! Diodes with planted time zeros and responses: what is found of them, and how far off it is in stated errors.
+
 use super::aligned::aligned;
 use super::captures::{Capture, Counter, TemporalError};
 use super::zero::{Options, Temporal, calibrate, calibrate_with};
