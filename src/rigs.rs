@@ -64,7 +64,10 @@ pub fn scene_of(rig: &RigPlan, plan: &Plan, bench: &BenchPlan) -> Result<Option<
     Ok(Some(file))
 }
 
-fn located<T: Clone>(old: &base::locate::Located<T>, change: impl FnOnce(&mut T)) -> base::locate::Located<T> {
+fn located<T: Clone>(
+    old: &base::locate::Located<T>,
+    change: impl FnOnce(&mut T),
+) -> base::locate::Located<T> {
     let mut new = (**old).clone();
     change(&mut new);
     new.into()

@@ -76,7 +76,12 @@ impl Bench {
 
     fn command(&self, plan: &str, store: &str, rest: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
-        command.args(["rig", "run"]).arg(self.path(plan)).arg("-o").arg(self.path(store)).args(rest);
+        command
+            .args(["rig", "run"])
+            .arg(self.path(plan))
+            .arg("-o")
+            .arg(self.path(store))
+            .args(rest);
         command.stdin(Stdio::null());
         command
     }
@@ -88,7 +93,11 @@ impl Bench {
     /// The content of a finished store: all files but the journal, which has what differs from run to run.
     fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
         let root = self.path(store);
-        let verified = Command::new(env!("CARGO_BIN_EXE_sunstone")).arg("verify").arg(&root).output().expect("runs");
+        let verified = Command::new(env!("CARGO_BIN_EXE_sunstone"))
+            .arg("verify")
+            .arg(&root)
+            .output()
+            .expect("runs");
         assert!(verified.status.success(), "{}", text(&verified));
         let mut files = vec![];
         let mut folders = vec![root.clone()];
@@ -124,9 +133,13 @@ fn assert_same(a: &[(PathBuf, Vec<u8>)], b: &[(PathBuf, Vec<u8>)], what: &str) {
 /// Frames that the journal notes as taken, by number.
 fn noted(store: &Path) -> Vec<u32> {
     let text = std::fs::read_to_string(store.join(".session.jsonl")).expect("a journal");
-    let events = text.lines().filter_map(|l| serde_json::from_str::<serde_json::Value>(l).ok());
+    let events = text
+        .lines()
+        .filter_map(|l| serde_json::from_str::<serde_json::Value>(l).ok());
     let frames = events.filter(|e| e["event"] == "frame");
-    frames.map(|e| e["frame"].as_u64().expect("a number") as u32).collect()
+    frames
+        .map(|e| e["frame"].as_u64().expect("a number") as u32)
+        .collect()
 }
 
 /// Kills at random instants, each resumed: no frame lost, and none in the store twice.
@@ -168,7 +181,10 @@ fn kills_lose_nothing() {
                 here += 1;
                 killed += 1;
                 let path = bench.path(&store);
-                let state = match (path.join("zarr.json").exists(), path.join("manifest.txt").exists()) {
+                let state = match (
+                    path.join("zarr.json").exists(),
+                    path.join("manifest.txt").exists(),
+                ) {
                     (false, _) => 0,
                     (true, false) => 1,
                     (true, true) => 2,
@@ -191,7 +207,10 @@ fn kills_lose_nothing() {
             std::fs::remove_dir_all(bench.path(&store)).expect("removes");
         }
     }
-    println!("{killed} kills: nothing begun {}, unfinished {}, finished {}", left[0], left[1], left[2]);
+    println!(
+        "{killed} kills: nothing begun {}, unfinished {}, finished {}",
+        left[0], left[1], left[2]
+    );
     assert!(left[1] > 0, "no run was killed half way");
 }
 
@@ -203,16 +222,34 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "stale_frame", "camera", 12, None),
     ("camera.toml", "saturation", "camera", 7, None),
     ("camera.toml", "cable_out", "camera", 13, None),
-    ("camera.toml", "cable_gone", "camera", 14, Some("plug it in and resume")),
+    (
+        "camera.toml",
+        "cable_gone",
+        "camera",
+        14,
+        Some("plug it in and resume"),
+    ),
     ("camera.toml", "power_cut", "camera", 15, None),
-    ("camera.toml", "interlock", "camera", 16, Some("interlock is open")),
+    (
+        "camera.toml",
+        "interlock",
+        "camera",
+        16,
+        Some("interlock is open"),
+    ),
     ("camera.toml", "clock_back", "camera", 17, None),
     ("camera.toml", "clock_forward", "camera", 18, None),
     ("camera.toml", "stall", "retarder_2", 3, None),
     ("camera.toml", "timeout", "retarder_3", 3, None),
     ("camera.toml", "cable_out", "retarder_2", 2, None),
     ("camera.toml", "power_cut", "retarder_3", 4, None),
-    ("camera.toml", "cable_gone", "retarder_2", 4, Some("plug it in and resume")),
+    (
+        "camera.toml",
+        "cable_gone",
+        "retarder_2",
+        4,
+        Some("plug it in and resume"),
+    ),
     ("camera.toml", "timeout", "projector", 6, None),
     ("camera.toml", "cable_out", "projector", 4, None),
     ("camera.toml", "disk_full", "disk", 8, Some("resume")),
@@ -238,9 +275,13 @@ fn faults_lose_nothing() {
         sound.content(&store)
     };
     let (camera, scan) = (whole("camera.toml"), whole("scan.toml"));
-    println!("{:12} {:14} {:11} {:>4}  outcome", "plan", "fault", "instrument", "at");
+    println!(
+        "{:12} {:14} {:11} {:>4}  outcome",
+        "plan", "fault", "instrument", "at"
+    );
     for (plan, kind, instrument, at, ends) in FAULTS {
-        let fault = format!("[[bench.faults]]\nkind = \"{kind}\"\ninstrument = \"{instrument}\"\nat = {at}\n");
+        let fault =
+            format!("[[bench.faults]]\nkind = \"{kind}\"\ninstrument = \"{instrument}\"\nat = {at}\n");
         let bench = Bench::new(&fault);
         let begun = Instant::now();
         let output = bench.run(plan, "s.zarr", &[]);
@@ -249,18 +290,30 @@ fn faults_lose_nothing() {
         let outcome = match ends {
             None => {
                 assert!(output.status.success(), "{plan} {kind} of {instrument}: {said}");
-                let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
-                let event = ["retry", "suspend", "clock_jump"].into_iter().find(|e| {
-                    journal.lines().any(|l| l.contains(&format!("\"event\":\"{e}\"")))
-                });
+                let journal =
+                    std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
+                let event = ["retry", "suspend", "clock_jump"]
+                    .into_iter()
+                    .find(|e| journal.lines().any(|l| l.contains(&format!("\"event\":\"{e}\""))));
                 // It did strike.
-                format!("recovered: {}", event.unwrap_or_else(|| panic!("{kind} of {instrument} left no trace")))
+                format!(
+                    "recovered: {}",
+                    event.unwrap_or_else(|| panic!("{kind} of {instrument} left no trace"))
+                )
             }
             Some(words) => {
                 assert_eq!(output.status.code(), Some(1), "{kind} of {instrument}: {said}");
-                let last = said.lines().find(|l| l.starts_with("error")).unwrap_or_default().to_owned();
+                let last = said
+                    .lines()
+                    .find(|l| l.starts_with("error"))
+                    .unwrap_or_default()
+                    .to_owned();
                 assert!(said.contains(words), "{said}");
-                let again = bench.run(plan, "s.zarr", &["--resume", "--rig", &bench.path("sound.toml").to_string_lossy()]);
+                let again = bench.run(
+                    plan,
+                    "s.zarr",
+                    &["--resume", "--rig", &bench.path("sound.toml").to_string_lossy()],
+                );
                 assert!(again.status.success(), "{kind}: {}", text(&again));
                 format!("ended and resumed: {last}")
             }
@@ -288,6 +341,10 @@ fn what_cannot_be_resumed_is_refused() {
     let other = CAMERA.replace("captures = 6", "captures = 7");
     std::fs::write(broken.path("camera.toml"), other).expect("writes");
     let output = broken.run("camera.toml", "s.zarr", &["--resume"]);
-    assert!(output.status.code() == Some(2) && text(&output).contains("another plan"), "{}", text(&output));
+    assert!(
+        output.status.code() == Some(2) && text(&output).contains("another plan"),
+        "{}",
+        text(&output)
+    );
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }

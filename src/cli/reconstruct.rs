@@ -14,7 +14,7 @@ use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::polarimetry::capture::simulate::Layout;
-use sunstone::polarimetry::reconstruct::along_rays;
+use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
 use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::store::numpy;
@@ -96,17 +96,24 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return of_run::run(a);
     }
     if !a.source.exists() {
-        return Err(Failure::input(format!("{}: there is no such file", a.source.display())));
+        return Err(Failure::input(format!(
+            "{}: there is no such file",
+            a.source.display()
+        )));
     }
     places::files(inputs, outputs)?;
     for path in outputs.into_iter().flatten() {
         places::extension(path, "arrays are", &["npy"])?;
     }
     let Some(scheme) = &a.scheme else {
-        return Err(Failure::input("--scheme: say what the intensities were captured with"));
+        return Err(Failure::input(
+            "--scheme: say what the intensities were captured with",
+        ));
     };
     if !a.masks.is_empty() || a.superpixel {
-        return Err(Failure::input("--mask and --superpixel: intensities have no masks; they are of runs"));
+        return Err(Failure::input(
+            "--mask and --superpixel: intensities have no masks; they are of runs",
+        ));
     }
     let scheme = load(scheme)?;
     if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
@@ -264,7 +271,8 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                     reconstruction.apply(i, weights, m, wanted)
                 } else {
                     let rays = &rays[first / times..(first + n) / times];
-                    along_rays::reconstruct(scheme, rays, [times, lanes], &options, i, weights, m, wanted)
+                    let places = Places { rays, times, lanes };
+                    along_rays::reconstruct(scheme, places, &options, i, weights, m, wanted)
                         .map_err(Failure::input)?
                 };
                 tally = tally.with(part);

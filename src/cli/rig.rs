@@ -116,7 +116,11 @@ fn summary(scheme: &Scheme, steps: &Steps, rig: &Rig) -> String {
         cost.bytes as f64 / 1e6,
     );
     for mask in &steps.masks {
-        text.push_str(&format!("mask       {}, {} frames a capture and exposure\n", mask.name, mask.shots.len()));
+        text.push_str(&format!(
+            "mask       {}, {} frames a capture and exposure\n",
+            mask.name,
+            mask.shots.len()
+        ));
     }
     text
 }

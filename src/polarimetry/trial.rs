@@ -4,12 +4,12 @@
 //! matrix of least norm among those that explain the captures. All errors are over the mean T00 of the truth.
 
 use crate::capture::design_matrix::{DesignMatrix, RankError};
-use crate::capture::directions::Directions;
 use crate::capture::detector::error::DetectorError;
+use crate::capture::directions::Directions;
 use crate::capture::mueller_image::MuellerImage;
 use crate::capture::scheme::Scheme;
 use crate::capture::simulate::{Captured, Layout, Noise, averaged};
-use crate::reconstruct::along_rays::reconstruct;
+use crate::reconstruct::along_rays::{Places, reconstruct};
 use crate::reconstruct::pixels::Options;
 use crate::reconstruct::second_moment::Moment;
 use nalgebra::DMatrix;
@@ -217,10 +217,14 @@ impl Trial<'_> {
         };
         let mut out = vec![0.0; captured.layout.pixels() * 16];
         let layout = captured.layout;
+        let places = Places {
+            rays: &self.image.view.rays(layout, &self.image.wavelengths_nm()),
+            times: layout.times,
+            lanes: layout.lanes,
+        };
         reconstruct(
             scheme,
-            &self.image.view.rays(layout, &self.image.wavelengths_nm()),
-            [layout.times, layout.lanes],
+            places,
             &options,
             &captured.intensities,
             captured.variances.as_deref(),

@@ -4,8 +4,8 @@
 //! what went wrong, if anything; instruments move and shine while they are checked.
 
 use crate::instrument::{
-    AreaCamera, CameraSettings, CounterSettings, Failure, Fault, GalvoScanner, Instrument, Pattern, PatternProjector,
-    PhotonCounter, PulsedLaser, Region, RotationStage, Trigger, pixels,
+    AreaCamera, CameraSettings, CounterSettings, Failure, Fault, GalvoScanner, Instrument, Pattern,
+    PatternProjector, PhotonCounter, PulsedLaser, Region, RotationStage, Trigger, pixels,
 };
 use std::time::Duration;
 
@@ -58,11 +58,16 @@ fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), String> {
 }
 
 fn common(i: &mut dyn Instrument, report: &mut Report) {
-    report.check("has a name", want(!i.name().trim().is_empty(), || "it is empty".into()));
+    report.check(
+        "has a name",
+        want(!i.name().trim().is_empty(), || "it is empty".into()),
+    );
     report.check(
         "says who it is",
         good(i.identify(SHORT)).and_then(|id| {
-            let empty = [&id.maker, &id.model, &id.serial].iter().any(|t| t.trim().is_empty());
+            let empty = [&id.maker, &id.model, &id.serial]
+                .iter()
+                .any(|t| t.trim().is_empty());
             want(!empty, || format!("{id:?}"))
         }),
     );
@@ -72,7 +77,10 @@ fn common(i: &mut dyn Instrument, report: &mut Report) {
     );
     report.check(
         "has a temperature that can be, or none",
-        want(i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t)), || "it has not".into()),
+        want(
+            i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t)),
+            || "it has not".into(),
+        ),
     );
 }
 
@@ -82,13 +90,16 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     common(stage, &mut report);
     let limits = stage.limits();
     let [least, most] = limits.range_deg;
-    let sane = least < most && limits.velocity > 0.0 && limits.acceleration > 0.0 && limits.resolution_deg > 0.0;
+    let sane =
+        least < most && limits.velocity > 0.0 && limits.acceleration > 0.0 && limits.resolution_deg > 0.0;
     report.check("has limits that can be", want(sane, || format!("{limits:?}")));
     report.check("finds its zero", good(stage.home(LONG)));
     report.check(
         "says that it is homed, at rest, near zero",
         good(stage.read(SHORT)).and_then(|r| {
-            want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || format!("{r:?}"))
+            want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || {
+                format!("{r:?}")
+            })
         }),
     );
     let near = |angle: f64, found: f64| (angle - found).abs() <= 2.0 * limits.resolution_deg;
@@ -97,7 +108,11 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
             "goes where it is sent, and says so",
             good(stage.begin_move(angle))
                 .and_then(|()| good(stage.finish_move(LONG)))
-                .and_then(|r| want(near(angle, r.angle_deg) && !r.moving, || format!("{r:?} instead of {angle}"))),
+                .and_then(|r| {
+                    want(near(angle, r.angle_deg) && !r.moving, || {
+                        format!("{r:?} instead of {angle}")
+                    })
+                }),
         );
     }
     report.check(
@@ -107,11 +122,17 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
             .and_then(|()| good(stage.finish_move(LONG)))
             .and_then(|r| want(near(12.0, r.angle_deg), || format!("{r:?}"))),
     );
-    for (name, angle) in [("refuses what is no angle", f64::NAN), ("refuses infinity", f64::INFINITY)] {
+    for (name, angle) in [
+        ("refuses what is no angle", f64::NAN),
+        ("refuses infinity", f64::INFINITY),
+    ] {
         report.check(name, fails(stage.begin_move(angle), Fault::Limit));
     }
     if most.is_finite() {
-        report.check("refuses what is beyond its range", fails(stage.begin_move(most + 10.0), Fault::Limit));
+        report.check(
+            "refuses what is beyond its range",
+            fails(stage.begin_move(most + 10.0), Fault::Limit),
+        );
     }
     report.check(
         "a refused move moves nothing",
@@ -153,21 +174,36 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
         height,
         pixels: vec![value; width as usize * height as usize],
     };
-    report.check("shows nothing that is not loaded", fails(projector.show(0, SHORT), Fault::Limit));
-    report.check("loads patterns", good(projector.load(&[flat(255, width), flat(0, width)], LONG)));
+    report.check(
+        "shows nothing that is not loaded",
+        fails(projector.show(0, SHORT), Fault::Limit),
+    );
+    report.check(
+        "loads patterns",
+        good(projector.load(&[flat(255, width), flat(0, width)], LONG)),
+    );
     for n in [0, 1, 0] {
         report.check("shows them in any order", good(projector.show(n, SHORT)));
     }
-    report.check("has no third of two", fails(projector.show(2, SHORT), Fault::Limit));
+    report.check(
+        "has no third of two",
+        fails(projector.show(2, SHORT), Fault::Limit),
+    );
     report.check(
         "refuses a pattern of another size",
         fails(projector.load(&[flat(255, width + 1)], LONG), Fault::Limit),
     );
     let mut torn = flat(255, width);
     torn.pixels.pop();
-    report.check("refuses a torn pattern", fails(projector.load(&[torn], LONG), Fault::Limit));
+    report.check(
+        "refuses a torn pattern",
+        fails(projector.load(&[torn], LONG), Fault::Limit),
+    );
     if limits.bits == 1 {
-        report.check("refuses grey", fails(projector.load(&[flat(100, width)], LONG), Fault::Limit));
+        report.check(
+            "refuses grey",
+            fails(projector.load(&[flat(100, width)], LONG), Fault::Limit),
+        );
     }
     report.check("is dark", good(projector.dark(SHORT)));
     report
@@ -179,9 +215,13 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     common(camera, &mut report);
     let limits = camera.limits();
     let [width, height] = limits.size;
-    let sane = width > 0 && height > 0 && !limits.formats.is_empty() && limits.exposure[0] <= limits.exposure[1];
+    let sane =
+        width > 0 && height > 0 && !limits.formats.is_empty() && limits.exposure[0] <= limits.exposure[1];
     report.check("has limits that can be", want(sane, || format!("{limits:?}")));
-    report.check("exposes nothing before it is set", fails(camera.expose(), Fault::Refused));
+    report.check(
+        "exposes nothing before it is set",
+        fails(camera.expose(), Fault::Refused),
+    );
     let whole = Region {
         x: 0,
         y: 0,
@@ -197,7 +237,9 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     };
     let set = |region: Region, format| CameraSettings {
         region,
-        exposure: limits.exposure[0].max(Duration::from_millis(1)).min(limits.exposure[1]),
+        exposure: limits.exposure[0]
+            .max(Duration::from_millis(1))
+            .min(limits.exposure[1]),
         gain_db: limits.gain_db[0],
         format,
         trigger: Trigger::Software,
@@ -215,7 +257,13 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
                     last = Some(f.number);
                     let whole = pixels::unpack(&f).is_some();
                     want(f.region == region && f.format == format && whole && newer, || {
-                        format!("{:?} {}, {} bytes, number {}", f.region, f.format.name(), f.bytes.len(), f.number)
+                        format!(
+                            "{:?} {}, {} bytes, number {}",
+                            f.region,
+                            f.format.name(),
+                            f.bytes.len(),
+                            f.number
+                        )
                     })
                 }),
             );
@@ -229,18 +277,33 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
             good(camera.frame(SHORT)).map(drop)
         }),
     );
-    report.check("has no frame that was not exposed", fails(camera.frame(Duration::from_millis(10)), Fault::Refused));
+    report.check(
+        "has no frame that was not exposed",
+        fails(camera.frame(Duration::from_millis(10)), Fault::Refused),
+    );
     let mut beyond = whole;
     beyond.width += sx;
-    report.check("refuses a region beyond its sensor", fails(camera.configure(&set(beyond, format), SHORT), Fault::Limit));
+    report.check(
+        "refuses a region beyond its sensor",
+        fails(camera.configure(&set(beyond, format), SHORT), Fault::Limit),
+    );
     let empty = Region { height: 0, ..whole };
-    report.check("refuses an empty region", fails(camera.configure(&set(empty, format), SHORT), Fault::Limit));
+    report.check(
+        "refuses an empty region",
+        fails(camera.configure(&set(empty, format), SHORT), Fault::Limit),
+    );
     let mut long = set(whole, format);
     long.exposure = limits.exposure[1] + Duration::from_secs(1);
-    report.check("refuses an exposure beyond its longest", fails(camera.configure(&long, SHORT), Fault::Limit));
+    report.check(
+        "refuses an exposure beyond its longest",
+        fails(camera.configure(&long, SHORT), Fault::Limit),
+    );
     let mut loud = set(whole, format);
     loud.gain_db = f64::NAN;
-    report.check("refuses a gain that is none", fails(camera.configure(&loud, SHORT), Fault::Limit));
+    report.check(
+        "refuses a gain that is none",
+        fails(camera.configure(&loud, SHORT), Fault::Limit),
+    );
     let mut slow = set(whole, format);
     slow.exposure = Duration::from_millis(300).min(limits.exposure[1]);
     report.check(
@@ -261,18 +324,32 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     common(galvo, &mut report);
     let limits = galvo.limits();
     let [x, y] = limits.range_deg;
-    report.check("has limits that can be", want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, || format!("{limits:?}")));
+    report.check(
+        "has limits that can be",
+        want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, || {
+            format!("{limits:?}")
+        }),
+    );
     for goal in [[0.0, 0.0], [x, -y], [-x / 3.0, y / 7.0]] {
         report.check(
             "points where it is told",
             good(galvo.point(goal, SHORT)).and_then(|at| {
-                let off = at.iter().zip(goal).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                want(off <= 2.0 * limits.resolution_deg, || format!("{at:?} instead of {goal:?}"))
+                let off = at
+                    .iter()
+                    .zip(goal)
+                    .map(|(a, b)| (a - b).abs())
+                    .fold(0.0, f64::max);
+                want(off <= 2.0 * limits.resolution_deg, || {
+                    format!("{at:?} instead of {goal:?}")
+                })
             }),
         );
     }
     for goal in [[x * 1.01 + 0.1, 0.0], [0.0, -y * 1.01 - 0.1], [f64::NAN, 0.0]] {
-        report.check("refuses what is beyond its range", fails(galvo.point(goal, SHORT), Fault::Limit));
+        report.check(
+            "refuses what is beyond its range",
+            fails(galvo.point(goal, SHORT), Fault::Limit),
+        );
     }
     report
 }
@@ -283,17 +360,29 @@ pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
     common(laser, &mut report);
     let limits = laser.limits();
     let [least, most] = limits.rate_hz;
-    report.check("has limits that can be", want(limits.nm > 0.0 && least > 0.0 && most >= least, || format!("{limits:?}")));
+    report.check(
+        "has limits that can be",
+        want(limits.nm > 0.0 && least > 0.0 && most >= least, || {
+            format!("{limits:?}")
+        }),
+    );
     for rate in [least, most] {
         report.check(
             "shines at its rates",
             good(laser.emit(true, rate, SHORT))
                 .and_then(|()| good(laser.state(SHORT)))
-                .and_then(|s| want(s.emitting && (s.rate_hz - rate).abs() <= 1e-3 * rate, || format!("{s:?}"))),
+                .and_then(|s| {
+                    want(s.emitting && (s.rate_hz - rate).abs() <= 1e-3 * rate, || {
+                        format!("{s:?}")
+                    })
+                }),
         );
     }
     for rate in [most * 2.0, f64::NAN] {
-        report.check("refuses other rates", fails(laser.emit(true, rate, SHORT), Fault::Limit));
+        report.check(
+            "refuses other rates",
+            fails(laser.emit(true, rate, SHORT), Fault::Limit),
+        );
     }
     report.check(
         "goes off",
@@ -311,7 +400,10 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     let limits = counter.limits();
     let sane = limits.bins > 0 && limits.finest_ps > 0.0 && limits.full > 0;
     report.check("has limits that can be", want(sane, || format!("{limits:?}")));
-    report.check("counts nothing before it is set", fails(counter.begin(), Fault::Refused));
+    report.check(
+        "counts nothing before it is set",
+        fails(counter.begin(), Fault::Refused),
+    );
     let settings = |bins: usize| CounterSettings {
         bins,
         bin_ps: limits.finest_ps,
@@ -328,7 +420,9 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
                 .and_then(|h| {
                     let newer = last.is_none_or(|n| h.number > n);
                     last = Some(h.number);
-                    want(h.counts.len() == bins && newer && h.pulses > 0, || format!("{} bins, {h:?}", h.counts.len()))
+                    want(h.counts.len() == bins && newer && h.pulses > 0, || {
+                        format!("{} bins, {h:?}", h.counts.len())
+                    })
                 }),
         );
     }
@@ -339,12 +433,24 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
             good(counter.finish(SHORT)).map(drop)
         }),
     );
-    report.check("has no histogram that was not begun", fails(counter.finish(Duration::from_millis(10)), Fault::Refused));
-    report.check("refuses more bins than it has", fails(counter.configure(&settings(limits.bins + 1), SHORT), Fault::Limit));
-    report.check("refuses no bins", fails(counter.configure(&settings(0), SHORT), Fault::Limit));
+    report.check(
+        "has no histogram that was not begun",
+        fails(counter.finish(Duration::from_millis(10)), Fault::Refused),
+    );
+    report.check(
+        "refuses more bins than it has",
+        fails(counter.configure(&settings(limits.bins + 1), SHORT), Fault::Limit),
+    );
+    report.check(
+        "refuses no bins",
+        fails(counter.configure(&settings(0), SHORT), Fault::Limit),
+    );
     let mut bad = settings(1);
     bad.bin_ps = f64::NAN;
-    report.check("refuses bins that are no time", fails(counter.configure(&bad, SHORT), Fault::Limit));
+    report.check(
+        "refuses bins that are no time",
+        fails(counter.configure(&bad, SHORT), Fault::Limit),
+    );
     let mut slow = settings(1);
     slow.dwell = Duration::from_millis(300).min(limits.longest);
     report.check(
@@ -372,7 +478,8 @@ mod tests {
         let text = "[stages.a]\n[projector]\nsize = [8, 6]\n[camera]\nsize = [12, 10]\nstep = [4, 2]\n[galvo]\n[laser]\nnm = 550\n\
                     [counter]\n[bench]\nsample = \"air\"\nwavelength_nm = 550\n";
         let rig = rig_file::from_toml(Path::new("r.toml"), text).expect("a rig");
-        let text = "scheme = { kind = \"drr\", captures = 4 }\n[camera]\nexposures_ms = [1]\nmasks = [\"full\"]\n";
+        let text =
+            "scheme = { kind = \"drr\", captures = 4 }\n[camera]\nexposures_ms = [1]\nmasks = [\"full\"]\n";
         let plan = plan::from_toml(Path::new("p.toml"), text).expect("a plan");
         let bench_plan = rig.bench.as_ref().expect("a bench");
         let light = scenery(bench_plan, [12, 10], None).expect("a sample");
@@ -386,11 +493,17 @@ mod tests {
         let stage = rig.stages.get_mut("a").expect("a stage");
         let reports = [
             ("stage", rotation_stage(stage.device.as_mut())),
-            ("projector", pattern_projector(rig.projector.as_mut().expect("one").as_mut())),
+            (
+                "projector",
+                pattern_projector(rig.projector.as_mut().expect("one").as_mut()),
+            ),
             ("camera", area_camera(rig.camera.as_mut().expect("one").as_mut())),
             ("galvo", galvo_scanner(rig.galvo.as_mut().expect("one").as_mut())),
             ("laser", pulsed_laser(rig.laser.as_mut().expect("one").as_mut())),
-            ("counter", photon_counter(rig.counter.as_mut().expect("one").as_mut())),
+            (
+                "counter",
+                photon_counter(rig.counter.as_mut().expect("one").as_mut()),
+            ),
         ];
         for (name, report) in &reports {
             println!("simulated {name}: {} checks", report.0.len());
@@ -404,7 +517,7 @@ mod tests {
     fn liars_are_found() {
         struct Liar;
         impl Instrument for Liar {
-            fn name(&self) -> &str {
+            fn name(&self) -> &'static str {
                 "liar"
             }
             fn identify(&mut self, _: Duration) -> Result<crate::instrument::Identity, Failure> {
@@ -441,7 +554,13 @@ mod tests {
         let names: Vec<&str> = report.faults().map(|c| c.name).collect();
         assert_eq!(
             names,
-            ["says who it is", "shines at its rates", "refuses other rates", "refuses other rates", "goes off"]
+            [
+                "says who it is",
+                "shines at its rates",
+                "refuses other rates",
+                "refuses other rates",
+                "goes off"
+            ]
         );
     }
 }

@@ -20,7 +20,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         places::folders(inputs, [Some(&a.output)])?;
         if a.errors.is_some() {
-            return Err(Failure::input("--errors: a store holds the errors beside the matrices; leave it out"));
+            return Err(Failure::input(
+                "--errors: a store holds the errors beside the matrices; leave it out",
+            ));
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
@@ -73,7 +75,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         let mut attributes = run.attributes().clone();
         attributes.insert("kind".into(), json!("reconstruction"));
-        attributes.insert("source".into(), json!(format!("sunstone reconstruct {}", a.source.display())));
+        attributes.insert(
+            "source".into(),
+            json!(format!("sunstone reconstruct {}", a.source.display())),
+        );
         if let Some(path) = &a.scheme {
             attributes.insert("calibrated_scheme".into(), json!(path.display().to_string()));
         }

@@ -49,7 +49,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for word in &a.free {
         if !all.iter().any(|p| names(p).contains(word.as_str())) {
             let known: Vec<String> = all.iter().map(names).collect();
-            return Err(Failure::input(format!("--free: nothing is called `{word}`; there are {}", known.join(", "))));
+            return Err(Failure::input(format!(
+                "--free: nothing is called `{word}`; there are {}",
+                known.join(", ")
+            )));
         }
     }
     let free: Vec<Parameter> = all
@@ -66,11 +69,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 }
 
 fn table(found: &Calibrated) -> String {
-    let width = found.found.iter().map(|f| f.name.chars().count()).max().unwrap_or(0);
+    let width = found
+        .found
+        .iter()
+        .map(|f| f.name.chars().count())
+        .max()
+        .unwrap_or(0);
     let mut text = String::new();
     for f in &found.found {
         let sigma = f.sigma.map_or("not told".to_owned(), |s| format!("± {s:.5}"));
-        text.push_str(&format!("{:<width$}  {:>10.5}{} {sigma}\n", f.name, f.value, f.parameter.unit()));
+        text.push_str(&format!(
+            "{:<width$}  {:>10.5}{} {sigma}\n",
+            f.name,
+            f.value,
+            f.parameter.unit()
+        ));
     }
     text.push_str(&format!(
         "chi squared {:.1} over {} degrees of freedom\n",

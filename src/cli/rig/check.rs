@@ -73,7 +73,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             let good = report.0.len() - report.faults().count();
             lines.push(format!("{name:<14} keeps {good} of {} promises", report.0.len()));
             for check in report.faults() {
-                failed.push(format!("{name}: {}: {}", check.name, check.fault.as_deref().unwrap_or_default()));
+                failed.push(format!(
+                    "{name}: {}: {}",
+                    check.name,
+                    check.fault.as_deref().unwrap_or_default()
+                ));
             }
         }
     }

@@ -37,7 +37,11 @@ impl Live {
 
     pub fn frame(&mut self, p: &Progress<'_>) {
         let first = *self.first.get_or_insert(p.done - 1);
-        let each = if self.bar.is_some() { EACH } else { Duration::from_secs(5) };
+        let each = if self.bar.is_some() {
+            EACH
+        } else {
+            Duration::from_secs(5)
+        };
         if self.last.elapsed() < each && p.done < p.frames {
             return;
         }
@@ -76,8 +80,12 @@ fn histogram(numbers: &[u32]) -> String {
     for n in numbers {
         counts[(*n as usize * COLUMNS / (most as usize + 1)).min(COLUMNS - 1)] += 1;
     }
-    let top = f64::from(counts.iter().copied().max().unwrap_or(0)).ln_1p().max(1e-9);
-    let block = |n: &u32| ['\u{2581}', '▂', '▃', '▄', '▅', '▆', '▇', '█'][(f64::from(*n).ln_1p() / top * 7.0) as usize];
+    let top = f64::from(counts.iter().copied().max().unwrap_or(0))
+        .ln_1p()
+        .max(1e-9);
+    let block = |n: &u32| {
+        ['\u{2581}', '▂', '▃', '▄', '▅', '▆', '▇', '█'][(f64::from(*n).ln_1p() / top * 7.0) as usize]
+    };
     format!("{} to {most}", counts.iter().map(block).collect::<String>())
 }
 

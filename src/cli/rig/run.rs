@@ -56,9 +56,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let mueller = rig_file::sample_of(sample).unwrap_or_default();
         bench.scene = rig_file::Scene::Sample(mueller);
         // Another night has other noise.
-        bench.seed = bench.seed.wrapping_add(u64::from_le_bytes(std::array::from_fn(|i| {
-            sample.as_bytes().get(i).copied().unwrap_or(0)
-        })));
+        bench.seed = bench
+            .seed
+            .wrapping_add(u64::from_le_bytes(std::array::from_fn(|i| {
+                sample.as_bytes().get(i).copied().unwrap_or(0)
+            })));
     }
     if let Some(output) = &a.output {
         places::folders(session.inputs.iter().map(Some), [Some(output)])?;
@@ -95,12 +97,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         RunStoreError::Create(cause) => Failure::of_system(cause.is_of_system(), e),
         _ => Failure::input(e),
     })?;
-    let recovered = writer::recover(&store).map_err(|e| Failure::failed(format!("{}: {e}", output.display())))?;
+    let recovered =
+        writer::recover(&store).map_err(|e| Failure::failed(format!("{}: {e}", output.display())))?;
     if recovered.frames > 0 {
-        eprintln!("{} of {} frames are there; going on", recovered.frames, steps.frames());
+        eprintln!(
+            "{} of {} frames are there; going on",
+            recovered.frames,
+            steps.frames()
+        );
     }
     let mut live = Live::new(steps.frames());
-    let outcome = run::run(&mut rig, &steps, store, recovered, &INTERRUPTED, &mut |p| live.frame(p));
+    let outcome = run::run(&mut rig, &steps, store, recovered, &INTERRUPTED, &mut |p| {
+        live.frame(p)
+    });
     live.end();
     let outcome = outcome.map_err(|e| match e {
         RunError::Interrupted => Failure::Interrupted(format!(

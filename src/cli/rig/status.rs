@@ -32,7 +32,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             begins += 1;
             lines.push(format!("begun at frame {frame}"));
         }
-        Event::Retry { frame, failure, run_s } => {
+        Event::Retry {
+            frame,
+            failure,
+            run_s,
+        } => {
             retries += 1;
             lines.push(format!("{:>9}  frame {frame}: {failure}", time(run_s)));
         }
@@ -40,13 +44,20 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             lines.push(format!("{:>9}  frame {frame}: waits, {why}", time(run_s)));
         }
         Event::ClockJump { by_s, run_s } => {
-            lines.push(format!("{:>9}  the wall's clock jumped by {by_s:.0} s", time(run_s)));
+            lines.push(format!(
+                "{:>9}  the wall's clock jumped by {by_s:.0} s",
+                time(run_s)
+            ));
         }
         Event::End { .. } => lines.push("ended".into()),
     })
     .map_err(failed)?;
     let finished = sunstone::store::zarr::frames::FrameStore::open(&a.store).is_ok();
-    let state = if finished { "finished" } else { "not finished: --resume goes on" };
+    let state = if finished {
+        "finished"
+    } else {
+        "not finished: --resume goes on"
+    };
     let mut text = format!(
         "{}: {} frames, {state}\n{begins} begins, {retries} tries again\n",
         a.store.display(),

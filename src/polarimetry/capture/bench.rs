@@ -75,21 +75,23 @@ impl Bench {
         let on_axis: Vec<Stokes> = detecting(&self.optics, &sets[1], &Ray::axial(self.nm)).collect();
         let channels = self.optics.sensor.channels();
         let mut out = vec![0.0; width * height];
-        out.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, out)| {
-            let y = y0 + row;
-            for (column, out) in out.iter_mut().enumerate() {
-                let x = x0 + column;
-                let channel = if channels == 4 { polarizer(x, y) } else { 0 };
-                let weights = if axial {
-                    on_axis[channel]
-                } else {
-                    let ray = self.camera.ray(x, y, size, self.nm);
-                    let mut all = detecting(&self.optics, &sets[1], &ray);
-                    all.nth(channel).unwrap_or_default()
-                };
-                *out = weights.dot(&light.at(y * size[0] + x, &lighting));
-            }
-        });
+        out.par_chunks_mut(width.max(1))
+            .enumerate()
+            .for_each(|(row, out)| {
+                let y = y0 + row;
+                for (column, out) in out.iter_mut().enumerate() {
+                    let x = x0 + column;
+                    let channel = if channels == 4 { polarizer(x, y) } else { 0 };
+                    let weights = if axial {
+                        on_axis[channel]
+                    } else {
+                        let ray = self.camera.ray(x, y, size, self.nm);
+                        let mut all = detecting(&self.optics, &sets[1], &ray);
+                        all.nth(channel).unwrap_or_default()
+                    };
+                    *out = weights.dot(&light.at(y * size[0] + x, &lighting));
+                }
+            });
         out
     }
 
@@ -120,7 +122,13 @@ mod tests {
             lanes: 1,
         };
         let matrices: Vec<f32> = (0..layout.pixels() * 16)
-            .map(|i| if i % 16 == 0 { 1.0 } else { ((i * 31) % 17) as f32 / 50.0 })
+            .map(|i| {
+                if i % 16 == 0 {
+                    1.0
+                } else {
+                    ((i * 31) % 17) as f32 / 50.0
+                }
+            })
             .collect();
         let double: Vec<f64> = matrices.iter().copied().map(f64::from).collect();
         for array in [false, true] {

@@ -45,7 +45,11 @@ fn mend(captures: usize, least: usize) -> String {
 
 /// Rows of the design matrix for one capture, one for each channel of the sensor, with generator and analyzer set so:
 /// where stages are in truth, which a scheme's plan need not be.
-pub fn rows(scheme: &Scheme, sets: &[Vec<Set>; 2], ray: &Ray) -> impl Iterator<Item = [f64; ELEMENTS]> + use<> {
+pub fn rows(
+    scheme: &Scheme,
+    sets: &[Vec<Set>; 2],
+    ray: &Ray,
+) -> impl Iterator<Item = [f64; ELEMENTS]> + use<> {
     let g = illuminating(scheme, &sets[0], ray);
     detecting(scheme, &sets[1], ray).map(move |a| std::array::from_fn(|e| a[e / 4] * g[e % 4]))
 }

@@ -299,7 +299,11 @@ impl Scheme {
     pub fn turned(&self, name: &str, angles: &[f64]) -> Result<Self, SchemeError> {
         let same = angles.iter().all(|a| Some(a) == angles.first());
         let (mut generator, mut analyzer) = (self.generator.clone(), self.analyzer.clone());
-        for e in generator.iter_mut().chain(&mut analyzer).filter(|e| e.name == name) {
+        for e in generator
+            .iter_mut()
+            .chain(&mut analyzer)
+            .filter(|e| e.name == name)
+        {
             e.angle = match (&e.angle, angles) {
                 (Setting::Fixed(_), [first, ..]) if same => Setting::Fixed(*first),
                 _ => Setting::Each(angles.to_vec()),

@@ -113,7 +113,10 @@ pub fn simulate(
     let pixels = layout.pixels();
     let elements = pixels.saturating_mul(ELEMENTS);
     count("the elements of all matrices", elements, matrices.len())?;
-    let all = layout.height.saturating_mul(layout.width).saturating_mul(layout.lanes);
+    let all = layout
+        .height
+        .saturating_mul(layout.width)
+        .saturating_mul(layout.lanes);
     if rays.len() != all {
         count("the rays of all wavelengths", layout.lanes, rays.len())?;
     }
@@ -128,12 +131,11 @@ pub fn simulate(
         layout,
         rays,
         scheme,
-        designs: match rays.len() == layout.lanes {
-            true => rays
-                .iter()
-                .map(|ray| rows_of(&DesignMatrix::new(scheme, ray)))
-                .collect(),
-            false => vec![],
+        designs: if rays.len() == layout.lanes {
+            let of = |ray| rows_of(&DesignMatrix::new(scheme, ray));
+            rays.iter().map(of).collect()
+        } else {
+            vec![]
         },
         measurements: scheme.measurements(),
         seed,
@@ -298,9 +300,7 @@ impl Job<'_> {
                 let image = |m: usize| -> Vec<f64> {
                     let places = 0..height * width;
                     let mut rows = self.rows(m);
-                    places
-                        .map(|yx| rows.clean(yx * times * lanes + inner))
-                        .collect()
+                    places.map(|yx| rows.clean(yx * times * lanes + inner)).collect()
                 };
                 let key = (g * times * lanes + inner) as u32;
                 let nm = self.rays[inner % lanes].nm;

@@ -99,11 +99,7 @@ pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
 }
 
 /// The rows in which each channel weighs what comes from the scene, with elements of the analyzer set so.
-pub fn detecting(
-    scheme: &Scheme,
-    analyzer: &[Set],
-    ray: &Ray,
-) -> impl Iterator<Item = Stokes> + use<> {
+pub fn detecting(scheme: &Scheme, analyzer: &[Set], ray: &Ray) -> impl Iterator<Item = Stokes> + use<> {
     let elements_ray = &at_elements(scheme, ray);
     let mut through = Matrix4::identity();
     for (e, set) in scheme.analyzer().iter().zip(analyzer).rev() {
@@ -235,7 +231,10 @@ mod tests {
             };
             for k in 0..3 {
                 let [generator, analyzer] = scheme.sets(k);
-                assert_eq!(illuminating(&scheme, &generator, &ray), generated(&scheme, k, &ray, 0).value);
+                assert_eq!(
+                    illuminating(&scheme, &generator, &ray),
+                    generated(&scheme, k, &ray, 0).value
+                );
                 let rows: Vec<_> = detecting(&scheme, &analyzer, &ray).collect();
                 let jets = analyzed(&scheme, k, &ray, 0, false);
                 assert_eq!(rows.len(), jets.len());

@@ -10,8 +10,18 @@ use crate::capture::scheme::Scheme;
 /// Rays whose estimates are in memory at once.
 const AT_ONCE: usize = 2048;
 
-/// Reconstructs images of which the first axes are places, then whatever is a capture of its own (`times`), then wavelengths.
-/// `rays` are those of each wavelength, or of each place and wavelength; the rest is as of [`Reconstruction::apply`].
+/// How pixels meet rays: places first, then whatever is a capture of its own, then wavelengths.
+#[derive(Clone, Copy, Debug)]
+pub struct Places<'a> {
+    /// Rays of each wavelength, or of each place and wavelength.
+    pub rays: &'a [Ray],
+    /// Captures of their own at a place, which share its rays.
+    pub times: usize,
+    /// Wavelengths.
+    pub lanes: usize,
+}
+
+/// Reconstructs images along the rays of their places; the rest is as of [`Reconstruction::apply`].
 ///
 /// # Errors
 /// If the captures do not determine a Mueller matrix and there is no prior.
@@ -20,8 +30,7 @@ const AT_ONCE: usize = 2048;
 /// If lengths do not agree.
 pub fn reconstruct<T: PixelNumber>(
     scheme: &Scheme,
-    rays: &[Ray],
-    [times, lanes]: [usize; 2],
+    Places { rays, times, lanes }: Places<'_>,
     options: &Options,
     intensities: &[T],
     variances: Option<&[T]>,
@@ -88,7 +97,13 @@ mod tests {
         };
         scheme.name = "oblique".into();
         let matrices: Vec<f64> = (0..layout.pixels() * 16)
-            .map(|i| if i % 16 == 0 { 1.0 } else { ((i * 7919) % 100) as f64 / 400.0 })
+            .map(|i| {
+                if i % 16 == 0 {
+                    1.0
+                } else {
+                    ((i * 7919) % 100) as f64 / 400.0
+                }
+            })
             .collect();
         let view = Directions::pinhole(1.0, layout.width, layout.height);
         let nm = [450.0, 650.0];
@@ -96,9 +111,13 @@ mod tests {
         let seen = simulate(&matrices, layout, &scheme, &rays, &Noise::None, 1).expect("captures");
         let error = |rays: &[Ray]| {
             let mut out = vec![0.0_f32; matrices.len()];
-            let shape = [layout.times, layout.lanes];
+            let places = Places {
+                rays,
+                times: layout.times,
+                lanes: layout.lanes,
+            };
             let options = Options::default();
-            reconstruct(&scheme, rays, shape, &options, &seen.intensities, None, &mut out, None).expect("rank 16");
+            reconstruct(&scheme, places, &options, &seen.intensities, None, &mut out, None).expect("rank 16");
             let pairs = out.iter().zip(&matrices);
             pairs.map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
         };

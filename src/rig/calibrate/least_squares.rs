@@ -28,7 +28,9 @@ pub enum FitError {
     #[error("a measurement or a prediction is not a finite number; leave saturated and dark places out")]
     NotFinite,
     /// It does not settle.
-    #[error("the fit does not settle: the start is far from the truth, or the samples are not what they are called")]
+    #[error(
+        "the fit does not settle: the start is far from the truth, or the samples are not what they are called"
+    )]
     Unsettled,
 }
 
@@ -85,11 +87,7 @@ fn cost(r: &DVector<f64>) -> f64 {
 ///
 /// # Errors
 /// [`FitError`].
-pub fn fit(
-    start: &[f64],
-    steps: &[f64],
-    residuals: &dyn Fn(&[f64]) -> Vec<f64>,
-) -> Result<Fit, FitError> {
+pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Fit, FitError> {
     let n = start.len();
     let mut x = DVector::from_column_slice(start);
     let of = |x: &DVector<f64>| DVector::from_vec(residuals(x.as_slice()));
@@ -174,7 +172,11 @@ impl Told {
         // A column of zeros stays one.
         let scale = DVector::from_fn(n, |i, _| {
             let norm = j.column(i).norm();
-            if norm > 1e-12 * longest { norm } else { f64::INFINITY }
+            if norm > 1e-12 * longest {
+                norm
+            } else {
+                f64::INFINITY
+            }
         });
         let scaled = DMatrix::from_fn(j.nrows(), n, |i, k| j[(i, k)] / scale[k]);
         // By the eigenvectors of JᵀJ, which are many rows' but few columns'.
@@ -186,13 +188,7 @@ impl Told {
         let most = s.iter().copied().fold(0.0, f64::max);
         let rank = s.iter().filter(|s| **s > NOTHING * most && **s > 0.0).count();
         let u = DMatrix::from_fn(j.nrows(), rank, |i, k| (scaled.row(i) * v.column(k))[0] / s[k]);
-        Ok(Self {
-            scale,
-            u,
-            s,
-            v,
-            rank,
-        })
+        Ok(Self { scale, u, s, v, rank })
     }
 
     /// Unit vectors of the scaled parameters.
@@ -236,7 +232,11 @@ mod tests {
         let t: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.2).collect();
         let model = |p: &[f64], t: f64| p[0] * (-p[1] * t).exp() + p[2];
         let truth = [2.0, 1.3, 0.5];
-        let residuals = |p: &[f64]| -> Vec<f64> { t.iter().map(|t| (model(&truth, *t) - model(p, *t)) / 0.01).collect() };
+        let residuals = |p: &[f64]| -> Vec<f64> {
+            t.iter()
+                .map(|t| (model(&truth, *t) - model(p, *t)) / 0.01)
+                .collect()
+        };
         let found = fit(&[1.0, 0.5, 0.0], &[0.01; 3], &residuals).expect("a fit");
         for (a, b) in found.values.iter().zip(truth) {
             assert!((a - b).abs() < 1e-6, "{a} {b}");
@@ -248,17 +248,30 @@ mod tests {
     fn what_is_not_told_is_named_and_left() {
         let t: Vec<f64> = (0..9).map(f64::from).collect();
         // Only a + b acts, and d not at all.
-        let residuals = |p: &[f64]| -> Vec<f64> { t.iter().map(|t| 3.0 * t + 1.0 - (p[0] + p[1]) * t - p[2]).collect() };
+        let residuals = |p: &[f64]| -> Vec<f64> {
+            t.iter()
+                .map(|t| 3.0 * t + 1.0 - (p[0] + p[1]) * t - p[2])
+                .collect()
+        };
         let found = fit(&[1.0, 1.0, 0.0, 7.0], &[0.01; 4], &residuals).expect("a fit");
         assert!((found.values[0] - 1.5).abs() < 1e-6 && (found.values[1] - 1.5).abs() < 1e-6);
         assert_eq!(found.values[3], 7.0);
         assert_eq!(found.untold.len(), 2);
         let names = ["a", "b", "c", "d"].map(String::from);
         let words = found.untold_in_words(&names).join("; ");
-        assert!(words.contains("a, b together") && words.contains("d: no sample"), "{words}");
+        assert!(
+            words.contains("a, b together") && words.contains("d: no sample"),
+            "{words}"
+        );
         assert_eq!(found.sigma(0), None);
         assert!(found.sigma(2).is_some());
-        assert!(matches!(fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]), Err(FitError::TooFew { .. })));
-        assert_eq!(fit(&[0.0], &[0.1], &|_| vec![f64::NAN; 3]), Err(FitError::NotFinite));
+        assert!(matches!(
+            fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]),
+            Err(FitError::TooFew { .. })
+        ));
+        assert_eq!(
+            fit(&[0.0], &[0.1], &|_| vec![f64::NAN; 3]),
+            Err(FitError::NotFinite)
+        );
     }
 }

@@ -103,7 +103,11 @@ impl Line for SerialLine {
     fn reopen(&mut self) -> Result<(), LineError> {
         use serialport::FlowControl;
         self.port = None;
-        let flow = if self.hardware { FlowControl::Hardware } else { FlowControl::None };
+        let flow = if self.hardware {
+            FlowControl::Hardware
+        } else {
+            FlowControl::None
+        };
         let open = serialport::new(&self.path, self.baud).flow_control(flow).open();
         match open {
             Ok(port) => {
@@ -126,8 +130,14 @@ impl MemoryLine {
     #[must_use]
     pub fn pair() -> (Self, Self) {
         let ((to_b, from_a), (to_a, from_b)) = (channel(), channel());
-        let a = Self { to: to_b, from: from_b };
-        let b = Self { to: to_a, from: from_a };
+        let a = Self {
+            to: to_b,
+            from: from_b,
+        };
+        let b = Self {
+            to: to_a,
+            from: from_a,
+        };
         (a, b)
     }
 }

@@ -26,13 +26,28 @@ pub struct AssembleError(pub String);
 ///
 /// # Errors
 /// In words, if plan and bench do not fit.
-pub fn bench(rig: &RigPlan, bench: &BenchPlan, plan: &Plan, scenery: Scenery) -> Result<Shared, AssembleError> {
-    let clock = if bench.real_time { Clock::real() } else { Clock::simulated() };
+pub fn bench(
+    rig: &RigPlan,
+    bench: &BenchPlan,
+    plan: &Plan,
+    scenery: Scenery,
+) -> Result<Shared, AssembleError> {
+    let clock = if bench.real_time {
+        Clock::real()
+    } else {
+        Clock::simulated()
+    };
     let optics = bench.optics.clone().unwrap_or_else(|| plan.scheme.clone());
     let elements = |s: &polarimetry::capture::scheme::Scheme| -> Vec<String> {
-        s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
+        s.generator()
+            .iter()
+            .chain(s.analyzer())
+            .map(|e| e.name.clone())
+            .collect()
     };
-    if elements(&optics) != elements(&plan.scheme) || optics.sensor.channels() != plan.scheme.sensor.channels() {
+    if elements(&optics) != elements(&plan.scheme)
+        || optics.sensor.channels() != plan.scheme.sensor.channels()
+    {
         return Err(AssembleError(format!(
             "the bench's optics are {:?} and the scheme's {:?}; give them the same elements and sensor",
             elements(&optics),
@@ -73,7 +88,14 @@ pub fn bench(rig: &RigPlan, bench: &BenchPlan, plan: &Plan, scenery: Scenery) ->
             Directions::pinhole(degrees.to_radians(), size[0] as usize, size[1] as usize)
         }),
     };
-    let world = Shared::new(clock, truth, scenery, bench.cmos.clone(), bench.spad.clone(), bench.seed);
+    let world = Shared::new(
+        clock,
+        truth,
+        scenery,
+        bench.cmos.clone(),
+        bench.spad.clone(),
+        bench.seed,
+    );
     world.plan_faults(bench.faults.clone());
     Ok(world)
 }
@@ -82,7 +104,11 @@ pub fn bench(rig: &RigPlan, bench: &BenchPlan, plan: &Plan, scenery: Scenery) ->
 ///
 /// # Errors
 /// In words; a scene has to be rendered before.
-pub fn scenery(plan: &BenchPlan, camera: [usize; 2], tensor: Option<&std::path::Path>) -> Result<Scenery, AssembleError> {
+pub fn scenery(
+    plan: &BenchPlan,
+    camera: [usize; 2],
+    tensor: Option<&std::path::Path>,
+) -> Result<Scenery, AssembleError> {
     let path = match (&plan.scene, tensor) {
         (Scene::Sample(mueller), _) => {
             let bright = mueller.map(|v| v * plan.brightness as f32);
@@ -106,7 +132,9 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     let mut rig = Rig::new(&plan.name, clock);
     let bench = |name: &str| {
         world.cloned().ok_or_else(|| {
-            AssembleError(format!("`{name}` is simulated, and the rig file has no [bench]; add one"))
+            AssembleError(format!(
+                "`{name}` is simulated, and the rig file has no [bench]; add one"
+            ))
         })
     };
     let missing = |name: &str, driver: &Driver| {
@@ -122,8 +150,11 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
             }
             Driver::Apt => {
                 let known = file.model.as_deref().unwrap_or("PRM1-Z8");
-                let model = Model::named(known)
-                    .ok_or_else(|| AssembleError(format!("`{name}`: no model is called `{known}`; PRM1-Z8 is known")))?;
+                let model = Model::named(known).ok_or_else(|| {
+                    AssembleError(format!(
+                        "`{name}`: no model is called `{known}`; PRM1-Z8 is known"
+                    ))
+                })?;
                 let port = file.port.as_deref().unwrap_or_default();
                 let told = |e: String| AssembleError(format!("`{name}`: {e}; plug it in, or mend `port`"));
                 let line = SerialLine::open(port, 115_200, true).map_err(|e| told(e.to_string()))?;
@@ -142,14 +173,22 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     match &plan.projector {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.projector = Some(Box::new(SimulatedProjector::new("projector", bench("projector")?, *limits)));
+            rig.projector = Some(Box::new(SimulatedProjector::new(
+                "projector",
+                bench("projector")?,
+                *limits,
+            )));
         }
         Some((other, _)) => return missing("projector", other),
     }
     match &plan.camera {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.camera = Some(Box::new(SimulatedCamera::new("camera", bench("camera")?, limits.clone())));
+            rig.camera = Some(Box::new(SimulatedCamera::new(
+                "camera",
+                bench("camera")?,
+                limits.clone(),
+            )));
         }
         Some((other, _)) => return missing("camera", other),
     }
@@ -170,7 +209,11 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     match &plan.counter {
         None => {}
         Some((Driver::Simulated, limits)) => {
-            rig.counter = Some(Box::new(SimulatedCounter::new("counter", bench("counter")?, *limits)));
+            rig.counter = Some(Box::new(SimulatedCounter::new(
+                "counter",
+                bench("counter")?,
+                *limits,
+            )));
         }
         Some((other, _)) => return missing("counter", other),
     }

@@ -54,7 +54,10 @@ impl Lens {
             ));
         }
         let matrix = Matrix3::from_fn(|i, j| file.matrix[i][j]);
-        let plain = matrix.iter().chain(&Vector3::from_fn(|i, _| k.get(i).copied().unwrap_or(0.0))).all(|v| v.is_finite());
+        let plain = matrix
+            .iter()
+            .chain(&Vector3::from_fn(|i, _| k.get(i).copied().unwrap_or(0.0)))
+            .all(|v| v.is_finite());
         let [_, _, last] = file.matrix;
         let inverse = matrix.try_inverse();
         let (true, Some(inverse), true) = (plain, inverse, last == [0.0, 0.0, 1.0]) else {
@@ -123,7 +126,8 @@ impl Geometry {
         };
         let t = Vector3::from(file.translation);
         let orthogonal = (r.transpose() * r - Matrix3::identity()).amax() < 1e-3 && r.determinant() > 0.0;
-        if !orthogonal || !(t.norm() > 0.0 && t.norm().is_finite()) {
+        let apart = t.norm() > 0.0 && t.norm().is_finite();
+        if !(orthogonal && apart) {
             return Err("`rotation` is no rotation, or `translation` is zero; copy OpenCV's R and t".into());
         }
         // Of pixels whose centres are whole numbers; then half a pixel further.
@@ -167,21 +171,30 @@ mod tests {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");
         let r = *Rotation3::new(Vector3::new(0.01, -0.1, 0.02)).matrix();
         for i in 0..50 {
-            let p = Vector3::new(f64::from(i % 7) / 10.0 - 0.3, f64::from(i % 5) / 10.0 - 0.2, 1.0 + f64::from(i) / 20.0);
+            let p = Vector3::new(
+                f64::from(i % 7) / 10.0 - 0.3,
+                f64::from(i % 5) / 10.0 - 0.2,
+                1.0 + f64::from(i) / 20.0,
+            );
             let q = r * p + Vector3::new(0.3, 0.02, 0.05);
             let seen = g.camera.distortion.distort(DVec2::new(p[0] / p[2], p[1] / p[2]));
             let pixel = g.camera.matrix * Vector3::new(seen.x, seen.y, 1.0);
             let [x, y] = g.camera.ideal([pixel[0] + 0.5, pixel[1] + 0.5]);
             let partner = g.projector.matrix * (q / q[2]);
             let line = g.fundamental * Vector3::new(x, y, 1.0);
-            let distance = Vector3::new(partner[0] + 0.5, partner[1] + 0.5, 1.0).dot(&line) / line[0].hypot(line[1]);
+            let distance =
+                Vector3::new(partner[0] + 0.5, partner[1] + 0.5, 1.0).dot(&line) / line[0].hypot(line[1]);
             assert!(distance.abs() < 1e-9, "{distance}");
         }
     }
 
     #[test]
     fn faults_are_told() {
-        assert!(Geometry::new(&file("[1.0]")).expect_err("a fault").contains("OpenCV's 4, 5, 8 or 12"));
+        assert!(
+            Geometry::new(&file("[1.0]"))
+                .expect_err("a fault")
+                .contains("OpenCV's 4, 5, 8 or 12")
+        );
         let mut none = file("[]");
         none.translation = [0.0; 3];
         assert!(Geometry::new(&none).is_err());

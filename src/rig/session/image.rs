@@ -56,14 +56,19 @@ impl Run {
     /// [`ImageError`]: no run, not finished, damaged; a scheme of other elements.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
         let store = FrameStore::open(path).map_err(|e| ImageError(e.to_string()))?;
-        let damaged = |what: &str| ImageError(format!("{}: its attribute `{what}` is damaged", path.display()));
+        let damaged =
+            |what: &str| ImageError(format!("{}: its attribute `{what}` is damaged", path.display()));
         let attribute = |name: &str| store.attributes().get(name).cloned().ok_or_else(|| damaged(name));
         let text = attribute("scheme")?;
         let planned = scheme_file::from_toml(path, text.as_str().ok_or_else(|| damaged("scheme"))?)
             .map_err(|e| ImageError(e.to_string()))?;
         let given = scheme.unwrap_or(&planned);
         let names = |s: &Scheme| -> Vec<String> {
-            s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
+            s.generator()
+                .iter()
+                .chain(s.analyzer())
+                .map(|e| e.name.clone())
+                .collect()
         };
         if names(given) != names(&planned) || given.sensor.channels() != planned.sensor.channels() {
             return Err(ImageError(format!(
@@ -72,14 +77,20 @@ impl Run {
                 names(&planned)
             )));
         }
-        let scheme = stood(&store, given, &planned).map_err(|e| ImageError(format!("{}: {e}", path.display())))?;
+        let scheme =
+            stood(&store, given, &planned).map_err(|e| ImageError(format!("{}: {e}", path.display())))?;
         let work = attribute("work")?;
         let masks = match work["masks"].as_array() {
-            Some(list) => list.iter().filter_map(|m| Some(m["name"].as_str()?.to_owned())).collect(),
+            Some(list) => list
+                .iter()
+                .filter_map(|m| Some(m["name"].as_str()?.to_owned()))
+                .collect(),
             None => vec!["scan".to_owned()],
         };
         Ok(Self {
-            nm: attribute("wavelength_nm")?.as_f64().ok_or_else(|| damaged("wavelength_nm"))?,
+            nm: attribute("wavelength_nm")?
+                .as_f64()
+                .ok_or_else(|| damaged("wavelength_nm"))?,
             detector: attribute("detector")?,
             fov_x: work["fov_x_deg"].as_f64().map(f64::to_radians),
             work,
@@ -119,9 +130,12 @@ impl Run {
         let path = self.store.path().display();
         let name = self.store.attributes().get("sample").and_then(Value::as_str);
         let name = name.ok_or_else(|| {
-            ImageError(format!("{path}: it is of no known sample; make it with `sunstone rig run PLAN --sample air`"))
+            ImageError(format!(
+                "{path}: it is of no known sample; make it with `sunstone rig run PLAN --sample air`"
+            ))
         })?;
-        let mueller = sample_of(name).ok_or_else(|| ImageError(format!("{path}: no sample is called `{name}`")))?;
+        let mueller =
+            sample_of(name).ok_or_else(|| ImageError(format!("{path}: no sample is called `{name}`")))?;
         let mask = self
             .masks
             .iter()
@@ -132,10 +146,16 @@ impl Run {
         let pixels = seen.layout.pixels();
         let per_bin = seen.time.is_some();
         let (mut intensities, mut sigmas) = (vec![], vec![]);
-        let measured = seen.values.chunks_exact(pixels.max(1)).zip(seen.variances.chunks_exact(pixels.max(1)));
+        let measured = seen
+            .values
+            .chunks_exact(pixels.max(1))
+            .zip(seen.variances.chunks_exact(pixels.max(1)));
         for (values, variances) in measured {
             // Of histograms the sum over all bins counts, whose variance is that of all counts.
-            let known = values.iter().zip(variances).filter(|(v, s)| v.is_finite() && s.is_finite());
+            let known = values
+                .iter()
+                .zip(variances)
+                .filter(|(v, s)| v.is_finite() && s.is_finite());
             let (n, sum, square) = known.fold((0.0, 0.0, 0.0), |(n, a, b), (v, s)| {
                 (n + 1.0, a + f64::from(*v), b + f64::from(*s))
             });
@@ -169,9 +189,14 @@ impl Run {
         let [captures, shots, exposures, height, width] = shape[..] else {
             return Err(self.damaged("the frames' shape"));
         };
-        let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
+        let list = self.work["masks"]
+            .as_array()
+            .ok_or_else(|| self.damaged("`masks`"))?;
         let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
-            ImageError(format!("no mask is called `{mask}`; the run has {}", self.masks.join(", ")))
+            ImageError(format!(
+                "no mask is called `{mask}`; the run has {}",
+                self.masks.join(", ")
+            ))
         })?;
         let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;
         let count = entry["shots"].as_u64().unwrap_or(0) as usize;
@@ -230,8 +255,14 @@ impl Run {
             };
             let all: Vec<Estimate> = (0..pixels).map(estimate).collect();
             let known = |e: &Estimate| !e.saturated && e.radiance.is_finite();
-            let values = all.iter().map(|e| if known(e) { e.radiance } else { f64::NAN }).collect();
-            let variances = all.iter().map(|e| if known(e) { e.variance } else { f64::INFINITY }).collect();
+            let values = all
+                .iter()
+                .map(|e| if known(e) { e.radiance } else { f64::NAN })
+                .collect();
+            let variances = all
+                .iter()
+                .map(|e| if known(e) { e.variance } else { f64::INFINITY })
+                .collect();
             if channels == 1 {
                 return Ok(vec![[values, variances]]);
             }
@@ -241,7 +272,8 @@ impl Run {
             let pairs = images.images.into_iter().zip(spread.images);
             Ok(pairs.map(|(v, s)| [v, s]).collect())
         };
-        let captured: Vec<Vec<[Vec<f64>; 2]>> = (0..captures).into_par_iter().map(one).collect::<Result<_, _>>()?;
+        let captured: Vec<Vec<[Vec<f64>; 2]>> =
+            (0..captures).into_par_iter().map(one).collect::<Result<_, _>>()?;
         let halved = channels == 4 && method == Method::Superpixel;
         let side = if halved { 2 } else { 1 };
         let mut out = Intensities {
@@ -257,14 +289,20 @@ impl Run {
         };
         for [values, variances] in captured.into_iter().flatten() {
             out.values.extend(values.into_iter().map(|v| v as f32));
-            out.variances
-                .extend(variances.into_iter().map(|v| if v.is_nan() { f32::INFINITY } else { v as f32 }));
+            out.variances.extend(
+                variances
+                    .into_iter()
+                    .map(|v| if v.is_nan() { f32::INFINITY } else { v as f32 }),
+            );
         }
         Ok(out)
     }
 
     fn pulses(&self) -> Result<Vec<f64>, ImageError> {
-        let read = self.store.read_column("pulses").map_err(|e| ImageError(e.to_string()))?;
+        let read = self
+            .store
+            .read_column("pulses")
+            .map_err(|e| ImageError(e.to_string()))?;
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
@@ -279,7 +317,9 @@ impl Run {
         let mut spad: Spad = serde_json::from_value(self.detector["spad"].clone())
             .map_err(|e| ImageError(format!("{}: {e}", self.store.path().display())))?;
         let bins = self.store.layout().frame_len();
-        let bin_ps = self.work["bin_ps"].as_f64().ok_or_else(|| self.damaged("`bin_ps`"))?;
+        let bin_ps = self.work["bin_ps"]
+            .as_f64()
+            .ok_or_else(|| self.damaged("`bin_ps`"))?;
         spad.bin_ps = bin_ps;
         spad.bins = bins;
         spad.period_ps = (spad.period_ps / bin_ps).round().max(bins as f64) * bin_ps;
@@ -290,12 +330,20 @@ impl Run {
     }
 
     fn scan(&self) -> Result<Intensities, ImageError> {
-        let shape: Vec<usize> = self.store.layout().shape().into_iter().map(|n| n as usize).collect();
+        let shape: Vec<usize> = self
+            .store
+            .layout()
+            .shape()
+            .into_iter()
+            .map(|n| n as usize)
+            .collect();
         let [captures, height, width, bins] = shape[..] else {
             return Err(self.damaged("the frames' shape"));
         };
         let spad = self.diode()?.ok_or_else(|| self.damaged("`detector`"))?;
-        let offset_ps = self.work["offset_ps"].as_f64().ok_or_else(|| self.damaged("`offset_ps`"))?;
+        let offset_ps = self.work["offset_ps"]
+            .as_f64()
+            .ok_or_else(|| self.damaged("`offset_ps`"))?;
         let bin_ps = spad.bin_ps;
         let pulses = self.pulses()?;
         let row = |n: usize| -> Result<Vec<[f32; 2]>, ImageError> {
@@ -307,7 +355,9 @@ impl Run {
                 // What is beyond the counter's window was not read, and has no part in what comes before it.
                 let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
                 period.resize(diode.period_bins(), 0);
-                let found = diode.estimate(&period, self.nm).map_err(|e| ImageError(e.to_string()))?;
+                let found = diode
+                    .estimate(&period, self.nm)
+                    .map_err(|e| ImageError(e.to_string()))?;
                 out.extend(found.iter().map(|e| {
                     let v = if e.saturated { f64::NAN } else { e.radiance };
                     [v as f32, e.variance as f32]
@@ -315,7 +365,10 @@ impl Run {
             }
             Ok(out)
         };
-        let rows: Vec<Vec<[f32; 2]>> = (0..captures * height).into_par_iter().map(row).collect::<Result<_, _>>()?;
+        let rows: Vec<Vec<[f32; 2]>> = (0..captures * height)
+            .into_par_iter()
+            .map(row)
+            .collect::<Result<_, _>>()?;
         let all = || rows.iter().flatten();
         Ok(Intensities {
             values: all().map(|p| p[0]).collect(),
@@ -340,10 +393,21 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
         return Err("its frames are not those of its scheme".into());
     }
     let mut out = given.clone();
-    let names: Vec<String> = given.generator().iter().chain(given.analyzer()).map(|e| e.name.clone()).collect();
+    let names: Vec<String> = given
+        .generator()
+        .iter()
+        .chain(given.analyzer())
+        .map(|e| e.name.clone())
+        .collect();
     for name in names {
-        let read = store.read_column(&format!("angle_{name}")).map_err(|e| e.to_string())?;
-        let element = planned.generator().iter().chain(planned.analyzer()).find(|e| e.name == name);
+        let read = store
+            .read_column(&format!("angle_{name}"))
+            .map_err(|e| e.to_string())?;
+        let element = planned
+            .generator()
+            .iter()
+            .chain(planned.analyzer())
+            .find(|e| e.name == name);
         let angles: Vec<f64> = match (read, element) {
             (Some(angles), _) => angles
                 .chunks_exact(per)

@@ -2,7 +2,8 @@
 
 use crate::clock::Clock;
 use crate::instrument::{
-    AreaCamera, Failure, GalvoScanner, Instrument, PatternProjector, PhotonCounter, PulsedLaser, RotationStage,
+    AreaCamera, Failure, GalvoScanner, Instrument, PatternProjector, PhotonCounter, PulsedLaser,
+    RotationStage,
 };
 use std::collections::BTreeMap;
 

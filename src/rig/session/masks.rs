@@ -126,7 +126,9 @@ pub fn stripes(
         })
         .collect();
     if of_projector.iter().all(Option::is_none) || shot_of.iter().all(Option::is_none) {
-        return Err("no epipolar line of the camera crosses the projector; mend the geometry of the rig".into());
+        return Err(
+            "no epipolar line of the camera crosses the projector; mend the geometry of the rig".into(),
+        );
     }
     let shot = |i: u32| Shot {
         pattern: Pattern {
@@ -201,7 +203,10 @@ mod tests {
         let mask = stripes("epipolar", 4, true, &side_by_side(), [8, 8], [6, 8], [1, 1]).expect("lines");
         assert_eq!(mask.shots.len(), 4);
         for (i, shot) in mask.shots.iter().enumerate() {
-            let lit: Vec<usize> = (0..64).filter(|p| shot.pattern.pixels[*p] == 255).map(|p| p / 8).collect();
+            let lit: Vec<usize> = (0..64)
+                .filter(|p| shot.pattern.pixels[*p] == 255)
+                .map(|p| p / 8)
+                .collect();
             assert!(lit.iter().all(|row| row / 2 == i) && lit.len() == 16, "{lit:?}");
             let want = Region {
                 x: 0,

@@ -6,7 +6,7 @@ use polarimetry::capture::detector::polarizer_array::Method;
 use polarimetry::capture::directions::Directions;
 use polarimetry::capture::element::Ray;
 use polarimetry::capture::simulate::Layout;
-use polarimetry::reconstruct::along_rays::reconstruct;
+use polarimetry::reconstruct::along_rays::{Places, reconstruct};
 use polarimetry::reconstruct::pixels::{Options, Tally};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -50,7 +50,11 @@ impl Run {
     /// # Errors
     /// [`ImageError`]: no such mask, damaged frames, too few captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
-        let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
+        let method = if how.superpixel {
+            Method::Superpixel
+        } else {
+            Method::Bilinear
+        };
         let Intensities {
             values,
             mut variances,
@@ -59,7 +63,9 @@ impl Run {
         } = self.intensities(mask, method)?;
         let points = self.scheme.coaxial.as_ref().is_some_and(|c| c.galvo.is_some());
         let fov = how.fov_x.or(self.fov_x.filter(|_| points));
-        let view = fov.map_or(Directions::Axial, |f| Directions::pinhole(f, layout.width, layout.height));
+        let view = fov.map_or(Directions::Axial, |f| {
+            Directions::pinhole(f, layout.width, layout.height)
+        });
         let rays = view.rays(layout, &[self.nm]);
         let pixels = layout.pixels();
         let mut image = MuellerImage {
@@ -70,18 +76,21 @@ impl Run {
             time,
             tally: Tally::default(),
         };
-        let shape = [layout.times, layout.lanes];
+        let places = Places {
+            rays: &rays,
+            times: layout.times,
+            lanes: layout.lanes,
+        };
         let failed = |e: polarimetry::capture::design_matrix::RankError| ImageError(e.to_string());
         if let Some(spad) = self.diode()? {
             let plain = Options::default();
             let first = &mut image.mean;
-            reconstruct(&self.scheme, &rays, shape, &plain, &values, None, first, None).map_err(failed)?;
+            reconstruct(&self.scheme, places, &plain, &values, None, first, None).map_err(failed)?;
             variances = self.predicted(&rays, layout, first, &|radiance| spad.variance(radiance, self.nm));
         }
         image.tally = reconstruct(
             &self.scheme,
-            &rays,
-            shape,
+            places,
             &how.options,
             &values,
             Some(&variances),
@@ -115,7 +124,9 @@ impl Run {
                 let clean: Vec<f64> = (0..layout.times)
                     .map(|t| {
                         let matrix = &matrices[(p * layout.times + t) * 16..][..16];
-                        (0..16).map(|e| design.a[(m, e)] * f64::from(matrix[e])).sum::<f64>()
+                        (0..16)
+                            .map(|e| design.a[(m, e)] * f64::from(matrix[e]))
+                            .sum::<f64>()
                     })
                     .collect();
                 for t in 0..layout.times {
@@ -127,7 +138,10 @@ impl Run {
             }
             out
         };
-        let places: Vec<Vec<f32>> = (0..layout.height * layout.width).into_par_iter().map(place).collect();
+        let places: Vec<Vec<f32>> = (0..layout.height * layout.width)
+            .into_par_iter()
+            .map(place)
+            .collect();
         let mut out = vec![0.0; count * pixels];
         for (p, all) in places.iter().enumerate() {
             for (m, times) in all.chunks_exact(layout.times.max(1)).enumerate() {
@@ -156,7 +170,9 @@ pub fn write_store(
             coords,
         };
         let indices = |n: usize| (0..n).map(|i| i as f64).collect::<Vec<f64>>();
-        let Layout { height, width, times, .. } = image.layout;
+        let Layout {
+            height, width, times, ..
+        } = image.layout;
         let mut axes = vec![
             axis(AxisKind::Y, indices(height), 32),
             axis(AxisKind::X, indices(width), 32),

@@ -240,7 +240,11 @@ fn ten_megahertz() -> f64 {
 /// # Errors
 /// [`InputError`] naming file, place and mend.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
-    let text = document::read(path, "plan", "copy rigs/spatio_polarimetric/plan.toml and change it")?;
+    let text = document::read(
+        path,
+        "plan",
+        "copy rigs/spatio_polarimetric/plan.toml and change it",
+    )?;
     from_toml(path, &text)
 }
 
@@ -267,27 +271,41 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         SchemeFrom::Kind(k) => {
             let known = "give `kind` drr, qrpr or quad, or the name of a scheme file";
             if !(1..=100_000).contains(&k.captures) {
-                return Err(fault(file.scheme.span(), format!("{} captures", k.captures), "give 1 to 100000"));
+                return Err(fault(
+                    file.scheme.span(),
+                    format!("{} captures", k.captures),
+                    "give 1 to 100000",
+                ));
             }
             let made = match k.kind.as_str() {
                 "drr" => Scheme::drr(k.captures, k.array),
                 "qrpr" => Scheme::qrpr(k.captures, k.array),
                 "quad" => Scheme::quad(k.captures, k.array),
-                other => return Err(fault(file.scheme.span(), format!("no scheme is called `{other}`"), known)),
+                other => {
+                    return Err(fault(
+                        file.scheme.span(),
+                        format!("no scheme is called `{other}`"),
+                        known,
+                    ));
+                }
             };
             made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
         }
     };
     let work = match (&file.camera, &file.scan) {
-        (Some(camera), None) => Work::Camera(
-            camera_work(camera).map_err(|(what, help)| fault(camera.span(), what, help))?,
-        ),
+        (Some(camera), None) => {
+            Work::Camera(camera_work(camera).map_err(|(what, help)| fault(camera.span(), what, help))?)
+        }
         (None, Some(scan)) => {
             Work::Scan(scan_work(scan).map_err(|(what, help)| fault(scan.span(), what, help))?)
         }
         (Some(_), Some(second)) => {
             let help = "keep the one that the rig has; make two plans for both";
-            return Err(fault(second.span(), "there are both [camera] and [scan]".into(), help));
+            return Err(fault(
+                second.span(),
+                "there are both [camera] and [scan]".into(),
+                help,
+            ));
         }
         (None, None) => {
             let help = "add [camera] with `exposures_ms` and `masks`, or [scan]";
@@ -303,16 +321,31 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let place = || file.limits.as_ref().map_or(0..0, Located::span);
     for (name, value) in named {
         if !(value > 0.0 && value <= 1e6) {
-            return Err(fault(place(), format!("`{name}` is {value}"), "give seconds, above 0 and up to 1e6"));
+            return Err(fault(
+                place(),
+                format!("`{name}` is {value}"),
+                "give seconds, above 0 and up to 1e6",
+            ));
         }
     }
-    for (name, value) in [("laser_power", limits.laser_power), ("saturated_share", limits.saturated_share)] {
+    for (name, value) in [
+        ("laser_power", limits.laser_power),
+        ("saturated_share", limits.saturated_share),
+    ] {
         if !(0.0..=1.0).contains(&value) {
-            return Err(fault(place(), format!("`{name}` is {value}"), "give a share, 0 to 1"));
+            return Err(fault(
+                place(),
+                format!("`{name}` is {value}"),
+                "give a share, 0 to 1",
+            ));
         }
     }
     if limits.retries > 1000 {
-        return Err(fault(place(), format!("`retries` is {}", limits.retries), "give 0 to 1000"));
+        return Err(fault(
+            place(),
+            format!("`retries` is {}", limits.retries),
+            "give 0 to 1000",
+        ));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let plan = Plan {
@@ -325,7 +358,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     };
     if plan.frames() > MOST_FRAMES {
         let help = "make several plans of it";
-        return Err(fault(0..0, format!("{} frames are more than {MOST_FRAMES}", plan.frames()), help));
+        return Err(fault(
+            0..0,
+            format!("{} frames are more than {MOST_FRAMES}", plan.frames()),
+            help,
+        ));
     }
     Ok(plan)
 }
@@ -336,7 +373,10 @@ fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
     if ms > 0.0 && ms <= 3.6e6 {
         Ok(Duration::from_secs_f64(ms / 1e3))
     } else {
-        Err((format!("`{name}` has {ms}"), "give milliseconds, above 0 and up to an hour"))
+        Err((
+            format!("`{name}` has {ms}"),
+            "give milliseconds, above 0 and up to an hour",
+        ))
     }
 }
 
@@ -347,13 +387,24 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
         .map(|ms| milliseconds("exposures_ms", *ms))
         .collect::<Result<_, _>>()?;
     if exposures.is_empty() || exposures.len() > 64 {
-        return Err((format!("`exposures_ms` has {} entries", exposures.len()), "give 1 to 64 exposures"));
+        return Err((
+            format!("`exposures_ms` has {} entries", exposures.len()),
+            "give 1 to 64 exposures",
+        ));
     }
     if !file.gain_db.is_finite() {
-        return Err((format!("`gain_db` is {}", file.gain_db), "give decibels; 0 is a good value"));
+        return Err((
+            format!("`gain_db` is {}", file.gain_db),
+            "give decibels; 0 is a good value",
+        ));
     }
     let name = file.format.as_deref().unwrap_or("Mono12p");
-    let all = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
+    let all = [
+        PixelFormat::Mono8,
+        PixelFormat::Mono10p,
+        PixelFormat::Mono12p,
+        PixelFormat::Mono16,
+    ];
     let format = all.into_iter().find(|f| f.name() == name);
     let format = format.ok_or((
         format!("no pixel format is called `{name}`"),
@@ -371,7 +422,10 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
             MaskFile::Stripes(s) => {
                 let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
                 if s.name.is_empty() || !s.name.chars().all(plain) {
-                    return Err((format!("a mask is called `{}`", s.name), "give letters, digits and `_`"));
+                    return Err((
+                        format!("a mask is called `{}`", s.name),
+                        "give letters, digits and `_`",
+                    ));
                 }
                 if !(1..=8192).contains(&s.stripes) {
                     return Err((format!("`stripes` is {}", s.stripes), "give 1 to 8192"));
@@ -401,10 +455,16 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
 
 fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
     if file.points.iter().any(|n| !(1..=65_536).contains(n)) {
-        return Err((format!("`points` is {:?}", file.points), "give columns and rows, 1 to 65536"));
+        return Err((
+            format!("`points` is {:?}", file.points),
+            "give columns and rows, 1 to 65536",
+        ));
     }
     if !(file.fov_x_deg > 0.0 && file.fov_x_deg < 90.0) {
-        return Err((format!("`fov_x_deg` is {}", file.fov_x_deg), "give degrees, above 0 and below 90"));
+        return Err((
+            format!("`fov_x_deg` is {}", file.fov_x_deg),
+            "give degrees, above 0 and below 90",
+        ));
     }
     if !(1..=1 << 20).contains(&file.bins) {
         return Err((format!("`bins` is {}", file.bins), "give 1 to 1048576"));
@@ -413,7 +473,10 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
         return Err(("`bin_ps` or `offset_ps` is no time".into(), "give picoseconds"));
     }
     if !(1.0..=1e10).contains(&file.rate_hz) {
-        return Err((format!("`rate_hz` is {}", file.rate_hz), "give pulses a second, 1 to 1e10"));
+        return Err((
+            format!("`rate_hz` is {}", file.rate_hz),
+            "give pulses a second, 1 to 1e10",
+        ));
     }
     Ok(ScanWork {
         points: file.points,

@@ -23,7 +23,9 @@
 use super::geometry::Geometry;
 use super::rig_syntax::{BenchFile, RigFile, SampleFile};
 pub use super::rig_syntax::{Driver, StageFile};
-use crate::instrument::{CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits};
+use crate::instrument::{
+    CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
+};
 use crate::simulated::faults::FaultAt;
 use base::document;
 use base::locate::{InputError, Located};
@@ -108,7 +110,11 @@ pub struct RigPlan {
 /// # Errors
 /// [`InputError`] naming file, place and mend.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
-    let text = document::read(path, "rig", "copy rigs/spatio_polarimetric/rig.toml and change it")?;
+    let text = document::read(
+        path,
+        "rig",
+        "copy rigs/spatio_polarimetric/rig.toml and change it",
+    )?;
     from_toml(path, &text)
 }
 
@@ -132,7 +138,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     for (name, stage) in &file.stages {
         let speeds = [stage.velocity, stage.acceleration, stage.resolution_deg];
         let rest = [stage.approach_deg, stage.backlash_deg];
-        let good = speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
+        let good =
+            speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
         if !good {
             return Err(fault(
                 stage.span(),
@@ -154,8 +161,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         None => None,
         Some(p) => {
             let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
-            let shortest = milliseconds(p.shortest_ms).filter(|_| pixels(p.size) && (1..=8).contains(&p.bits));
-            let shortest = shortest.ok_or_else(|| fault(p.span(), "no projector is like that".into(), help))?;
+            let shortest =
+                milliseconds(p.shortest_ms).filter(|_| pixels(p.size) && (1..=8).contains(&p.bits));
+            let shortest =
+                shortest.ok_or_else(|| fault(p.span(), "no projector is like that".into(), help))?;
             Some((
                 p.driver.clone(),
                 ProjectorLimits {
@@ -227,7 +236,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let counter = match &file.counter {
         None => None,
         Some(c) => {
-            if !(1..=1 << 20).contains(&c.bins) || !(c.finest_ps > 0.0 && c.finest_ps < 1e9) {
+            let good = (1..=1 << 20).contains(&c.bins) && c.finest_ps > 0.0 && c.finest_ps < 1e9;
+            if !good {
                 let help = "give bins up to 1048576 and finest_ps";
                 return Err(fault(c.span(), "no counter is like that".into(), help));
             }
@@ -246,7 +256,9 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "mend it, or leave it out"))?;
     let geometry = match &file.geometry {
         None => None,
-        Some(g) => Some(Geometry::new(g).map_err(|e| fault(g.span(), e, "see the head of a shipped rig file"))?),
+        Some(g) => {
+            Some(Geometry::new(g).map_err(|e| fault(g.span(), e, "see the head of a shipped rig file"))?)
+        }
     };
     let bench = match &file.bench {
         None => None,
@@ -255,7 +267,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
-        return Err(fault(0..0, "`wavelength_nm` is no wavelength".into(), "give nanometres"));
+        return Err(fault(
+            0..0,
+            "`wavelength_nm` is no wavelength".into(),
+            "give nanometres",
+        ));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(RigPlan {
@@ -282,7 +298,9 @@ pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     match name {
         "air" => Some(diagonal([1.0; 4])),
         "mirror" => Some(diagonal([1.0, 1.0, -1.0, -1.0])),
-        "polarizer" => Some(std::array::from_fn(|i| if i / 4 < 2 && i % 4 < 2 { 0.5 } else { 0.0 })),
+        "polarizer" => Some(std::array::from_fn(|i| {
+            if i / 4 < 2 && i % 4 < 2 { 0.5 } else { 0.0 }
+        })),
         _ => None,
     }
 }
@@ -307,29 +325,58 @@ fn bench(
         }),
         _ => {
             let help = "give one of `tensor`, `scene` and `sample`";
-            return Err(fault(file.span(), "the bench's light meets nothing, or two things".into(), help));
+            return Err(fault(
+                file.span(),
+                "the bench's light meets nothing, or two things".into(),
+                help,
+            ));
         }
     };
-    for fov in [file.camera_fov_deg, file.projector_fov_deg].into_iter().flatten() {
+    for fov in [file.camera_fov_deg, file.projector_fov_deg]
+        .into_iter()
+        .flatten()
+    {
         if !(fov > 0.0 && fov < 170.0) {
-            return Err(fault(file.span(), format!("a field of view of {fov}°"), "give degrees, up to 170"));
+            return Err(fault(
+                file.span(),
+                format!("a field of view of {fov}°"),
+                "give degrees, up to 170",
+            ));
         }
     }
     if !(file.brightness > 0.0 && file.brightness < 1e30) {
-        return Err(fault(file.span(), "`brightness` is none".into(), "give a positive number"));
+        return Err(fault(
+            file.span(),
+            "`brightness` is none".into(),
+            "give a positive number",
+        ));
     }
     if !(file.wavelength_nm > 100.0 && file.wavelength_nm < 1e5) {
-        return Err(fault(file.span(), "`wavelength_nm` is no wavelength".into(), "give nanometres"));
+        return Err(fault(
+            file.span(),
+            "`wavelength_nm` is no wavelength".into(),
+            "give nanometres",
+        ));
     }
     let truth = file.cmos.clone().unwrap_or_else(|| cmos.clone());
     let check = truth.check().map_err(|e| e.to_string());
-    check.map_err(|e| fault(file.span(), format!("[bench.cmos]: {e}"), "mend it, or leave it out"))?;
+    check.map_err(|e| {
+        fault(
+            file.span(),
+            format!("[bench.cmos]: {e}"),
+            "mend it, or leave it out",
+        )
+    })?;
     Ok(BenchPlan {
         scene,
         slice: file.slice.clone(),
         brightness: file.brightness,
         nm: file.wavelength_nm,
-        optics: file.optics.as_ref().map(|p| scheme_file::load(&beside(p))).transpose()?,
+        optics: file
+            .optics
+            .as_ref()
+            .map(|p| scheme_file::load(&beside(p)))
+            .transpose()?,
         fov_deg: [file.camera_fov_deg, file.projector_fov_deg],
         seed: file.seed,
         real_time: file.real_time,

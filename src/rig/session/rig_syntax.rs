@@ -63,7 +63,7 @@ fn twenty_five() -> f64 {
 }
 /// Of Thorlabs' PRM1-Z8: 1919.64 counts a degree.
 fn encoder() -> f64 {
-    1.0 / 1919.641_857_862_339_1
+    1.0 / 1919.641857862339
 }
 
 impl StageFile {

@@ -212,7 +212,6 @@ impl Session<'_> {
     /// Nothing is taken for set any more.
     fn forget(&mut self) {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
-
     }
 
     /// One try at a frame. The outer error ends the run.
@@ -244,7 +243,12 @@ impl Session<'_> {
                 stage.device.home(homing)?;
             }
         }
-        if let Some(projector) = self.rig.projector.as_mut().filter(|_| !self.steps.patterns.is_empty()) {
+        if let Some(projector) = self
+            .rig
+            .projector
+            .as_mut()
+            .filter(|_| !self.steps.patterns.is_empty())
+        {
             projector.load(&self.steps.patterns, self.within)?;
         }
         if let (Work::Scan(work), Some(laser)) = (&self.steps.plan.work, &mut self.rig.laser) {
@@ -407,7 +411,11 @@ impl Session<'_> {
         };
         // A frame that is not newer than the last is one of before.
         if self.last_number.is_some_and(|last| frame.number <= last) {
-            return Err(Failure::new(Fault::Timeout, &name, "a frame of before came once more"));
+            return Err(Failure::new(
+                Fault::Timeout,
+                &name,
+                "a frame of before came once more",
+            ));
         }
         self.last_number = Some(frame.number);
         self.saturated(step, &part, settings.format.bits(), &name)?;
@@ -444,7 +452,12 @@ impl Session<'_> {
         Ok(())
     }
 
-    fn histogram(&mut self, step: Step, work: &ScanWork, record: &mut FrameRecord) -> Result<Vec<u32>, Failure> {
+    fn histogram(
+        &mut self,
+        step: Step,
+        work: &ScanWork,
+        record: &mut FrameRecord,
+    ) -> Result<Vec<u32>, Failure> {
         let galvo = self.rig.galvo.as_mut().ok_or_else(|| absent("galvo"))?;
         let angles = pointing(work, step.third, step.second);
         record.pointing_deg = Some(galvo.point(angles, self.within)?);

@@ -21,7 +21,9 @@ pub enum RunStoreError {
     #[error(transparent)]
     Open(#[from] OpenError),
     /// It is of another run.
-    #[error("{path}: it was begun with another plan, scheme or rig ({what} is not the same); resume it with those, or choose another `-o`")]
+    #[error(
+        "{path}: it was begun with another plan, scheme or rig ({what} is not the same); resume it with those, or choose another `-o`"
+    )]
     Other {
         /// The store.
         path: String,
@@ -50,7 +52,11 @@ pub fn layout(steps: &Steps) -> FrameLayout {
     let [captures, second, third] = steps.plan.run_shape();
     match &steps.plan.work {
         Work::Camera(work) => {
-            let exposures = work.exposures.iter().map(std::time::Duration::as_secs_f64).collect();
+            let exposures = work
+                .exposures
+                .iter()
+                .map(std::time::Duration::as_secs_f64)
+                .collect();
             let exposure = FrameAxis {
                 name: "exposure".into(),
                 units: "s".into(),
@@ -78,7 +84,12 @@ pub fn layout(steps: &Steps) -> FrameLayout {
                 coords: (0..work.bins).map(centre).collect(),
             };
             FrameLayout {
-                axes: vec![indices("capture", captures), indices("y", second), indices("x", third), t],
+                axes: vec![
+                    indices("capture", captures),
+                    indices("y", second),
+                    indices("x", third),
+                    t,
+                ],
                 run_axes: 3,
                 gathered: true,
                 number: FrameNumber::U32,
@@ -123,7 +134,10 @@ pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<Str
     };
     let mut all = Map::new();
     all.insert("kind".into(), json!("frames"));
-    all.insert("program".into(), json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))));
+    all.insert(
+        "program".into(),
+        json!(format!("sunstone {}", env!("CARGO_PKG_VERSION"))),
+    );
     all.insert("name".into(), json!(steps.plan.name));
     all.insert("plan".into(), json!(steps.plan.text));
     // Of finite numbers, which TOML can write.
@@ -212,9 +226,18 @@ pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     // A column of numbers for each thing that is known of all frames, and no more: there may be half a million.
     let scan = matches!(steps.plan.work, Work::Scan(_));
     let mut columns: Vec<(String, &str)> = vec![];
-    columns.extend(steps.stage_names.iter().map(|name| (format!("angle_{name}"), "degree")));
+    columns.extend(
+        steps
+            .stage_names
+            .iter()
+            .map(|name| (format!("angle_{name}"), "degree")),
+    );
     if scan {
-        let more = [("pointing_x", "degree"), ("pointing_y", "degree"), ("pulses", "1")];
+        let more = [
+            ("pointing_x", "degree"),
+            ("pointing_y", "degree"),
+            ("pulses", "1"),
+        ];
         columns.extend(more.map(|(name, units)| (name.to_owned(), units)));
     }
     let width = columns.len();
@@ -241,11 +264,16 @@ pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     })
     .map_err(|e| failed(e.to_string()))?;
     if u64::from(next) != steps.plan.frames() {
-        return Err(failed(format!("{next} of {} frames are noted; resume", steps.plan.frames())));
+        return Err(failed(format!(
+            "{next} of {} frames are noted; resume",
+            steps.plan.frames()
+        )));
     }
     for (i, (name, units)) in columns.iter().enumerate() {
         let column: Vec<f64> = values.iter().skip(i).step_by(width).copied().collect();
-        store.write_column(name, units, &column).map_err(|e| failed(e.to_string()))?;
+        store
+            .write_column(name, units, &column)
+            .map_err(|e| failed(e.to_string()))?;
     }
     remove_log(path).map_err(|e| failed(e.to_string()))?;
     store.finish().map_err(|e| failed(e.to_string()))

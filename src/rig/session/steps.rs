@@ -78,7 +78,12 @@ impl Steps {
         Ok(steps)
     }
 
-    fn camera(&mut self, work: &CameraWork, rig: &Rig, epipolar: Option<&Epipolar<'_>>) -> Result<(), Failure> {
+    fn camera(
+        &mut self,
+        work: &CameraWork,
+        rig: &Rig,
+        epipolar: Option<&Epipolar<'_>>,
+    ) -> Result<(), Failure> {
         let camera = rig.camera.as_ref().ok_or_else(|| absent("camera"))?;
         let projector = rig.projector.as_ref().ok_or_else(|| absent("projector"))?;
         let (limits, show) = (camera.limits(), projector.limits());
@@ -94,8 +99,16 @@ impl Steps {
                         );
                         Failure::new(Fault::Refused, projector.name(), what)
                     })?;
-                    stripes(name, *count, *inside, geometry, show.size, limits.size, limits.step)
-                        .map_err(|what| Failure::new(Fault::Refused, projector.name(), what))?
+                    stripes(
+                        name,
+                        *count,
+                        *inside,
+                        geometry,
+                        show.size,
+                        limits.size,
+                        limits.step,
+                    )
+                    .map_err(|what| Failure::new(Fault::Refused, projector.name(), what))?
                 }
             };
             for shot in &made.shots {
@@ -105,7 +118,11 @@ impl Steps {
             self.masks.push(made);
         }
         if self.patterns.len() > show.patterns {
-            let what = format!("{} patterns are more than its {}", self.patterns.len(), show.patterns);
+            let what = format!(
+                "{} patterns are more than its {}",
+                self.patterns.len(),
+                show.patterns
+            );
             return Err(Failure::new(Fault::Limit, projector.name(), what));
         }
         for (_, region) in &self.shots {
@@ -126,13 +143,23 @@ impl Steps {
         self.frame_size = [work.bins, 1];
         let corner = pointing(work, 0, 0);
         let limits = galvo.limits();
-        if corner.iter().zip(limits.range_deg).any(|(a, most)| a.abs() > most) {
-            let what = format!("the scan's corner at {corner:?}° is beyond ±{:?}°", limits.range_deg);
+        if corner
+            .iter()
+            .zip(limits.range_deg)
+            .any(|(a, most)| a.abs() > most)
+        {
+            let what = format!(
+                "the scan's corner at {corner:?}° is beyond ±{:?}°",
+                limits.range_deg
+            );
             return Err(Failure::new(Fault::Limit, galvo.name(), what));
         }
         let limits = counter.limits();
         if work.bins as usize > limits.bins || work.bin_ps < limits.finest_ps || work.dwell > limits.longest {
-            let what = format!("{} bins of {} ps for {:?} are beyond {limits:?}", work.bins, work.bin_ps, work.dwell);
+            let what = format!(
+                "{} bins of {} ps for {:?} are beyond {limits:?}",
+                work.bins, work.bin_ps, work.dwell
+            );
             return Err(Failure::new(Fault::Limit, counter.name(), what));
         }
         let [least, most] = laser.limits().rate_hz;
@@ -194,8 +221,12 @@ impl Steps {
         let (per_capture, bytes) = match &self.plan.work {
             Work::Camera(work) => {
                 let (show, row) = (
-                    rig.projector.as_ref().map_or(Duration::ZERO, |p| p.limits().shortest),
-                    rig.camera.as_ref().map_or(Duration::ZERO, |c| c.limits().row_time),
+                    rig.projector
+                        .as_ref()
+                        .map_or(Duration::ZERO, |p| p.limits().shortest),
+                    rig.camera
+                        .as_ref()
+                        .map_or(Duration::ZERO, |c| c.limits().row_time),
                 );
                 let mut sum = (Duration::ZERO, 0);
                 for (_, region) in &self.shots {
@@ -210,7 +241,10 @@ impl Steps {
             Work::Scan(work) => {
                 let points = work.points[0] * work.points[1];
                 let settle = rig.galvo.as_ref().map_or(Duration::ZERO, |g| g.limits().settle);
-                ((work.dwell + settle) * points, u64::from(points) * u64::from(work.bins) * 4)
+                (
+                    (work.dwell + settle) * points,
+                    u64::from(points) * u64::from(work.bins) * 4,
+                )
             }
         };
         cost.duration = cost.moving + per_capture * captures;

@@ -8,7 +8,7 @@ use super::journal::{Event, FrameRecord, Journal};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use store::zarr::frames::FrameStore;
 
@@ -90,11 +90,17 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
             let numbers = numbers.as_deref()?;
             numbers.get((n - sound) * len..(n - sound + 1) * len)
         };
-        let of_log = |n: usize| logged.iter().rev().find(|(f, _)| *f == n as u32).map(|(_, d)| &d[..]);
+        let of_log = |n: usize| {
+            logged
+                .iter()
+                .rev()
+                .find(|(f, _)| *f == n as u32)
+                .map(|(_, d)| &d[..])
+        };
         let mut good = sound;
         let mut kept = vec![];
-        for n in sound..end {
-            let want = crcs[n];
+        for (n, want) in crcs.iter().enumerate().take(end).skip(sound) {
+            let want = *want;
             let found = of_chunk(n).filter(|d| checksum(d) == want);
             let Some(found) = found.or_else(|| of_log(n).filter(|d| checksum(d) == want)) else {
                 break;
@@ -219,7 +225,11 @@ impl Writer {
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
-        if receiver.recv().is_ok() { Ok(()) } else { self.close() }
+        if receiver.recv().is_ok() {
+            Ok(())
+        } else {
+            self.close()
+        }
     }
 
     /// Waits for the end of all that was handed over, and closes the store.
@@ -250,12 +260,7 @@ impl Work {
         while let Ok(first) = receiver.recv() {
             // All that waits is synced together.
             let mut waiting = vec![first];
-            loop {
-                match receiver.try_recv() {
-                    Ok(item) => waiting.push(item),
-                    Err(TryRecvError::Empty | TryRecvError::Disconnected) => break,
-                }
-            }
+            waiting.extend(receiver.try_iter());
             self.write(waiting)?;
         }
         Ok(())
@@ -297,11 +302,13 @@ impl Work {
         let (per, len) = (layout.frames_per_chunk(), layout.frame_len());
         let chunk = frame as usize / per;
         if per == 1 {
-            self.store.write_chunk(chunk, &numbers).map_err(|e| e.to_string())?;
+            self.store
+                .write_chunk(chunk, &numbers)
+                .map_err(|e| e.to_string())?;
             self.unsynced.push(chunk);
             return Ok(());
         }
-        if frame as usize % per == 0 {
+        if (frame as usize).is_multiple_of(per) {
             // The chunk before is in its place.
             self.part.clear();
             self.empty_log().map_err(|e| e.to_string())?;
@@ -309,7 +316,9 @@ impl Work {
         self.append_log(frame, &numbers).map_err(|e| e.to_string())?;
         self.part.extend(numbers);
         if self.part.len() == per * len {
-            self.store.write_chunk(chunk, &self.part).map_err(|e| e.to_string())?;
+            self.store
+                .write_chunk(chunk, &self.part)
+                .map_err(|e| e.to_string())?;
             // Before its log is emptied.
             self.store.sync_chunk(chunk).map_err(|e| e.to_string())?;
         }

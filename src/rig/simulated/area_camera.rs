@@ -58,8 +58,9 @@ impl SimulatedCamera {
             let gain = 10.0_f64.powf(settings.gain_db / 20.0);
             let full = ((1_u64 << cmos.bit_depth) - 1) as f64;
             cmos.gain_e_per_dn = Some(w.cmos.gain_e_per_dn.unwrap_or(cmos.full_well_e / full) / gain);
-            let pixels = (0..region[3])
-                .flat_map(|y| (0..region[2]).map(move |x| ((y + region[1]) * size[0] + x + region[0]) as u32));
+            let pixels = (0..region[3]).flat_map(|y| {
+                (0..region[2]).map(move |x| ((y + region[1]) * size[0] + x + region[0]) as u32)
+            });
             let frame = cmos.frame(&image, pixels, w.bench.nm, 1.0, w.seed, w.frame);
             frame.map_err(|e| e.to_string())
         });

@@ -53,7 +53,11 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     let [width, height] = w.scenery.camera();
     let (mut x, mut y) = (0, 0);
     if let Directions::Pinhole { half } = w.bench.camera {
-        let place = |t: f64, half: f64, n: usize| ((t / half + 1.0) / 2.0 * n as f64).floor().clamp(0.0, n as f64 - 1.0);
+        let place = |t: f64, half: f64, n: usize| {
+            ((t / half + 1.0) / 2.0 * n as f64)
+                .floor()
+                .clamp(0.0, n as f64 - 1.0)
+        };
         x = place(ax, half[0], width) as usize;
         y = place(-ay, half[1], height) as usize;
     }
@@ -70,7 +74,9 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     let histogram = match &mut w.scenery {
         Scenery::Scan(scan) => scan.point(x, y)?,
         Scenery::Sample { mueller, .. } => &mueller[..],
-        Scenery::Tensor(_) => return Err("the tensor has no time bins; play a coaxial slice with time".into()),
+        Scenery::Tensor(_) => {
+            return Err("the tensor has no time bins; play a coaxial slice with time".into());
+        }
     };
     let seen = w.bench.histogram(histogram, &sets, &ray);
     let scale = w.power();
@@ -137,8 +143,13 @@ impl PhotonCounter for SimulatedCounter {
             let mut diode = w.spad.clone();
             diode.bin_ps = settings.bin_ps;
             diode.bins = settings.bins;
-            diode.period_ps = (diode.period_ps / settings.bin_ps).round().max(settings.bins as f64) * settings.bin_ps;
-            diode.pulses = (settings.dwell.as_secs_f64() * 1e12 / diode.period_ps).round().max(1.0) as u64;
+            diode.period_ps = (diode.period_ps / settings.bin_ps)
+                .round()
+                .max(settings.bins as f64)
+                * settings.bin_ps;
+            diode.pulses = (settings.dwell.as_secs_f64() * 1e12 / diode.period_ps)
+                .round()
+                .max(1.0) as u64;
             let rates = diode.rates(&radiance, w.bench.nm).map_err(|e| e.to_string())?;
             let mut random = stream(w.seed, pixel, w.frame);
             let counts = diode.count(&rates, &mut random).map_err(|e| e.to_string())?;
@@ -146,7 +157,13 @@ impl PhotonCounter for SimulatedCounter {
         });
         let (counts, pulses) = counted.map_err(|e| self.failure(Fault::Refused, e))?;
         let full = mishap == Some(Mishap::Saturation);
-        let count = |n: u64| if full { u32::MAX } else { n.min(u64::from(u32::MAX)) as u32 };
+        let count = |n: u64| {
+            if full {
+                u32::MAX
+            } else {
+                n.min(u64::from(u32::MAX)) as u32
+            }
+        };
         let histogram = Histogram {
             counts: counts.into_iter().take(settings.bins).map(count).collect(),
             pulses,

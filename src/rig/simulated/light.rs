@@ -92,10 +92,14 @@ impl Scenery {
             return Err(format!("{place}: it has no rows and columns of the camera"));
         };
         if len(AxisKind::StokesOut) != Some(4) || len(AxisKind::StokesIn) != Some(4) {
-            return Err(format!("{place}: it has no Mueller matrices; keep it with polarization = \"mueller\""));
+            return Err(format!(
+                "{place}: it has no Mueller matrices; keep it with polarization = \"mueller\""
+            ));
         }
         if len(AxisKind::Bounces).is_some() || len(AxisKind::Component).is_some() {
-            return Err(format!("{place}: it keeps light in parts; a sensor sees their sum"));
+            return Err(format!(
+                "{place}: it keeps light in parts; a sensor sees their sum"
+            ));
         }
         let axis = layout.find(AxisKind::Wavelength).map(|i| &layout.axes[i]);
         let (lane, lanes) = match axis {
@@ -114,7 +118,9 @@ impl Scenery {
         let camera = [width, height];
         if let Some(bins) = len(AxisKind::T) {
             if len(AxisKind::V).is_some() {
-                return Err(format!("{place}: a scan's slice has projector = \"coaxial\" and time bins"));
+                return Err(format!(
+                    "{place}: a scan's slice has projector = \"coaxial\" and time bins"
+                ));
             }
             let (start_ps, bin_ps) = layout.time.unwrap_or((0.0, 1.0));
             return Ok(Self::Scan(PlayedScan {
@@ -148,7 +154,9 @@ impl Scenery {
             let mut shape = layout.shape();
             let mut start = vec![0; shape.len()];
             (start[0], shape[0]) = (y, rows.min(height as u64 - y));
-            let block = slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
+            let block = slice
+                .read(Field::Mean, &start, &shape)
+                .map_err(|e| e.to_string())?;
             data.extend(block.into_iter().skip(lane).step_by(lanes));
         }
         Ok(Self::Tensor(PlayedTensor {
@@ -223,7 +231,9 @@ impl PlayedTensor {
             })
             .collect();
         let pixel = |data: &[f32]| -> [f64; 4] {
-            let all = lit.iter().map(|(i, state)| times(&data[i * ELEMENTS..][..ELEMENTS], state));
+            let all = lit
+                .iter()
+                .map(|(i, state)| times(&data[i * ELEMENTS..][..ELEMENTS], state));
             all.sum::<nalgebra::Vector4<f64>>().into()
         };
         self.lit = self.data.par_chunks_exact(boxes * ELEMENTS).map(pixel).collect();
@@ -266,7 +276,9 @@ impl PlayedScan {
     pub fn point(&mut self, x: usize, y: usize) -> Result<&[f32], String> {
         let [width, height] = self.camera;
         if x >= width || y >= height {
-            return Err(format!("the beam points to {x}, {y}, beyond {width} x {height} points"));
+            return Err(format!(
+                "the beam points to {x}, {y}, beyond {width} x {height} points"
+            ));
         }
         let first = y / self.together * self.together;
         let at = match self.rows.take() {
@@ -275,8 +287,14 @@ impl PlayedScan {
                 let mut shape = self.slice.layout().shape();
                 let mut start = vec![0; shape.len()];
                 (start[0], shape[0]) = (first as u64, self.together.min(height - first) as u64);
-                let all = self.slice.read(Field::Mean, &start, &shape).map_err(|e| e.to_string())?;
-                (first, all.into_iter().skip(self.lane).step_by(self.lanes).collect())
+                let all = self
+                    .slice
+                    .read(Field::Mean, &start, &shape)
+                    .map_err(|e| e.to_string())?;
+                (
+                    first,
+                    all.into_iter().skip(self.lane).step_by(self.lanes).collect(),
+                )
             }
         };
         let (_, data) = self.rows.insert(at);

@@ -76,7 +76,9 @@ impl PatternProjector for SimulatedProjector {
                 )));
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
-                return Err(self.limit(format!("pattern {i} has grey pixels; it knows on (255) and off (0)")));
+                return Err(self.limit(format!(
+                    "pattern {i} has grey pixels; it knows on (255) and off (0)"
+                )));
             }
         }
         let drive = |p: &Pattern| Arc::new(p.pixels.iter().map(|v| f32::from(*v) / 255.0).collect());
@@ -86,7 +88,10 @@ impl PatternProjector for SimulatedProjector {
 
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         let Some(drive) = self.loaded.get(pattern).cloned() else {
-            return Err(self.limit(format!("there is no pattern {pattern}; {} are loaded", self.loaded.len())));
+            return Err(self.limit(format!(
+                "there is no pattern {pattern}; {} are loaded",
+                self.loaded.len()
+            )));
         };
         self.light(Some(drive), within)
     }

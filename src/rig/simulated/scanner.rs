@@ -45,7 +45,10 @@ impl GalvoScanner for SimulatedScanner {
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
         let inside = angles_deg.iter().zip(self.limits.range_deg);
         if !inside.clone().all(|(a, most)| a.is_finite() && a.abs() <= most) {
-            let what = format!("{angles_deg:?}° is beyond ±{:?}°; mend the plan", self.limits.range_deg);
+            let what = format!(
+                "{angles_deg:?}° is beyond ±{:?}°; mend the plan",
+                self.limits.range_deg
+            );
             return Err(Failure::new(Fault::Limit, &self.name, what));
         }
         self.world.use_of(&self.name, within)?;

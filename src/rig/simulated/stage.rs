@@ -96,7 +96,10 @@ impl RotationStage for SimulatedStage {
         let time = Duration::from_secs_f64(1.0 + far / HOMING);
         if time > within {
             self.world.clock().sleep(within);
-            return Err(self.failure(Fault::Timeout, format!("homing takes {:.1} s", time.as_secs_f64())));
+            return Err(self.failure(
+                Fault::Timeout,
+                format!("homing takes {:.1} s", time.as_secs_f64()),
+            ));
         }
         self.world.clock().sleep(time);
         self.goal = None;

@@ -108,7 +108,13 @@ impl Shared {
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
-        let lost = || Err(Failure::new(Fault::Disconnected, instrument, "no answer: the line is dead"));
+        let lost = || {
+            Err(Failure::new(
+                Fault::Disconnected,
+                instrument,
+                "no answer: the line is dead",
+            ))
+        };
         match mishap {
             Some(Mishap::CableOut) => {
                 self.with(|w| w.dead.insert(instrument.into()));
@@ -131,13 +137,18 @@ impl Shared {
                     }
                     let all: Vec<String> = w.stages.keys().cloned().collect();
                     w.dead.extend(all);
-                    w.dead.extend(["camera", "projector", "galvo", "laser", "counter"].map(String::from));
+                    w.dead
+                        .extend(["camera", "projector", "galvo", "laser", "counter"].map(String::from));
                 });
                 lost()
             }
             Some(Mishap::Timeout) => {
                 self.clock().sleep(within);
-                Err(Failure::new(Fault::Timeout, instrument, "no answer before the deadline"))
+                Err(Failure::new(
+                    Fault::Timeout,
+                    instrument,
+                    "no answer before the deadline",
+                ))
             }
             Some(Mishap::Interlock) => Err(Failure::new(
                 Fault::Refused,
@@ -166,7 +177,11 @@ impl Shared {
     pub fn alive(&self, instrument: &str) -> Result<(), Failure> {
         let dead = self.with(|w| w.dead.contains(instrument) || w.gone.contains(instrument));
         if dead {
-            return Err(Failure::new(Fault::Disconnected, instrument, "no answer: the line is dead"));
+            return Err(Failure::new(
+                Fault::Disconnected,
+                instrument,
+                "no answer: the line is dead",
+            ));
         }
         Ok(())
     }

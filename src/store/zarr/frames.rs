@@ -136,18 +136,29 @@ impl FrameStore {
         }
         let storage = Arc::new(AtomicDirectory::new(path));
         describe::create_root(path, &[], attributes)?;
-        let group = json!({"zarr_format": 3, "node_type": "group", "attributes": {"run_axes": layout.run_axes}});
+        let group =
+            json!({"zarr_format": 3, "node_type": "group", "attributes": {"run_axes": layout.run_axes}});
         describe::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
         for axis in &layout.axes {
             let node = format!("/{GROUP}/{}", axis.name);
-            column(&storage, &node, &[&axis.name], &axis.units, &[axis.coords.len() as u64], &axis.coords)
-                .map_err(|e| failed(e.to_string()))?;
+            column(
+                &storage,
+                &node,
+                &[&axis.name],
+                &axis.units,
+                &[axis.coords.len() as u64],
+                &axis.coords,
+            )
+            .map_err(|e| failed(e.to_string()))?;
         }
         let description = Description {
             shape: layout.shape(),
             chunk: layout.chunk(),
             names: layout.axes.iter().map(|a| a.name.as_str()).collect(),
-            attributes: Map::from_iter([("long_name".to_owned(), json!("digital numbers as the sensor gave them"))]),
+            attributes: Map::from_iter([(
+                "long_name".to_owned(),
+                json!("digital numbers as the sensor gave them"),
+            )]),
         };
         let node = format!("/{GROUP}/raw");
         let raw = match layout.number {
@@ -368,7 +379,9 @@ impl FrameStore {
     }
 
     fn run_names(&self) -> impl Iterator<Item = &str> {
-        self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
+        self.layout.axes[..self.layout.run_axes]
+            .iter()
+            .map(|a| a.name.as_str())
     }
 
     /// Reads a column of [`Self::write_column`]; `None` if there is none.
@@ -483,8 +496,14 @@ mod tests {
             }
             let angles: Vec<f64> = (0..6).map(f64::from).collect();
             store.write_column("angle", "degree", &angles).expect("writes");
-            assert!(matches!(FrameStore::open(&path), Err(OpenError::Unfinished { .. })));
-            assert!(matches!(FrameStore::open_for_write(&path), Err(OpenError::Locked { .. })));
+            assert!(matches!(
+                FrameStore::open(&path),
+                Err(OpenError::Unfinished { .. })
+            ));
+            assert!(matches!(
+                FrameStore::open_for_write(&path),
+                Err(OpenError::Locked { .. })
+            ));
             store.finish().expect("finishes");
             drop(store);
             let read = FrameStore::open(&path).expect("a store");

@@ -342,9 +342,10 @@ impl Cmos {
         for y in 0..out.height {
             for x in 0..out.width {
                 let block = (0..side * side).map(|k| (y * side + k / side) * width + x * side + k % side);
-                let exposures = self.bracket.iter().zip(&frames).map(|(factor, frame)| {
-                    mean(block.clone().map(|i| self.estimate(frame[i], nm, *factor)))
-                });
+                let exposures =
+                    self.bracket.iter().zip(&frames).map(|(factor, frame)| {
+                        mean(block.clone().map(|i| self.estimate(frame[i], nm, *factor)))
+                    });
                 let estimate = self.combine(&exposures.collect::<Vec<_>>(), nm);
                 out.radiance.push(estimate.radiance);
                 out.variance.push(estimate.variance);

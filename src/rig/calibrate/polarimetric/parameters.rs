@@ -33,7 +33,10 @@ impl Parameter {
     #[must_use]
     pub fn all(scheme: &Scheme) -> Vec<Self> {
         let mut all = vec![];
-        for (side, elements) in [(Side::Generator, scheme.generator()), (Side::Analyzer, scheme.analyzer())] {
+        for (side, elements) in [
+            (Side::Generator, scheme.generator()),
+            (Side::Analyzer, scheme.analyzer()),
+        ] {
             for (i, e) in elements.iter().enumerate() {
                 all.push(Self::AxisOffset(side, i));
                 all.push(match e.kind {
@@ -48,7 +51,10 @@ impl Parameter {
         }
         if let Some(coaxial) = &scheme.coaxial {
             for transmission in [true, false] {
-                all.extend([Self::Diattenuation(transmission), Self::ArmRetardance(transmission)]);
+                all.extend([
+                    Self::Diattenuation(transmission),
+                    Self::ArmRetardance(transmission),
+                ]);
             }
             if coaxial.galvo.is_some() {
                 all.extend([Self::GalvoIndex, Self::GalvoAbsorption]);
@@ -64,7 +70,13 @@ impl Parameter {
             Side::Generator => scheme.generator()[i].name.clone(),
             Side::Analyzer => scheme.analyzer()[i].name.clone(),
         };
-        let arm = |transmission: bool| if transmission { "transmission" } else { "reflection" };
+        let arm = |transmission: bool| {
+            if transmission {
+                "transmission"
+            } else {
+                "reflection"
+            }
+        };
         match *self {
             Self::AxisOffset(side, i) => format!("{} axis offset", of(side, i)),
             Self::Retardance(side, i) => format!("{} retardance error", of(side, i)),
@@ -82,7 +94,9 @@ impl Parameter {
     #[must_use]
     pub fn unit(&self) -> &'static str {
         match self {
-            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => "°",
+            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => {
+                "°"
+            }
             _ => "",
         }
     }
@@ -91,7 +105,9 @@ impl Parameter {
     #[must_use]
     pub fn step(&self) -> f64 {
         match self {
-            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => 1e-3,
+            Self::AxisOffset(..) | Self::Retardance(..) | Self::SensorOffset(_) | Self::ArmRetardance(_) => {
+                1e-3
+            }
             Self::Extinction(..) | Self::SensorExtinction => 1e-5,
             Self::Diattenuation(_) => 1e-5,
             Self::GalvoIndex | Self::GalvoAbsorption => 1e-4,
@@ -172,7 +188,11 @@ impl Parameter {
             }
             Self::GalvoIndex | Self::GalvoAbsorption => {
                 if let Some(galvo) = scheme.coaxial.as_mut().and_then(|c| c.galvo.as_mut()) {
-                    let of = if *self == Self::GalvoIndex { &mut galvo.n } else { &mut galvo.k };
+                    let of = if *self == Self::GalvoIndex {
+                        &mut galvo.n
+                    } else {
+                        &mut galvo.k
+                    };
                     *of = same(value);
                 }
             }
@@ -192,11 +212,19 @@ impl Parameter {
 }
 
 fn part(c: &Coaxial, transmission: bool) -> &Arm {
-    if transmission { &c.transmission } else { &c.reflection }
+    if transmission {
+        &c.transmission
+    } else {
+        &c.reflection
+    }
 }
 
 fn part_mut(c: &mut Coaxial, transmission: bool) -> &mut Arm {
-    if transmission { &mut c.transmission } else { &mut c.reflection }
+    if transmission {
+        &mut c.transmission
+    } else {
+        &mut c.reflection
+    }
 }
 
 #[cfg(test)]
@@ -214,7 +242,11 @@ mod tests {
             }
             for (i, p) in all.iter().enumerate() {
                 let want = 0.01 * (i + 1) as f64;
-                assert!((p.get(&scheme, 550.0) - want).abs() < 1e-12, "{}", p.name(&scheme));
+                assert!(
+                    (p.get(&scheme, 550.0) - want).abs() < 1e-12,
+                    "{}",
+                    p.name(&scheme)
+                );
             }
             let mut names: Vec<String> = all.iter().map(|p| p.name(&scheme)).collect();
             names.sort();

@@ -40,7 +40,9 @@ pub enum CalibrationError {
         want: usize,
     },
     /// A sample shows nothing.
-    #[error("sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out")]
+    #[error(
+        "sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out"
+    )]
     Dark {
         /// The sample.
         name: String,
@@ -93,7 +95,11 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         return Err(CalibrationError::NoSample);
     };
     let names = |s: &Scheme| -> Vec<String> {
-        s.generator().iter().chain(s.analyzer()).map(|e| e.name.clone()).collect()
+        s.generator()
+            .iter()
+            .chain(s.analyzer())
+            .map(|e| e.name.clone())
+            .collect()
     };
     for s in samples {
         let want = s.scheme.measurements();
@@ -105,7 +111,7 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
             });
         }
         let lit = s.intensities.iter().sum::<f64>() > 0.0;
-        if !lit || s.sigmas.iter().any(|v| !(*v > 0.0)) || s.mueller.iter().any(|v| !v.is_finite()) {
+        if !lit || !s.sigmas.iter().all(|v| *v > 0.0) || s.mueller.iter().any(|v| !v.is_finite()) {
             return Err(CalibrationError::Dark { name: s.name.clone() });
         }
         if names(&s.scheme) != names(&first.scheme) {
@@ -122,7 +128,8 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         }
         scheme
     };
-    let predicted = |s: &Sample, p: &[f64]| DesignMatrix::new(&with(&s.scheme, p), &s.ray).intensities(&s.mueller);
+    let predicted =
+        |s: &Sample, p: &[f64]| DesignMatrix::new(&with(&s.scheme, p), &s.ray).intensities(&s.mueller);
     let mut start: Vec<f64> = free.iter().map(|p| p.get(&first.scheme, first.ray.nm)).collect();
     let mut steps: Vec<f64> = free.iter().map(Parameter::step).collect();
     for s in samples {
@@ -192,7 +199,9 @@ mod tests {
             let value = match p {
                 Parameter::Extinction(..) | Parameter::SensorExtinction => 2e-3 * z.abs(),
                 Parameter::Diattenuation(_) => 0.05 * z,
-                Parameter::GalvoIndex | Parameter::GalvoAbsorption => p.get(nominal, 550.0) * (1.0 + 0.02 * z),
+                Parameter::GalvoIndex | Parameter::GalvoAbsorption => {
+                    p.get(nominal, 550.0) * (1.0 + 0.02 * z)
+                }
                 _ => z,
             };
             p.set(&mut out, value);
@@ -201,7 +210,14 @@ mod tests {
         (out, values)
     }
 
-    fn sample(name: &str, mueller: [f64; 16], nominal: &Scheme, truth: &Scheme, sigma: f64, key: u32) -> Sample {
+    fn sample(
+        name: &str,
+        mueller: [f64; 16],
+        nominal: &Scheme,
+        truth: &Scheme,
+        sigma: f64,
+        key: u32,
+    ) -> Sample {
         let ray = Ray::axial(550.0);
         let mut random = stream(5, 1, key);
         let mut noisy = |v: f64| {
@@ -245,7 +261,12 @@ mod tests {
             assert!((chi - 1.0).abs() < 0.1, "{chi}");
             let kind = |p: &Parameter| (p.unit(), std::mem::discriminant(p));
             for p in &free {
-                let same: Vec<f64> = free.iter().zip(&squares).filter(|(q, _)| kind(q) == kind(p)).map(|(_, s)| *s).collect();
+                let same: Vec<f64> = free
+                    .iter()
+                    .zip(&squares)
+                    .filter(|(q, _)| kind(q) == kind(p))
+                    .map(|(_, s)| *s)
+                    .collect();
                 let mean = same.iter().sum::<f64>() / same.len() as f64;
                 println!("array {array}: {}: variance of z {mean:.3}", p.name(&nominal));
                 // A kind of one parameter has 64 values, whose variance scatters by √(2/64) = 0.18.
@@ -262,8 +283,18 @@ mod tests {
         let air = sample("air", AIR, &nominal, &real, 1e-4, 1);
         let found = calibrate(&[air], &Parameter::all(&nominal)).expect("a calibration");
         let words = found.untold.join("; ");
-        assert!(words.contains("polarizer_1 axis offset") && words.contains("together"), "{words}");
-        let told = |name: &str| found.found.iter().find(|f| f.name == name).expect("a parameter").sigma;
+        assert!(
+            words.contains("polarizer_1 axis offset") && words.contains("together"),
+            "{words}"
+        );
+        let told = |name: &str| {
+            found
+                .found
+                .iter()
+                .find(|f| f.name == name)
+                .expect("a parameter")
+                .sigma
+        };
         assert_eq!(told("retarder_2 axis offset"), None);
         assert!(told("retarder_2 retardance error").is_some());
     }
@@ -296,7 +327,12 @@ mod tests {
         let found = calibrate(&samples, &free).expect("a calibration");
         for (f, want) in found.found.iter().zip(&values) {
             if let Some(sigma) = f.sigma {
-                assert!((f.value - want).abs() < 6.0 * sigma + 1e-9, "{}: {} {want} {sigma}", f.name, f.value);
+                assert!(
+                    (f.value - want).abs() < 6.0 * sigma + 1e-9,
+                    "{}: {} {want} {sigma}",
+                    f.name,
+                    f.value
+                );
             }
         }
         println!("{:?}", found.untold);
@@ -310,15 +346,24 @@ mod tests {
         let good = sample("air", AIR, &nominal, &nominal, 1e-3, 0);
         let mut dark = good.clone();
         dark.intensities.fill(0.0);
-        assert!(matches!(calibrate(&[dark], &free), Err(CalibrationError::Dark { .. })));
+        assert!(matches!(
+            calibrate(&[dark], &free),
+            Err(CalibrationError::Dark { .. })
+        ));
         let mut short = good.clone();
         short.intensities.pop();
-        assert!(matches!(calibrate(&[short], &free), Err(CalibrationError::Lengths { .. })));
+        assert!(matches!(
+            calibrate(&[short], &free),
+            Err(CalibrationError::Lengths { .. })
+        ));
         let mut lost = good.clone();
         lost.intensities[3] = f64::NAN;
         assert!(calibrate(&[lost], &free).is_err());
         let few = Scheme::drr(3, false).expect("a scheme");
         let three = sample("air", AIR, &few, &few, 1e-3, 0);
-        assert!(matches!(calibrate(&[three], &free), Err(CalibrationError::Fit(FitError::TooFew { .. }))));
+        assert!(matches!(
+            calibrate(&[three], &free),
+            Err(CalibrationError::Fit(FitError::TooFew { .. }))
+        ));
     }
 }

@@ -139,7 +139,11 @@ impl Message {
         };
         match self {
             Self::RequestInfo => short(0x0005, 0, 0),
-            Self::Info { serial, model, firmware } => {
+            Self::Info {
+                serial,
+                model,
+                firmware,
+            } => {
                 let mut data = serial.to_le_bytes().to_vec();
                 let mut name = model.as_bytes().to_vec();
                 name.resize(8, 0);
@@ -156,7 +160,10 @@ impl Message {
             Self::Identify => short(0x0223, 0, 0),
             Self::Enable(on) => short(0x0210, CHANNEL, if *on { 1 } else { 2 }),
             Self::StopUpdates => short(0x0012, 0, 0),
-            Self::SetVelocity { acceleration, velocity } => {
+            Self::SetVelocity {
+                acceleration,
+                velocity,
+            } => {
                 let mut data = vec![CHANNEL, 0];
                 for value in [0, *acceleration, *velocity] {
                     data.extend(value.to_le_bytes());
@@ -204,10 +211,12 @@ impl Message {
             (0x0223, 0) => Some(Self::Identify),
             (0x0210, 0) => Some(Self::Enable(parameters[1] == 1)),
             (0x0012, 0) => Some(Self::StopUpdates),
-            (0x0413, 14) => word(6).zip(word(10)).map(|(acceleration, velocity)| Self::SetVelocity {
-                acceleration,
-                velocity,
-            }),
+            (0x0413, 14) => word(6)
+                .zip(word(10))
+                .map(|(acceleration, velocity)| Self::SetVelocity {
+                    acceleration,
+                    velocity,
+                }),
             (0x0443, 0) => Some(Self::Home),
             (0x0444, 0) => Some(Self::Homed),
             (0x0453, 6) => word(2).map(Self::MoveAbsolute),
@@ -258,14 +267,14 @@ impl Parser {
     pub fn next_message(&mut self) -> Option<Message> {
         let mut at = 0;
         let found = loop {
-            let header = match self.held.get(at..at + 6) {
-                Some(header) => header,
-                None => break None,
+            let Some(header) = self.held.get(at..at + 6) else {
+                break None;
             };
             let (id, to, from) = (u16::from_le_bytes([header[0], header[1]]), header[4], header[5]);
             let follows = to & 0x80 != 0;
             let length = usize::from(u16::from_le_bytes([header[2], header[3]]));
-            let plausible = to & 0x7F == self.own && from & 0x80 == 0 && from != self.own && id != 0 && id < 0x2000;
+            let plausible =
+                to & 0x7F == self.own && from & 0x80 == 0 && from != self.own && id != 0 && id < 0x2000;
             if !plausible || (follows && (length == 0 || length > LONGEST)) {
                 at += 1;
                 continue;

@@ -29,19 +29,24 @@ impl Model {
     /// PRM1-Z8: 1919.6418578623391 counts a degree, sampled each 2048/6e6 s (Thorlabs' protocol, appendix on scaling).
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        const COUNTS: f64 = 1_919.641_857_862_339_1;
-        let family = ["PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M"];
-        family.iter().any(|n| n.eq_ignore_ascii_case(name)).then_some(Self {
-            counts_per_degree: COUNTS,
-            velocity: 42_941.6615,
-            acceleration: 14.6574,
-            limits: StageLimits {
-                range_deg: [-1e5, 1e5],
-                velocity: 25.0,
-                acceleration: 25.0,
-                resolution_deg: 1.0 / COUNTS,
-            },
-        })
+        const COUNTS: f64 = 1919.641857862339;
+        let family = [
+            "PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M",
+        ];
+        family
+            .iter()
+            .any(|n| n.eq_ignore_ascii_case(name))
+            .then_some(Self {
+                counts_per_degree: COUNTS,
+                velocity: 42941.6615,
+                acceleration: 14.6574,
+                limits: StageLimits {
+                    range_deg: [-1e5, 1e5],
+                    velocity: 25.0,
+                    acceleration: 25.0,
+                    resolution_deg: 1.0 / COUNTS,
+                },
+            })
     }
 
     fn counts(&self, degrees: f64) -> i32 {
@@ -149,7 +154,12 @@ impl Instrument for AptStage {
         let until = Instant::now() + within;
         self.send(&Message::RequestInfo)?;
         loop {
-            if let Message::Info { serial, model, firmware: [minor, interim, major] } = self.next(until)? {
+            if let Message::Info {
+                serial,
+                model,
+                firmware: [minor, interim, major],
+            } = self.next(until)?
+            {
                 return Ok(Identity {
                     maker: "Thorlabs".into(),
                     model,
@@ -189,14 +199,20 @@ impl RotationStage for AptStage {
                         return Ok(());
                     }
                     if status.bits & bits::MOTION_ERROR != 0 {
-                        return Err(self.failure(Fault::Stalled, "it cannot find its zero; look what holds it"));
+                        return Err(
+                            self.failure(Fault::Stalled, "it cannot find its zero; look what holds it")
+                        );
                     }
                 }
                 Err(e) if e.fault == Fault::Timeout && Instant::now() < until => {}
                 Err(e) => return Err(e),
             }
             if Instant::now() >= until {
-                let what = if begun { "it looks for its zero still" } else { "it did not find its zero" };
+                let what = if begun {
+                    "it looks for its zero still"
+                } else {
+                    "it did not find its zero"
+                };
                 return Err(self.failure(Fault::Timeout, what));
             }
             if !homed {
@@ -239,10 +255,17 @@ impl RotationStage for AptStage {
             }
             if status.bits & (bits::MOTION_ERROR | bits::LIMITS) != 0 {
                 self.goal = None;
-                let what = format!("it stopped at {:.3}°: its motor cannot follow, or a switch was met", reading.angle_deg);
+                let what = format!(
+                    "it stopped at {:.3}°: its motor cannot follow, or a switch was met",
+                    reading.angle_deg
+                );
                 return Err(self.failure(Fault::Stalled, what));
             }
-            stands = if !reading.moving && last == Some(status.position) { stands + 1 } else { 0 };
+            stands = if !reading.moving && last == Some(status.position) {
+                stands + 1
+            } else {
+                0
+            };
             last = Some(status.position);
             if stands >= STANDS {
                 self.goal = None;

@@ -22,7 +22,10 @@ fn emulated() -> (AptStage, Trouble) {
     let trouble = Trouble::default();
     let same = trouble.clone();
     std::thread::spawn(move || emulator::run(theirs, quick(), same));
-    (AptStage::new("retarder_2", Box::new(ours), quick()).expect("a stage"), trouble)
+    (
+        AptStage::new("retarder_2", Box::new(ours), quick()).expect("a stage"),
+        trouble,
+    )
 }
 
 /// Bytes that Thorlabs' document lists.
@@ -32,7 +35,7 @@ fn bytes_are_the_documents() {
     assert_eq!(to(Message::RequestInfo), [0x05, 0, 0, 0, 0x50, 1]);
     assert_eq!(to(Message::Home), [0x43, 4, 1, 0, 0x50, 1]);
     assert_eq!(to(Message::RequestStatus), [0x80, 4, 1, 0, 0x50, 1]);
-    let counts = (45.0_f64 * 1_919.641_857_862_339_1).round() as i32;
+    let counts = (45.0_f64 * 1919.641857862339).round() as i32;
     assert_eq!(
         to(Message::MoveAbsolute(counts)),
         [0x53, 4, 6, 0, 0xD0, 1, 1, 0, 0x70, 0x51, 1, 0]
@@ -52,7 +55,10 @@ fn the_driver_conforms() {
 fn troubles_are_told_apart() {
     let (mut stage, trouble) = emulated();
     let long = Duration::from_secs(5);
-    assert_eq!(stage.begin_move(1.0).expect_err("not homed").fault, Fault::Refused);
+    assert_eq!(
+        stage.begin_move(1.0).expect_err("not homed").fault,
+        Fault::Refused
+    );
     stage.home(long).expect("homes");
     trouble.set(Trouble::NOISE);
     stage.begin_move(90.0).expect("begins");
@@ -65,7 +71,10 @@ fn troubles_are_told_apart() {
     stage.home(long).expect("homes again");
     trouble.set(Trouble::SILENT);
     let begun = Instant::now();
-    assert_eq!(stage.read(Duration::from_millis(150)).expect_err("silent").fault, Fault::Timeout);
+    assert_eq!(
+        stage.read(Duration::from_millis(150)).expect_err("silent").fault,
+        Fault::Timeout
+    );
     assert!(begun.elapsed() < Duration::from_secs(1));
     drop(stage);
 }
@@ -75,8 +84,13 @@ fn a_cable_that_is_out_is_known() {
     let (ours, theirs) = MemoryLine::pair();
     let mut stage = AptStage::new("p", Box::new(ours), quick()).expect("a stage");
     drop(theirs);
-    assert_eq!(stage.identify(Duration::from_secs(1)).expect_err("gone").fault, Fault::Disconnected);
-    let missing = SerialLine::open("/dev/no-such-port", 115_200, true).err().expect("no port");
+    assert_eq!(
+        stage.identify(Duration::from_secs(1)).expect_err("gone").fault,
+        Fault::Disconnected
+    );
+    let missing = SerialLine::open("/dev/no-such-port", 115_200, true)
+        .err()
+        .expect("no port");
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
@@ -91,7 +105,9 @@ fn the_driver_speaks_through_a_serial_device() {
     impl Line for Master {
         fn send(&mut self, bytes: &[u8]) -> Result<(), LineError> {
             use std::io::Write;
-            self.0.write_all(bytes).map_err(|e| LineError::Gone(e.to_string()))
+            self.0
+                .write_all(bytes)
+                .map_err(|e| LineError::Gone(e.to_string()))
         }
         fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError> {
             use std::io::Read;
@@ -125,7 +141,10 @@ fn the_driver_speaks_through_a_serial_device() {
     let mut stage = AptStage::new("polarizer_1", Box::new(port), quick()).expect("a stage");
     let long = Duration::from_secs(5);
     let id = stage.identify(long).expect("answers");
-    assert_eq!((id.maker.as_str(), id.model.as_str(), id.firmware.as_str()), ("Thorlabs", "KDC101", "2.0.3"));
+    assert_eq!(
+        (id.maker.as_str(), id.model.as_str(), id.firmware.as_str()),
+        ("Thorlabs", "KDC101", "2.0.3")
+    );
     stage.home(long).expect("homes");
     stage.begin_move(123.4).expect("begins");
     assert!((stage.finish_move(long).expect("arrives").angle_deg - 123.4).abs() < 2e-3);

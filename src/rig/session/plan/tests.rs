@@ -36,7 +36,10 @@ fn faults_name_their_place_and_mend() {
     ];
     for (old, new, want) in cases {
         let message = read(&GOOD.replacen(old, new, 1)).expect_err("a fault");
-        assert!(message.contains(want) && message.contains("mend"), "{new}: {message}");
+        assert!(
+            message.contains(want) && message.contains("mend"),
+            "{new}: {message}"
+        );
     }
 }
 
