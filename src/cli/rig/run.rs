@@ -108,7 +108,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let mut live = Live::new(steps.frames());
     let outcome = run::run(&mut rig, &steps, store, recovered, &INTERRUPTED, &mut |p| {
-        live.frame(p)
+        live.frame(p);
     });
     live.end();
     let outcome = outcome.map_err(|e| match e {

@@ -30,7 +30,6 @@ use base::document;
 use base::locate::{InputError, Located};
 use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::scheme_file;
-use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
