@@ -348,3 +348,19 @@ fn what_cannot_be_resumed_is_refused() {
     );
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }
+
+/// A laser's table that is not there, and one that is none, are told by the rig file's place.
+#[test]
+fn a_laser_without_a_table_is_told() {
+    let bench = Bench::new("");
+    let rig = RIG.replace("[laser]\nnm = 550", "[laser]\ndriver = \"scpi\"\nnm = 550");
+    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    let output = bench.run("scan.toml", "s.zarr", &[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        text(&output).contains("an SCPI laser has no table"),
+        "{}",
+        text(&output)
+    );
+    assert!(!bench.path("s.zarr").exists());
+}

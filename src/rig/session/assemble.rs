@@ -6,6 +6,7 @@ use super::rig_file::{BenchPlan, Driver, RigPlan, Scene};
 use crate::clock::Clock;
 use crate::driver::apt::stage::{AptStage, Model};
 use crate::driver::line::SerialLine;
+use crate::driver::scpi::laser::ScpiLaser;
 use crate::simulated::area_camera::SimulatedCamera;
 use crate::simulated::counter::SimulatedCounter;
 use crate::simulated::laser::SimulatedLaser;
@@ -203,6 +204,13 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
         None => {}
         Some((Driver::Simulated, limits)) => {
             rig.laser = Some(Box::new(SimulatedLaser::new("laser", bench("laser")?, *limits)));
+        }
+        Some((Driver::Scpi, _)) => {
+            let Some(table) = plan.laser_table.clone() else {
+                return missing("laser", &Driver::Scpi);
+            };
+            let laser = ScpiLaser::connect("laser", table).map_err(|e| AssembleError(e.to_string()))?;
+            rig.laser = Some(Box::new(laser));
         }
         Some((other, _)) => return missing("laser", other),
     }

@@ -23,6 +23,7 @@
 use super::geometry::Geometry;
 use super::rig_syntax::{BenchFile, RigFile, SampleFile};
 pub use super::rig_syntax::{Driver, StageFile};
+use crate::driver::scpi::table::LaserTable;
 use crate::instrument::{
     CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
 };
@@ -91,6 +92,8 @@ pub struct RigPlan {
     pub galvo: Option<(Driver, GalvoLimits)>,
     /// Of the laser.
     pub laser: Option<(Driver, LaserLimits)>,
+    /// Commands of a laser that speaks SCPI.
+    pub laser_table: Option<LaserTable>,
     /// Of the counter.
     pub counter: Option<(Driver, CounterLimits)>,
     /// Wavelength of its light, nanometres.
@@ -233,6 +236,18 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             Some((l.driver.clone(), limits))
         }
     };
+    let laser_table = match &file.laser {
+        Some(l) if l.driver == Driver::Scpi => {
+            let beside = |p: &PathBuf| path.parent().unwrap_or(Path::new("")).join(p);
+            let help = "add table = \"laser.toml\", with its address and commands; see docs/instruments.md";
+            let table = l.table.as_ref().map(beside);
+            let table = table.ok_or_else(|| fault(l.span(), "an SCPI laser has no table".into(), help))?;
+            let text = document::read(&table, "laser's table", help)?;
+            let parsed = LaserTable::parse(&text);
+            Some(parsed.map_err(|e| fault(l.span(), format!("{}: {e}", table.display()), help))?)
+        }
+        _ => None,
+    };
     let counter = match &file.counter {
         None => None,
         Some(c) => {
@@ -281,6 +296,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         camera,
         galvo,
         laser,
+        laser_table,
         counter,
         wavelength_nm,
         cmos,

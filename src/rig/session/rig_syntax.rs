@@ -148,6 +148,7 @@ pub(super) struct LaserFile {
     pub(super) nm: f64,
     #[serde(default = "rates")]
     pub(super) rate_hz: [f64; 2],
+    pub(super) table: Option<PathBuf>,
 }
 
 fn rates() -> [f64; 2] {
