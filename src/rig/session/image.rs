@@ -20,6 +20,9 @@ use store::zarr::frames::FrameStore;
 #[error("{0}")]
 pub struct ImageError(pub String);
 
+/// Points of a scan on each side of its middle that count for a known sample, twice.
+const MIDDLE: usize = 4;
+
 /// A run that is read.
 pub struct Run {
     store: FrameStore,
@@ -145,21 +148,28 @@ impl Run {
         let seen = self.intensities(mask, Method::Superpixel)?;
         let pixels = seen.layout.pixels();
         let per_bin = seen.time.is_some();
+        // Of a scan the points in the middle: mirrors act on others in other directions.
+        let Layout {
+            height, width, times, ..
+        } = seen.layout;
+        let middle = |i: usize, n: usize| !per_bin || (2 * i + 1).abs_diff(n) <= MIDDLE;
+        let counted = |p: usize| {
+            let place = p / times.max(1);
+            middle(place / width.max(1), height) && middle(place % width.max(1), width)
+        };
         let (mut intensities, mut sigmas) = (vec![], vec![]);
-        let measured = seen
-            .values
-            .chunks_exact(pixels.max(1))
-            .zip(seen.variances.chunks_exact(pixels.max(1)));
-        for (values, variances) in measured {
+        let measured = seen.values.chunks_exact(pixels.max(1));
+        for (values, variances) in measured.zip(seen.variances.chunks_exact(pixels.max(1))) {
             // Of histograms the sum over all bins counts, whose variance is that of all counts.
-            let known = values
-                .iter()
-                .zip(variances)
-                .filter(|(v, s)| v.is_finite() && s.is_finite());
-            let (n, sum, square) = known.fold((0.0, 0.0, 0.0), |(n, a, b), (v, s)| {
-                (n + 1.0, a + f64::from(*v), b + f64::from(*s))
-            });
-            let n = if per_bin { n / seen.layout.times as f64 } else { n };
+            let (mut n, mut sum, mut square) = (0.0, 0.0, 0.0);
+            for (p, (v, s)) in values.iter().zip(variances).enumerate() {
+                if counted(p) && v.is_finite() && s.is_finite() {
+                    n += 1.0;
+                    sum += f64::from(*v);
+                    square += f64::from(*s);
+                }
+            }
+            let n = if per_bin { n / times as f64 } else { n };
             intensities.push(sum / n);
             sigmas.push(f64::max(square, 1e-300).sqrt() / n);
         }
