@@ -113,7 +113,7 @@ class Mitransient(Cornell):
 
 
 class Polanalyser:
-    """36 captures of 300,000 pixels; ours in files, theirs in memory, computing alone of both, the best of three, because they are short."""
+    """36 captures of a megapixel; ours in files, theirs in memory, computing alone of both, the best of three, because they are short."""
 
     def __init__(self, folder):
         import importlib.util
@@ -124,7 +124,7 @@ class Polanalyser:
         self.polanalyser = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.polanalyser)
         self.folder = folder
-        self.image = np.random.default_rng(1).random((36, 300, 1000), dtype=np.float32)
+        self.image = np.random.default_rng(1).random((36, 1000, 1000), dtype=np.float32)
         np.save(folder / "i.npy", self.image)
         ours("scheme", "drr", "-k", "36", "-o", folder / "s.toml")
         ours("scheme", "matrix", folder / "s.toml", "-o", folder / "a.npy")

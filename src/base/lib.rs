@@ -8,6 +8,7 @@ pub mod input;
 pub mod journal;
 pub mod locate;
 pub mod lock;
+pub mod positioned;
 pub mod spectral_table;
 pub mod staging;
 pub mod tables;

@@ -2,27 +2,27 @@
 
 mod arguments;
 mod of_run;
+mod pieces;
 
 use super::failure::Failure;
 use super::places;
 pub use arguments::Arguments;
+use pieces::{Done, Work};
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use sunstone::base::whole_file;
 use sunstone::polarimetry::capture::directions::Directions;
 use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::polarimetry::capture::simulate::Layout;
-use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
-use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
+use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction};
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::store::numpy;
 use sunstone::store::numpy::NumpyReader;
 use sunstone::store::zarr::frames::is_frames;
-use sunstone::tensor::number::Number;
 use tracing::info;
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -143,93 +143,78 @@ fn one_place(a: &Arguments) -> Layout {
     }
 }
 
-/// Numbers that are in memory at once, intensities and variances each: few enough for the last cache, so that what has been
-/// read is still there when it is used.
-const AT_ONCE: usize = 2_000_000;
-
 fn go<T: PixelNumber + npyz::AutoSerialize>(
     a: &Arguments,
     scheme: &Scheme,
-    mut reader: NumpyReader,
+    intensities: NumpyReader,
     options: Options,
 ) -> Result<(), Failure> {
-    let leading = leading(a, scheme, &reader.shape)?;
+    let leading = leading(a, scheme, &intensities.shape)?;
     let pixels: usize = leading.iter().product();
-    let mut variances = a
+    let variances = a
         .variance
         .as_deref()
         .map(NumpyReader::open)
         .transpose()
         .map_err(Failure::input)?;
-    if let Some(other) = variances.as_ref().filter(|v| v.shape != reader.shape) {
+    if let Some(other) = variances.as_ref().filter(|v| v.shape != intensities.shape) {
         return Err(Failure::input(format!(
             "--variance: its shape is {:?}, that of the intensities {:?}",
-            other.shape, reader.shape
+            other.shape, intensities.shape
         )));
     }
     let rays = rays(a, &leading)?;
     let lanes = a.wavelengths.len();
     let along_axis = rays.len() == lanes;
-    // Other times of a place have its ray.
-    let times = if along_axis { 1 } else { pixels / rays.len() };
-    // What cannot be reconstructed is said before anything is written.
-    let reconstruction =
-        Reconstruction::<T>::new(scheme, &rays[..lanes], options.clone()).map_err(Failure::input)?;
-    let count = scheme.measurements();
-    let most = (AT_ONCE * 4 / size_of::<T>() / count / (times * lanes)).max(1) * times * lanes;
+    let work = Work::<T> {
+        scheme,
+        // What cannot be reconstructed is said before anything is written.
+        estimates: Reconstruction::new(scheme, &rays[..lanes], options.clone()).map_err(Failure::input)?,
+        options,
+        // Other times of a place have its ray.
+        times: if along_axis { 1 } else { pixels / rays.len().max(1) },
+        rays: (!along_axis).then_some(&rays[..]),
+        lanes,
+        intensities,
+        variances,
+        pixels,
+    };
     let shape: Vec<usize> = leading.iter().copied().chain([4, 4]).collect();
-    let mut tally = Tally::default();
-    let mut computing = Duration::ZERO;
+    let mut done = Done::default();
     let start = Instant::now();
     let mut fill =
         |out: &mut BufWriter<File>, mut errors: Option<&mut BufWriter<File>>| -> Result<(), Failure> {
-            let failed = |e: std::io::Error| Failure::failed(format!("{}: {e}", a.output.display()));
-            numpy::begin::<T>(out, &shape).map_err(failed)?;
-            if let Some(errors) = errors.as_deref_mut() {
-                numpy::begin::<T>(errors, &shape).map_err(failed)?;
+            let failed = |path: &Path, e: std::io::Error| Failure::failed(format!("{}: {e}", path.display()));
+            let begin = |path: &Path, file: &mut BufWriter<File>| -> Result<u64, Failure> {
+                numpy::begin::<T>(file, &shape)
+                    .and_then(|()| file.flush())
+                    .and_then(|()| file.stream_position())
+                    .map_err(|e| failed(path, e))
+            };
+            let mut to = vec![(&*a.output, begin(&a.output, out)?)];
+            if let (Some(path), Some(file)) = (&a.errors, errors.as_deref_mut()) {
+                to.push((path, begin(path, file)?));
             }
-            let room = most.min(pixels.max(1));
-            let zero = T::default();
-            let (mut i, mut m) = (vec![zero; room * count], vec![zero; room * 16]);
-            let mut v = vec![zero; if variances.is_some() { room * count } else { 0 }];
-            let mut e = vec![zero; if errors.is_some() { room * 16 } else { 0 }];
-            for first in (0..pixels).step_by(most) {
-                let n = most.min(pixels - first);
-                read(&mut reader, &mut i, first, n, pixels)?;
-                if let Some(variances) = &mut variances {
-                    read(variances, &mut v, first, n, pixels)?;
-                    if v[..n * count].iter().any(|v| v.get() < 0.0) {
-                        return Err(Failure::input(
-                            "--variance: some of them are negative; give squares of noise",
-                        ));
-                    }
-                }
-                let begun = Instant::now();
-                let weights = (!v.is_empty()).then(|| &v[..n * count]);
-                let wanted = (!e.is_empty()).then(|| &mut e[..n * 16]);
-                let (i, m) = (&i[..n * count], &mut m[..n * 16]);
-                let part = if along_axis {
-                    reconstruction.apply(i, weights, m, wanted)
-                } else {
-                    let rays = &rays[first / times..(first + n) / times];
-                    let places = Places { rays, times, lanes };
-                    along_rays::reconstruct(scheme, places, &options, i, weights, m, wanted)
-                        .map_err(Failure::input)?
-                };
-                tally = tally.with(part);
-                computing += begun.elapsed();
-                numpy::append(out, m).map_err(failed)?;
-                if let Some(errors) = errors.as_deref_mut() {
-                    numpy::append(errors, &e[..n * 16]).map_err(failed)?;
-                }
-            }
+            let files: Vec<&File> = std::iter::once(&*out)
+                .chain(errors.as_deref())
+                .map(BufWriter::get_ref)
+                .collect();
+            done = work.all(
+                &|which, first, values| {
+                    let (path, start) = to[which];
+                    numpy::write_at(files[which], start, 16 * first, values).map_err(|e| failed(path, e))
+                },
+                files.len() > 1,
+            )?;
             Ok(())
         };
     write_both(&a.output, a.errors.as_deref(), &mut fill)?;
+    let tally = done.tally;
     info!(
-        "{} pixels of {count} measurements: {:.4} seconds to compute, {:.4} in all",
+        "{} pixels of {} measurements: {:.4} seconds to compute, {:.4} in all",
         tally.pixels,
-        computing.as_secs_f64(),
+        scheme.measurements(),
+        done.computing.as_secs_f64(),
         start.elapsed().as_secs_f64()
     );
     if tally.partial > 0 {
@@ -246,24 +231,6 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     }
     for path in [Some(&a.output), a.errors.as_ref()].into_iter().flatten() {
         super::output::print(&path.display().to_string())?;
-    }
-    Ok(())
-}
-
-/// Reads pixels `first..first + n` of all measurements.
-fn read<T: Number>(
-    reader: &mut NumpyReader,
-    out: &mut [T],
-    first: usize,
-    n: usize,
-    pixels: usize,
-) -> Result<(), Failure> {
-    for (m, plane) in out
-        .chunks_exact_mut(n)
-        .take(reader.len() / pixels.max(1))
-        .enumerate()
-    {
-        reader.read(m * pixels + first, plane).map_err(Failure::input)?;
     }
     Ok(())
 }

@@ -2,10 +2,11 @@
 
 mod bytes;
 
-use base::whole_file;
+use base::{positioned, whole_file};
 use bytes::{Bytes, row_major};
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
-use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tensor::number::Number;
 use thiserror::Error;
@@ -161,7 +162,7 @@ impl NumpyReader {
                 });
             }
             let ordered = row_major(&all, &shape, element.size()).ok_or_else(order)?;
-            (Bytes::Memory(Cursor::new(ordered)), 0)
+            (Bytes::Memory(ordered), 0)
         } else {
             (Bytes::File(file), start)
         };
@@ -196,11 +197,11 @@ impl NumpyReader {
         )
     }
 
-    /// Reads numbers from element `first` on, as many as there is room for.
+    /// Reads numbers from element `first` on, as many as there is room for. Several threads may do so at once.
     ///
     /// # Errors
     /// If the file system refuses, or the file ends.
-    pub fn read<T: Number>(&mut self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
+    pub fn read<T: Number>(&self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
         self.try_read(first, out).map_err(|cause| {
             if cause.kind() == io::ErrorKind::UnexpectedEof {
                 NumpyError::Short {
@@ -216,7 +217,7 @@ impl NumpyReader {
         })
     }
 
-    fn try_read<T: Number>(&mut self, first: usize, out: &mut [T]) -> io::Result<()> {
+    fn try_read<T: Number>(&self, first: usize, out: &mut [T]) -> io::Result<()> {
         let size = self.element.size();
         let at = self.start + first as u64 * size as u64;
         let native = self.big_endian == cfg!(target_endian = "big");
@@ -261,7 +262,7 @@ impl NumpyArray {
     /// # Errors
     /// If it is no such file, or cut short.
     pub fn read(path: &Path) -> Result<Self, NumpyError> {
-        let mut reader = NumpyReader::open(path)?;
+        let reader = NumpyReader::open(path)?;
         let count = reader.len();
         let values = if reader.is_double() {
             let mut out = vec![0.0_f64; count];
@@ -324,6 +325,16 @@ pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -
 /// If the writer refuses.
 pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Result<()> {
     writer.write_all(bytemuck::cast_slice(values))
+}
+
+/// Writes numbers from element `first` on into an array whose numbers begin at byte `start` of its file. Several threads may do
+/// so at once.
+///
+/// # Errors
+/// If the file system refuses.
+pub fn write_at<T: bytemuck::Pod>(file: &File, start: u64, first: usize, values: &[T]) -> io::Result<()> {
+    let at = start + first as u64 * size_of::<T>() as u64;
+    positioned::write_all_at(file, bytemuck::cast_slice(values), at)
 }
 
 /// Writes an array as `.npy`; the file appears whole or not at all.

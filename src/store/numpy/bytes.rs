@@ -1,27 +1,28 @@
 //! The bytes of an array's elements: in its file, or put in row-major order in memory.
 
+use base::positioned;
 use std::fs::File;
-use std::io::{self, Cursor, Read, Seek, SeekFrom};
+use std::io;
 
 /// Where the numbers are.
 #[derive(Debug)]
 pub(super) enum Bytes {
     File(File),
     /// In row-major order where the file has them in column-major order.
-    Memory(Cursor<Vec<u8>>),
+    Memory(Vec<u8>),
 }
 
 impl Bytes {
     /// Fills `out` from place `at` on.
-    pub(super) fn read_at(&mut self, at: u64, out: &mut [u8]) -> io::Result<()> {
+    pub(super) fn read_at(&self, at: u64, out: &mut [u8]) -> io::Result<()> {
         match self {
-            Self::File(file) => {
-                file.seek(SeekFrom::Start(at))?;
-                file.read_exact(out)
-            }
-            Self::Memory(cursor) => {
-                cursor.set_position(at);
-                cursor.read_exact(out)
+            Self::File(file) => positioned::read_exact_at(file, out, at),
+            Self::Memory(bytes) => {
+                let part = usize::try_from(at)
+                    .ok()
+                    .and_then(|at| bytes.get(at..)?.get(..out.len()));
+                out.copy_from_slice(part.ok_or(io::ErrorKind::UnexpectedEof)?);
+                Ok(())
             }
         }
     }

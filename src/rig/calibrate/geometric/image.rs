@@ -152,7 +152,7 @@ fn png(path: &Path) -> Result<Image, String> {
 }
 
 fn npy(path: &Path) -> Result<Image, String> {
-    let mut reader = NumpyReader::open(path).map_err(|e| e.to_string())?;
+    let reader = NumpyReader::open(path).map_err(|e| e.to_string())?;
     let (height, width, depth) = match reader.shape[..] {
         [h, w] => (h, w, 1),
         [h, w, d] if d > 0 => (h, w, d),

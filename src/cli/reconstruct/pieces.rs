@@ -1,0 +1,159 @@
+//! Images piece by piece: every thread reads, reconstructs and writes pieces of its own, so that files and numbers do not wait
+//! for one another, and what was read is still in the cache when it is used.
+
+use super::super::failure::Failure;
+use rayon::prelude::*;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+use sunstone::polarimetry::capture::element::Ray;
+use sunstone::polarimetry::capture::scheme::Scheme;
+use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
+use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
+use sunstone::store::numpy::NumpyReader;
+
+/// Pixels of a piece: their intensities fit the second cache, and what is read and written at once is worth a call.
+const PIECE: usize = 4096;
+
+/// What is to be done.
+pub struct Work<'a, T> {
+    pub scheme: &'a Scheme,
+    pub options: Options,
+    /// Along the axis, of every wavelength.
+    pub estimates: Reconstruction<T>,
+    /// Of all places and wavelengths, where they are not along the axis.
+    pub rays: Option<&'a [Ray]>,
+    /// Pixels that share a ray.
+    pub times: usize,
+    /// Wavelengths.
+    pub lanes: usize,
+    pub intensities: NumpyReader,
+    pub variances: Option<NumpyReader>,
+    pub pixels: usize,
+}
+
+/// What was done.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Done {
+    pub tally: Tally,
+    /// Time that threads computed, over their number.
+    pub computing: Duration,
+}
+
+/// A thread's numbers.
+struct Room<T> {
+    intensities: Vec<T>,
+    variances: Vec<T>,
+    elements: Vec<T>,
+    errors: Vec<T>,
+}
+
+/// Takes elements (0) or their errors (1) from a pixel on.
+type Write<'a, T> = dyn Fn(usize, usize, &[T]) -> Result<(), Failure> + Sync + 'a;
+
+impl<T: PixelNumber> Work<'_, T> {
+    /// Reconstructs all pixels, in any order.
+    ///
+    /// # Errors
+    /// Of an input or of `write`.
+    pub fn all(&self, write: &Write<'_, T>, errors: bool) -> Result<Done, Failure> {
+        let whole = (self.times * self.lanes).max(1);
+        let most = (PIECE / whole).max(1) * whole;
+        // A thread that waits inside a piece may take up another one, which then needs a room too.
+        let rooms: Mutex<Vec<Room<T>>> = Mutex::default();
+        let take = || rooms.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let pieces = self.pixels.div_ceil(most);
+        let one = |k: usize| -> Result<Done, Failure> {
+            let (first, n) = (k * most, most.min(self.pixels - k * most));
+            let free = take().pop();
+            let mut room = free.unwrap_or_else(|| self.room(most, errors));
+            let done = self.piece(&mut room, first, n, write)?;
+            take().push(room);
+            Ok(done)
+        };
+        let with = |a: Done, b: Done| -> Result<Done, Failure> {
+            Ok(Done {
+                tally: a.tally.with(b.tally),
+                computing: a.computing + b.computing,
+            })
+        };
+        let mut done = (0..pieces)
+            .into_par_iter()
+            .map(one)
+            .try_reduce(Done::default, with)?;
+        done.computing /= rayon::current_num_threads() as u32;
+        Ok(done)
+    }
+
+    fn room(&self, pixels: usize, errors: bool) -> Room<T> {
+        let numbers = |n: usize| vec![T::default(); n];
+        let count = self.scheme.measurements() * pixels;
+        Room {
+            intensities: numbers(count),
+            variances: numbers(if self.variances.is_some() { count } else { 0 }),
+            elements: numbers(16 * pixels),
+            errors: numbers(if errors { 16 * pixels } else { 0 }),
+        }
+    }
+
+    fn piece(
+        &self,
+        room: &mut Room<T>,
+        first: usize,
+        n: usize,
+        write: &Write<'_, T>,
+    ) -> Result<Done, Failure> {
+        let count = self.scheme.measurements();
+        let intensities = &mut room.intensities[..n * count];
+        self.read(&self.intensities, intensities, first, n)?;
+        let mut weights = None;
+        if let Some(variances) = &self.variances {
+            let v = &mut room.variances[..n * count];
+            self.read(variances, v, first, n)?;
+            if v.iter().any(|v| v.get() < 0.0) {
+                return Err(Failure::input(
+                    "--variance: some of them are negative; give squares of noise",
+                ));
+            }
+            weights = Some(&*v);
+        }
+        let begun = Instant::now();
+        let elements = &mut room.elements[..n * 16];
+        let mut errors = (!room.errors.is_empty()).then(|| &mut room.errors[..n * 16]);
+        let wanted = errors.as_deref_mut();
+        let tally = if let Some(rays) = self.rays {
+            let places = Places {
+                rays: &rays[first / self.times..(first + n) / self.times],
+                times: self.times,
+                lanes: self.lanes,
+            };
+            along_rays::reconstruct(
+                self.scheme,
+                places,
+                &self.options,
+                intensities,
+                weights,
+                elements,
+                wanted,
+            )
+            .map_err(Failure::input)?
+        } else {
+            self.estimates.apply(intensities, weights, elements, wanted)
+        };
+        let computing = begun.elapsed();
+        write(0, first, elements)?;
+        if let Some(errors) = errors {
+            write(1, first, errors)?;
+        }
+        Ok(Done { tally, computing })
+    }
+
+    /// Reads pixels `first..first + n` of all measurements.
+    fn read(&self, reader: &NumpyReader, out: &mut [T], first: usize, n: usize) -> Result<(), Failure> {
+        for (m, plane) in out.chunks_exact_mut(n).enumerate() {
+            reader
+                .read(m * self.pixels + first, plane)
+                .map_err(Failure::input)?;
+        }
+        Ok(())
+    }
+}
