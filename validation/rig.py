@@ -139,6 +139,60 @@ def check_scheme(folder, name, kind, captures, array):
     return good, table, floor, air
 
 
+def check_coaxial(folder):
+    """The coaxial temporal rig's preview: histograms of 16 x 16 points. Compared are sums over all bins of time, which jitter
+    does not change. Whether it holds."""
+    scan = ROOT / "rigs/coaxial_temporal"
+    folder.mkdir()
+    for name in ("plan", "scheme", "optics"):
+        shutil.copy(scan / f"{name}.toml", folder / f"{name}.toml")
+    shutil.copy(scan / "scene.toml", folder / "scene.toml")
+    text = (scan / "rig.toml").read_text()
+    (folder / "rig.toml").write_text(text)
+    (folder / "check.toml").write_text(text.replace("seed = 3", "seed = 99"))
+    perfect = re.sub(r"backlash_deg = .*", "backlash_deg = 0", text).replace('optics = "optics.toml"', "")
+    (folder / "perfect.toml").write_text(perfect)
+    said = night(folder, "night.zarr", "rig.toml")
+    samples = ["air", "mirror", "polarizer"]
+    for sample in samples:
+        night(folder, f"{sample}.zarr", "rig.toml", "--sample", sample)
+    sunstone("rig", "calibrate", *(folder / f"{s}.zarr" for s in samples), "-o", folder / "calibrated.toml")
+    night(folder, "perfect.zarr", "perfect.toml")
+    night(folder, "check.zarr", "check.toml", "--sample", "air")
+    # Beside it there may be that of the whole night.
+    stores = sorted((ROOT / "out/bench").glob("coaxial_temporal-*.zarr"), key=lambda p: p.stat().st_mtime)
+    played = [s for s in (matrices(store, "spatial") for store in stores) if s.shape[:2] == (16, 16)]
+    true = played[-1].sum(2)
+
+    def off(run, out, want, *scheme):
+        reconstruct(folder, run, out, *scheme)
+        found = matrices(folder / out, "scan").sum(2)
+        if want is None:
+            # Of a sample's light, all at time 0, jitter puts a part before the first bin: only its matrix counts.
+            found /= np.nanmean(found[..., 0, 0])
+            want = np.broadcast_to(np.eye(4), found.shape)
+        difference = (found - want) / want[..., 0, 0].mean()
+        known = np.isfinite(difference).all((-1, -2))
+        bias = np.sqrt((difference[known].mean(0) ** 2).mean())
+        return np.sqrt((difference[known] ** 2).mean()), bias, 1 - known.mean()
+
+    calibrated_scheme = ["--scheme", folder / "calibrated.toml"]
+    bare, _, _ = off("night.zarr", "bare.zarr", true)
+    calibrated, _, lost = off("night.zarr", "calibrated.zarr", true, *calibrated_scheme)
+    least, _, _ = off("perfect.zarr", "perfect_m.zarr", true)
+    _, bare_bias, _ = off("check.zarr", "bare_air.zarr", None)
+    noise, bias, _ = off("check.zarr", "air_m.zarr", None, *calibrated_scheme)
+    floor = noise / np.sqrt(true[..., 0, 0].size)
+    good = calibrated <= BOUND * least and bias <= BIAS * floor
+    print(
+        f"{'coaxial 16':11} {facts(said, 'frames'):>6} {facts(said, 'duration').split(' on')[0]:>12}"
+        f" {100 * bare:9.3f} % {100 * calibrated:9.3f} % {100 * least:9.3f} % {calibrated / least:7.3f}"
+        f" {100 * bare_bias:8.3f} % {100 * bias:6.3f} % {bias / floor:6.1f}"
+        f" {100 * lost:5.1f} %  {'holds' if good else 'ABOVE'}"
+    )
+    return good
+
+
 def truths(array):
     """What the shipped optics are, backlash's half included, by the names of the table."""
     values = {
@@ -187,6 +241,7 @@ def main():
             told = len(z)
             print(f"            {told} imperfections found; the worst is {worst}, off by {z[worst]:+.1f} sigma")
             good &= holds and abs(z[worst]) < 5 and told >= 6
+        good &= check_coaxial(folder / "coaxial")
         night(folder, "again.zarr", "rig.toml")
         same = subprocess.run(["diff", "-r", "-x", ".session*", folder / "night.zarr", folder / "again.zarr"]).returncode == 0
         print("a rerun's store is the same, byte for byte" if same else "a rerun's store DIFFERS")

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod check;
+mod flash;
 mod live;
 mod run;
 mod session;
@@ -21,6 +22,7 @@ enum Command {
     Run(run::Arguments),
     Check(check::Arguments),
     Calibrate(calibrate::Arguments),
+    Flash(flash::Arguments),
     Status(status::Arguments),
 }
 
@@ -29,6 +31,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Command::Run(a) => run::run(a),
         Command::Check(a) => check::run(a),
         Command::Calibrate(a) => calibrate::run(a),
+        Command::Flash(a) => flash::run(a),
         Command::Status(a) => status::run(a),
     }
 }

@@ -6,7 +6,7 @@ use sunstone::polarimetry::capture::scheme::Scheme;
 use sunstone::rig::session::assemble;
 use sunstone::rig::session::lab::Rig;
 use sunstone::rig::session::plan::{self, Plan, Work};
-use sunstone::rig::session::rig_file::{self, Driver, RigPlan};
+use sunstone::rig::session::rig_file::{self, BenchPlan, Driver, RigPlan, Scene};
 use sunstone::rig::session::steps::Steps;
 use sunstone::rigs::{self, BenchError};
 use sunstone::transport::render::schedule::Watch;
@@ -60,6 +60,33 @@ impl Session {
         };
         let world = assemble::bench(&self.rig, bench, &self.plan, scenery).map_err(Failure::input)?;
         assemble::assemble(&self.rig, Some(&world)).map_err(Failure::failed)
+    }
+
+    /// The rig with simulated instruments of the same limits in the place of its own: to plan, not to take anything.
+    pub(super) fn stand_in(&self) -> Result<Rig, Failure> {
+        let mut rig = self.rig.clone();
+        rig.stages.values_mut().for_each(|s| s.driver = Driver::Simulated);
+        let (projector, camera) = (rig.projector.as_mut(), rig.camera.as_mut());
+        projector.into_iter().for_each(|p| p.0 = Driver::Simulated);
+        camera.into_iter().for_each(|c| c.0 = Driver::Simulated);
+        (rig.galvo, rig.laser, rig.counter) = (None, None, None);
+        let size = rig.camera.as_ref().map_or([1, 1], |(_, c)| c.size);
+        let bench = BenchPlan {
+            scene: Scene::Sample([0.0; 16]),
+            slice: String::new(),
+            brightness: 1.0,
+            nm: rig.wavelength_nm,
+            optics: None,
+            fov_deg: [None; 2],
+            seed: 0,
+            real_time: false,
+            cmos: rig.cmos.clone(),
+            spad: rig.spad.clone(),
+            faults: vec![],
+        };
+        let scenery = assemble::scenery(&bench, size.map(|n| n as usize), None).map_err(Failure::input)?;
+        let world = assemble::bench(&rig, &bench, &self.plan, scenery).map_err(Failure::input)?;
+        assemble::assemble(&rig, Some(&world)).map_err(Failure::failed)
     }
 
     pub(super) fn steps(&self, rig: &Rig) -> Result<Steps, Failure> {

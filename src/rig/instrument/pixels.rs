@@ -27,11 +27,12 @@ pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
 /// Numbers of a frame, rows from the top; `None` if it has not as many bytes as its region and format say.
 #[must_use]
 pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
-    let pixels = frame.region.width as usize * frame.region.height as usize;
-    if frame.bytes.len() != frame.format.bytes(pixels) {
+    let bits = frame.format.bits();
+    let pixels = u128::from(frame.region.width) * u128::from(frame.region.height);
+    if frame.bytes.len() as u128 != (pixels * u128::from(bits)).div_ceil(8) {
         return None;
     }
-    let bits = frame.format.bits();
+    let pixels = pixels as usize;
     let mask = (1_u64 << bits) - 1;
     let (mut held, mut count) = (0_u64, 0);
     let mut bytes = frame.bytes.iter();
@@ -84,6 +85,25 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(10_000))]
+
+        /// A frame of any size with any bytes is unpacked to as many numbers as it has pixels, or not at all.
+        #[test]
+        fn no_frame_panics(
+            bytes in prop::collection::vec(any::<u8>(), 0..64),
+            width in prop_oneof![0..40_u32, any::<u32>()],
+            height in prop_oneof![0..4_u32, any::<u32>()],
+            which in 0..4_usize,
+        ) {
+            let format = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16][which];
+            let mut frame = frame(bytes, format, width);
+            frame.region.height = height;
+            if let Some(numbers) = unpack(&frame) {
+                prop_assert_eq!(numbers.len() as u64, u64::from(width) * u64::from(height));
+                prop_assert!(numbers.iter().all(|n| *n < 1 << format.bits()));
+            }
+        }
+
         #[test]
         fn numbers_go_and_come(numbers in prop::collection::vec(0_u32..256, 0..40), which in 0..4_usize) {
             let format = [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16][which];

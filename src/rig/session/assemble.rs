@@ -5,8 +5,14 @@ use super::plan::{Plan, Work};
 use super::rig_file::{BenchPlan, Driver, RigPlan, Scene};
 use crate::clock::Clock;
 use crate::driver::apt::stage::{AptStage, Model};
+#[cfg(target_os = "linux")]
+use crate::driver::dlpc350::hidraw::{DLPC350, HidRaw};
+#[cfg(target_os = "linux")]
+use crate::driver::dlpc350::projector::Dlpc350;
+use crate::driver::dlpc350::projector::Flash;
 use crate::driver::line::SerialLine;
 use crate::driver::scpi::laser::ScpiLaser;
+use crate::instrument::PatternProjector;
 use crate::simulated::area_camera::SimulatedCamera;
 use crate::simulated::counter::SimulatedCounter;
 use crate::simulated::laser::SimulatedLaser;
@@ -17,6 +23,7 @@ use crate::simulated::stage::SimulatedStage;
 use crate::simulated::world::Shared;
 use polarimetry::capture::bench::Bench;
 use polarimetry::capture::directions::Directions;
+use std::time::Duration;
 
 /// Why there is no rig.
 #[derive(Debug, thiserror::Error)]
@@ -124,6 +131,21 @@ pub fn scenery(
     Scenery::open(path, &plan.slice, plan.nm).map_err(AssembleError)
 }
 
+#[cfg(target_os = "linux")]
+fn dlpc350(flash: Flash, leds: u8, period: Duration) -> Result<Box<dyn PatternProjector>, AssembleError> {
+    let told = |e: String| AssembleError(format!("`projector`: {e}; plug it in, and see that it is on"));
+    let line = HidRaw::open(DLPC350).map_err(|e| told(e.to_string()))?;
+    let projector = Dlpc350::new("projector", Box::new(line), flash, leds, period);
+    Ok(Box::new(projector.map_err(|e| AssembleError(e.to_string()))?))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn dlpc350(_: Flash, _: u8, _: Duration) -> Result<Box<dyn PatternProjector>, AssembleError> {
+    Err(AssembleError(
+        "`projector`: a DLPC350 is driven on Linux only; write a HidLine for this system".into(),
+    ))
+}
+
 /// All instruments of a rig file; `world` is the bench of the simulated ones.
 ///
 /// # Errors
@@ -179,6 +201,10 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                 bench("projector")?,
                 *limits,
             )));
+        }
+        Some((Driver::Dlpc350, limits)) => {
+            let (flash, leds) = plan.flash.clone().unwrap_or_default();
+            rig.projector = Some(dlpc350(flash, leds, limits.shortest)?);
         }
         Some((other, _)) => return missing("projector", other),
     }

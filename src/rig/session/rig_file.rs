@@ -8,7 +8,7 @@
 //! [projector]
 //! driver = "simulated"
 //! size = [32, 32]
-//! [camera]
+//! [camera]                           # a projector's other driver: "dlpc350", with `flash = ["flash_00.png"]` and `leds = ["green"]`
 //! driver = "simulated"
 //! size = [64, 64]
 //! [detector.cmos]                    # the sensor as it is believed to be: what readings are made light with
@@ -23,6 +23,8 @@
 use super::geometry::Geometry;
 use super::rig_syntax::{BenchFile, RigFile, SampleFile};
 pub use super::rig_syntax::{Driver, StageFile};
+use crate::driver::dlpc350::flash;
+use crate::driver::dlpc350::projector::Flash;
 use crate::driver::scpi::table::LaserTable;
 use crate::instrument::{
     CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
@@ -86,6 +88,8 @@ pub struct RigPlan {
     pub stages: BTreeMap<String, StageFile>,
     /// Driver and limits of the projector.
     pub projector: Option<(Driver, ProjectorLimits)>,
+    /// What the flash of a DLPC350 holds, and its diodes that shine.
+    pub flash: Option<(Flash, u8)>,
     /// Of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
     /// Of the galvo.
@@ -178,6 +182,16 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
                 },
             ))
         }
+    };
+    let flash = match &file.projector {
+        Some(p) if p.driver == Driver::Dlpc350 => {
+            let beside = |f: &PathBuf| path.parent().unwrap_or(Path::new("")).join(f);
+            let files: Vec<PathBuf> = p.flash.iter().map(beside).collect();
+            let help = "write the plan's patterns by `sunstone rig flash`, and name the images: flash = [\"flash_00.png\"]";
+            let held = flash::load(&files).map_err(|e| fault(p.span(), e, help))?;
+            Some((held, p.leds.iter().fold(0, |all, led| all | *led as u8)))
+        }
+        _ => None,
     };
     let camera = match &file.camera {
         None => None,
@@ -293,6 +307,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         name: file.name.unwrap_or_else(|| stem.into_owned()),
         stages: file.stages.into_iter().map(|(n, s)| (n, (*s).clone())).collect(),
         projector,
+        flash,
         camera,
         galvo,
         laser,

@@ -91,6 +91,25 @@ pub(super) struct ProjectorFile {
     pub(super) patterns: usize,
     #[serde(default = "quarter")]
     pub(super) shortest_ms: f64,
+    /// Images of the flash, of `dlpc350`.
+    #[serde(default)]
+    pub(super) flash: Vec<PathBuf>,
+    /// Diodes that shine, of `dlpc350`.
+    #[serde(default = "green")]
+    pub(super) leds: Vec<Led>,
+}
+
+/// A diode of a projector.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Led {
+    Red = 1,
+    Green = 2,
+    Blue = 4,
+}
+
+fn green() -> Vec<Led> {
+    vec![Led::Green]
 }
 
 fn one() -> u8 {

@@ -11,6 +11,7 @@
 
 pub mod command;
 pub mod emulator;
+pub mod flash;
 pub mod hid;
 #[cfg(target_os = "linux")]
 pub mod hidraw;

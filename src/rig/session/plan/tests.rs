@@ -44,7 +44,7 @@ fn faults_name_their_place_and_mend() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(10_000))]
     /// Damaged plans are refused or mean something; they never panic.
     #[test]
     fn no_text_panics(at in any::<prop::sample::Index>(), with in ".{0,6}", cut in 0..8_usize) {

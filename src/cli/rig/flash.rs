@@ -1,0 +1,57 @@
+//! `sunstone rig flash`.
+
+use super::super::failure::Failure;
+use super::super::places;
+use super::session::Session;
+use std::path::PathBuf;
+use sunstone::base::whole_file;
+use sunstone::rig::driver::dlpc350::flash;
+use sunstone::rig::driver::dlpc350::projector::SIZE;
+
+/// Write the patterns of a plan as images for a DLPC350's flash.
+///
+/// Such a projector (LightCrafter 4500) shows what was written into its flash with its firmware, by TI's own program, 24 patterns
+/// an image. Name the images in the rig file: `[projector] driver = "dlpc350"`, `flash = ["flash/flash_00.png", …]`. No instrument
+/// is talked to.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Plan.
+    plan: PathBuf,
+    /// Rig, instead of the plan's.
+    #[arg(long, value_name = "RIG.toml")]
+    rig: Option<PathBuf>,
+    /// Folder of the images, which is made.
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let session = Session::load(&a.plan, a.rig.as_ref())?;
+    places::folders(session.inputs.iter().map(Some), [Some(&a.output)])?;
+    if a.output.exists() {
+        return Err(Failure::input(format!(
+            "{}: it already exists; name a new folder",
+            a.output.display()
+        )));
+    }
+    let steps = session.steps(&session.stand_in()?)?;
+    let [w, h] = SIZE;
+    if steps.patterns.is_empty() || steps.patterns.iter().any(|p| [p.width, p.height] != SIZE) {
+        return Err(Failure::input(format!(
+            "{}: its projector's patterns are not of {w} x {h} pixels; give the rig's [projector] size = [{w}, {h}]",
+            a.plan.display()
+        )));
+    }
+    let images = flash::images(&steps.patterns);
+    for (i, rgb) in images.iter().enumerate() {
+        let path = a.output.join(format!("flash_{i:02}.png"));
+        let bytes = flash::to_png(rgb).ok_or_else(|| Failure::failed("an image cannot be written as PNG"))?;
+        whole_file::write(&path, &bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    }
+    super::super::output::print(&format!(
+        "{}: {} patterns in {} images",
+        a.output.display(),
+        steps.patterns.len(),
+        images.len()
+    ))
+}

@@ -1,0 +1,151 @@
+//! Images of the controller's flash as PNG: each holds 24 patterns of one bit, a plane each.
+//!
+//! TI's program builds the firmware from such images. Planes are counted as the controller counts them: 0 to 7 are the bits of
+//! green from the lowest, 8 to 15 those of red, 16 to 23 those of blue (programmer's guide DLPU010, pattern display LUT).
+
+use super::projector::{Flash, SIZE};
+use crate::instrument::Pattern;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// Planes of an image.
+const PLANES: usize = 24;
+
+/// Byte of a pixel (red, green, blue) and bit in which a plane is.
+fn place(plane: usize) -> (usize, usize) {
+    ([1, 0, 2][plane / 8], plane % 8)
+}
+
+/// Reads images: PNG of 8 bits a colour, as large as the mirrors.
+///
+/// # Errors
+/// In words, naming the file.
+pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
+    let image = |path: &P| -> Result<Vec<Pattern>, String> {
+        let path = path.as_ref();
+        let rgb = rgb(path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let pattern = |plane| {
+            let (colour, bit) = place(plane);
+            Pattern {
+                width: SIZE[0],
+                height: SIZE[1],
+                pixels: rgb
+                    .chunks_exact(3)
+                    .map(|p| if p[colour] >> bit & 1 == 1 { 255 } else { 0 })
+                    .collect(),
+            }
+        };
+        Ok((0..PLANES).map(pattern).collect())
+    };
+    files.iter().map(image).collect::<Result<_, _>>().map(Flash)
+}
+
+fn rgb(path: &Path) -> Result<Vec<u8>, String> {
+    let file: File = base::input::open(path).map_err(|e| e.to_string())?;
+    let bad = |e: png::DecodingError| format!("it is no PNG that can be read: {e}");
+    let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(bad)?;
+    let info = reader.info();
+    let known = (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight);
+    let [w, h] = SIZE;
+    if !known || (info.width, info.height) != (w, h) {
+        return Err(format!(
+            "it is no image of {w} x {h} pixels with 8 bits of red, green and blue; `sunstone rig flash` writes such"
+        ));
+    }
+    let mut bytes = vec![0; 3 * w as usize * h as usize];
+    reader.next_frame(&mut bytes).map_err(bad)?;
+    Ok(bytes)
+}
+
+/// Bytes of the images (red, green, blue of every pixel) that hold patterns of one bit, each of them once, and none that the
+/// controller makes itself: full light, none, and negatives of others.
+#[must_use]
+pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
+    let mut kept: Vec<&Pattern> = vec![];
+    for p in patterns {
+        let plain = p.pixels.windows(2).all(|w| w[0] == w[1]);
+        let negative = |q: &&Pattern| p.pixels.iter().zip(&q.pixels).all(|(a, b)| *a == 255 - *b);
+        if !plain && !kept.iter().any(|q| q.pixels == p.pixels || negative(q)) {
+            kept.push(p);
+        }
+    }
+    let image = |planes: &[&Pattern]| {
+        let mut bytes = vec![0; 3 * planes[0].pixels.len()];
+        for (plane, pattern) in planes.iter().enumerate() {
+            let (colour, bit) = place(plane);
+            for (pixel, on) in bytes.chunks_exact_mut(3).zip(&pattern.pixels) {
+                pixel[colour] |= u8::from(*on > 127) << bit;
+            }
+        }
+        bytes
+    };
+    kept.chunks(PLANES).map(image).collect()
+}
+
+/// An image as PNG; `None` if it is not as large as the mirrors.
+#[must_use]
+pub fn to_png(rgb: &[u8]) -> Option<Vec<u8>> {
+    let mut bytes = vec![];
+    let mut encoder = png::Encoder::new(&mut bytes, SIZE[0], SIZE[1]);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.write_header().ok()?.write_image_data(rgb).ok()?;
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(of: impl Fn(u32, u32) -> bool) -> Pattern {
+        let [w, h] = SIZE;
+        let pixel = |i: u32| if of(i % w, i / w) { 255 } else { 0 };
+        Pattern {
+            width: w,
+            height: h,
+            pixels: (0..w * h).map(pixel).collect(),
+        }
+    }
+
+    #[test]
+    fn patterns_come_back_once_each() {
+        let mut all: Vec<Pattern> = (1..=30).map(|k| pattern(|x, y| (x / k + y) % 2 == 0)).collect();
+        let made = all.clone();
+        all.push(pattern(|_, _| true));
+        all.push(pattern(|x, y| (x / 3 + y) % 2 != 0));
+        all.push(made[4].clone());
+        let folder = tempfile::tempdir().expect("a folder");
+        let files: Vec<_> = images(&all)
+            .iter()
+            .enumerate()
+            .map(|(i, rgb)| {
+                let path = folder.path().join(format!("{i}.png"));
+                std::fs::write(&path, to_png(rgb).expect("a PNG")).expect("writes");
+                path
+            })
+            .collect();
+        assert_eq!(files.len(), 2);
+        let flash = load(&files).expect("images");
+        let held: Vec<&Pattern> = flash.0.iter().flatten().take(30).collect();
+        assert_eq!(held, made.iter().collect::<Vec<_>>());
+    }
+
+    /// Plane 0 is the lowest bit of green, 8 that of red, 23 the highest of blue.
+    #[test]
+    fn planes_are_counted_as_the_controller_counts() {
+        let rgb = &images(&(1..=24).map(|k| pattern(|x, _| x == k)).collect::<Vec<_>>())[0];
+        assert_eq!(rgb[3..6], [0, 1, 0]);
+        assert_eq!(rgb[27..30], [1, 0, 0]);
+        assert_eq!(rgb[72..75], [0, 0, 128]);
+    }
+
+    #[test]
+    fn other_images_are_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.png");
+        assert!(load(&[&path]).expect_err("none").contains("a.png"));
+        std::fs::write(&path, b"no image").expect("writes");
+        assert!(load(&[&path]).expect_err("none").contains("no PNG"));
+    }
+}
