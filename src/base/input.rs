@@ -38,6 +38,10 @@ pub fn open(path: &Path) -> io::Result<File> {
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let length = file.metadata()?.len();
+    // Some systems promise memory that they do not have, and end who uses it.
+    if length > memory() {
+        return Err(ErrorKind::OutOfMemory.into());
+    }
     let mut bytes = vec![];
     let room = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
     bytes
@@ -66,6 +70,19 @@ pub fn read_text(path: &Path) -> io::Result<String> {
         return Err(Error::new(ErrorKind::FileTooLarge, message));
     }
     Ok(text)
+}
+
+/// Bytes of memory that the machine has, where that is known.
+fn memory() -> u64 {
+    #[cfg(target_os = "linux")]
+    {
+        let told = rustix::system::sysinfo();
+        u64::try_from(told.totalram).map_or(u64::MAX, |n| n.saturating_mul(u64::from(told.mem_unit)))
+    }
+    #[cfg(not(target_os = "linux"))]
+    {
+        u64::MAX
+    }
 }
 
 /// What a thing in the file system is.

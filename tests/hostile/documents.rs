@@ -101,6 +101,96 @@ intrinsics = [60, 60, 32, 24]
 resolution = [64, 48]
 "#;
 
+/// A rig with every key of a simulated one, and plans with every key.
+pub const RIG: &str = r#"name = "x"
+wavelength_nm = 550
+[stages.polarizer_1]
+driver = "simulated"
+approach_deg = 0.5
+backlash_deg = 0.1
+velocity = 25
+acceleration = 25
+resolution_deg = 0.001
+[stages.retarder_2]
+[stages.retarder_3]
+[stages.polarizer_4]
+[projector]
+driver = "simulated"
+size = [6, 4]
+bits = 1
+patterns = 64
+shortest_ms = 0.3
+leds = ["green"]
+[camera]
+driver = "simulated"
+size = [8, 6]
+step = [1, 1]
+row_time_us = 10
+[galvo]
+range_deg = [20, 20]
+settle_us = 300
+[laser]
+nm = 550
+rate_hz = [1e5, 8e7]
+[counter]
+bins = 4096
+finest_ps = 25
+[detector.cmos]
+photons_per_unit = 1e6
+[detector.spad]
+photons_per_unit = 2
+[geometry]
+camera = { matrix = [[8, 0, 3.5], [0, 8, 2.5], [0, 0, 1]], distortion = [-0.1, 0.02, 0, 0] }
+projector = { matrix = [[6, 0, 2.5], [0, 6, 1.5], [0, 0, 1]] }
+rodrigues = [0, 0.05, 0]
+translation = [0.2, 0.01, 0]
+[bench]
+sample = [[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.2, 0], [0, 0, 0, 0.2]]
+brightness = 0.9
+wavelength_nm = 550
+camera_fov_deg = 20
+projector_fov_deg = 20
+seed = 5
+real_time = false
+[[bench.faults]]
+kind = "timeout"
+instrument = "camera"
+at = 100000
+"#;
+
+pub const PLAN: &str = r#"name = "x"
+rig = "rig.toml"
+[scheme]
+kind = "drr"
+captures = 16
+array = false
+[camera]
+exposures_ms = [2, 8]
+gain_db = 1
+format = "Mono12p"
+masks = ["dark", "full", { name = "epipolar", stripes = 2, outside = false }]
+[limits]
+retries = 2
+backoff_s = 0.1
+deadline_s = 5
+suspend_s = 60
+laser_power = 0.9
+saturated_share = 0.9
+"#;
+
+pub const SCAN: &str = r#"name = "x"
+rig = "rig.toml"
+scheme = { kind = "drr", captures = 16 }
+[scan]
+points = [3, 2]
+fov_x_deg = 10
+dwell_ms = 2
+bins = 32
+bin_ps = 25
+offset_ps = 0
+rate_hz = 1e7
+"#;
+
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
     Toml,
@@ -117,6 +207,9 @@ const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("media", MEDIA, "x.toml", Format::Toml, "phase eval x.toml --angles 3 -o out.csv"),
     ("opencv", OPENCV, "x.json", Format::Json, "import x.json -o out.toml"),
     ("matlab", MATLAB, "x.json", Format::Json, "import x.json -o out.toml"),
+    ("rig", RIG, "x.toml", Format::Toml, "rig run {f}/plan.toml --rig x.toml -o out.zarr"),
+    ("plan", PLAN, "x.toml", Format::Toml, "rig run x.toml --rig {f}/rig.toml -o out.zarr"),
+    ("scan", SCAN, "x.toml", Format::Toml, "rig run x.toml --rig {f}/rig.toml -o out.zarr"),
     ("kalibr", KALIBR, "x.json", Format::Json, "import x.json -o out.toml"),
 ];
 

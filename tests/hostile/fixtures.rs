@@ -70,6 +70,17 @@ impl Fixtures {
         );
         put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
         put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");
+        put("rig.toml", crate::documents::RIG);
+        put(
+            "lab.toml",
+            &crate::documents::RIG.replace("size = [6, 4]", "size = [912, 1140]"),
+        );
+        put("plan.toml", crate::documents::PLAN);
+        put("scan.toml", crate::documents::SCAN);
+        put(
+            "events.csv",
+            "kind,time,dtime,channel,markers\nphoton,3,100,0,0\nmarker,4,0,0,1\nphoton,9,7,1,0\n",
+        );
         put("directions.csv", "10,0,20,180\n30,0,20,180\n");
         put("calibration.yaml", CALIBRATION);
         put(
@@ -124,6 +135,10 @@ impl Fixtures {
             "capture M.npy --scheme drr36.toml -o I2.npy --detector camera.toml --variance V.npy",
             "learn -k 9 --data tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o learned.toml \
              --estimator prior --save-prior prior.toml",
+            "rig run plan.toml -o night.zarr",
+            "rig run plan.toml --sample mirror -o mirror.zarr",
+            "rig run scan.toml -o scan.zarr",
+            "ptu write events.csv -o photons.ptu --record timeharp-260-p-t3 --period-ps 100000",
             "export scene.toml --mitsuba mitsuba --wavelength 550",
         ];
         for line in lines {

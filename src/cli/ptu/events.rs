@@ -59,8 +59,8 @@ pub struct FromText {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0);
-    value.ok_or_else(|| "give a time above 0, in picoseconds".into())
+    let value = text.parse().ok().filter(|v: &f64| (1e-3..=1e12).contains(v));
+    value.ok_or_else(|| "give a time in picoseconds, 0.001 to 1e12".into())
 }
 
 fn slug(record: RecordType) -> String {
@@ -146,6 +146,12 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
         },
         tags: vec![],
     };
+    if text.trim().is_empty() {
+        return Err(Failure::input(format!(
+            "{}: it has no events; {mend}",
+            a.events.display()
+        )));
+    }
     let mut wrong: Option<InputError> = None;
     let done = writer::write(&a.output, &description, |writer| {
         let mut start = 0;

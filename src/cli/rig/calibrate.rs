@@ -47,7 +47,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let all = Parameter::all(&first.scheme);
     let names = |p: &Parameter| p.name(&first.scheme);
     for word in &a.free {
-        if !all.iter().any(|p| names(p).contains(word.as_str())) {
+        if word.is_empty() || !all.iter().any(|p| names(p).contains(word.as_str())) {
             let known: Vec<String> = all.iter().map(names).collect();
             return Err(Failure::input(format!(
                 "--free: nothing is called `{word}`; there are {}",

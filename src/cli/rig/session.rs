@@ -39,6 +39,12 @@ impl Session {
     /// The instruments. A bench that plays a scene renders it first, unless `dry`.
     pub(super) fn assemble(&self, dry: bool, watch: &dyn Watch) -> Result<Rig, Failure> {
         let Some(bench) = &self.rig.bench else {
+            if let Some(name) = assemble::simulated(&self.rig) {
+                return Err(Failure::input(format!(
+                    "{}: `{name}` is simulated, and there is no [bench]; add one, with the tensor, scene or sample that it plays",
+                    self.inputs[1].display()
+                )));
+            }
             return assemble::assemble(&self.rig, None).map_err(Failure::failed);
         };
         let size = match &self.plan.work {

@@ -30,6 +30,23 @@ use std::time::Duration;
 #[error("{0}")]
 pub struct AssembleError(pub String);
 
+/// An instrument of a rig file that is simulated.
+#[must_use]
+pub fn simulated(plan: &RigPlan) -> Option<&str> {
+    let stage = plan.stages.iter().find(|(_, s)| s.driver == Driver::Simulated);
+    let roles = [
+        ("projector", plan.projector.as_ref().map(|p| &p.0)),
+        ("camera", plan.camera.as_ref().map(|c| &c.0)),
+        ("galvo", plan.galvo.as_ref().map(|g| &g.0)),
+        ("laser", plan.laser.as_ref().map(|l| &l.0)),
+        ("counter", plan.counter.as_ref().map(|c| &c.0)),
+    ];
+    let role = roles.into_iter().find(|(_, d)| *d == Some(&Driver::Simulated));
+    stage
+        .map(|(name, _)| name.as_str())
+        .or(role.map(|(name, _)| name))
+}
+
 /// The simulated bench of a rig file, playing what `scenery` is.
 ///
 /// # Errors

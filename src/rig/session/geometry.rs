@@ -54,13 +54,11 @@ impl Lens {
             ));
         }
         let matrix = Matrix3::from_fn(|i, j| file.matrix[i][j]);
-        let plain = matrix
-            .iter()
-            .chain(&Vector3::from_fn(|i, _| k.get(i).copied().unwrap_or(0.0)))
-            .all(|v| v.is_finite());
-        let [_, _, last] = file.matrix;
+        let finite = matrix.iter().chain(k).all(|v| v.is_finite());
+        let [[fx, ..], [below, fy, _], last] = file.matrix;
+        let shape = fx > 0.0 && fy > 0.0 && below == 0.0 && last == [0.0, 0.0, 1.0];
         let inverse = matrix.try_inverse();
-        let (true, Some(inverse), true) = (plain, inverse, last == [0.0, 0.0, 1.0]) else {
+        let (true, true, Some(inverse)) = (finite, shape, inverse) else {
             return Err(format!(
                 "`{name}.matrix` is no camera matrix; give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
             ));

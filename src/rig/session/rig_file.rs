@@ -283,6 +283,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let spad = file.detector.spad.clone().unwrap_or_default();
     let detector = cmos.check().map_err(|e| e.to_string());
     detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "mend it, or leave it out"))?;
+    let detector = spad.check().map_err(|e| e.to_string());
+    detector.map_err(|e| fault(0..0, format!("[detector.spad]: {e}"), "mend it, or leave it out"))?;
     let geometry = match &file.geometry {
         None => None,
         Some(g) => {
@@ -293,6 +295,26 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         None => None,
         Some(b) => Some(bench(path, b, &cmos, &spad, &fault)?),
     };
+    if let Some(b) = &file.bench {
+        let known = |name: &str| {
+            let roles = [
+                ("projector", projector.is_some()),
+                ("camera", camera.is_some()),
+                ("galvo", galvo.is_some()),
+                ("laser", laser.is_some()),
+                ("counter", counter.is_some()),
+                ("disk", true),
+            ];
+            file.stages.contains_key(name) || roles.iter().any(|(role, has)| *has && *role == name)
+        };
+        if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
+            return Err(fault(
+                b.span(),
+                format!("a fault strikes `{}` at use {}", odd.instrument, odd.at),
+                "name an instrument of this file, or the disk, and its use, from 1",
+            ));
+        }
+    }
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
@@ -348,7 +370,15 @@ fn bench(
         (Some(tensor), None, None) => Scene::Tensor(beside(tensor)),
         (None, Some(scene), None) => Scene::Scene(beside(scene), file.spp),
         (None, None, Some(sample)) => Scene::Sample(match sample {
-            SampleFile::Matrix(rows) => std::array::from_fn(|i| rows[i / 4][i % 4]),
+            SampleFile::Matrix(rows) => {
+                let m: [f32; 16] = std::array::from_fn(|i| rows[i / 4][i % 4]);
+                // What no matrix of light has; whether it is realizable is the user's matter.
+                if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
+                    let help = "give four rows of numbers, none of them greater than the first";
+                    return Err(fault(file.span(), "`sample` is no Mueller matrix".into(), help));
+                }
+                m
+            }
             SampleFile::Named(name) => sample_of(name).ok_or_else(|| {
                 let help = "give \"air\", \"mirror\", \"polarizer\", or a matrix of four rows";
                 fault(file.span(), format!("no sample is called `{name}`"), help)
@@ -398,6 +428,15 @@ fn bench(
             "mend it, or leave it out",
         )
     })?;
+    let diode = file.spad.clone().unwrap_or_else(|| spad.clone());
+    let check = diode.check().map_err(|e| e.to_string());
+    check.map_err(|e| {
+        fault(
+            file.span(),
+            format!("[bench.spad]: {e}"),
+            "mend it, or leave it out",
+        )
+    })?;
     Ok(BenchPlan {
         scene,
         slice: file.slice.clone(),
@@ -412,7 +451,7 @@ fn bench(
         seed: file.seed,
         real_time: file.real_time,
         cmos: truth,
-        spad: file.spad.clone().unwrap_or_else(|| spad.clone()),
+        spad: diode,
         faults: file.faults.clone(),
     })
 }

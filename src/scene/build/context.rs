@@ -101,6 +101,7 @@ impl Context {
         let mut bytes = vec![];
         match self.memory.get(name) {
             Some(all) => bytes.clone_from(all),
+            None if most == u64::MAX => bytes = base::input::read(&self.path(name))?,
             None => {
                 base::input::open(&self.path(name))?
                     .take(most)
