@@ -5,7 +5,7 @@
 
 use super::path::BATCH;
 use super::tiles;
-use super::tracer::{Prepared, Tracer, tiles_at_once};
+use super::tracer::{Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
 use crate::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
 use crate::device::epipolar::Epipolar;
 use crate::scene::Scene;
@@ -34,6 +34,7 @@ pub struct Cpu<'a> {
     scene: &'a Scene,
     plans: &'a [SlicePlan],
     epipolar: Option<Epipolar>,
+    walks_at_once: u64,
 }
 
 impl<'a> Cpu<'a> {
@@ -50,6 +51,17 @@ impl<'a> Cpu<'a> {
             scene,
             plans,
             epipolar,
+            walks_at_once: WALKS_AT_ONCE,
+        }
+    }
+
+    /// Keeps the points of so many walks from the light in memory at once (about 50 bytes each); the image is rendered in as
+    /// many parts as that takes, which changes no bit.
+    #[must_use]
+    pub fn walks_at_once(self, walks: u64) -> Self {
+        Self {
+            walks_at_once: walks.max(1),
+            ..self
         }
     }
 
@@ -101,11 +113,19 @@ impl TileBackend for Cpu<'_> {
         // One a thread, made once: they are large.
         let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
         let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-        for tiles in tiles.chunks(tiles_at_once(self.scene)) {
+        let parts: Vec<&[u32]> = tiles
+            .chunks(tiles_at_once(self.scene, self.walks_at_once))
+            .collect();
+        let of = TileParts::new(self.scene, &parts);
+        let Some(mut prepared) = Prepared::new(self.scene, &of, &stop) else {
+            return Ok(());
+        };
+        for (part, tiles) in parts.into_iter().enumerate() {
             if stop() {
                 break;
             }
-            let prepared = Prepared::new(self.scene, tiles);
+            prepared.turn_to(self.scene, &of, part);
+            let prepared = &prepared;
             tiles
                 .par_iter()
                 .with_max_len(1)
@@ -115,8 +135,8 @@ impl TileBackend for Cpu<'_> {
                     }
                     let spare = idle().pop();
                     let (mut accumulator, mut tracer) =
-                        spare.unwrap_or_else(|| (TileAccumulator::new(self.plans), Tracer::new(&prepared)));
-                    self.tile(&prepared, tile, &mut accumulator, &mut tracer);
+                        spare.unwrap_or_else(|| (TileAccumulator::new(self.plans), Tracer::new(prepared)));
+                    self.tile(prepared, tile, &mut accumulator, &mut tracer);
                     take(&mut accumulator.tile)?;
                     idle().push((accumulator, tracer));
                     Ok(())

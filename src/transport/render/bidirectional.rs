@@ -18,6 +18,7 @@ use super::join_manifold::{Takers, behind};
 use super::manifold::Way;
 use super::mirrors::Mirrors;
 use super::roulette::Roulette;
+use super::spill::Spill;
 use super::splats::{Counts, Splat, Splats, WalkNumber};
 use super::walk::{Limits, Walk};
 use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
@@ -38,7 +39,18 @@ const PILOT: u32 = 2048;
 /// What a render by walks works out beforehand.
 pub struct Plan {
     setup: Setup,
+    /// Of the part of the image that is rendered.
     splats: Splats,
+    /// Of all parts, where there are several.
+    spill: Option<Spill>,
+}
+
+/// The parts of an image.
+pub(super) struct Parts<F> {
+    /// How many.
+    pub count: usize,
+    /// The part of a pixel, or [`NO_PART`].
+    pub of: F,
 }
 
 /// Walks of one camera sample, and what its pixel gets.
@@ -71,9 +83,12 @@ fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 }
 
 impl Plan {
-    /// Prepares a render of the pixels that are `asked` for.
-    #[must_use]
-    pub fn new(scene: &Scene, asked: impl Fn(u32) -> bool + Sync) -> Self {
+    /// Prepares a render of an image in parts; `None` once `stop` says so.
+    pub(super) fn new(
+        scene: &Scene,
+        parts: &Parts<impl Fn(u32) -> u32 + Sync>,
+        stop: &impl Fn() -> bool,
+    ) -> Option<Self> {
         let [w, h] = scene.camera.resolution;
         let manifold = scene.settings.manifold && scene.settings.strategy.is_none();
         let mirrors = manifold && scene.settings.integrator == Integrator::Bidirectional;
@@ -90,27 +105,75 @@ impl Plan {
                 roulette: Roulette::default(),
             },
             splats: Splats::default(),
+            spill: None,
         };
         if scene.settings.strategy.is_none() {
             plan.setup.roulette = plan.pilot(scene);
         }
-        let splats = scene.settings.strategy.is_none_or(|[_, t]| t == 1);
-        if scene.settings.integrator == Integrator::Bidirectional && splats && plan.setup.emission.count() > 0
-        {
-            plan.splats = Splats::new(
-                Counts {
-                    samples: scene.settings.spp,
-                    walks: plan.setup.walks,
-                    pixels: w * h,
-                },
-                asked,
+        if parts.count > 1 && plan.has_splats(scene) {
+            let made = Spill::new(
+                plan.counts(scene),
+                parts.count,
+                &parts.of,
+                stop,
                 || (Walks::default(), vec![], vec![]),
                 |(walks, list, elements), number, found| {
                     walks.look(scene, &plan, number, &mut Contributions { list, elements }, found);
                 },
             );
+            match made {
+                Ok(spill) => plan.spill = Some(spill?),
+                Err(e) => tracing::warn!(
+                    "the points of walks from the light cannot be kept in {}: {e}; all walks are made again for each of {} \
+                     parts of the image. Name a folder with more room by TMPDIR",
+                    std::env::temp_dir().display(),
+                    parts.count
+                ),
+            }
         }
-        plan
+        Some(plan)
+    }
+
+    /// Turns to a part of the image.
+    pub(super) fn turn_to(&mut self, scene: &Scene, parts: &Parts<impl Fn(u32) -> u32 + Sync>, part: usize) {
+        if !self.has_splats(scene) {
+            return;
+        }
+        // One part's points are in memory at a time.
+        self.splats = Splats::default();
+        self.splats = match self.spill.as_mut().map(|s| s.part(part)) {
+            Some(Ok(splats)) => splats,
+            told => {
+                if let Some(Err(e)) = told {
+                    tracing::warn!(
+                        "the points of walks from the light cannot be read back: {e}; they are made again"
+                    );
+                }
+                Splats::new(
+                    self.counts(scene),
+                    |pixel| (parts.of)(pixel) as usize == part,
+                    || (Walks::default(), vec![], vec![]),
+                    |(walks, list, elements), number, found| {
+                        walks.look(scene, self, number, &mut Contributions { list, elements }, found);
+                    },
+                )
+            }
+        };
+    }
+
+    /// Whether walks from the light are seen by the camera.
+    fn has_splats(&self, scene: &Scene) -> bool {
+        scene.settings.strategy.is_none_or(|[_, t]| t == 1)
+            && scene.settings.integrator == Integrator::Bidirectional
+            && self.setup.emission.count() > 0
+    }
+
+    fn counts(&self, scene: &Scene) -> Counts {
+        Counts {
+            samples: scene.settings.spp,
+            walks: self.setup.walks,
+            pixels: self.setup.walks,
+        }
     }
 
     /// What is worth a connection, from a few samples spread over the image.

@@ -21,6 +21,7 @@ mod roulette;
 mod route;
 pub mod schedule;
 mod sheets;
+mod spill;
 mod splats;
 mod state;
 #[cfg(test)]

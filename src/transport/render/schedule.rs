@@ -2,6 +2,7 @@
 
 use super::backend::{Cpu, TileBackend};
 use super::job::{job, plans};
+use super::tracer::WALKS_AT_ONCE;
 use crate::scene::Scene;
 use serde_json::Value;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -53,6 +54,17 @@ pub fn render<S: Sink>(
     sink: &mut S,
     watch: &dyn Watch,
 ) -> Result<Summary, RenderError<S::Error>> {
+    render_in_parts(scene, extra, sink, watch, WALKS_AT_ONCE)
+}
+
+/// As [`render`], with the points of so many walks from the light in memory at once.
+pub(super) fn render_in_parts<S: Sink>(
+    scene: &Scene,
+    extra: &[(&str, Value)],
+    sink: &mut S,
+    watch: &dyn Watch,
+    walks_at_once: u64,
+) -> Result<Summary, RenderError<S::Error>> {
     if scene.slices.is_empty() {
         return Err(RenderError::NoSlices);
     }
@@ -64,7 +76,8 @@ pub fn render<S: Sink>(
     job.attributes.extend(extra);
     let tiles = job.tiles();
     let records = sink.begin(&job).map_err(RenderError::Sink)?;
-    let summary = run(&Cpu::new(scene, &plans), tiles, &records, sink, watch).map_err(RenderError::Sink)?;
+    let backend = Cpu::new(scene, &plans).walks_at_once(walks_at_once);
+    let summary = run(&backend, tiles, &records, sink, watch).map_err(RenderError::Sink)?;
     sink.end(&summary).map_err(RenderError::Sink)?;
     Ok(summary)
 }

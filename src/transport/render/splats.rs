@@ -50,8 +50,37 @@ pub(super) struct Counts {
     pub pixels: u32,
 }
 
+impl Counts {
+    /// Number of walks.
+    pub fn all(self) -> u64 {
+        u64::from(self.samples) * u64::from(self.walks)
+    }
+
+    /// The i-th walk.
+    pub fn number(self, i: u64) -> WalkNumber {
+        WalkNumber {
+            sample: (i / u64::from(self.walks)) as u32,
+            walk: (i % u64::from(self.walks)) as u32,
+        }
+    }
+}
+
 /// Walks that one piece of work makes.
-const CHUNK: u64 = 1 << 12;
+pub(super) mod chunk {
+    use rayon::prelude::*;
+    use std::ops::Range;
+
+    const CHUNK: u64 = 1 << 12;
+
+    /// Walks in pieces.
+    pub fn of(walks: Range<u64>) -> impl IndexedParallelIterator<Item = Range<u64>> {
+        let count = (walks.end - walks.start).div_ceil(CHUNK);
+        (0..count as usize).into_par_iter().map(move |k| {
+            let first = walks.start + k as u64 * CHUNK;
+            first..(first + CHUNK).min(walks.end)
+        })
+    }
+}
 
 impl Splats {
     /// Makes all walks of all samples by `trace`, which calls back with every point that is seen and its pixel; points are
@@ -62,23 +91,12 @@ impl Splats {
         make: impl Fn() -> T + Sync,
         trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> Self {
-        let Counts {
-            samples,
-            walks,
-            pixels,
-        } = counts;
-        let all = u64::from(samples) * u64::from(walks);
         // In order whatever the number of threads.
-        let found: Vec<Vec<(u32, Splat)>> = (0..all.div_ceil(CHUNK))
-            .into_par_iter()
-            .map_init(&make, |state, chunk| {
+        let found: Vec<Vec<(u32, Splat)>> = chunk::of(0..counts.all())
+            .map_init(&make, |state, walks| {
                 let mut found = vec![];
-                for i in chunk * CHUNK..((chunk + 1) * CHUNK).min(all) {
-                    let number = WalkNumber {
-                        sample: (i / u64::from(walks)) as u32,
-                        walk: (i % u64::from(walks)) as u32,
-                    };
-                    trace(state, number, &mut |pixel, splat| {
+                for i in walks {
+                    trace(state, counts.number(i), &mut |pixel, splat| {
                         if wanted(pixel) {
                             found.push((pixel, splat));
                         }
@@ -87,6 +105,11 @@ impl Splats {
                 found
             })
             .collect();
+        Self::by_pixel(counts.pixels, &found)
+    }
+
+    /// Points with their pixels, put in order by these.
+    pub fn by_pixel(pixels: u32, found: &[Vec<(u32, Splat)>]) -> Self {
         let mut first = vec![0_u32; pixels as usize + 1];
         for (pixel, _) in found.iter().flatten() {
             first[*pixel as usize + 1] += 1;
@@ -99,9 +122,9 @@ impl Splats {
             return Self::default();
         };
         let mut points = vec![*any; found.iter().map(Vec::len).sum()];
-        for (pixel, splat) in found.into_iter().flatten() {
-            let at = &mut next[pixel as usize];
-            points[*at as usize] = splat;
+        for (pixel, splat) in found.iter().flatten() {
+            let at = &mut next[*pixel as usize];
+            points[*at as usize] = *splat;
             *at += 1;
         }
         Self { first, points }

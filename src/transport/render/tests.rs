@@ -1,6 +1,7 @@
 //! Renders of a scene made in code.
 
-use super::schedule::{Unwatched, render};
+use super::schedule::{Unwatched, render_in_parts};
+use super::tracer::WALKS_AT_ONCE;
 use crate::device::distortion::Distortion;
 use crate::device::emitter::{Environment, PointEmitter};
 use crate::device::pinhole::Pinhole;
@@ -126,8 +127,13 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
 
 /// Bits of all means and errors, and their number that is not zero.
 fn bits(scene: &Scene) -> (Vec<u32>, usize) {
+    bits_in_parts(scene, WALKS_AT_ONCE)
+}
+
+fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
     let mut arrays = Arrays::default();
-    let summary = render(scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    let summary =
+        render_in_parts(scene, &[], &mut arrays, &Unwatched, walks).expect("arrays take everything");
     assert!(summary.complete && summary.discarded == 0);
     let bits: Vec<u32> = [Field::Mean, Field::StdError]
         .into_iter()
@@ -193,5 +199,27 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
             (f64::from(n) - f64::from(N) * share).abs() < 5.0 * sigma,
             "{counts:?}"
         );
+    }
+}
+
+/// An image that is rendered in parts, whose points of walks from the light lie in a file, has the same bits as one that is
+/// rendered at once, on any number of threads.
+#[test]
+fn parts_change_no_bit() {
+    let scene = scene(Integrator::Bidirectional, false);
+    let whole = bits(&scene);
+    assert!(whole.1 > 1000, "{}", whole.1);
+    // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.
+    for walks in [2000, 100] {
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("threads");
+            assert!(
+                pool.install(|| bits_in_parts(&scene, walks)) == whole,
+                "{walks} walks, {threads} threads"
+            );
+        }
     }
 }

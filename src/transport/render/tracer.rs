@@ -1,7 +1,8 @@
 //! How the paths of a camera pixel are made: plain paths from the camera, or walks where a scene needs more.
 
-use super::bidirectional::{Plan, Walks};
+use super::bidirectional::{Parts, Plan, Walks};
 use super::path::Paths;
+use super::spill::NO_PART;
 use super::tiles;
 use super::views::Views;
 use crate::accumulate::Contribution;
@@ -22,8 +23,8 @@ pub(super) enum Prepared {
     Walks(Plan),
 }
 
-/// Walks from the light that are kept in mind at once; more than these and the image is rendered in parts.
-const WALKS_AT_ONCE: u64 = 1 << 22;
+/// Walks from the light of which a part of the image has as many points in memory; more than these and it is rendered in parts.
+pub(super) const WALKS_AT_ONCE: u64 = 1 << 22;
 
 /// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
 fn needs_walks(scene: &Scene) -> bool {
@@ -36,26 +37,57 @@ fn needs_walks(scene: &Scene) -> bool {
 }
 
 /// How many tiles are rendered after one preparation.
-pub(super) fn tiles_at_once(scene: &Scene) -> usize {
+pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     let all = tiles::count(scene) as usize;
     if scene.settings.integrator == Integrator::Path {
         return all;
     }
     let [w, h] = scene.camera.resolution.map(u64::from);
     let walks = w * h * u64::from(scene.settings.spp);
-    all.div_ceil(walks.div_ceil(WALKS_AT_ONCE) as usize)
+    all.div_ceil(walks.div_ceil(walks_at_once) as usize)
+}
+
+/// Which part of the image each tile is in.
+pub(super) struct TileParts {
+    of: Vec<u32>,
+    count: usize,
+}
+
+impl TileParts {
+    /// Of tiles that are rendered part by part.
+    pub fn new(scene: &Scene, parts: &[&[u32]]) -> Self {
+        let mut of = vec![NO_PART; tiles::count(scene) as usize];
+        for (part, tiles) in (0..).zip(parts) {
+            tiles.iter().for_each(|tile| of[*tile as usize] = part);
+        }
+        Self {
+            of,
+            count: parts.len(),
+        }
+    }
+
+    fn parts(&self, scene: &Scene) -> Parts<impl Fn(u32) -> u32 + Sync> {
+        Parts {
+            count: self.count,
+            of: |pixel| self.of[tiles::of(scene, pixel) as usize],
+        }
+    }
 }
 
 impl Prepared {
-    pub fn new(scene: &Scene, tiles: &[u32]) -> Self {
+    /// For an image in parts; `None` once `stop` says so.
+    pub fn new(scene: &Scene, parts: &TileParts, stop: &impl Fn() -> bool) -> Option<Self> {
         if !needs_walks(scene) {
-            return Self::Paths(Views::new(scene));
+            return Some(Self::Paths(Views::new(scene)));
         }
-        let mut asked = vec![false; tiles::count(scene) as usize];
-        for tile in tiles {
-            asked[*tile as usize] = true;
+        Plan::new(scene, &parts.parts(scene), stop).map(Self::Walks)
+    }
+
+    /// Turns to a part.
+    pub fn turn_to(&mut self, scene: &Scene, parts: &TileParts, part: usize) {
+        if let Self::Walks(plan) = self {
+            plan.turn_to(scene, &parts.parts(scene), part);
         }
-        Self::Walks(Plan::new(scene, |pixel| asked[tiles::of(scene, pixel) as usize]))
     }
 }
 

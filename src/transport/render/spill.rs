@@ -1,0 +1,241 @@
+//! Points that the camera sees, of all walks from the light, kept in a file: for renders whose points do not fit the memory.
+//!
+//! The image is rendered part by part, and the points of one part are in memory. All walks are made once, batch by batch, and
+//! each batch's points are appended to a nameless temporary file, part by part; a part reads back what is its own. So the cost
+//! of a sample does not grow with their number, and every part gets the very points, in the very order, that walks made for
+//! it alone would give.
+
+use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
+use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
+
+/// Walks that are made before their points are written.
+const BATCH: u64 = 1 << 20;
+/// No part asks for a pixel.
+pub(super) const NO_PART: u32 = u32::MAX;
+
+/// Points on disk, by part.
+pub(super) struct Spill {
+    file: File,
+    /// Begin and length in the file of what each batch found, batch by batch, of each part.
+    extents: Vec<Vec<[u64; 2]>>,
+    pixels: u32,
+}
+
+/// A point in the file; where its way is bent, [`Bent`] follows.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Straight {
+    pixel: u32,
+    sample: u32,
+    walk: u32,
+    seen: f32,
+    factor: f32,
+    point: u16,
+    interfaces: u8,
+    lanes: u8,
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Bent([f32; 3]);
+
+fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {
+    let straight = Straight {
+        pixel,
+        sample: s.walk.sample,
+        walk: s.walk.walk,
+        seen: s.seen,
+        factor: s.factor,
+        point: s.point,
+        interfaces: s.interfaces,
+        lanes: s.lanes,
+    };
+    out.extend_from_slice(bytemuck::bytes_of(&straight));
+    if s.interfaces > 0 {
+        out.extend_from_slice(bytemuck::bytes_of(&Bent(s.dir)));
+    }
+}
+
+/// The points of a piece of the file.
+fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
+    const STRAIGHT: usize = size_of::<Straight>();
+    const BENT: usize = size_of::<Bent>();
+    while let Some((head, rest)) = bytes.split_at_checked(STRAIGHT) {
+        let s: Straight = bytemuck::pod_read_unaligned(head);
+        let (dir, rest) = if s.interfaces == 0 {
+            ([0.0; 3], rest)
+        } else {
+            let (dir, rest) = rest.split_at_checked(BENT).ok_or(ErrorKind::UnexpectedEof)?;
+            (bytemuck::pod_read_unaligned::<Bent>(dir).0, rest)
+        };
+        bytes = rest;
+        found.push((
+            s.pixel,
+            Splat {
+                walk: WalkNumber {
+                    sample: s.sample,
+                    walk: s.walk,
+                },
+                seen: s.seen,
+                factor: s.factor,
+                dir,
+                point: s.point,
+                interfaces: s.interfaces,
+                lanes: s.lanes,
+            },
+        ));
+    }
+    if bytes.is_empty() {
+        Ok(())
+    } else {
+        Err(ErrorKind::UnexpectedEof.into())
+    }
+}
+
+impl Spill {
+    /// Makes all walks of all samples as [`Splats::new`] does, and keeps the points of pixels that `part_of` gives one of
+    /// `parts` parts. `None` once `stop` says so.
+    ///
+    /// # Errors
+    /// Of the temporary file.
+    pub fn new<T: Send>(
+        counts: Counts,
+        parts: usize,
+        part_of: impl Fn(u32) -> u32 + Sync,
+        stop: impl Fn() -> bool,
+        make: impl Fn() -> T + Sync,
+        trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
+    ) -> io::Result<Option<Self>> {
+        let mut file = tempfile::tempfile()?;
+        let mut extents = vec![vec![]; parts];
+        let mut at = 0;
+        let all = counts.all();
+        for (n, first) in (0..all).step_by(BATCH as usize).enumerate() {
+            if stop() {
+                return Ok(None);
+            }
+            if n > 0 && n % 16 == 0 {
+                tracing::info!(
+                    "{first} of {all} walks from the light, {} MB of points",
+                    at / 1_000_000
+                );
+            }
+            let end = (first + BATCH).min(all);
+            // Bytes of each part, in order whatever the number of threads.
+            let found: Vec<Vec<(u32, Vec<u8>)>> = chunk::of(first..end)
+                .map_init(&make, |state, walks| {
+                    let mut points: Vec<(u32, u32, Splat)> = vec![];
+                    for i in walks {
+                        trace(state, counts.number(i), &mut |pixel, splat| {
+                            let part = part_of(pixel);
+                            if part != NO_PART {
+                                points.push((part, pixel, splat));
+                            }
+                        });
+                    }
+                    points.sort_by_key(|p| p.0);
+                    let pieces = points.chunk_by(|a, b| a.0 == b.0);
+                    let piece = |points: &[(u32, u32, Splat)]| {
+                        let mut bytes = vec![];
+                        points
+                            .iter()
+                            .for_each(|(_, pixel, s)| append(&mut bytes, *pixel, s));
+                        (points[0].0, bytes)
+                    };
+                    pieces.map(piece).collect()
+                })
+                .collect();
+            let mut next = vec![0; found.len()];
+            for (part, extents) in extents.iter_mut().enumerate() {
+                let begin = at;
+                for (pieces, next) in found.iter().zip(&mut next) {
+                    if let Some((_, bytes)) = pieces.get(*next).filter(|p| p.0 as usize == part) {
+                        file.write_all(bytes)?;
+                        at += bytes.len() as u64;
+                        *next += 1;
+                    }
+                }
+                if at > begin {
+                    extents.push([begin, at - begin]);
+                }
+            }
+        }
+        Ok(Some(Self {
+            file,
+            extents,
+            pixels: counts.pixels,
+        }))
+    }
+
+    /// The points of a part.
+    ///
+    /// # Errors
+    /// If they cannot be read back.
+    pub fn part(&mut self, part: usize) -> io::Result<Splats> {
+        let (mut found, mut bytes) = (vec![], vec![]);
+        for [begin, length] in self.extents.get(part).into_iter().flatten() {
+            bytes.resize(*length as usize, 0);
+            self.file.seek(SeekFrom::Start(*begin))?;
+            self.file.read_exact(&mut bytes)?;
+            parse(&bytes, &mut found)?;
+        }
+        Ok(Splats::by_pixel(self.pixels, &[found]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Parts read from the file are those that walks made for them alone give, bent ways among them.
+    #[test]
+    fn parts_come_back() {
+        let counts = Counts {
+            samples: 3,
+            walks: 500_000,
+            pixels: 60,
+        };
+        let trace = |(): &mut (), n: WalkNumber, found: &mut dyn FnMut(u32, Splat)| {
+            for point in 0..n.walk % 3 {
+                let bent = (n.walk + point) % 4 == 0;
+                let splat = Splat {
+                    walk: n,
+                    seen: n.walk as f32,
+                    factor: 1.0 + point as f32,
+                    dir: if bent {
+                        [0.0, n.sample as f32, 1.0]
+                    } else {
+                        [0.0; 3]
+                    },
+                    point: point as u16 + 1,
+                    interfaces: u8::from(bent),
+                    lanes: 7,
+                };
+                found((n.walk * 7 + n.sample + point) % 60, splat);
+            }
+        };
+        // Part 2 has pixels that nobody asks for.
+        let part_of = |pixel: u32| if pixel >= 55 { NO_PART } else { pixel / 20 };
+        let spill = Spill::new(counts, 3, part_of, || false, || (), trace);
+        let mut spill = spill.expect("a file").expect("all walks");
+        for part in 0..3 {
+            let want = Splats::new(counts, |pixel| part_of(pixel) == part, || (), trace);
+            let got = spill.part(part as usize).expect("reads");
+            for (pixel, sample) in (0..60).flat_map(|p| (0..3).map(move |s| (p, s))) {
+                assert_eq!(
+                    got.of(pixel, sample),
+                    want.of(pixel, sample),
+                    "{part} {pixel} {sample}"
+                );
+            }
+        }
+        assert!(
+            Spill::new(counts, 3, part_of, || true, || (), trace)
+                .expect("a file")
+                .is_none()
+        );
+    }
+}
