@@ -120,6 +120,67 @@ fn flat_slab_bends_light_as_snell_says() {
     }
 }
 
+/// Light through a pane comes at the time that its way takes, in scenes of every size: to 0.01 ps, or where single precision
+/// is coarser, to four of its units.
+#[test]
+fn light_through_a_pane_is_on_time() {
+    for (scale, rho) in [
+        (1.0, 0.05),
+        (1.0, 0.5),
+        (10.0, 0.05),
+        (10.0, 0.5),
+        (100.0, 0.05),
+        (100.0, 0.5),
+    ] {
+        let trace = |theta: f64| {
+            let (sin, cos) = theta.sin_cos();
+            let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
+            Meridian {
+                rho: scale * (1.3 * sin / cos + 0.2 * (sin / 1.5) / inner),
+                optical: scale * (1.3 / cos + 0.2 * 1.5 / inner),
+                passed: [1.0, 0.0],
+            }
+        };
+        let point = DVec3::new(0.8 * rho, 0.6 * rho, -0.5) * scale;
+        let (_, _, optical, _) = expected(trace, scale * rho);
+        let camera = Device::ray((DVec3::new(0.4, -0.3, 0.0) * scale).to_array(), point);
+        let lamp = Device::look_at([0.0, 0.0, scale], DVec3::ZERO, [64, 48], 60.0);
+        let way = optical + camera.origin.distance(point);
+        let (bin, bins) = (0.001, 400);
+        let start = way / C - bin * bins as f64 / 2.0;
+        let slab = format!(
+            "[[objects]]\nmaterial = \"glass\"\nshape.cube = {{ min = [{0}, {0}, {1}], max = [{2}, {2}, {3}] }}\n",
+            -2.0 * scale,
+            0.1 * scale,
+            2.0 * scale,
+            0.3 * scale
+        );
+        let text = head(4, 8, 1)
+            + &camera.keys("camera")
+            + &lamp.keys("projector")
+            + "[materials]\nwhite.diffuse.albedo = 0.5\nglass.dielectric.ior = 1.5\n"
+            + &plate(DVec3::new(0.0, 0.0, -0.5 * scale), DVec3::Z, 3.0 * scale, "white")
+            + &slab
+            + &format!(
+                "[[slices]]\nname = \"t\"\nbounces = true\ntime = {{ start_ps = {start}, bin_ps = {bin}, bins = {bins} }}\n"
+            );
+        let mut scene = scene_of(&text);
+        scene.settings.manifold = true;
+        let t = render_scene(&scene).mean("t").select(Bounces, 3);
+        let lit: Vec<usize> = (0..bins).filter(|i| t.at(&[(T, *i)]) > 0.0).collect();
+        let tolerance = f64::max(0.01, 4.0 * f64::from(f32::EPSILON) / 2.0 * way / C);
+        let off: Vec<f64> = lit
+            .iter()
+            .map(|i| (*i as f64 + 0.5 - bins as f64 / 2.0) * bin)
+            .collect();
+        println!("{scale} {rho}: {off:?} ps, tolerance {tolerance:.3}");
+        assert!(
+            !off.is_empty() && off.iter().all(|o| o.abs() <= tolerance),
+            "{scale} {rho}: {off:?}"
+        );
+    }
+}
+
 /// A ball of glass on the axis between light and wall, weak enough for a single way.
 #[test]
 fn ball_bends_light_as_rays_say() {

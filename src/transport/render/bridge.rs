@@ -85,7 +85,16 @@ pub(super) fn pass(
     }
 }
 
-/// Follows the line to the point `to`; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
+/// The other end of a line.
+#[derive(Clone, Copy)]
+pub(super) struct End {
+    /// What the line is aimed at: nudged off the surface, if it is on one.
+    pub aim: Vec3A,
+    /// Where it really ends, up to which it is measured.
+    pub at: Vec3A,
+}
+
+/// Follows the line to its end; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
 /// is in the way; counts the rays traced.
 // Out of line: scenes without sheets shall not carry its code through their inner loop.
 #[inline(never)]
@@ -94,10 +103,11 @@ pub(super) fn bridge(
     chain: &mut Chain,
     frame: &mut Vec3A,
     start: &Start,
-    to: Vec3A,
+    end: End,
     allowed: Allowed,
     rays: &mut u32,
 ) -> Option<Bridge> {
+    let to = end.aim;
     let Start {
         mut ray,
         mut from,
@@ -105,7 +115,7 @@ pub(super) fn bridge(
         mut nest,
     } = *start;
     let any = perpendicular(ray.dir);
-    let mut way = (to - from).length();
+    let mut way = (end.at - from).length();
     let (mut optical_m, mut sheets, mut depth) = (0.0, 0, Spectral::ZERO);
     loop {
         *rays += 1;

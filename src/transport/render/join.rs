@@ -1,6 +1,6 @@
 //! Connections between a walk from the camera and one from the light, and their weights.
 
-use super::bridge::{Allowed, END_GAP, Start, bridge};
+use super::bridge::{Allowed, END_GAP, End, Start, bridge};
 use super::emission::{Emission, Ends, Sender};
 use super::flight::mean_transmittance;
 use super::mirrors::Mirrors;
@@ -238,6 +238,7 @@ impl<'a> Joiner<'a> {
     ) -> Option<Followed> {
         let scene = self.scene;
         if scene.sheets || scene.filled || line.filling.crystal != NO_CRYSTAL {
+            let end = End { aim: end, at: end };
             let way = bridge(scene, chain, frame, line, end, allowed, &mut self.rays)?;
             return Some(Followed {
                 optical_m: way.optical_m,

@@ -17,7 +17,7 @@
 //!
 //! A way may also go over [`super::mirrors`], where it starts at a given point of each; J is the same.
 
-use super::bridge::{Allowed, Start, bridge};
+use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
 use super::mirrors::{Mirrors, Seed};
 use super::route::{INTERFACES, MOST_SURFACES, Route, interfaces, passes};
@@ -418,7 +418,10 @@ impl Way {
         let (mut optical_m, mut sheets, mut depth) = (0.0, 0, optics::spectrum::Spectral::ZERO);
         for i in 0..=self.bends.len() {
             let bend = self.bends.get(i);
-            let end = bend.map_or(to, |b| scene.geometry.leave(&b.surface, -b.before));
+            let end = bend.map_or(End { aim: to, at: to }, |b| End {
+                aim: scene.geometry.leave(&b.surface, -b.before),
+                at: b.surface.p,
+            });
             let left = Allowed {
                 sheets: allowed.sheets - sheets,
                 ..allowed

@@ -2,7 +2,7 @@
 //! and an emitter. The straight line from a surface to the pinhole is then a path of its own that is found by no other
 //! sampling ([`super::bridge`]).
 
-use super::bridge::{Allowed, Start, bridge};
+use super::bridge::{Allowed, End, Start, bridge};
 use super::state::State;
 use crate::accumulate::Contributions;
 use crate::geometry::ray::Ray;
@@ -63,7 +63,7 @@ pub(super) fn connect(
     chain.scale(to.irradiance);
     let start = Start {
         ray: connection.shadow,
-        from: connection.shadow.origin,
+        from: to.position - to.wi * to.distance,
         filling: connection.filling,
         nest: Nest::default(),
     };
@@ -77,7 +77,10 @@ pub(super) fn connect(
         &mut chain,
         &mut frame,
         &start,
-        to.position,
+        End {
+            aim: to.position,
+            at: to.position,
+        },
         allowed,
         &mut rays,
     ) {
