@@ -14,6 +14,7 @@ pub mod mtl;
 mod obj;
 mod part;
 mod ply;
+mod ply_binary;
 pub(crate) mod write_ply;
 
 #[cfg(test)]
