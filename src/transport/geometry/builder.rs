@@ -88,6 +88,10 @@ impl GeometryBuilder {
         self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
         self.uvs.extend(mesh.uvs.iter().map(glam::Vec2::to_array));
         self.triangle_count += mesh.indices.len();
+        self.triangles.reserve(mesh.indices.len());
+        let set = self.set();
+        set.primitives.reserve(mesh.indices.len());
+        set.bounds.reserve(mesh.indices.len());
         let mut rest = &mesh.indices[..];
         while let [first, others @ ..] = rest {
             rest = others;

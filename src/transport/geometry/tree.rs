@@ -17,6 +17,8 @@ use obvhs::bvh2::builder::build_bvh2;
 const LEAF: u32 = 1 << 31;
 /// A place without a child. Its box is inside out, so that no ray meets it.
 const NONE: u32 = u32::MAX;
+/// Primitives up to which all that obvhs wants to insert anew into its tree are.
+const REINSERTED: f32 = 2e6;
 /// Boxes that can be waiting during a traversal.
 const STACK: usize = 192;
 /// Widens the far side of boxes by more than the rounding of their distances (Ize 2013).
@@ -111,9 +113,13 @@ impl Tree {
         if bounds.is_empty() {
             return Self::default();
         }
+        let medium = BvhBuildParams::medium_build();
         let params = BvhBuildParams {
             max_prims_per_leaf: 1,
-            ..BvhBuildParams::medium_build()
+            // Its time grows faster than the tree, its worth does not: of more primitives, as many are inserted anew.
+            reinsertion_batch_ratio: medium.reinsertion_batch_ratio
+                * (REINSERTED / bounds.len() as f32).min(1.0),
+            ..medium
         };
         let mut time = std::time::Duration::ZERO;
         let binary = Binary::new(&build_bvh2(bounds, params, &mut time), bounds);
