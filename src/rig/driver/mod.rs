@@ -2,6 +2,8 @@
 
 pub mod apt;
 pub mod dlpc350;
+pub mod galvo;
 pub mod line;
 pub mod scpi;
 pub mod tcp;
+pub mod th260;

@@ -5,8 +5,13 @@ use super::plan::{Plan, Work};
 use super::rig_file::{BenchPlan, Driver, RigPlan, Scene};
 use crate::clock::Clock;
 use crate::driver::apt::stage::{AptStage, Model};
+use crate::driver::galvo::scanner::AnalogGalvo;
+use crate::driver::galvo::wiring::Wiring;
 use crate::driver::line::SerialLine;
 use crate::driver::scpi::laser::ScpiLaser;
+use crate::driver::th260::counter::Th260Counter;
+use crate::instrument::AnalogLimits;
+use crate::simulated::analog_card::SimulatedCard;
 use crate::simulated::area_camera::SimulatedCamera;
 use crate::simulated::counter::SimulatedCounter;
 use crate::simulated::laser::SimulatedLaser;
@@ -198,6 +203,12 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
         Some((Driver::Simulated, limits)) => {
             rig.galvo = Some(Box::new(SimulatedScanner::new("galvo", bench("galvo")?, *limits)));
         }
+        Some((Driver::Analog, _)) => {
+            let Some((wiring, card)) = plan.galvo_wiring else {
+                return missing("galvo", &Driver::Analog);
+            };
+            rig.galvo = Some(Box::new(analog_galvo(wiring, card, world)?));
+        }
         Some((other, _)) => return missing("galvo", other),
     }
     match &plan.laser {
@@ -223,6 +234,13 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                 *limits,
             )));
         }
+        Some((Driver::Vendor, _)) => {
+            let Some((library, settings)) = plan.th260.clone() else {
+                return missing("counter", &Driver::Vendor);
+            };
+            let counter = Th260Counter::load("counter", library.as_deref(), settings);
+            rig.counter = Some(Box::new(counter.map_err(|e| AssembleError(e.to_string()))?));
+        }
         Some((other, _)) => return missing("counter", other),
     }
     if let Some(world) = world {
@@ -231,4 +249,27 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
         rig.disk_full = Some(Box::new(move || disk.disk_is_full()));
     }
     Ok(rig)
+}
+
+/// Mirrors behind a simulated card, whose voltages point the bench's beam.
+fn analog_galvo(
+    wiring: Wiring,
+    card: AnalogLimits,
+    world: Option<&Shared>,
+) -> Result<AnalogGalvo, AssembleError> {
+    let world = world.ok_or_else(|| {
+        AssembleError(
+            "`galvo` hangs at an analog output card, of which this program knows a simulated one alone, and the rig file has no \
+             [bench]; add one, or write a program with an `AnalogOutput` for your card (docs/instruments.md)"
+                .into(),
+        )
+    })?;
+    let beam = world.clone();
+    let terminals = move |volts: &[f64]| {
+        let [x, y] = wiring.channels;
+        let angles = wiring.angles([volts[x], volts[y]]);
+        beam.with(|w| w.pointing_deg = angles);
+    };
+    let card = SimulatedCard::new("galvo", world.clone(), card, Box::new(terminals));
+    AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(|e| AssembleError(e.to_string()))
 }
