@@ -80,6 +80,9 @@ pub struct BenchPlan {
     pub faults: Vec<FaultAt>,
 }
 
+/// The library of a counter's board, where one is named, and how the board is set.
+pub type Board = (Option<PathBuf>, Th260Settings);
+
 /// A checked rig file.
 #[derive(Clone, Debug)]
 pub struct RigPlan {
@@ -101,8 +104,8 @@ pub struct RigPlan {
     pub laser_table: Option<LaserTable>,
     /// Of the counter.
     pub counter: Option<(Driver, CounterLimits)>,
-    /// The counter's library, where one is named, and how its board is set, of a counter behind PicoQuant's library.
-    pub th260: Option<(Option<PathBuf>, Th260Settings)>,
+    /// Of a counter behind PicoQuant's library.
+    pub th260: Option<Board>,
     /// Wavelength of its light, nanometres.
     pub wavelength_nm: f64,
     /// The camera as it is believed to be.
@@ -309,10 +312,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
 }
 
 /// How a TimeHarp 260 is set and found, if one is meant; or what is wrong, and the mend.
-fn th260(
-    path: &Path,
-    file: &CounterFile,
-) -> Result<Option<(Option<PathBuf>, Th260Settings)>, (String, &'static str)> {
+fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
             let help = "add driver = \"vendor\", or leave `library` and `th260` out";

@@ -71,22 +71,46 @@ pub struct Hardware {
 /// The library's functions. Errors are its codes, all below zero.
 pub trait Th260: Send {
     /// The library's version.
+    ///
+    /// # Errors
+    /// The library's code.
     fn version(&mut self) -> Result<String, i32>;
     /// What a code means, in the library's words.
     fn explain(&mut self, code: i32) -> String;
     /// Opens the board of an index and returns its serial number.
+    ///
+    /// # Errors
+    /// The library's code.
     fn open(&mut self, device: i32) -> Result<String, i32>;
     /// Tells a board.
+    ///
+    /// # Errors
+    /// The library's code.
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32>;
     /// Asks a board.
+    ///
+    /// # Errors
+    /// The library's code.
     fn ask(&mut self, device: i32, question: Question) -> Result<i32, i32>;
     /// Model, part and version.
+    ///
+    /// # Errors
+    /// The library's code.
     fn hardware(&mut self, device: i32) -> Result<Hardware, i32>;
     /// Finest bin, picoseconds, and how many binnings there are.
+    ///
+    /// # Errors
+    /// The library's code.
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32>;
     /// Milliseconds that the last measurement counted.
+    ///
+    /// # Errors
+    /// The library's code.
     fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32>;
     /// Counts of an input, [`LONGEST_HISTOGRAM`] of them, of which the set length is valid.
+    ///
+    /// # Errors
+    /// The library's code.
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
