@@ -441,3 +441,23 @@ fn a_counter_without_its_library_is_told() {
         assert!(!bench.path("s.zarr").exists());
     }
 }
+
+/// A camera that this program was not built for is told, with what to build.
+#[cfg(not(feature = "usb3_vision"))]
+#[test]
+fn a_camera_of_another_build_is_told() {
+    let bench = Bench::new("");
+    let rig = RIG.replace(
+        "[camera]\n",
+        "[camera]\ndriver = \"genicam\"\nserial = \"F-0001\"\n",
+    );
+    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    let output = bench.run("camera.toml", "s.zarr", &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output).contains("--features usb3_vision"),
+        "{}",
+        text(&output)
+    );
+    assert!(!bench.path("s.zarr").exists());
+}

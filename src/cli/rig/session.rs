@@ -114,6 +114,7 @@ pub(super) fn driver(d: &Driver) -> &'static str {
         Driver::Apt => "Thorlabs APT",
         Driver::Analog => "analog output",
         Driver::Dlpc350 => "TI DLPC350",
+        Driver::GenICam => "GenICam",
         Driver::Scpi => "SCPI",
         Driver::Vendor => "vendor's library",
     }

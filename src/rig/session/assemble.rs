@@ -10,7 +10,7 @@ use crate::driver::galvo::wiring::Wiring;
 use crate::driver::line::SerialLine;
 use crate::driver::scpi::laser::ScpiLaser;
 use crate::driver::th260::counter::Th260Counter;
-use crate::instrument::AnalogLimits;
+use crate::instrument::{AnalogLimits, AreaCamera, CameraLimits};
 use crate::simulated::analog_card::SimulatedCard;
 use crate::simulated::area_camera::SimulatedCamera;
 use crate::simulated::counter::SimulatedCounter;
@@ -196,6 +196,9 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                 limits.clone(),
             )));
         }
+        Some((Driver::GenICam, limits)) => {
+            rig.camera = Some(genicam_camera(plan.camera_serial.as_deref(), limits)?);
+        }
         Some((other, _)) => return missing("camera", other),
     }
     match &plan.galvo {
@@ -272,4 +275,27 @@ fn analog_galvo(
     };
     let card = SimulatedCard::new("galvo", world.clone(), card, Box::new(terminals));
     AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(|e| AssembleError(e.to_string()))
+}
+
+/// A camera at the USB, of the rig file's size: a whole frame is what the plan means by one.
+#[cfg(feature = "usb3_vision")]
+fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
+    let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);
+    let camera = camera.map_err(|e| AssembleError(e.to_string()))?;
+    let found = camera.limits().size;
+    if found != limits.size {
+        return Err(AssembleError(format!(
+            "`camera` has {found:?} pixels, and the rig file says {:?}; mend `size`",
+            limits.size
+        )));
+    }
+    Ok(Box::new(camera))
+}
+
+/// Without the feature: that it is missing.
+#[cfg(not(feature = "usb3_vision"))]
+fn genicam_camera(_: Option<&str>, _: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
+    Err(AssembleError(
+        "`camera` speaks GenICam, and this program was built without it; build it with --features usb3_vision".into(),
+    ))
 }

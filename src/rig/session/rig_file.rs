@@ -94,6 +94,8 @@ pub struct RigPlan {
     pub projector: Option<(Driver, ProjectorLimits)>,
     /// Of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
+    /// Serial number of a camera that is found by it.
+    pub camera_serial: Option<String>,
     /// Of the galvo.
     pub galvo: Option<(Driver, GalvoLimits)>,
     /// How its mirrors hang at an analog output card, and what that is like.
@@ -297,6 +299,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         stages: file.stages.into_iter().map(|(n, s)| (n, (*s).clone())).collect(),
         projector,
         camera,
+        camera_serial: file.camera.as_ref().and_then(|c| c.serial.clone()),
         galvo,
         galvo_wiring,
         laser,

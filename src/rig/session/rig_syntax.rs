@@ -24,6 +24,9 @@ pub enum Driver {
     Analog,
     /// TI's DLPC350 over HID.
     Dlpc350,
+    /// A camera that speaks GenICam, over USB3 Vision.
+    #[serde(rename = "genicam")]
+    GenICam,
     /// SCPI over TCP.
     Scpi,
     /// A vendor's library, loaded when it is needed.
@@ -116,6 +119,7 @@ pub(super) struct CameraFile {
     pub(super) step: [u32; 2],
     #[serde(default = "row_time")]
     pub(super) row_time_us: f64,
+    pub(super) serial: Option<String>,
 }
 
 fn unit_step() -> [u32; 2] {
