@@ -65,7 +65,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (
         travel: file.speed_deg_per_s.map_or(Travel::Stepped, Travel::Smooth),
         settle,
     };
-    let help = "see [galvo] in docs/rig.md";
+    let help = "see `[galvo]` in docs/instruments.md";
     wiring.check(&card).map_err(|e| (e, help))?;
     Ok((wiring.limits(&card), Some((wiring, card))))
 }
