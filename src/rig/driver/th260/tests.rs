@@ -358,7 +358,7 @@ fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
 #[test]
 fn a_loaded_library_conforms() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = compile(folder.path(), "fake", include_str!("fake_library.rs"));
+    let file = compile(folder.path(), "fake", include_str!("fake_library.txt"));
     let mut board = Th260Counter::load("counter", Some(&file), Th260Settings::default()).expect("a counter");
     let identity = board.identify(WITHIN).expect("answers");
     assert_eq!(identity.model, "TimeHarp 260 P (930031)");
