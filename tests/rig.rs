@@ -390,6 +390,12 @@ fn an_analog_galvo_takes_the_same_frames() {
             "{fault}"
         );
     }
+    // A card of four bits points elsewhere, and that is seen in the frames.
+    let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
+    let bench = Bench::new("");
+    std::fs::write(bench.path("rig.toml"), coarse).expect("writes");
+    assert!(bench.run("scan.toml", "s.zarr", &[]).status.success());
+    assert!(bench.content("s.zarr") != want, "pointing is of no matter");
     let checked = |rig: &str| {
         let bench = Bench::new("");
         std::fs::write(bench.path("rig.toml"), rig).expect("writes");

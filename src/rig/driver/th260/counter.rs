@@ -19,6 +19,7 @@ pub struct Th260Counter {
     name: String,
     library: Box<dyn Th260>,
     settings: Th260Settings,
+    /// Index of the board; below zero while none is open.
     device: i32,
     serial: String,
     hardware: Hardware,
@@ -57,7 +58,7 @@ impl Th260Counter {
             name: name.to_owned(),
             library,
             settings,
-            device: 0,
+            device: -1,
             serial: String::new(),
             hardware: Hardware::default(),
             limits: CounterLimits {
@@ -88,12 +89,23 @@ impl Th260Counter {
         self.failure(code::fault(number), what)
     }
 
+    /// # Errors
+    /// [`Failure`] while no board is open.
+    fn opened(&self) -> Result<(), Failure> {
+        if self.device < 0 {
+            return Err(self.failure(Fault::Disconnected, "no board is open"));
+        }
+        Ok(())
+    }
+
     fn tell(&mut self, order: Order) -> Result<(), Failure> {
+        self.opened()?;
         let told = self.library.tell(self.device, order);
         told.map_err(|e| self.told(&format!("{order:?}"), e))
     }
 
     fn ask(&mut self, question: Question) -> Result<i32, Failure> {
+        self.opened()?;
         let answer = self.library.ask(self.device, question);
         answer.map_err(|e| self.told(&format!("{question:?}"), e))
     }
@@ -143,6 +155,17 @@ impl Th260Counter {
         }
         (self.limits.finest_ps, self.binnings) = (finest_ps, binnings);
         self.inputs()
+    }
+
+    /// Closes the board, if this opened one: another program's is left alone. A board that is lost may say so.
+    fn close(&mut self) {
+        if self.device >= 0 {
+            if self.running.take().is_some() {
+                let _ = self.library.tell(self.device, Order::Stop);
+            }
+            let _ = self.library.tell(self.device, Order::Close);
+            self.device = -1;
+        }
     }
 
     fn inputs(&mut self) -> Result<(), Failure> {
@@ -205,10 +228,7 @@ impl Th260Counter {
 
 impl Drop for Th260Counter {
     fn drop(&mut self) {
-        if self.running.is_some() {
-            let _ = self.library.tell(self.device, Order::Stop);
-        }
-        let _ = self.library.tell(self.device, Order::Close);
+        self.close();
     }
 }
 
@@ -218,6 +238,7 @@ impl Instrument for Th260Counter {
     }
 
     fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
+        self.opened()?;
         let hardware = self.library.hardware(self.device);
         let hardware = hardware.map_err(|e| self.told("hardware", e))?;
         let version = self.library.version();
@@ -231,10 +252,8 @@ impl Instrument for Th260Counter {
     }
 
     fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
-        (self.measurement, self.running) = (None, None);
-        // What is closed already may say so.
-        let _ = self.library.tell(self.device, Order::Stop);
-        let _ = self.library.tell(self.device, Order::Close);
+        self.close();
+        self.measurement = None;
         self.open()
     }
 }

@@ -251,6 +251,13 @@ fn boards_are_told_apart() {
         .expect("none");
     assert!(failure.what.contains("there are 1000001, 1000002"), "{failure}");
     fake.state().serials.clear();
+    for failure in [
+        board.reconnect(WITHIN).err(),
+        board.identify(WITHIN).err(),
+        board.configure(&settings(), WITHIN).err(),
+    ] {
+        assert_eq!(failure.expect("it is gone").fault, Fault::Disconnected);
+    }
     let failure = Th260Counter::new("counter", Box::new(fake), Th260Settings::default())
         .err()
         .expect("none");
@@ -379,6 +386,9 @@ fn a_loaded_library_conforms() {
         failure.fault == Fault::Refused && failure.what.contains("fake text of -11"),
         "{failure}"
     );
+    // The first one has it still.
+    board.begin().expect("begins");
+    board.finish(WITHIN).expect("counts");
     drop(board);
     Th260Counter::load("counter", Some(&file), Th260Settings::default()).expect("it is free again");
 }
