@@ -529,3 +529,106 @@ fn damaged_runs_are_told() {
     println!("{refused} damaged runs refused, {read} read all the same");
     assert!(refused > wanted / 4 && read > wanted / 20, "{refused} {read}");
 }
+
+/// Mirrors behind an analog output card take the very frames of a simulated scanner: the card's 16 bits over ±10 V of 0.8 V per
+/// degree are its steps. Faults of the card are survived.
+#[test]
+fn an_analog_galvo_takes_the_same_frames() {
+    let sound = Bench::new("");
+    assert!(sound.run("scan.toml", "s.zarr", &[]).status.success());
+    let want = sound.content("s.zarr");
+    let smooth = "driver = \"analog\"\nvolts_per_degree = 0.8\nspeed_deg_per_s = 20000\n";
+    for fault in ["", "stall", "timeout", "cable_out", "power_cut"] {
+        let mut rig = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}"));
+        if !fault.is_empty() {
+            rig += &format!("[[bench.faults]]\nkind = \"{fault}\"\ninstrument = \"galvo\"\nat = 11\n");
+        }
+        let bench = Bench::new("");
+        std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+        let output = bench.run("scan.toml", "s.zarr", &[]);
+        assert!(output.status.success(), "{fault}: {}", text(&output));
+        assert_same(&bench.content("s.zarr"), &want, fault);
+        let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
+        assert_eq!(
+            journal.contains("\"event\":\"retry\""),
+            !fault.is_empty(),
+            "{fault}"
+        );
+    }
+    // A card of four bits points elsewhere, and that is seen in the frames.
+    let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
+    let bench = Bench::new("");
+    std::fs::write(bench.path("rig.toml"), coarse).expect("writes");
+    assert!(bench.run("scan.toml", "s.zarr", &[]).status.success());
+    assert!(bench.content("s.zarr") != want, "pointing is of no matter");
+    let checked = |rig: &str| {
+        let bench = Bench::new("");
+        std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        command
+            .args(["rig", "check", "--move"])
+            .arg(bench.path("scan.toml"));
+        command.output().expect("runs")
+    };
+    let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}")));
+    assert!(output.status.success(), "{}", text(&output));
+    for (galvo, words) in [
+        ("driver = \"analog\"\nvolts_per_degree = 2", "lessen the range"),
+        ("driver = \"analog\"\ncard = { bits = 0 }", "no card is like that"),
+        ("channels = [0, 1]", "is of a galvo behind an analog output card"),
+    ] {
+        let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{galvo}\n")));
+        assert_eq!(output.status.code(), Some(2), "{galvo}: {}", text(&output));
+        assert!(text(&output).contains(words), "{}", text(&output));
+    }
+}
+
+/// A counter behind a library that is not there, and settings that no board has, are told before anything is taken.
+#[test]
+fn a_counter_without_its_library_is_told() {
+    let bench = Bench::new("");
+    for (counter, code, words) in [
+        (
+            "driver = \"vendor\"\nlibrary = \"absent/lib.so\"",
+            1,
+            "TH260Lib package",
+        ),
+        (
+            "driver = \"vendor\"\nth260 = { sync_divider = 3 }",
+            2,
+            "`sync_divider` is 1, 2, 4 or 8",
+        ),
+        (
+            "library = \"lib.so\"",
+            2,
+            "are of a counter behind a vendor's library",
+        ),
+    ] {
+        let rig = RIG.replace("[counter]\n", &format!("[counter]\n{counter}\n"));
+        std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+        let output = bench.run("scan.toml", "s.zarr", &[]);
+        assert_eq!(output.status.code(), Some(code), "{}", text(&output));
+        assert!(text(&output).contains(words), "{}", text(&output));
+        assert!(!bench.path("s.zarr").exists());
+    }
+}
+
+/// A camera that this program was not built for is told, with what to build.
+#[cfg(not(feature = "usb3_vision"))]
+#[test]
+fn a_camera_of_another_build_is_told() {
+    let bench = Bench::new("");
+    let rig = RIG.replace(
+        "[camera]\n",
+        "[camera]\ndriver = \"genicam\"\nserial = \"F-0001\"\n",
+    );
+    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    let output = bench.run("camera.toml", "s.zarr", &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output).contains("--features usb3_vision"),
+        "{}",
+        text(&output)
+    );
+    assert!(!bench.path("s.zarr").exists());
+}

@@ -3,6 +3,8 @@
 //! `sunstone rig check --move` runs it on a rig; the tests of every driver run it against their emulator. A check is a name and
 //! what went wrong, if anything; instruments move and shine while they are checked.
 
+pub mod analog_output;
+
 use crate::instrument::{
     AreaCamera, CameraSettings, CounterSettings, Failure, Fault, GalvoScanner, Instrument, Pattern,
     PatternProjector, PhotonCounter, PulsedLaser, Region, RotationStage, Trigger, pixels,

@@ -145,7 +145,9 @@ pub(super) fn driver(d: &Driver) -> &'static str {
     match d {
         Driver::Simulated => "simulated",
         Driver::Apt => "Thorlabs APT",
+        Driver::Analog => "analog output",
         Driver::Dlpc350 => "TI DLPC350",
+        Driver::GenICam => "GenICam",
         Driver::Scpi => "SCPI",
         Driver::Vendor => "vendor's library",
     }

@@ -2,6 +2,10 @@
 
 pub mod apt;
 pub mod dlpc350;
+pub mod galvo;
+#[cfg(feature = "genicam")]
+pub mod genicam;
 pub mod line;
 pub mod scpi;
 pub mod tcp;
+pub mod th260;

@@ -4,6 +4,7 @@
 //! session knows instruments by these traits alone, so a simulated one, a real one, and one written by somebody else are the
 //! same to it; `rig::conformance` says whether one keeps to what is written here.
 
+pub mod analog_output;
 pub mod camera;
 pub mod failure;
 pub mod galvo;
@@ -14,6 +15,7 @@ pub mod photon_counter;
 pub mod pixels;
 pub mod rotation_stage;
 
+pub use analog_output::{AnalogLimits, AnalogOutput, AnalogSettings};
 pub use camera::{AreaCamera, CameraLimits, CameraSettings, PixelFormat, RawFrame, Region, Trigger};
 pub use failure::{Failure, Fault};
 pub use galvo::{GalvoLimits, GalvoScanner};

@@ -10,9 +10,13 @@ use crate::driver::dlpc350::hidraw::{DLPC350, HidRaw};
 #[cfg(target_os = "linux")]
 use crate::driver::dlpc350::projector::Dlpc350;
 use crate::driver::dlpc350::projector::Flash;
+use crate::driver::galvo::scanner::AnalogGalvo;
+use crate::driver::galvo::wiring::Wiring;
 use crate::driver::line::SerialLine;
 use crate::driver::scpi::laser::ScpiLaser;
-use crate::instrument::PatternProjector;
+use crate::driver::th260::counter::Th260Counter;
+use crate::instrument::{AnalogLimits, AreaCamera, CameraLimits, PatternProjector};
+use crate::simulated::analog_card::SimulatedCard;
 use crate::simulated::area_camera::SimulatedCamera;
 use crate::simulated::counter::SimulatedCounter;
 use crate::simulated::laser::SimulatedLaser;
@@ -234,12 +238,21 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                 limits.clone(),
             )));
         }
+        Some((Driver::GenICam, limits)) => {
+            rig.camera = Some(genicam_camera(plan.camera_serial.as_deref(), limits)?);
+        }
         Some((other, _)) => return missing("camera", other),
     }
     match &plan.galvo {
         None => {}
         Some((Driver::Simulated, limits)) => {
             rig.galvo = Some(Box::new(SimulatedScanner::new("galvo", bench("galvo")?, *limits)));
+        }
+        Some((Driver::Analog, _)) => {
+            let Some((wiring, card)) = plan.galvo_wiring else {
+                return missing("galvo", &Driver::Analog);
+            };
+            rig.galvo = Some(Box::new(analog_galvo(wiring, card, world)?));
         }
         Some((other, _)) => return missing("galvo", other),
     }
@@ -266,6 +279,13 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                 *limits,
             )));
         }
+        Some((Driver::Vendor, _)) => {
+            let Some((library, settings)) = plan.th260.clone() else {
+                return missing("counter", &Driver::Vendor);
+            };
+            let counter = Th260Counter::load("counter", library.as_deref(), settings);
+            rig.counter = Some(Box::new(counter.map_err(|e| AssembleError(e.to_string()))?));
+        }
         Some((other, _)) => return missing("counter", other),
     }
     if let Some(world) = world {
@@ -274,4 +294,50 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
         rig.disk_full = Some(Box::new(move || disk.disk_is_full()));
     }
     Ok(rig)
+}
+
+/// Mirrors behind a simulated card, whose voltages point the bench's beam.
+fn analog_galvo(
+    wiring: Wiring,
+    card: AnalogLimits,
+    world: Option<&Shared>,
+) -> Result<AnalogGalvo, AssembleError> {
+    let world = world.ok_or_else(|| {
+        AssembleError(
+            "`galvo` hangs at an analog output card, of which this program knows a simulated one alone, and the rig file has no \
+             [bench]; add one, or write a program with an `AnalogOutput` for your card (docs/instruments.md)"
+                .into(),
+        )
+    })?;
+    let beam = world.clone();
+    let terminals = move |volts: &[f64]| {
+        let [x, y] = wiring.channels;
+        let angles = wiring.angles([volts[x], volts[y]]);
+        beam.with(|w| w.pointing_deg = angles);
+    };
+    let card = SimulatedCard::new("galvo", world.clone(), card, Box::new(terminals));
+    AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(|e| AssembleError(e.to_string()))
+}
+
+/// A camera at the USB, of the rig file's size: a whole frame is what the plan means by one.
+#[cfg(feature = "usb3_vision")]
+fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
+    let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);
+    let camera = camera.map_err(|e| AssembleError(e.to_string()))?;
+    let found = camera.limits().size;
+    if found != limits.size {
+        return Err(AssembleError(format!(
+            "`camera` has {found:?} pixels, and the rig file says {:?}; mend `size`",
+            limits.size
+        )));
+    }
+    Ok(Box::new(camera))
+}
+
+/// Without the feature: that it is missing.
+#[cfg(not(feature = "usb3_vision"))]
+fn genicam_camera(_: Option<&str>, _: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
+    Err(AssembleError(
+        "`camera` speaks GenICam, and this program was built without it; build it with --features usb3_vision".into(),
+    ))
 }

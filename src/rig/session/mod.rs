@@ -6,6 +6,7 @@
 //! ```
 
 pub mod assemble;
+mod galvo_file;
 pub mod geometry;
 pub mod image;
 pub mod journal;

@@ -20,14 +20,17 @@
 //! optics = "optics.toml"             # a scheme file with the elements as they are in truth
 //! ```
 
+use super::galvo_file;
 use super::geometry::Geometry;
-use super::rig_syntax::{BenchFile, RigFile, SampleFile};
+use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
 pub use super::rig_syntax::{Driver, StageFile};
 use crate::driver::dlpc350::flash;
 use crate::driver::dlpc350::projector::Flash;
+use crate::driver::galvo::wiring::Wiring;
 use crate::driver::scpi::table::LaserTable;
+use crate::driver::th260::settings::Th260Settings;
 use crate::instrument::{
-    CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
+    AnalogLimits, CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
 };
 use crate::simulated::faults::FaultAt;
 use base::document;
@@ -79,6 +82,9 @@ pub struct BenchPlan {
     pub faults: Vec<FaultAt>,
 }
 
+/// The library of a counter's board, where one is named, and how the board is set.
+pub type Board = (Option<PathBuf>, Th260Settings);
+
 /// A checked rig file.
 #[derive(Clone, Debug)]
 pub struct RigPlan {
@@ -92,14 +98,20 @@ pub struct RigPlan {
     pub flash: Option<(Flash, u8)>,
     /// Of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
+    /// Serial number of a camera that is found by it.
+    pub camera_serial: Option<String>,
     /// Of the galvo.
     pub galvo: Option<(Driver, GalvoLimits)>,
+    /// How its mirrors hang at an analog output card, and what that is like.
+    pub galvo_wiring: Option<(Wiring, AnalogLimits)>,
     /// Of the laser.
     pub laser: Option<(Driver, LaserLimits)>,
     /// Commands of a laser that speaks SCPI.
     pub laser_table: Option<LaserTable>,
     /// Of the counter.
     pub counter: Option<(Driver, CounterLimits)>,
+    /// Of a counter behind PicoQuant's library.
+    pub th260: Option<Board>,
     /// Wavelength of its light, nanometres.
     pub wavelength_nm: f64,
     /// The camera as it is believed to be.
@@ -217,22 +229,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             ))
         }
     };
-    let galvo = match &file.galvo {
-        None => None,
+    let (galvo, galvo_wiring) = match &file.galvo {
+        None => (None, None),
         Some(g) => {
-            let help = "give range_deg = [x, y] up to 60 and settle_us";
-            let good = g.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
-            let settle = milliseconds(g.settle_us / 1e3).filter(|_| good);
-            let settle = settle.ok_or_else(|| fault(g.span(), "no scanner is like that".into(), help))?;
-            Some((
-                g.driver.clone(),
-                GalvoLimits {
-                    range_deg: g.range_deg,
-                    // 16 bits over ±10 V of 0.8 V a mechanical degree.
-                    resolution_deg: 2.0 * 20.0 / 65_536.0 / 0.8,
-                    settle,
-                },
-            ))
+            let (limits, wiring) = galvo_file::check(g).map_err(|(e, help)| fault(g.span(), e, help))?;
+            (Some((g.driver.clone(), limits)), wiring)
         }
     };
     let laser = match &file.laser {
@@ -278,6 +279,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             };
             Some((c.driver.clone(), limits))
         }
+    };
+    let th260 = match &file.counter {
+        None => None,
+        Some(c) => th260(path, c).map_err(|(e, help)| fault(c.span(), e, help))?,
     };
     let cmos = file.detector.cmos.clone().unwrap_or_default();
     let spad = file.detector.spad.clone().unwrap_or_default();
@@ -331,16 +336,44 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         projector,
         flash,
         camera,
+        camera_serial: file.camera.as_ref().and_then(|c| c.serial.clone()),
         galvo,
+        galvo_wiring,
         laser,
         laser_table,
         counter,
+        th260,
         wavelength_nm,
         cmos,
         spad,
         geometry,
         bench,
     })
+}
+
+/// How a TimeHarp 260 is set and found, if one is meant; or what is wrong, and the mend.
+fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
+    if file.driver != Driver::Vendor {
+        if file.library.is_some() || file.th260.is_some() {
+            let help = "add driver = \"vendor\", or leave `library` and `th260` out";
+            return Err((
+                "`library` and `th260` are of a counter behind a vendor's library".into(),
+                help,
+            ));
+        }
+        return Ok(None);
+    }
+    let settings = file.th260.clone().unwrap_or_default();
+    settings.check().map_err(|e| (e, "mend [counter.th260]"))?;
+    // A name alone is looked for where the system keeps libraries.
+    let library = file.library.clone().map(|l| {
+        if l.components().count() > 1 {
+            path.parent().unwrap_or(Path::new("")).join(l)
+        } else {
+            l
+        }
+    });
+    Ok(Some((library, settings)))
 }
 
 /// The Mueller matrix of a sample that has a name, row-major: `air`; `mirror`, which loses nothing and exchanges handedness and

@@ -1,6 +1,7 @@
 //! The syntax of rig files; what it means is in [`super::rig_file`].
 
 use super::geometry::GeometryFile;
+use crate::driver::th260::settings::Th260Settings;
 use crate::instrument::StageLimits;
 use crate::simulated::faults::FaultAt;
 use base::locate::Located;
@@ -19,8 +20,13 @@ pub enum Driver {
     Simulated,
     /// Thorlabs' APT protocol over a serial port.
     Apt,
+    /// An analog output card, of a galvo.
+    Analog,
     /// TI's DLPC350 over HID.
     Dlpc350,
+    /// A camera that speaks GenICam, over USB3 Vision.
+    #[serde(rename = "genicam")]
+    GenICam,
     /// SCPI over TCP.
     Scpi,
     /// A vendor's library, loaded when it is needed.
@@ -132,6 +138,7 @@ pub(super) struct CameraFile {
     pub(super) step: [u32; 2],
     #[serde(default = "row_time")]
     pub(super) row_time_us: f64,
+    pub(super) serial: Option<String>,
 }
 
 fn unit_step() -> [u32; 2] {
@@ -150,6 +157,42 @@ pub(super) struct GalvoFile {
     pub(super) range_deg: [f64; 2],
     #[serde(default = "settle")]
     pub(super) settle_us: f64,
+    pub(super) volts_per_degree: Option<PerAxis>,
+    pub(super) channels: Option<[usize; 2]>,
+    pub(super) rate_hz: Option<f64>,
+    pub(super) speed_deg_per_s: Option<f64>,
+    pub(super) card: Option<CardFile>,
+}
+
+/// A number for both axes, or one for each.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum PerAxis {
+    Both(f64),
+    Each([f64; 2]),
+}
+
+/// An analog output card; NI's of 16 bits unless it says otherwise.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CardFile {
+    pub(super) channels: usize,
+    pub(super) volts: [f64; 2],
+    pub(super) bits: u32,
+    pub(super) rate_hz: [f64; 2],
+    pub(super) samples: usize,
+}
+
+impl Default for CardFile {
+    fn default() -> Self {
+        Self {
+            channels: 2,
+            volts: [-10.0, 10.0],
+            bits: 16,
+            rate_hz: [1.0, 1e6],
+            samples: 65_536,
+        }
+    }
 }
 
 fn galvo_range() -> [f64; 2] {
@@ -183,6 +226,8 @@ pub(super) struct CounterFile {
     pub(super) bins: usize,
     #[serde(default = "finest")]
     pub(super) finest_ps: f64,
+    pub(super) library: Option<PathBuf>,
+    pub(super) th260: Option<Th260Settings>,
 }
 
 fn counter_bins() -> usize {

@@ -4,6 +4,7 @@
 //! Its sensors play a rendered tensor ([`light`]) through the optics as they are in truth ([`world::World::bench`]); what goes wrong in a
 //! laboratory is injected by [`faults`]. Time is that of the bench's [`crate::clock::Clock`].
 
+pub mod analog_card;
 pub mod area_camera;
 pub mod counter;
 pub mod faults;

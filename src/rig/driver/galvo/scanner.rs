@@ -1,0 +1,127 @@
+//! A galvo scanner over any analog output.
+//!
+//! The card knows what it puts out, not where the mirrors are: what [`GalvoScanner::point`] returns is the voltage that stands,
+//! as an angle. After a failure nobody knows where the beam is; the next move goes there in one step, with time enough to come
+//! from anywhere.
+
+use super::wiring::Wiring;
+use crate::clock::Clock;
+use crate::instrument::{
+    AnalogLimits, AnalogOutput, Failure, Fault, GalvoLimits, GalvoScanner, Identity, Instrument,
+};
+use std::time::Duration;
+
+/// Mirrors behind a card.
+pub struct AnalogGalvo {
+    card: Box<dyn AnalogOutput>,
+    clock: Clock,
+    wiring: Wiring,
+    limits: AnalogLimits,
+    configured: bool,
+    /// A buffer may be under way still.
+    running: bool,
+    /// Volts that stand, where that is known.
+    at: Option<[f64; 2]>,
+}
+
+impl AnalogGalvo {
+    /// Mirrors that hang at `card` as `wiring` says. Its name is the card's.
+    ///
+    /// # Errors
+    /// [`Failure`]: limit, if the card cannot drive them.
+    pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
+        let limits = card.limits();
+        wiring
+            .check(&limits)
+            .map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;
+        Ok(Self {
+            card,
+            clock,
+            wiring,
+            limits,
+            configured: false,
+            running: false,
+            at: None,
+        })
+    }
+
+    fn left(&self, until: Duration) -> Duration {
+        until.saturating_sub(self.clock.now())
+    }
+
+    /// Moves to volts that the card can put out, and returns how long the mirrors need from then on.
+    fn travel(&mut self, goal: [f64; 2], until: Duration) -> Result<Duration, Failure> {
+        if self.running {
+            let left = self.left(until);
+            self.card.stop(left)?;
+            self.running = false;
+        }
+        if !self.configured {
+            let left = self.left(until);
+            self.card.configure(&self.wiring.settings(), left)?;
+            self.configured = true;
+        }
+        let (way, settle) = match self.at.take() {
+            Some(from) => (self.wiring.way(from, goal), self.wiring.settle),
+            None => (
+                goal.iter().map(|v| vec![*v]).collect(),
+                self.wiring.settle + self.wiring.longest(),
+            ),
+        };
+        self.card.write(&way)?;
+        self.running = true;
+        self.card.start()?;
+        let left = self.left(until);
+        self.card.wait(left)?;
+        self.running = false;
+        Ok(settle)
+    }
+}
+
+impl Instrument for AnalogGalvo {
+    fn name(&self) -> &str {
+        self.card.name()
+    }
+
+    fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
+        self.card.identify(within)
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        (self.configured, self.running, self.at) = (false, false, None);
+        self.card.reconnect(within)
+    }
+
+    fn temperature_c(&mut self) -> Option<f64> {
+        self.card.temperature_c()
+    }
+}
+
+impl GalvoScanner for AnalogGalvo {
+    fn limits(&self) -> GalvoLimits {
+        self.wiring.limits(&self.limits)
+    }
+
+    fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
+        let range = self.wiring.range_deg;
+        if !(0..2).all(|i| angles_deg[i].abs() <= range[i]) {
+            let what = format!("{angles_deg:?}° is beyond ±{range:?}°; mend the plan");
+            return Err(Failure::new(Fault::Limit, self.name(), what));
+        }
+        let until = self.clock.now().saturating_add(within);
+        let goal = self.wiring.volts(angles_deg).map(|v| self.limits.nearest(v));
+        let settle = self.travel(goal, until)?;
+        let left = self.left(until);
+        if settle > left {
+            self.clock.sleep(left);
+            return Err(Failure::new(
+                Fault::Timeout,
+                self.name(),
+                "the mirrors move still; allow more time",
+            ));
+        }
+        self.clock.sleep(settle);
+        self.at = Some(goal);
+        Ok(self.wiring.angles(goal))
+    }
+}

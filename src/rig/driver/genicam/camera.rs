@@ -1,0 +1,306 @@
+//! A GenICam camera as an area camera: one frame a trigger.
+//!
+//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers, so that an exposure begins at once.
+
+use super::nodes::{Control, Nodes};
+use super::stream::{Block, Frames, fault};
+use crate::instrument::{
+    AreaCamera, CameraLimits, CameraSettings, Failure, Fault, Identity, Instrument, PixelFormat, RawFrame,
+    Trigger,
+};
+use cameleon::StreamError;
+use std::time::Duration;
+
+/// Pixels that this program reads.
+const FORMATS: [PixelFormat; 4] = [
+    PixelFormat::Mono8,
+    PixelFormat::Mono10p,
+    PixelFormat::Mono12p,
+    PixelFormat::Mono16,
+];
+
+/// Share by which an exposure may differ from what was asked for: cameras round it to their clock.
+const EXPOSURE_OFF: f64 = 0.01;
+
+/// A camera.
+pub struct GenICamCamera {
+    nodes: Nodes,
+    frames: Box<dyn Frames>,
+    limits: CameraLimits,
+    settings: Option<CameraSettings>,
+    /// It acquires, or may: who had it before, or lost it, did not end that.
+    acquiring: bool,
+    /// An exposure was begun whose frame has not come.
+    pending: bool,
+}
+
+fn common_multiple(a: u32, b: u32) -> u32 {
+    let (mut x, mut y) = (a, b);
+    while y > 0 {
+        (x, y) = (y, x % y);
+    }
+    a / x * b
+}
+
+impl GenICamCamera {
+    /// Opens a camera and asks what it can do. `row_time` is the time to read a row, which no feature tells.
+    ///
+    /// # Errors
+    /// [`Failure`]: disconnected, timeout, refused (in use, or without a feature that is needed).
+    pub fn new(
+        name: &str,
+        control: Control,
+        frames: Box<dyn Frames>,
+        row_time: Duration,
+    ) -> Result<Self, Failure> {
+        let nodes = Nodes::open(name, control)?;
+        let mut camera = Self {
+            nodes,
+            frames,
+            limits: CameraLimits {
+                size: [0; 2],
+                step: [1; 2],
+                exposure: [Duration::ZERO; 2],
+                gain_db: [0.0; 2],
+                formats: vec![],
+                row_time,
+            },
+            settings: None,
+            acquiring: true,
+            pending: false,
+        };
+        let opened = camera.frames.open();
+        opened.map_err(|e| camera.of_stream(&e))?;
+        camera.read_limits()?;
+        Ok(camera)
+    }
+
+    fn of_stream(&self, error: &StreamError) -> Failure {
+        self.nodes.failure(fault(error), error.to_string())
+    }
+
+    fn read_limits(&mut self) -> Result<(), Failure> {
+        let n = &mut self.nodes;
+        n.choose_if("GainSelector", "All")?;
+        for automatic in ["ExposureAuto", "GainAuto"] {
+            n.choose_if(automatic, "Off")?;
+        }
+        let size = [n.integer("WidthMax")?, n.integer("HeightMax")?];
+        self.limits.size = size.map(|v| u32::try_from(v).unwrap_or(0));
+        let steps = [
+            [n.step("Width")?, n.step("OffsetX")?],
+            [n.step("Height")?, n.step("OffsetY")?],
+        ];
+        self.limits.step = steps.map(|[a, b]| common_multiple(a, b));
+        let micros = n.range("ExposureTime")?;
+        self.limits.exposure =
+            micros.map(|us| Duration::try_from_secs_f64(us / 1e6).unwrap_or(Duration::ZERO));
+        self.limits.gain_db = n.range("Gain")?;
+        let entries = n.entries("PixelFormat")?;
+        let known = FORMATS
+            .into_iter()
+            .filter(|f| entries.iter().any(|e| e == f.name()));
+        self.limits.formats = known.collect();
+        if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
+            let what = format!(
+                "it has {:?} pixels of {}; Mono8, Mono10p, Mono12p or Mono16 is needed",
+                self.limits.size,
+                entries.join(", ")
+            );
+            return Err(self.nodes.failure(Fault::Refused, what));
+        }
+        Ok(())
+    }
+
+    /// Ends acquisition and unlocks the features.
+    fn halt(&mut self) -> Result<(), Failure> {
+        self.pending = false;
+        if !self.acquiring {
+            return Ok(());
+        }
+        let stopped = self.frames.stop();
+        stopped.map_err(|e| self.of_stream(&e))?;
+        match self.nodes.command("AcquisitionStop") {
+            // One that does not acquire may say that it cannot stop.
+            Err(e) if !matches!(e.fault, Fault::Refused | Fault::Limit) => return Err(e),
+            _ => {}
+        }
+        if self.nodes.has("TLParamsLocked") {
+            self.nodes.set_integer("TLParamsLocked", 0)?;
+        }
+        self.nodes.line("stream", |c| c.disable_streaming())?;
+        self.acquiring = false;
+        Ok(())
+    }
+
+    /// The order of USB3 Vision: the stream's registers, the lock, the command; then frames are received.
+    fn acquire(&mut self) -> Result<(), Failure> {
+        self.nodes.line("stream", |c| c.enable_streaming())?;
+        self.acquiring = true;
+        if self.nodes.has("TLParamsLocked") {
+            self.nodes.set_integer("TLParamsLocked", 1)?;
+        }
+        self.nodes.command("AcquisitionStart")?;
+        let started = self.frames.start(self.nodes.control());
+        started.map_err(|e| self.of_stream(&e))
+    }
+
+    fn set(&mut self, settings: &CameraSettings) -> Result<(), Failure> {
+        let n = &mut self.nodes;
+        let r = settings.region;
+        // Offsets first to zero: the greatest width is what the offset leaves of the sensor.
+        n.set_integer("OffsetX", 0)?;
+        n.set_integer("OffsetY", 0)?;
+        n.set_integer("Width", i64::from(r.width))?;
+        n.set_integer("Height", i64::from(r.height))?;
+        n.set_integer("OffsetX", i64::from(r.x))?;
+        n.set_integer("OffsetY", i64::from(r.y))?;
+        n.choose("PixelFormat", settings.format.name())?;
+        for (feature, entry) in [
+            ("AcquisitionMode", "Continuous"),
+            ("ExposureMode", "Timed"),
+            ("ExposureAuto", "Off"),
+            ("GainSelector", "All"),
+            ("GainAuto", "Off"),
+        ] {
+            n.choose_if(feature, entry)?;
+        }
+        let micros = settings.exposure.as_secs_f64() * 1e6;
+        n.set_number("ExposureTime", micros)?;
+        let found = n.number("ExposureTime")?;
+        let off = (found / micros - 1.0).abs();
+        if off.is_nan() || off > EXPOSURE_OFF {
+            let what = format!("it exposes for {found} us instead of {micros}; mend the plan");
+            return Err(n.failure(Fault::Limit, what));
+        }
+        n.set_number("Gain", settings.gain_db)?;
+        n.choose_if("TriggerSelector", "FrameStart")?;
+        n.choose("TriggerMode", "On")?;
+        n.choose(
+            "TriggerSource",
+            match settings.trigger {
+                Trigger::Software => "Software",
+                Trigger::Line => "Line0",
+            },
+        )
+    }
+
+    fn raw(&self, block: Block, settings: &CameraSettings) -> Result<RawFrame, Failure> {
+        if block.region != settings.region || block.format != Some(settings.format) {
+            let what = format!(
+                "a frame of {:?} and {:?} came, and {:?} and {} are set",
+                block.region,
+                block.format,
+                settings.region,
+                settings.format.name()
+            );
+            return Err(self.nodes.failure(Fault::Disconnected, what));
+        }
+        let pixels = block.region.width as usize * block.region.height as usize;
+        let mut bytes = block.bytes;
+        bytes.truncate(settings.format.bytes(pixels));
+        Ok(RawFrame {
+            region: block.region,
+            format: settings.format,
+            bytes,
+            number: block.number,
+            timestamp_ns: block.timestamp.as_nanos() as u64,
+        })
+    }
+}
+
+impl Drop for GenICamCamera {
+    fn drop(&mut self) {
+        let _ = self.halt();
+        let _ = self.frames.close();
+        let _ = self.nodes.control().close();
+    }
+}
+
+impl Instrument for GenICamCamera {
+    fn name(&self) -> &str {
+        self.nodes.name()
+    }
+
+    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
+        let n = &mut self.nodes;
+        let firmware = ["DeviceFirmwareVersion", "DeviceVersion"]
+            .into_iter()
+            .find(|f| n.has(f));
+        Ok(Identity {
+            maker: n.text("DeviceVendorName")?,
+            model: n.text("DeviceModelName")?,
+            serial: n.text("DeviceSerialNumber")?,
+            firmware: firmware.map_or(Ok(String::new()), |f| n.text(f))?,
+        })
+    }
+
+    fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
+        // What is lost cannot be told to stop.
+        let _ = self.halt();
+        (self.settings, self.acquiring, self.pending) = (None, true, false);
+        let _ = self.frames.close();
+        let _ = self.nodes.control().close();
+        self.nodes.line("open", |c| c.open())?;
+        let opened = self.frames.open();
+        opened.map_err(|e| self.of_stream(&e))
+    }
+
+    fn temperature_c(&mut self) -> Option<f64> {
+        if !self.nodes.has("DeviceTemperature") {
+            return None;
+        }
+        self.nodes.number("DeviceTemperature").ok()
+    }
+}
+
+impl AreaCamera for GenICamCamera {
+    fn limits(&self) -> CameraLimits {
+        self.limits.clone()
+    }
+
+    fn configure(&mut self, settings: &CameraSettings, _within: Duration) -> Result<(), Failure> {
+        self.limits
+            .check(settings)
+            .map_err(|what| self.nodes.failure(Fault::Limit, what))?;
+        self.settings = None;
+        self.halt()?;
+        self.set(settings)?;
+        self.acquire()?;
+        self.settings = Some(*settings);
+        Ok(())
+    }
+
+    fn expose(&mut self) -> Result<(), Failure> {
+        let Some(settings) = self.settings else {
+            return Err(self.nodes.failure(Fault::Refused, "it is not configured"));
+        };
+        if self.pending {
+            return Err(self.nodes.failure(Fault::Refused, "an exposure is under way"));
+        }
+        if settings.trigger == Trigger::Software {
+            self.nodes.command("TriggerSoftware")?;
+        }
+        self.pending = true;
+        Ok(())
+    }
+
+    fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
+        let (Some(settings), true) = (self.settings, self.pending) else {
+            return Err(self.nodes.failure(Fault::Refused, "no exposure was begun"));
+        };
+        match self.frames.next(within) {
+            Ok(Some(block)) => {
+                self.pending = false;
+                self.raw(block, &settings)
+            }
+            Ok(None) => Err(self
+                .nodes
+                .failure(Fault::Timeout, "no frame came before the deadline")),
+            Err(e) => {
+                self.pending = false;
+                Err(self.of_stream(&e))
+            }
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! Features of a camera by name: what its own XML says about registers is evaluated by `cameleon`, nothing is cached.
+
+use crate::instrument::{Failure, Fault};
+use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};
+use cameleon::{ControlError, ControlResult, DeviceControl};
+
+/// A line that reads and writes registers.
+pub type Control = Box<dyn DeviceControl + Send>;
+
+type Params<'a> = ParamsCtxt<&'a mut (dyn DeviceControl + Send), &'a mut NoCacheGenApiCtxt>;
+
+/// A camera's features.
+pub struct Nodes {
+    name: String,
+    control: Control,
+    context: NoCacheGenApiCtxt,
+}
+
+/// What a failure of the line is to a session.
+fn of_control(error: &ControlError) -> Fault {
+    match error {
+        ControlError::Timeout => Fault::Timeout,
+        ControlError::Busy | ControlError::InvalidDevice(_) => Fault::Refused,
+        _ => Fault::Disconnected,
+    }
+}
+
+/// What a failure of a feature is to a session.
+fn of_feature(error: &GenApiError) -> Fault {
+    match error {
+        GenApiError::Device(inner) => {
+            let line = inner.downcast_ref::<ControlError>();
+            line.map_or(Fault::Disconnected, of_control)
+        }
+        GenApiError::InvalidData(_) => Fault::Limit,
+        _ => Fault::Refused,
+    }
+}
+
+impl Nodes {
+    /// Opens the line and reads what the camera says of its features.
+    ///
+    /// # Errors
+    /// [`Failure`]: disconnected, timeout, refused (in use, XML that is none).
+    pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
+        let told = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
+        if !control.is_opened() {
+            control.open().map_err(told)?;
+        }
+        let xml = control.genapi().map_err(told)?;
+        let context = NoCacheGenApiCtxt::from_xml(&xml).map_err(|e| {
+            let what = format!("its description of itself cannot be read: {e}");
+            Failure::new(Fault::Refused, name, what)
+        })?;
+        Ok(Self {
+            name: name.to_owned(),
+            control,
+            context,
+        })
+    }
+
+    /// The camera's name in the rig file.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// A failure of this camera.
+    #[must_use]
+    pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    /// Talks to the line itself.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn line<T>(
+        &mut self,
+        doing: &str,
+        f: impl FnOnce(&mut dyn DeviceControl) -> ControlResult<T>,
+    ) -> Result<T, Failure> {
+        let found = f(self.control.as_mut());
+        found.map_err(|e| self.failure(of_control(&e), format!("{doing}: {e}")))
+    }
+
+    /// The line.
+    pub fn control(&mut self) -> &mut dyn DeviceControl {
+        self.control.as_mut()
+    }
+
+    /// Whether there is such a feature.
+    #[must_use]
+    pub fn has(&mut self, feature: &str) -> bool {
+        self.params().node(feature).is_some()
+    }
+
+    fn params(&mut self) -> Params<'_> {
+        ParamsCtxt {
+            ctrl: self.control.as_mut(),
+            ctxt: &mut self.context,
+        }
+    }
+
+    /// Does something with a feature; `None` of `f` says that it is of another kind.
+    fn with<T>(
+        &mut self,
+        feature: &str,
+        f: impl FnOnce(Node, &mut Params<'_>) -> Option<Result<T, GenApiError>>,
+    ) -> Result<T, Failure> {
+        let mut params = self.params();
+        let Some(node) = params.node(feature) else {
+            return Err(self.failure(Fault::Refused, format!("it has no feature {feature}")));
+        };
+        match f(node, &mut params) {
+            None => Err(self.failure(Fault::Refused, format!("its {feature} is of another kind"))),
+            Some(Err(e)) => Err(self.failure(of_feature(&e), format!("{feature}: {e}"))),
+            Some(Ok(value)) => Ok(value),
+        }
+    }
+
+    /// A whole number.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn integer(&mut self, feature: &str) -> Result<i64, Failure> {
+        self.with(feature, |n, p| n.as_integer(p).map(|n| n.value(p)))
+    }
+
+    /// Sets a whole number.
+    ///
+    /// # Errors
+    /// [`Failure`]: limit (beyond what the feature takes now), and those of the line.
+    pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
+        self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
+    }
+
+    /// Step of a whole number; 1 where it says none.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn step(&mut self, feature: &str) -> Result<u32, Failure> {
+        let step = self.with(feature, |n, p| n.as_integer(p).map(|n| n.inc(p)))?;
+        Ok(u32::try_from(step.unwrap_or(1)).unwrap_or(1).max(1))
+    }
+
+    /// A number, its least and its greatest value.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn range(&mut self, feature: &str) -> Result<[f64; 2], Failure> {
+        self.with(feature, |n, p| {
+            if let Some(n) = n.as_float(p) {
+                return Some(n.min(p).and_then(|least| Ok([least, n.max(p)?])));
+            }
+            let n = n.as_integer(p)?;
+            Some(n.min(p).and_then(|least| Ok([least as f64, n.max(p)? as f64])))
+        })
+    }
+
+    /// A number.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn number(&mut self, feature: &str) -> Result<f64, Failure> {
+        self.with(feature, |n, p| {
+            if let Some(n) = n.as_float(p) {
+                return Some(n.value(p));
+            }
+            Some(n.as_integer(p)?.value(p).map(|v| v as f64))
+        })
+    }
+
+    /// Sets a number.
+    ///
+    /// # Errors
+    /// [`Failure`]: limit, and those of the line.
+    pub fn set_number(&mut self, feature: &str, value: f64) -> Result<(), Failure> {
+        self.with(feature, |n, p| {
+            if let Some(n) = n.as_float(p) {
+                return Some(n.set_value(p, value));
+            }
+            Some(n.as_integer(p)?.set_value(p, value.round() as i64))
+        })
+    }
+
+    /// A text.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn text(&mut self, feature: &str) -> Result<String, Failure> {
+        let text = self.with(feature, |n, p| n.as_string(p).map(|n| n.value(p)))?;
+        Ok(text.trim_end_matches('\0').trim().to_owned())
+    }
+
+    /// Names of the entries that a choice has.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn entries(&mut self, feature: &str) -> Result<Vec<String>, Failure> {
+        self.with(feature, |n, p| {
+            let entries = n.as_enumeration(p)?.entries(p);
+            Some(Ok(entries.iter().map(|e| e.symbolic(p).to_owned()).collect()))
+        })
+    }
+
+    /// Makes a choice.
+    ///
+    /// # Errors
+    /// [`Failure`]: limit (no such entry), and those of the line.
+    pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
+        let entries = self.entries(feature)?;
+        if !entries.iter().any(|e| e == entry) {
+            let what = format!(
+                "its {feature} cannot be {entry}: it is one of {}",
+                entries.join(", ")
+            );
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.with(feature, |n, p| {
+            n.as_enumeration(p).map(|n| n.set_entry_by_symbolic(p, entry))
+        })
+    }
+
+    /// Makes a choice where the camera has it.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn choose_if(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
+        if self.has(feature) && self.entries(feature)?.iter().any(|e| e == entry) {
+            self.choose(feature, entry)?;
+        }
+        Ok(())
+    }
+
+    /// Gives a command.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn command(&mut self, feature: &str) -> Result<(), Failure> {
+        self.with(feature, |n, p| n.as_command(p).map(|n| n.execute(p)))
+    }
+}

@@ -1,0 +1,318 @@
+//! A TimeHarp 260 as a photon counter: one histogram an acquisition.
+
+use super::code::{self, DEVICES, FLAG_OVERFLOW, FLAG_SOFTWARE_ERROR, FLAG_SYSTEM_ERROR, LONGEST_HISTOGRAM};
+use super::library::{Hardware, Order, Question, Th260, load};
+use super::settings::{Measurement, Th260Settings};
+use crate::instrument::{
+    CounterLimits, CounterSettings, Failure, Fault, Histogram, Identity, Instrument, PhotonCounter,
+};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Time between two questions whether it is done.
+const POLL: Duration = Duration::from_millis(1);
+/// Time that the library wants for the first rates after it was initialized.
+const FIRST_RATES: Duration = Duration::from_millis(150);
+
+/// A board.
+pub struct Th260Counter {
+    name: String,
+    library: Box<dyn Th260>,
+    settings: Th260Settings,
+    /// Index of the board; below zero while none is open.
+    device: i32,
+    serial: String,
+    hardware: Hardware,
+    limits: CounterLimits,
+    binnings: i32,
+    measurement: Option<Measurement>,
+    /// When the acquisition under way began.
+    running: Option<Instant>,
+    /// When rates can be asked for.
+    rates_from: Instant,
+    /// When this was made: the clock of its histograms.
+    made: Instant,
+    taken: u64,
+}
+
+impl Th260Counter {
+    /// Loads PicoQuant's library, from a file or from where it is usually found, and opens a board.
+    ///
+    /// # Errors
+    /// [`Failure`]: refused (no library), disconnected (no board), limit.
+    pub fn load(name: &str, library: Option<&Path>, settings: Th260Settings) -> Result<Self, Failure> {
+        let library = load(library).map_err(|e| Failure::new(Fault::Refused, name, e))?;
+        Self::new(name, Box::new(library), settings)
+    }
+
+    /// Opens a board through a library that is loaded.
+    ///
+    /// # Errors
+    /// [`Failure`]: disconnected (no board), refused (in use), limit (settings that it has not).
+    pub fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
+        settings
+            .check()
+            .map_err(|e| Failure::new(Fault::Limit, name, format!("{e}; mend the rig file")))?;
+        let now = Instant::now();
+        let mut counter = Self {
+            name: name.to_owned(),
+            library,
+            settings,
+            device: -1,
+            serial: String::new(),
+            hardware: Hardware::default(),
+            limits: CounterLimits {
+                bins: LONGEST_HISTOGRAM,
+                finest_ps: f64::NAN,
+                longest: Duration::from_millis(code::LONGEST_MS as u64),
+                full: u64::from(u32::MAX),
+            },
+            binnings: 0,
+            measurement: None,
+            running: None,
+            rates_from: now,
+            made: now,
+            taken: 0,
+        };
+        counter.open()?;
+        Ok(counter)
+    }
+
+    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    /// What a code of the library means.
+    fn told(&mut self, doing: &str, number: i32) -> Failure {
+        let words = self.library.explain(number);
+        let what = format!("{doing}: error {number} ({words}){}", code::mend(number));
+        self.failure(code::fault(number), what)
+    }
+
+    /// # Errors
+    /// [`Failure`] while no board is open.
+    fn opened(&self) -> Result<(), Failure> {
+        if self.device < 0 {
+            return Err(self.failure(Fault::Disconnected, "no board is open"));
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, order: Order) -> Result<(), Failure> {
+        self.opened()?;
+        let told = self.library.tell(self.device, order);
+        told.map_err(|e| self.told(&format!("{order:?}"), e))
+    }
+
+    fn ask(&mut self, question: Question) -> Result<i32, Failure> {
+        self.opened()?;
+        let answer = self.library.ask(self.device, question);
+        answer.map_err(|e| self.told(&format!("{question:?}"), e))
+    }
+
+    /// Finds the board, initializes it and sets its inputs.
+    fn open(&mut self) -> Result<(), Failure> {
+        let (mut found, mut worst) = (vec![], code::OPEN_FAIL);
+        let mut opened = None;
+        for device in 0..DEVICES {
+            match self.library.open(device) {
+                Ok(serial) if self.settings.serial.as_ref().is_none_or(|s| *s == serial) => {
+                    opened = Some((device, serial));
+                    break;
+                }
+                Ok(serial) => {
+                    found.push(serial);
+                    // Not ours: left as it was.
+                    let _ = self.library.tell(device, Order::Close);
+                }
+                Err(code::OPEN_FAIL) => {}
+                Err(code) => worst = code,
+            }
+        }
+        let Some((device, serial)) = opened else {
+            if !found.is_empty() {
+                let what = format!(
+                    "no board has the serial number {}; there are {}",
+                    self.settings.serial.as_deref().unwrap_or_default(),
+                    found.join(", ")
+                );
+                return Err(self.failure(Fault::Disconnected, what));
+            }
+            return Err(self.told("no board can be opened", worst));
+        };
+        (self.device, self.serial) = (device, serial);
+        self.tell(Order::Initialize(code::MODE_HISTOGRAM))?;
+        self.rates_from = Instant::now() + FIRST_RATES;
+        self.hardware = self
+            .library
+            .hardware(device)
+            .map_err(|e| self.told("hardware", e))?;
+        let base = self.library.base_resolution(device);
+        let (finest_ps, binnings) = base.map_err(|e| self.told("base resolution", e))?;
+        if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {
+            let what = format!("a base resolution of {finest_ps} ps in {binnings} binnings is none");
+            return Err(self.failure(Fault::Disconnected, what));
+        }
+        (self.limits.finest_ps, self.binnings) = (finest_ps, binnings);
+        self.inputs()
+    }
+
+    /// Closes the board, if this opened one: another program's is left alone. A board that is lost may say so.
+    fn close(&mut self) {
+        if self.device >= 0 {
+            if self.running.take().is_some() {
+                let _ = self.library.tell(self.device, Order::Stop);
+            }
+            let _ = self.library.tell(self.device, Order::Close);
+            self.device = -1;
+        }
+    }
+
+    fn inputs(&mut self) -> Result<(), Failure> {
+        let s = self.settings.clone();
+        let inputs = self.ask(Question::Inputs)?;
+        if s.channel >= inputs {
+            let what = format!("there is no input {} of {inputs}; mend `channel`", s.channel);
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.tell(Order::SyncDivider(s.sync_divider))?;
+        match self.hardware.model.as_str() {
+            "TimeHarp 260 P" => {
+                self.tell(Order::SyncCfd(s.sync_mv, s.zero_cross_mv))?;
+                self.tell(Order::InputCfd(s.channel, s.input_mv, s.zero_cross_mv))?;
+            }
+            "TimeHarp 260 N" => {
+                self.tell(Order::SyncEdge(s.sync_mv, s.sync_edge.number()))?;
+                self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge.number()))?;
+            }
+            other => {
+                let what = format!("its model is `{other}`; TimeHarp 260 P and N are known");
+                return Err(self.failure(Fault::Refused, what));
+            }
+        }
+        self.tell(Order::StopAt(u32::MAX))
+    }
+
+    /// Pulses of the laser in a second.
+    fn sync_rate(&mut self) -> Result<i32, Failure> {
+        std::thread::sleep(self.rates_from.saturating_duration_since(Instant::now()));
+        self.ask(Question::SyncRate)
+    }
+
+    /// The histogram of an acquisition that is done.
+    fn read(&mut self, measurement: &Measurement, begun: Instant) -> Result<Histogram, Failure> {
+        self.tell(Order::Stop)?;
+        let flags = self.ask(Question::Flags)?;
+        if flags & (FLAG_SYSTEM_ERROR | FLAG_SOFTWARE_ERROR) != 0 {
+            let what = format!("the board reports an error (flags {flags:#06x}); tell PicoQuant");
+            return Err(self.failure(Fault::Disconnected, what));
+        }
+        if flags & FLAG_OVERFLOW != 0 {
+            return Err(self.failure(Fault::Saturated, "a bin is full; count for a shorter time"));
+        }
+        let elapsed = self.library.elapsed_ms(self.device);
+        let elapsed = elapsed.map_err(|e| self.told("elapsed time", e))?;
+        let pulses = f64::from(self.sync_rate()?) * elapsed / 1e3;
+        let counts = self.library.histogram(self.device, self.settings.channel);
+        let mut counts = counts.map_err(|e| self.told("histogram", e))?;
+        counts.truncate(measurement.bins);
+        self.taken += 1;
+        Ok(Histogram {
+            counts,
+            pulses: pulses.round() as u64,
+            number: self.taken - 1,
+            timestamp_ns: begun.duration_since(self.made).as_nanos() as u64,
+        })
+    }
+}
+
+impl Drop for Th260Counter {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+impl Instrument for Th260Counter {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
+        self.opened()?;
+        let hardware = self.library.hardware(self.device);
+        let hardware = hardware.map_err(|e| self.told("hardware", e))?;
+        let version = self.library.version();
+        let version = version.map_err(|e| self.told("version", e))?;
+        Ok(Identity {
+            maker: "PicoQuant".into(),
+            model: format!("{} ({})", hardware.model, hardware.part),
+            serial: self.serial.clone(),
+            firmware: format!("{}, TH260Lib {version}", hardware.version),
+        })
+    }
+
+    fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
+        self.close();
+        self.measurement = None;
+        self.open()
+    }
+}
+
+impl PhotonCounter for Th260Counter {
+    fn limits(&self) -> CounterLimits {
+        self.limits
+    }
+
+    fn configure(&mut self, settings: &CounterSettings, _within: Duration) -> Result<(), Failure> {
+        let measurement = Measurement::new(settings, self.limits.finest_ps, self.binnings)
+            .map_err(|e| self.failure(Fault::Limit, format!("{e}; mend the plan")))?;
+        if self.running.take().is_some() {
+            self.tell(Order::Stop)?;
+        }
+        self.measurement = None;
+        let bins = self.ask(Question::Length(measurement.length_code))?;
+        if usize::try_from(bins).is_ok_and(|b| b < measurement.bins) {
+            let what = format!("its histogram has {bins} bins, not {}", measurement.bins);
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.tell(Order::Binning(measurement.binning))?;
+        self.tell(Order::Offset(measurement.offset_ns))?;
+        self.tell(Order::SyncOffset(measurement.sync_offset_ps))?;
+        self.measurement = Some(measurement);
+        Ok(())
+    }
+
+    fn begin(&mut self) -> Result<(), Failure> {
+        let Some(measurement) = self.measurement else {
+            return Err(self.failure(Fault::Refused, "it is not configured"));
+        };
+        if self.running.is_some() {
+            return Err(self.failure(Fault::Refused, "an acquisition is under way"));
+        }
+        if self.sync_rate()? == 0 {
+            let what =
+                "no pulses come at its sync input; is the laser on, its cable in, and `sync_mv` right?";
+            return Err(self.failure(Fault::Refused, what));
+        }
+        self.tell(Order::Clear)?;
+        self.tell(Order::Start(measurement.dwell_ms))?;
+        self.running = Some(Instant::now());
+        Ok(())
+    }
+
+    fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
+        let (Some(measurement), Some(begun)) = (self.measurement, self.running) else {
+            return Err(self.failure(Fault::Refused, "no acquisition was begun"));
+        };
+        let until = Instant::now() + within;
+        while self.ask(Question::Done)? == 0 {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.failure(Fault::Timeout, "it counts still"));
+            }
+            std::thread::sleep(POLL.min(left));
+        }
+        self.running = None;
+        self.read(&measurement, begun)
+    }
+}

@@ -1,0 +1,337 @@
+//! PicoQuant's library, loaded at run time: the only unsafe code of the driver.
+//!
+//! Signatures are those of `th260lib.h` 3.1. Every buffer that the library writes into is as long as `th260defin.h` says and
+//! longer, and outlives its call.
+
+use super::code::LONGEST_HISTOGRAM;
+use libloading::Library;
+use std::error::Error;
+use std::ffi::{c_char, c_double, c_int, c_uint};
+use std::path::{Path, PathBuf};
+
+/// What is told to a board; numbers as in the library's manual.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// `CloseDevice`
+    Close,
+    /// `Initialize`: mode
+    Initialize(i32),
+    /// `SetSyncDiv`
+    SyncDivider(i32),
+    /// `SetSyncCFD`: level, zero crossing (P)
+    SyncCfd(i32, i32),
+    /// `SetSyncEdgeTrg`: level, edge (N)
+    SyncEdge(i32, i32),
+    /// `SetSyncChannelOffset`: picoseconds
+    SyncOffset(i32),
+    /// `SetInputCFD`: channel, level, zero crossing (P)
+    InputCfd(i32, i32, i32),
+    /// `SetInputEdgeTrg`: channel, level, edge (N)
+    InputEdge(i32, i32, i32),
+    /// `SetStopOverflow`: stop at so many counts in a bin
+    StopAt(u32),
+    /// `SetBinning`
+    Binning(i32),
+    /// `SetOffset`: nanoseconds
+    Offset(i32),
+    /// `ClearHistMem`
+    Clear,
+    /// `StartMeas`: milliseconds
+    Start(i32),
+    /// `StopMeas`
+    Stop,
+}
+
+/// What a board is asked that has a whole number for an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// `GetNumOfInputChannels`
+    Inputs,
+    /// `CTCStatus`: 0 while it counts
+    Done,
+    /// `GetSyncRate`: pulses a second
+    SyncRate,
+    /// `GetFlags`
+    Flags,
+    /// `SetHistoLen`: length code; the answer is bins
+    Length(i32),
+}
+
+/// What a board says of itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Hardware {
+    /// `TimeHarp 260 P` or `TimeHarp 260 N`.
+    pub model: String,
+    /// Part number.
+    pub part: String,
+    /// Version.
+    pub version: String,
+}
+
+/// The library's functions. Errors are its codes, all below zero.
+pub trait Th260: Send {
+    /// The library's version.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn version(&mut self) -> Result<String, i32>;
+    /// What a code means, in the library's words.
+    fn explain(&mut self, code: i32) -> String;
+    /// Opens the board of an index and returns its serial number.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn open(&mut self, device: i32) -> Result<String, i32>;
+    /// Tells a board.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn tell(&mut self, device: i32, order: Order) -> Result<(), i32>;
+    /// Asks a board.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn ask(&mut self, device: i32, question: Question) -> Result<i32, i32>;
+    /// Model, part and version.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn hardware(&mut self, device: i32) -> Result<Hardware, i32>;
+    /// Finest bin, picoseconds, and how many binnings there are.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32>;
+    /// Milliseconds that the last measurement counted.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32>;
+    /// Counts of an input, [`LONGEST_HISTOGRAM`] of them, of which the set length is valid.
+    ///
+    /// # Errors
+    /// The library's code.
+    fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
+}
+
+/// Names that the library goes by.
+#[must_use]
+pub fn names() -> Vec<PathBuf> {
+    let names: &[&str] = if cfg!(windows) {
+        &["th260lib64.dll", "th260lib.dll"]
+    } else {
+        &["libth260.so", "th260lib.so", "/usr/local/lib64/th260/th260lib.so"]
+    };
+    names.iter().map(PathBuf::from).collect()
+}
+
+type Text = unsafe extern "system" fn(*mut c_char) -> c_int;
+type TextOf = unsafe extern "system" fn(*mut c_char, c_int) -> c_int;
+type OfDevice = unsafe extern "system" fn(c_int) -> c_int;
+type OfOne = unsafe extern "system" fn(c_int, c_int) -> c_int;
+type OfTwo = unsafe extern "system" fn(c_int, c_int, c_int) -> c_int;
+type OfThree = unsafe extern "system" fn(c_int, c_int, c_int, c_int) -> c_int;
+type OfOverflow = unsafe extern "system" fn(c_int, c_int, c_uint) -> c_int;
+type Answer = unsafe extern "system" fn(c_int, *mut c_int) -> c_int;
+type AnswerOf = unsafe extern "system" fn(c_int, c_int, *mut c_int) -> c_int;
+type Number = unsafe extern "system" fn(c_int, *mut c_double) -> c_int;
+type Base = unsafe extern "system" fn(c_int, *mut c_double, *mut c_int) -> c_int;
+type TextOfDevice = unsafe extern "system" fn(c_int, *mut c_char) -> c_int;
+type ThreeTexts = unsafe extern "system" fn(c_int, *mut c_char, *mut c_char, *mut c_char) -> c_int;
+type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_int;
+
+/// Declares the table and how it is filled, name by name.
+macro_rules! functions {
+    ($($field:ident: $kind:ty = $name:literal,)*) => {
+        /// The loaded library. The functions are valid as long as `_library` is, which is dropped with them.
+        pub struct Loaded {
+            $($field: $kind,)*
+            _library: Library,
+        }
+
+        impl Loaded {
+            /// Finds all functions.
+            fn table(library: Library) -> Result<Self, String> {
+                // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it; pointers are copied out of their
+                // `Symbol`s and used only while `_library`, stored beside them, keeps the code loaded.
+                unsafe {
+                    $(let $field = *library.get::<$kind>($name).map_err(|_| format!("it has no {}", text($name)))?;)*
+                    Ok(Self { $($field,)* _library: library })
+                }
+            }
+        }
+    };
+}
+
+functions! {
+    get_version: Text = b"TH260_GetLibraryVersion\0",
+    get_error: TextOf = b"TH260_GetErrorString\0",
+    open_device: TextOfDevice = b"TH260_OpenDevice\0",
+    close: OfDevice = b"TH260_CloseDevice\0",
+    initialize: OfOne = b"TH260_Initialize\0",
+    get_hardware: ThreeTexts = b"TH260_GetHardwareInfo\0",
+    get_base: Base = b"TH260_GetBaseResolution\0",
+    get_inputs: Answer = b"TH260_GetNumOfInputChannels\0",
+    sync_divider: OfOne = b"TH260_SetSyncDiv\0",
+    sync_cfd: OfTwo = b"TH260_SetSyncCFD\0",
+    sync_edge: OfTwo = b"TH260_SetSyncEdgeTrg\0",
+    sync_offset: OfOne = b"TH260_SetSyncChannelOffset\0",
+    input_cfd: OfThree = b"TH260_SetInputCFD\0",
+    input_edge: OfThree = b"TH260_SetInputEdgeTrg\0",
+    stop_overflow: OfOverflow = b"TH260_SetStopOverflow\0",
+    binning: OfOne = b"TH260_SetBinning\0",
+    offset: OfOne = b"TH260_SetOffset\0",
+    length: AnswerOf = b"TH260_SetHistoLen\0",
+    clear: OfDevice = b"TH260_ClearHistMem\0",
+    start: OfOne = b"TH260_StartMeas\0",
+    stop: OfDevice = b"TH260_StopMeas\0",
+    done: Answer = b"TH260_CTCStatus\0",
+    get_histogram: Counts = b"TH260_GetHistogram\0",
+    get_sync_rate: Answer = b"TH260_GetSyncRate\0",
+    get_flags: Answer = b"TH260_GetFlags\0",
+    get_elapsed: Number = b"TH260_GetElapsedMeasTime\0",
+}
+
+/// Loads the library: the one given, or the first that is found of [`names`].
+///
+/// # Errors
+/// What was tried, why it failed, and where to get it, in words.
+pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
+    let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
+    let mut told = vec![];
+    for name in &tried {
+        // SAFETY: loading runs the library's own initializers. It is PicoQuant's, or what the user's rig file names in its place.
+        let found = unsafe { Library::new(name) };
+        match found.map_err(|e| words(&e)).and_then(Loaded::table) {
+            Ok(library) => return Ok(library),
+            Err(e) => told.push(format!("{}: {e}", name.display())),
+        }
+    }
+    Err(format!(
+        "PicoQuant's library for the TimeHarp 260, which counts photons through it, cannot be loaded ({}). It is part of \
+         PicoQuant's TH260Lib package (their site's downloads, free of charge, not shipped here); install that, or name the file \
+         with library = \"…\"",
+        told.join("; ")
+    ))
+}
+
+/// An error and what it comes from.
+fn words(error: &dyn Error) -> String {
+    std::iter::successors(Some(error), |e| (*e).source())
+        .map(ToString::to_string)
+        .collect::<Vec<_>>()
+        .join(": ")
+}
+
+/// A code as a result.
+fn good(code: c_int) -> Result<(), i32> {
+    if code < 0 { Err(code) } else { Ok(()) }
+}
+
+/// Text up to the first zero, of a buffer that was zero before.
+fn text(bytes: &[u8]) -> String {
+    let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
+}
+
+/// Longer than any text that these functions write (40 at most, by `th260defin.h`).
+type Buffer = [u8; 256];
+
+/// As C wants it.
+fn chars(buffer: &mut Buffer) -> *mut c_char {
+    buffer.as_mut_ptr().cast()
+}
+
+impl Th260 for Loaded {
+    fn version(&mut self) -> Result<String, i32> {
+        let mut buffer: Buffer = [0; 256];
+        // SAFETY: writes at most 8 characters into a buffer of 256.
+        good(unsafe { (self.get_version)(chars(&mut buffer)) })?;
+        Ok(text(&buffer))
+    }
+
+    fn explain(&mut self, code: i32) -> String {
+        let mut buffer: Buffer = [0; 256];
+        // SAFETY: writes at most 40 characters into a buffer of 256.
+        let told = good(unsafe { (self.get_error)(chars(&mut buffer), code) });
+        told.map_or_else(|_| "no text".into(), |()| text(&buffer))
+    }
+
+    fn open(&mut self, device: i32) -> Result<String, i32> {
+        let mut buffer: Buffer = [0; 256];
+        // SAFETY: writes at most 8 characters into a buffer of 256.
+        good(unsafe { (self.open_device)(device, chars(&mut buffer)) })?;
+        Ok(text(&buffer))
+    }
+
+    fn tell(&mut self, device: i32, order: Order) -> Result<(), i32> {
+        // SAFETY: numbers alone go in, none is a pointer; the library checks their ranges.
+        good(unsafe {
+            match order {
+                Order::Close => (self.close)(device),
+                Order::Initialize(mode) => (self.initialize)(device, mode),
+                Order::SyncDivider(n) => (self.sync_divider)(device, n),
+                Order::SyncCfd(level, zero) => (self.sync_cfd)(device, level, zero),
+                Order::SyncEdge(level, edge) => (self.sync_edge)(device, level, edge),
+                Order::SyncOffset(ps) => (self.sync_offset)(device, ps),
+                Order::InputCfd(channel, level, zero) => (self.input_cfd)(device, channel, level, zero),
+                Order::InputEdge(channel, level, edge) => (self.input_edge)(device, channel, level, edge),
+                Order::StopAt(counts) => (self.stop_overflow)(device, 1, counts),
+                Order::Binning(code) => (self.binning)(device, code),
+                Order::Offset(ns) => (self.offset)(device, ns),
+                Order::Clear => (self.clear)(device),
+                Order::Start(ms) => (self.start)(device, ms),
+                Order::Stop => (self.stop)(device),
+            }
+        })
+    }
+
+    fn ask(&mut self, device: i32, question: Question) -> Result<i32, i32> {
+        let mut answer: c_int = 0;
+        // SAFETY: each writes one `int` through the pointer, to a local that outlives the call.
+        good(unsafe {
+            match question {
+                Question::Inputs => (self.get_inputs)(device, &raw mut answer),
+                Question::Done => (self.done)(device, &raw mut answer),
+                Question::SyncRate => (self.get_sync_rate)(device, &raw mut answer),
+                Question::Flags => (self.get_flags)(device, &raw mut answer),
+                Question::Length(code) => (self.length)(device, code, &raw mut answer),
+            }
+        })?;
+        Ok(answer)
+    }
+
+    fn hardware(&mut self, device: i32) -> Result<Hardware, i32> {
+        let (mut model, mut part, mut version): (Buffer, Buffer, Buffer) = ([0; 256], [0; 256], [0; 256]);
+        // SAFETY: writes at most 16 characters into each of three buffers of 256.
+        good(unsafe {
+            (self.get_hardware)(device, chars(&mut model), chars(&mut part), chars(&mut version))
+        })?;
+        Ok(Hardware {
+            model: text(&model),
+            part: text(&part),
+            version: text(&version),
+        })
+    }
+
+    fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32> {
+        let (mut resolution, mut steps): (c_double, c_int) = (0.0, 0);
+        // SAFETY: writes one `double` and one `int`, to locals that outlive the call.
+        good(unsafe { (self.get_base)(device, &raw mut resolution, &raw mut steps) })?;
+        Ok((resolution, steps))
+    }
+
+    fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32> {
+        let mut elapsed: c_double = 0.0;
+        // SAFETY: writes one `double`, to a local that outlives the call.
+        good(unsafe { (self.get_elapsed)(device, &raw mut elapsed) })?;
+        Ok(elapsed)
+    }
+
+    fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32> {
+        let mut counts: Vec<c_uint> = vec![0; LONGEST_HISTOGRAM];
+        // SAFETY: writes at most MAXHISTLEN counts, which is the vector's length; 0 leaves the board's memory as it is.
+        good(unsafe { (self.get_histogram)(device, counts.as_mut_ptr(), channel, 0) })?;
+        Ok(counts)
+    }
+}

@@ -1,0 +1,154 @@
+//! What a rig file says of a TimeHarp 260, and what a measurement is on its scale.
+
+use super::code::{GREATEST_CHANNEL_OFFSET_PS, GREATEST_OFFSET_NS, LONGEST_HISTOGRAM, LONGEST_MS};
+use crate::instrument::CounterSettings;
+use serde::Deserialize;
+
+/// Which slope of a pulse counts (TimeHarp 260 N).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Edge {
+    /// Falling.
+    #[default]
+    Falling,
+    /// Rising.
+    Rising,
+}
+
+impl Edge {
+    /// The library's number.
+    #[must_use]
+    pub fn number(self) -> i32 {
+        match self {
+            Self::Falling => 0,
+            Self::Rising => 1,
+        }
+    }
+}
+
+/// Which board, and how its inputs are set. All levels are millivolts.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Th260Settings {
+    /// Serial number of the board; the first one where none is given.
+    pub serial: Option<String>,
+    /// The detector's input, from 0.
+    pub channel: i32,
+    /// Of the sync's pulses one in so many counts: 1, 2, 4 or 8.
+    pub sync_divider: i32,
+    /// Level of the sync.
+    pub sync_mv: i32,
+    /// Level of the detector's input.
+    pub input_mv: i32,
+    /// Zero crossing of both discriminators (TimeHarp 260 P).
+    pub zero_cross_mv: i32,
+    /// Slope of the sync (TimeHarp 260 N).
+    pub sync_edge: Edge,
+    /// Slope of the detector's pulses (TimeHarp 260 N).
+    pub input_edge: Edge,
+}
+
+impl Default for Th260Settings {
+    fn default() -> Self {
+        Self {
+            serial: None,
+            channel: 0,
+            sync_divider: 1,
+            sync_mv: -50,
+            input_mv: -50,
+            zero_cross_mv: -10,
+            sync_edge: Edge::Falling,
+            input_edge: Edge::Falling,
+        }
+    }
+}
+
+impl Th260Settings {
+    /// Whether a board can be set so.
+    ///
+    /// # Errors
+    /// What it cannot, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let levels = [self.sync_mv, self.input_mv];
+        if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
+            return Err("levels are -1200 to 1200 mV (to 0 on a TimeHarp 260 P)".into());
+        }
+        if !(-40..=0).contains(&self.zero_cross_mv) {
+            return Err("`zero_cross_mv` is -40 to 0".into());
+        }
+        if ![1, 2, 4, 8].contains(&self.sync_divider) {
+            return Err("`sync_divider` is 1, 2, 4 or 8".into());
+        }
+        if !(0..2).contains(&self.channel) {
+            return Err("`channel` is 0 or 1".into());
+        }
+        Ok(())
+    }
+}
+
+/// A measurement on the board's scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Measurement {
+    /// Bins are 2^this times the base resolution.
+    pub binning: i32,
+    /// The histogram has 1024 · 2^this bins.
+    pub length_code: i32,
+    /// Bins of these that are asked for.
+    pub bins: usize,
+    /// Milliseconds that are counted.
+    pub dwell_ms: i32,
+    /// Nanoseconds after the sync at which the histogram begins.
+    pub offset_ns: i32,
+    /// Picoseconds by which the sync is delayed beyond that.
+    pub sync_offset_ps: i32,
+}
+
+impl Measurement {
+    /// Of settings, on a board with a base resolution of `base_ps` and `binnings` binnings.
+    ///
+    /// # Errors
+    /// What the board cannot, in words.
+    pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
+        if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
+            return Err(format!(
+                "{} bins are not within 1 to {LONGEST_HISTOGRAM}",
+                settings.bins
+            ));
+        }
+        let binning = (0..binnings).find(|b| {
+            let width = base_ps * 2.0_f64.powi(*b);
+            (settings.bin_ps / width - 1.0).abs() < 1e-9
+        });
+        let binning = binning.ok_or_else(|| {
+            format!(
+                "bins of {} ps are not {base_ps} ps times a power of two up to 2^{}",
+                settings.bin_ps,
+                binnings - 1
+            )
+        })?;
+        let ms = settings.dwell.as_secs_f64() * 1e3;
+        let whole = (ms - ms.round()).abs() < 1e-6;
+        if !(whole && ms >= 0.5 && ms <= f64::from(LONGEST_MS)) {
+            return Err(format!(
+                "it counts for 1 to {LONGEST_MS} whole milliseconds, not for {ms} ms"
+            ));
+        }
+        // Whole nanoseconds are taken off after the difference is made; the rest delays the sync.
+        let ps = settings.offset_ps;
+        let offset_ns = (ps / 1e3).floor().clamp(0.0, f64::from(GREATEST_OFFSET_NS));
+        let rest = ps - offset_ns * 1e3;
+        if !(rest.abs() <= f64::from(GREATEST_CHANNEL_OFFSET_PS) && (rest - rest.round()).abs() < 1e-6) {
+            return Err(format!(
+                "an offset of {ps} ps is not one of whole picoseconds within -{GREATEST_CHANNEL_OFFSET_PS} ps to {GREATEST_OFFSET_NS} ns"
+            ));
+        }
+        Ok(Self {
+            binning,
+            length_code: (0..=5).find(|c| 1024 << c >= settings.bins).unwrap_or(5),
+            bins: settings.bins,
+            dwell_ms: ms.round() as i32,
+            offset_ns: offset_ns as i32,
+            sync_offset_ps: rest.round() as i32,
+        })
+    }
+}

@@ -1,0 +1,96 @@
+//! What a rig file says of a galvo: its limits, and how its mirrors hang at an analog output card.
+//!
+//! ```toml
+//! [galvo]
+//! driver = "analog"
+//! volts_per_degree = 0.8        # of a mirror's own turn; [x, y] where they differ, negative where one is mounted the other way
+//! channels = [0, 1]             # of the card, x and y
+//! rate_hz = 100_000             # samples a second
+//! speed_deg_per_s = 20_000      # greatest speed of the beam, along an S; at once where it is left out
+//! range_deg = [20, 20]          # of the beam
+//! settle_us = 300
+//! card = { channels = 2, volts = [-10, 10], bits = 16, rate_hz = [1, 1_000_000], samples = 65_536 }
+//! ```
+
+use super::rig_syntax::{CardFile, Driver, GalvoFile, PerAxis};
+use crate::driver::galvo::wiring::{Travel, Wiring};
+use crate::instrument::{AnalogLimits, GalvoLimits};
+use std::time::Duration;
+
+/// A simulated pair of mirrors turns in steps of 16 bits over ±10 V of 0.8 V a mechanical degree.
+const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
+
+/// Mirrors behind a card, and the card.
+type Behind = (Wiring, AnalogLimits);
+
+/// Limits of a galvo, and its wiring where a card drives it; or what is wrong, and the mend.
+pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (String, &'static str)> {
+    let good = file.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
+    let settle = Duration::try_from_secs_f64(file.settle_us / 1e6);
+    let settle = settle.ok().filter(|s| good && s.as_secs() < 1000);
+    let help = "give range_deg = [x, y] up to 60 and settle_us";
+    let settle = settle.ok_or_else(|| ("no scanner is like that".to_owned(), help))?;
+    if file.driver != Driver::Analog {
+        let others = [
+            ("volts_per_degree", file.volts_per_degree.is_some()),
+            ("channels", file.channels.is_some()),
+            ("rate_hz", file.rate_hz.is_some()),
+            ("speed_deg_per_s", file.speed_deg_per_s.is_some()),
+            ("card", file.card.is_some()),
+        ];
+        if let Some((name, _)) = others.iter().find(|(_, given)| *given) {
+            let help = "add driver = \"analog\", or leave it out";
+            return Err((
+                format!("`{name}` is of a galvo behind an analog output card"),
+                help,
+            ));
+        }
+        let limits = GalvoLimits {
+            range_deg: file.range_deg,
+            resolution_deg: RESOLUTION_DEG,
+            settle,
+        };
+        return Ok((limits, None));
+    }
+    let card = card(file.card.unwrap_or_default())?;
+    let wiring = Wiring {
+        channels: file.channels.unwrap_or([0, 1]),
+        volts_per_degree: match file.volts_per_degree {
+            None => [0.8; 2],
+            Some(PerAxis::Both(v)) => [v; 2],
+            Some(PerAxis::Each(v)) => v,
+        },
+        range_deg: file.range_deg,
+        rate_hz: file.rate_hz.unwrap_or(1e5),
+        travel: file.speed_deg_per_s.map_or(Travel::Stepped, Travel::Smooth),
+        settle,
+    };
+    let help = "see `[galvo]` in docs/instruments.md";
+    wiring.check(&card).map_err(|e| (e, help))?;
+    Ok((wiring.limits(&card), Some((wiring, card))))
+}
+
+fn card(file: CardFile) -> Result<AnalogLimits, (String, &'static str)> {
+    let [least, most] = file.volts;
+    let [slow, fast] = file.rate_hz;
+    let good = (1..=64).contains(&file.channels)
+        && least < most
+        && least.abs().max(most.abs()) <= 1e3
+        && (1..=32).contains(&file.bits)
+        && slow > 0.0
+        && slow <= fast
+        && fast <= 1e9
+        && (1..=1 << 24).contains(&file.samples);
+    if !good {
+        let help =
+            "give channels, volts = [least, greatest], bits up to 32, rate_hz = [least, greatest], samples";
+        return Err(("no card is like that".into(), help));
+    }
+    Ok(AnalogLimits {
+        channels: file.channels,
+        volts: file.volts,
+        bits: file.bits,
+        rate_hz: file.rate_hz,
+        samples: file.samples,
+    })
+}

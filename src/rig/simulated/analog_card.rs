@@ -1,0 +1,207 @@
+//! A simulated analog output card: what it puts out is rounded to its bits, stands for the time of a sample, and drives
+//! whatever hangs at its terminals.
+
+use super::faults::Mishap;
+use super::world::Shared;
+use crate::clock::locked;
+use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fault, Identity, Instrument};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// What stood at the terminals and since when: every sample's begin by the bench's clock, and the volts of all channels.
+pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
+
+/// What hangs at the terminals: told the volts of all channels whenever they change.
+pub type Terminals = Box<dyn FnMut(&[f64]) + Send>;
+
+/// A simulated card.
+pub struct SimulatedCard {
+    name: String,
+    world: Shared,
+    limits: AnalogLimits,
+    terminals: Terminals,
+    settings: Option<AnalogSettings>,
+    buffer: Vec<Vec<f64>>,
+    /// When the buffer was started, and how many of its samples have been put out.
+    running: Option<(Duration, usize)>,
+    /// Volts of all channels.
+    standing: Vec<f64>,
+    recording: Option<Recording>,
+}
+
+impl SimulatedCard {
+    /// A card that is not configured, all channels at 0 V. Faults strike it by `name`, at the n-th wait.
+    #[must_use]
+    pub fn new(name: &str, world: Shared, limits: AnalogLimits, terminals: Terminals) -> Self {
+        Self {
+            name: name.to_owned(),
+            world,
+            limits,
+            terminals,
+            settings: None,
+            buffer: vec![],
+            running: None,
+            standing: vec![0.0; limits.channels],
+            recording: None,
+        }
+    }
+
+    /// From now on every sample is kept there.
+    pub fn record(&mut self) -> Recording {
+        let recording = Recording::default();
+        self.recording = Some(recording.clone());
+        recording
+    }
+
+    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    /// Begin of a sample, or the end of the last one, after the start.
+    fn time_of(&self, sample: usize) -> Duration {
+        let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
+        Duration::from_secs_f64(sample as f64 / rate)
+    }
+
+    /// Puts out what is due by the bench's clock.
+    fn catch_up(&mut self) {
+        let Some((begun, mut done)) = self.running else {
+            return;
+        };
+        let now = self.world.clock().now();
+        let samples = self.buffer.first().map_or(0, Vec::len);
+        let before = done;
+        while done < samples && begun + self.time_of(done) <= now {
+            for (list, channel) in self
+                .buffer
+                .iter()
+                .zip(self.settings.iter().flat_map(|s| &s.channels))
+            {
+                self.standing[*channel] = self.limits.nearest(list[done]);
+            }
+            if let Some(recording) = &self.recording {
+                locked(recording).push((begun + self.time_of(done), self.standing.clone()));
+            }
+            done += 1;
+        }
+        if done > before {
+            (self.terminals)(&self.standing);
+        }
+        self.running = Some((begun, done));
+    }
+
+    /// That no buffer is being put out.
+    ///
+    /// # Errors
+    /// [`Failure`] if the line is dead, or if one is.
+    fn free(&mut self) -> Result<(), Failure> {
+        self.world.alive(&self.name)?;
+        self.catch_up();
+        if self
+            .running
+            .is_some_and(|(begun, _)| self.end(begun) > self.world.clock().now())
+        {
+            return Err(self.failure(Fault::Refused, "a buffer is being put out; stop it first"));
+        }
+        self.running = None;
+        Ok(())
+    }
+
+    /// When the buffer ends that was begun then.
+    fn end(&self, begun: Duration) -> Duration {
+        begun + self.time_of(self.buffer.first().map_or(0, Vec::len))
+    }
+}
+
+impl Instrument for SimulatedCard {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
+        self.world.identity(&self.name, "analog output card")
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        (self.settings, self.running) = (None, None);
+        self.buffer.clear();
+        self.world.reconnect(&self.name, within)?;
+        // A card that is reset stands at zero.
+        self.standing.fill(0.0);
+        (self.terminals)(&self.standing);
+        Ok(())
+    }
+}
+
+impl AnalogOutput for SimulatedCard {
+    fn limits(&self) -> AnalogLimits {
+        self.limits
+    }
+
+    fn configure(&mut self, settings: &AnalogSettings, _within: Duration) -> Result<(), Failure> {
+        self.free()?;
+        self.limits
+            .check(settings)
+            .map_err(|what| self.failure(Fault::Limit, what))?;
+        self.settings = Some(settings.clone());
+        self.buffer.clear();
+        Ok(())
+    }
+
+    fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure> {
+        self.free()?;
+        let Some(settings) = &self.settings else {
+            return Err(self.failure(Fault::Refused, "it is not configured"));
+        };
+        self.limits
+            .check_buffer(volts, settings.channels.len())
+            .map_err(|what| self.failure(Fault::Limit, what))?;
+        self.buffer = volts.to_vec();
+        Ok(())
+    }
+
+    fn start(&mut self) -> Result<(), Failure> {
+        self.free()?;
+        if self.buffer.is_empty() {
+            return Err(self.failure(Fault::Refused, "nothing was written"));
+        }
+        self.running = Some((self.world.clock().now(), 0));
+        self.catch_up();
+        Ok(())
+    }
+
+    fn wait(&mut self, within: Duration) -> Result<(), Failure> {
+        self.world.alive(&self.name)?;
+        let Some((begun, _)) = self.running else {
+            return Err(self.failure(Fault::Refused, "nothing was started"));
+        };
+        let mishap = self.world.use_of(&self.name, within);
+        if mishap.as_ref().is_ok_and(|m| *m == Some(Mishap::Stall)) {
+            self.catch_up();
+            self.running = None;
+            return Err(self.failure(Fault::Stalled, "the clock of its samples stopped on the way"));
+        }
+        if let Err(failure) = mishap {
+            self.catch_up();
+            return Err(failure);
+        }
+        let clock = self.world.clock();
+        let end = self.end(begun);
+        if end > clock.now() + within {
+            clock.sleep(within);
+            self.catch_up();
+            return Err(self.failure(Fault::Timeout, "the buffer is being put out still"));
+        }
+        clock.sleep_until(end);
+        self.catch_up();
+        self.running = None;
+        Ok(())
+    }
+
+    fn stop(&mut self, _within: Duration) -> Result<(), Failure> {
+        self.world.alive(&self.name)?;
+        self.catch_up();
+        self.running = None;
+        Ok(())
+    }
+}
