@@ -632,3 +632,199 @@ fn a_camera_of_another_build_is_told() {
     );
     assert!(!bench.path("s.zarr").exists());
 }
+
+/// Runs a command of the program, which must succeed, and returns what it prints.
+fn said(words: &[&str], paths: &[&Path]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    command.args(words).args(paths);
+    let output = command.output().expect("runs");
+    assert!(output.status.success(), "{words:?}: {}", text(&output));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A value and its error of a printed line.
+fn stated(told: &str, name: &str) -> [f64; 2] {
+    let line = told
+        .lines()
+        .find(|l| l.starts_with(name))
+        .unwrap_or_else(|| panic!("{name}: {told}"));
+    let words: Vec<f64> = line[name.len()..]
+        .split([' ', ','])
+        .filter_map(|w| w.parse().ok())
+        .collect();
+    [words[0], words.get(1).copied().unwrap_or(f64::NAN)]
+}
+
+/// A plane that a simulated counter scans tells its response and when its clock begins, to 5 sigma; rig files take it.
+#[test]
+fn a_scanned_plane_calibrates_the_counter() {
+    let bench = Bench::new("");
+    // Light comes back in the middle of a bin.
+    let metres = 266.5 * 25.0 * 299_792_458e-12 / 2.0;
+    let scene = format!(
+        "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 1\n\
+         pose.look_at = {{ origin = [0, 0, 0], target = [0, 0, -1], up = [0, 1, 0] }}\n\
+         [projector]\ncoaxial = true\nirradiance = [1]\n[materials]\nwhite.diffuse.albedo = [0.8]\n\
+         [[objects]]\nmaterial = \"white\"\nshape.rectangle = {{ corner = [-1, -1, {z}], u = [2, 0, 0], v = [0, 2, 0] }}\n\
+         [[slices]]\nname = \"spatial\"\n",
+        z = -metres
+    );
+    std::fs::write(bench.path("plane.toml"), scene).expect("writes");
+    let sample = "sample = \"air\"\nbrightness = 0.3\n";
+    let spad = "mode = \"synchronous\"\nphotons_per_unit = 2\ndark_counts_per_s = 2000\n";
+    let detectors = format!(
+        "[detector.spad]\n{spad}[bench.spad]\n{spad}irf_fwhm_ps = 61\nirf_tail = 0.3\nirf_tail_ps = 150\n"
+    );
+    let rig = RIG.replace(sample, "scene = \"plane.toml\"\nspp = 16\n") + &detectors;
+    std::fs::write(bench.path("rig.toml"), &rig).expect("writes");
+    let plan = SCAN
+        .replace("points = [5, 4]", "points = [4, 4]")
+        .replace("fov_x_deg = 10", "fov_x_deg = 1");
+    let plan = plan
+        .replace("bins = 64", "bins = 400")
+        .replace("dwell_ms = 2", "dwell_ms = 20");
+    std::fs::write(bench.path("plan.toml"), plan).expect("writes");
+    let mut run = bench.command("plan.toml", "plane.zarr", &[]);
+    let output = run.current_dir(bench.0.path()).output().expect("runs");
+    assert!(output.status.success(), "{}", text(&output));
+    let (store, out) = (bench.path("plane.zarr"), bench.path("counter.toml"));
+    let distance = format!("--distance={metres}");
+    let told = said(
+        &["calibrate", "counter", &distance],
+        &[&store, Path::new("-o"), &out],
+    );
+    println!("{told}");
+    for (name, truth) in [
+        ("width (FWHM)", 61.0),
+        ("share of the tail", 0.3),
+        ("time of the tail", 150.0),
+    ] {
+        let [value, sigma] = stated(&told.replace(" ps", "").replace('±', ""), name);
+        assert!(
+            (value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth,
+            "{name}: {value} ± {sigma}"
+        );
+    }
+    let found: toml::Table = std::fs::read_to_string(&out)
+        .expect("reads")
+        .parse()
+        .expect("TOML");
+    let temporal: sunstone::rig::calibrate::temporal::zero::Temporal = found["temporal"]
+        .clone()
+        .try_into()
+        .expect("what the library writes");
+    let z2: f64 = (0..16)
+        .map(|p| (temporal.zero_ps.at(p) / temporal.sigma_ps.at(p)).powi(2))
+        .sum();
+    // Of 16 squares, five standard deviations of their sum.
+    assert!(z2 < 16.0 + 5.0 * 32.0_f64.sqrt(), "{z2}");
+    // At a plane that is 3 mm nearer, time zeros are 20 ps late: that must be seen.
+    let wrong = format!("--distance={}", metres - 3e-3);
+    let told = said(
+        &["calibrate", "counter", &wrong],
+        &[&store, Path::new("-o"), &bench.path("wrong.toml")],
+    );
+    let late = stated(&told.replace(" ps", ""), "time zero")[0];
+    assert!((late - 20.01).abs() < 1.0, "{late}");
+    std::fs::write(
+        bench.path("rig.toml"),
+        format!("calibration = [\"counter.toml\"]\n{rig}"),
+    )
+    .expect("writes");
+    let mut again = bench.command("plan.toml", "again.zarr", &[]);
+    assert!(
+        again
+            .current_dir(bench.0.path())
+            .output()
+            .expect("runs")
+            .status
+            .success()
+    );
+    for (arguments, words) in [
+        (
+            vec!["calibrate", "counter", "--distance=1,2"],
+            "each of the 1 runs",
+        ),
+        (vec!["calibrate", "sensor"], "it is of a scan"),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        let output = command
+            .args(&arguments)
+            .arg(&store)
+            .arg("-o")
+            .arg(bench.path("x.toml"))
+            .output()
+            .expect("runs");
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output).contains(words), "{}", text(&output));
+    }
+}
+
+/// Dark and lit frames of a simulated camera tell its gain, read noise, black level and dark current.
+#[test]
+fn still_frames_calibrate_the_sensor() {
+    let bench = Bench::new("");
+    let elements = |kinds: &[(&str, &str)]| -> String {
+        let one = |(side, name): &(&str, &str)| {
+            let kind = name.split('_').next().expect("a kind");
+            format!(
+                "[[{side}]]\nname = \"{name}\"\nkind = \"{kind}\"\nangle_deg = {:?}\n",
+                [0.0; 32]
+            )
+        };
+        kinds.iter().map(one).collect()
+    };
+    let scheme = "name = \"still\"\nsensor = { kind = \"intensity\" }\n".to_owned()
+        + &elements(&[
+            ("generator", "polarizer_1"),
+            ("generator", "retarder_2"),
+            ("analyzer", "retarder_3"),
+            ("analyzer", "polarizer_4"),
+        ]);
+    std::fs::write(bench.path("still.toml"), scheme).expect("writes");
+    let levels = "[0.5, 1, 2, 3, 4, 6, 8, 10, 12, 14, 16, 18, 20, 24, 28, 40]";
+    let plan = CAMERA
+        .replace(
+            "scheme = { kind = \"quad\", captures = 6 }",
+            "scheme = \"still.toml\"",
+        )
+        .replace("[10, 40]", levels)
+        .replace(", { name = \"epipolar\", stripes = 3 }", "")
+        .replace("saturated_share = 0.9", "saturated_share = 1.0");
+    std::fs::write(bench.path("plan.toml"), plan).expect("writes");
+    let truth = "quantum_efficiency = 0.6\nphotons_per_unit = 6e6\nread_noise_e = 4.5\ndark_current_e_s = 300\nfull_well_e = 12000\n\
+                 gain_e_per_dn = 3.2\nblack_level_dn = 40\n";
+    let detectors = format!("[detector.cmos]\nphotons_per_unit = 6e6\n[bench.cmos]\n{truth}");
+    std::fs::write(bench.path("rig.toml"), format!("{RIG}{detectors}")).expect("writes");
+    let output = bench.run("plan.toml", "still.zarr", &[]);
+    assert!(output.status.success(), "{}", text(&output));
+    let out = bench.path("sensor.toml");
+    let told = said(
+        &["calibrate", "sensor"],
+        &[&bench.path("still.zarr"), Path::new("-o"), &out],
+    );
+    println!("{told}");
+    let plain = told
+        .replace(['±'], "")
+        .replace(" e/DN", "")
+        .replace(" e/s", "")
+        .replace(" DN", "")
+        .replace(" e", "");
+    for (name, truth) in [("gain", 3.2), ("read noise", 4.5)] {
+        let [value, sigma] = stated(&plain, name);
+        assert!(
+            (value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth,
+            "{name}: {value} ± {sigma}"
+        );
+    }
+    // Of 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the current 8 e/s.
+    assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{told}");
+    assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{told}");
+    let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
+    std::fs::write(bench.path("rig.toml"), rig).expect("writes");
+    assert!(bench.run("plan.toml", "again.zarr", &[]).status.success());
+    let store = Run::open(&bench.path("again.zarr"), None).expect("a run");
+    let believed = &store.attributes()["detector"]["cmos"];
+    let gain = believed["gain_e_per_dn"].as_f64().expect("a number");
+    assert!((gain - 3.2).abs() < 0.1, "{believed}");
+}

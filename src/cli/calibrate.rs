@@ -1,5 +1,6 @@
 //! `sunstone calibrate`.
 
+use super::calibrate_detector;
 use super::failure::Failure;
 use super::places;
 use clap::{Args, Subcommand, ValueEnum};
@@ -16,7 +17,7 @@ use sunstone::rig::calibrate::geometric::image::{Image, png_bytes};
 use sunstone::rig::calibrate::geometric::light::{Sequence, at_corners, decode};
 use tracing::info;
 
-/// Calibrate cameras and projectors from images.
+/// Calibrate cameras and projectors from images, and detectors from runs.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -33,6 +34,8 @@ enum What {
     Board(BoardArguments),
     Patterns(PatternArguments),
     Projector(ProjectorArguments),
+    Counter(calibrate_detector::Counter),
+    Sensor(calibrate_detector::Sensor),
 }
 
 /// The target, and how it is fitted.
@@ -190,6 +193,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         What::Board(a) => board(a),
         What::Patterns(a) => patterns(a),
         What::Projector(a) => projector(a),
+        What::Counter(a) => calibrate_detector::counter(a),
+        What::Sensor(a) => calibrate_detector::sensor(a),
     }
 }
 

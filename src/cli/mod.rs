@@ -1,6 +1,7 @@
 //! Command line: one module a command, one exit point.
 
 mod calibrate;
+mod calibrate_detector;
 mod capture;
 mod decompose;
 mod export;

@@ -49,6 +49,8 @@ const READERS: &[(&str, &str, &str)] = &[
     ("ptu write {x} -o out.ptu --record timeharp-260-p-t3 --period-ps 100000", "x.csv", "events.csv"),
     ("calibrate board {x} --columns 4 --rows 3 --square 25mm -o out.toml", "x.png", "image.png"),
     ("calibrate board {x} --columns 4 --rows 3 --square 25mm -o out.toml", "x.npy", "M.npy"),
+    ("calibrate counter {x} --distance 1 -o out.toml", "x.zarr", "M.npy"),
+    ("calibrate sensor {x} -o out.toml", "x.zarr", "M.npy"),
     ("calibrate projector {x} --columns 4 --rows 3 --square 25mm --projector 6x4 -o out.toml", "x", "image.png"),
     ("scheme show {x}", "x.toml", "drr36.toml"),
     ("scheme matrix {x} -o out.npy", "x.toml", "drr36.toml"),

@@ -85,6 +85,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ("ptu write {f}/events.csv -o out.ptu --record {v} --period-ps 100000", &[]),
     ("ptu write {f}/events.csv -o out.ptu --record timeharp-260-p-t3 --period-ps {v}", &[]),
     ("ptu write {f}/events.csv -o out.ptu --record timeharp-260-p-t3 --period-ps 100000 --resolution-ps {v}", &[]),
+    ("calibrate counter {f}/scan.zarr -o out.toml --distance {v}", &[]),
     ("calibrate patterns --projector {v} -o out", &[]),
     ("calibrate patterns --projector 6x4 --shifts {v} -o out", &["0"]),
     ("calibrate patterns --projector 6x4 --shifts 4 --period {v} -o out", &[]),

@@ -25,7 +25,7 @@ const MIDDLE: usize = 4;
 
 /// A run that is read.
 pub struct Run {
-    store: FrameStore,
+    pub(super) store: FrameStore,
     /// The plan's scheme, its elements where their stages' encoders said that they stood.
     pub scheme: Scheme,
     /// Wavelength, nanometres.
@@ -34,7 +34,7 @@ pub struct Run {
     pub masks: Vec<String>,
     /// Horizontal field of view of a scan, radians.
     pub fov_x: Option<f64>,
-    work: Value,
+    pub(super) work: Value,
     detector: Value,
 }
 
@@ -189,8 +189,25 @@ impl Run {
         self.store.attributes()
     }
 
-    fn damaged(&self, what: &str) -> ImageError {
+    pub(super) fn damaged(&self, what: &str) -> ImageError {
         ImageError(format!("{}: {what} is damaged", self.store.path().display()))
+    }
+
+    /// Bits of a camera's numbers.
+    #[must_use]
+    pub fn bits(&self) -> u32 {
+        match self.work["format"].as_str() {
+            Some("Mono8") => 8,
+            Some("Mono10p") => 10,
+            Some("Mono12p") => 12,
+            _ => 16,
+        }
+    }
+
+    /// A camera's gain over that at 0 dB.
+    #[must_use]
+    pub fn gain(&self) -> f64 {
+        10_f64.powf(self.work["gain_db"].as_f64().unwrap_or(0.0) / 20.0)
     }
 
     fn camera(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
@@ -228,15 +245,9 @@ impl Run {
         if times.iter().any(|t| !(*t > 0.0 && t.is_finite())) {
             return Err(self.damaged("`exposure`"));
         }
-        let bits = match self.work["format"].as_str() {
-            Some("Mono8") => 8,
-            Some("Mono10p") => 10,
-            Some("Mono12p") => 12,
-            _ => 16,
-        };
-        cmos.bit_depth = cmos.bit_depth.min(bits);
+        cmos.bit_depth = cmos.bit_depth.min(self.bits());
         let full = ((1_u64 << cmos.bit_depth) - 1) as f64;
-        let gain = 10_f64.powf(self.work["gain_db"].as_f64().unwrap_or(0.0) / 20.0);
+        let gain = self.gain();
         cmos.gain_e_per_dn = Some(cmos.gain_e_per_dn.unwrap_or(cmos.full_well_e / full) / gain);
         cmos.exposure_s = times[0];
         cmos.bracket = times.iter().map(|t| t / times[0]).collect();
@@ -308,7 +319,7 @@ impl Run {
         Ok(out)
     }
 
-    fn pulses(&self) -> Result<Vec<f64>, ImageError> {
+    pub(super) fn pulses(&self) -> Result<Vec<f64>, ImageError> {
         let read = self
             .store
             .read_column("pulses")

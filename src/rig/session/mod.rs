@@ -6,6 +6,7 @@
 //! ```
 
 pub mod assemble;
+mod calibrated;
 mod galvo_file;
 pub mod geometry;
 pub mod image;
@@ -13,6 +14,7 @@ pub mod journal;
 pub mod lab;
 pub mod masks;
 pub mod mueller;
+pub mod own_detector;
 pub mod plan;
 pub mod progress;
 pub mod recover;

@@ -20,6 +20,7 @@
 //! optics = "optics.toml"             # a scheme file with the elements as they are in truth
 //! ```
 
+use super::calibrated;
 use super::galvo_file;
 use super::geometry::Geometry;
 use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
@@ -320,6 +321,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             ));
         }
     }
+    // The bench is what it is, whatever is believed of it.
+    let (cmos, spad) = calibrated::detectors(path, &file.calibration, cmos, spad)?;
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {

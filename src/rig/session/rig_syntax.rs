@@ -288,6 +288,9 @@ fn spatial() -> String {
 #[serde(deny_unknown_fields)]
 pub(super) struct RigFile {
     pub(super) name: Option<String>,
+    /// What `sunstone calibrate counter` or `sensor` wrote: detectors as they were found.
+    #[serde(default)]
+    pub(super) calibration: Vec<PathBuf>,
     pub(super) wavelength_nm: Option<f64>,
     #[serde(default)]
     pub(super) stages: BTreeMap<String, Located<StageFile>>,

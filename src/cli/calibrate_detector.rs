@@ -1,0 +1,289 @@
+//! `sunstone calibrate counter` and `sunstone calibrate sensor`.
+
+use super::failure::Failure;
+use super::places;
+use clap::Args;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use sunstone::base::whole_file;
+use sunstone::polarimetry::capture::detector::response::FWHM_PER_SIGMA;
+use sunstone::polarimetry::capture::detector::spad::Mode;
+use sunstone::rig::calibrate::radiometric::apply::{self, Radiometry};
+use sunstone::rig::calibrate::temporal::zero::{self, Temporal};
+use sunstone::rig::calibrate::temporal::{Impulse, Shape};
+use sunstone::rig::session::image::Run;
+
+/// Find a photon counter's response and the time zero of every scan point, from scans of a plane.
+///
+/// Each run is of a plane perpendicular to the middle of the scan, at the distance that is given for it. Free-running diodes need
+/// histograms of the laser's whole period. Written are `[temporal]`, with a time zero and its error for every point, and what rig
+/// files take as `[detector.spad]` by `calibration = "counter.toml"`.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  sunstone calibrate counter plane.zarr --distance 1.5 -o counter.toml
+  sunstone calibrate counter near.zarr far.zarr --distance 0.8,2.4 -o counter.toml         tells the clock's error as well")]
+pub struct Counter {
+    /// Runs of planes.
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// From the mirrors' pivot to the plane, metres, one for each run.
+    #[arg(long, value_name = "METRES", value_delimiter = ',', required = true)]
+    distance: Vec<f64>,
+    /// File to write.
+    #[arg(short, long, value_name = "COUNTER.toml")]
+    output: PathBuf,
+}
+
+/// Find a camera's gain, noise, dark signal, linearity and flat field, from dark and lit frames.
+///
+/// The run is of a plan with masks "dark" and "full", exposures up to saturation, and a scheme that repeats one setting, sixteen times or
+/// more. Written are `[radiometric]`, with numbers for every pixel, and what rig files take as `[detector.cmos]` by
+/// `calibration = "sensor.toml"`.
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  sunstone calibrate sensor still.zarr -o sensor.toml")]
+pub struct Sensor {
+    /// Run of dark and lit frames.
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// File to write.
+    #[arg(short, long, value_name = "SENSOR.toml")]
+    output: PathBuf,
+}
+
+pub fn counter(a: &Counter) -> Result<(), Failure> {
+    places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
+    places::extension(&a.output, "calibrations are", &["toml"])?;
+    if a.distance.len() != a.runs.len() || a.distance.iter().any(|d| !(0.0..=1e6).contains(d)) {
+        return Err(Failure::input(format!(
+            "--distance: give metres, 0 to 1e6, for each of the {} runs",
+            a.runs.len()
+        )));
+    }
+    let mut all = vec![];
+    let mut start = Impulse::default();
+    for path in &a.runs {
+        let run = Run::open(path, None).map_err(Failure::input)?;
+        all.push(run.histograms().map_err(Failure::input)?);
+        if let Some(spad) = run.diode().map_err(Failure::input)? {
+            start = Impulse {
+                sigma_ps: spad.irf_fwhm_ps / FWHM_PER_SIGMA,
+                tail_share: spad.irf_tail,
+                tail_ps: spad.irf_tail_ps,
+                after_pulsing: if spad.mode == Mode::FreeRunning {
+                    spad.after_pulsing
+                } else {
+                    0.0
+                },
+            };
+        }
+    }
+    let (counter, points) = (all[0].counter, all[0].points);
+    if let Some(k) = all
+        .iter()
+        .position(|h| h.counter != counter || h.points != points)
+    {
+        return Err(Failure::input(format!(
+            "{}: its counter or its points are not those of {}; calibrate runs of one plan together",
+            a.runs[k].display(),
+            a.runs[0].display()
+        )));
+    }
+    let captures: Vec<_> = all
+        .iter()
+        .zip(&a.distance)
+        .flat_map(|(h, d)| h.of_plane(*d))
+        .collect();
+    let synchronous = counter.mode == Mode::Synchronous;
+    let options = zero::Options {
+        start,
+        free: Shape::ALL
+            .into_iter()
+            .filter(|s| *s != Shape::AfterPulsing || counter.after_pulse_ps.is_some() && !synchronous)
+            .collect(),
+        correct_clock: false,
+    };
+    let found = zero::calibrate(&counter, &captures, points, &options).map_err(Failure::input)?;
+    let r = found.response;
+    let mut spad = json!({
+        "irf_fwhm_ps": r.fwhm_ps(),
+        "irf_tail": r.tail_share,
+        "irf_tail_ps": r.tail_ps,
+    });
+    if options.free.contains(&Shape::AfterPulsing) {
+        spad["after_pulsing"] = json!(r.after_pulsing);
+    }
+    write(
+        &a.output,
+        "temporal",
+        toml::Value::try_from(&found),
+        &json!({"spad": spad}),
+    )?;
+    super::output::print(told(&found).trim_end())?;
+    super::output::print(&a.output.display().to_string())
+}
+
+fn told(found: &Temporal) -> String {
+    let r = found.response;
+    let values = [
+        (
+            "width (FWHM)",
+            r.fwhm_ps(),
+            found.response_sigma[0] * FWHM_PER_SIGMA,
+            " ps",
+        ),
+        ("share of the tail", r.tail_share, found.response_sigma[1], ""),
+        ("time of the tail", r.tail_ps, found.response_sigma[2], " ps"),
+        ("after-pulses", r.after_pulsing, found.response_sigma[3], ""),
+    ];
+    let mut text = String::new();
+    for (name, value, sigma, unit) in values {
+        let sigma = if sigma > 0.0 {
+            format!("± {sigma:.4}")
+        } else {
+            "not fitted".into()
+        };
+        text.push_str(&format!("{name:<18} {value:>10.4}{unit} {sigma}\n"));
+    }
+    let known: Vec<f64> = (0..found.zero_ps.len())
+        .map(|p| found.zero_ps.at(p))
+        .filter(|z| z.is_finite())
+        .collect();
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    let spread = (known.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / known.len() as f64).sqrt();
+    text.push_str(&format!(
+        "time zero          {mean:>10.4} ps, {spread:.4} ps from point to point, of {} of {} points\n",
+        known.len(),
+        found.zero_ps.len()
+    ));
+    if let Some(clock) = &found.clock {
+        text.push_str(&format!(
+            "clock              {:>10.2e} ± {:.1e} too fast\n",
+            clock.relative_error, clock.sigma
+        ));
+    }
+    text.push_str(&format!(
+        "chi squared {:.1} over {} degrees of freedom\n",
+        found.chi_squared, found.freedom
+    ));
+    for words in &found.untold {
+        text.push_str(&format!("not told: {words}\n"));
+    }
+    text
+}
+
+pub fn sensor(a: &Sensor) -> Result<(), Failure> {
+    places::files([Some(&a.run)], [Some(&a.output)])?;
+    places::extension(&a.output, "calibrations are", &["toml"])?;
+    let run = Run::open(&a.run, None).map_err(Failure::input)?;
+    let [dark, light] = run.stacks().map_err(Failure::input)?;
+    let found = apply::calibrate(&dark, &light, &apply::Options::default()).map_err(Failure::input)?;
+    let mut cmos = json!({});
+    let mut lines = String::new();
+    let mut tell =
+        |key: &str, name: &str, value: Option<f64>, sigma: Option<f64>, unit: &str, factor: f64| {
+            let Some(value) = value.filter(|v| v.is_finite()) else {
+                return;
+            };
+            cmos[key] = json!(value * factor);
+            let sigma = sigma.map_or(String::new(), |s| format!(" ± {s:.4}"));
+            lines.push_str(&format!("{name:<18} {value:>10.4}{unit}{sigma}\n"));
+        };
+    let t = found.transfer.as_ref();
+    let gain = t.map(|t| t.gain_e_per_dn);
+    // A rig file's gain is that at 0 dB.
+    let at_zero = run.gain();
+    tell(
+        "gain_e_per_dn",
+        "gain",
+        gain,
+        t.map(|t| t.gain_sigma),
+        " e/DN",
+        at_zero,
+    );
+    tell(
+        "read_noise_e",
+        "read noise",
+        t.map(|t| t.read_noise_e),
+        t.map(|t| t.read_noise_sigma),
+        " e",
+        1.0,
+    );
+    tell(
+        "full_well_e",
+        "full well",
+        t.and_then(|t| t.full_well_e),
+        None,
+        " e",
+        1.0,
+    );
+    let usable = found.dark.usable();
+    let offsets: Vec<f64> = (0..usable.len())
+        .filter(|p| usable[*p])
+        .map(|p| found.dark.offset.at(p))
+        .collect();
+    let offset = offsets.iter().sum::<f64>() / offsets.len() as f64;
+    tell("black_level_dn", "black level", Some(offset), None, " DN", 1.0);
+    let current = found
+        .dark
+        .rate
+        .as_ref()
+        .and(gain)
+        .map(|g| (g * found.dark.mean_rate()).max(0.0));
+    tell("dark_current_e_s", "dark current", current, None, " e/s", 1.0);
+    write(
+        &a.output,
+        "radiometric",
+        toml::Value::try_from(&found),
+        &json!({"cmos": cmos}),
+    )?;
+    super::output::print(&(lines + &more(&found)))?;
+    super::output::print(&a.output.display().to_string())
+}
+
+fn more(found: &Radiometry) -> String {
+    let mut text = String::new();
+    if let Some(l) = &found.linearity {
+        text.push_str(&format!(
+            "linearity error    {:>10.4} %\n",
+            100.0 * l.linearity_error
+        ));
+    }
+    if let Some(f) = &found.flat {
+        text.push_str(&format!(
+            "PRNU               {:>10.4} % ± {:.4}\n",
+            100.0 * f.prnu,
+            100.0 * f.prnu_sigma
+        ));
+    }
+    let d = &found.dark;
+    text.push_str(&format!(
+        "pixels             {} hot, {} noisy, {} stuck",
+        d.hot.len(),
+        d.noisy.len(),
+        d.stuck.len()
+    ));
+    for words in &found.untold {
+        text.push_str(&format!("\nnot told: {words}"));
+    }
+    text
+}
+
+fn write(
+    path: &Path,
+    name: &str,
+    found: Result<toml::Value, toml::ser::Error>,
+    detector: &Value,
+) -> Result<(), Failure> {
+    let mut all = toml::Table::new();
+    all.insert(name.to_owned(), found.map_err(Failure::failed)?);
+    all.insert(
+        "detector".to_owned(),
+        toml::Value::try_from(detector).map_err(Failure::failed)?,
+    );
+    let head = "# A calibrated detector. [detector] is that of a rig file, which takes it by calibration = \"…\".\n\n";
+    let text = head.to_owned() + &toml::to_string(&all).map_err(Failure::failed)?;
+    whole_file::write(path, text.as_bytes()).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+}

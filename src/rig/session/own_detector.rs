@@ -1,0 +1,177 @@
+//! What a run's raw frames say of the very detector that took them: histograms of a plane for the clockwork of a photon counter,
+//! dark and lit frames for a camera.
+
+use super::image::{ImageError, Run};
+use crate::calibrate::radiometric::stack::Stack;
+use crate::calibrate::temporal::captures::{Capture, Counter};
+use polarimetry::capture::detector::spad::Mode;
+use polarimetry::capture::directions::Directions;
+
+/// Speed of light, metres per picosecond.
+const C: f64 = 299_792_458e-12;
+
+/// Histograms of a scan.
+pub struct Histograms {
+    /// The counter, as the run's detector says.
+    pub counter: Counter,
+    /// Scan points.
+    pub points: usize,
+    /// Counts of every capture and point.
+    counts: Vec<Vec<u32>>,
+    /// Laser pulses of each.
+    pulses: Vec<u64>,
+    /// Way to the plane over its distance, by point.
+    slant: Vec<f64>,
+    offset_ps: f64,
+}
+
+impl Histograms {
+    /// The histograms of a plane perpendicular to the middle of the scan, `metres` from the mirrors' pivot.
+    #[must_use]
+    pub fn of_plane(&self, metres: f64) -> Vec<Capture<'_>> {
+        let all = self.counts.iter().zip(&self.pulses).enumerate();
+        all.map(|(i, (counts, pulses))| {
+            let pixel = i % self.points;
+            Capture {
+                pixel,
+                travel_ps: 2.0 * metres * self.slant[pixel] / C - self.offset_ps,
+                counts,
+                pulses: *pulses,
+            }
+        })
+        .collect()
+    }
+}
+
+impl Run {
+    /// The histograms of a scan.
+    ///
+    /// # Errors
+    /// [`ImageError`]: no scan, or damaged.
+    pub fn histograms(&self) -> Result<Histograms, ImageError> {
+        let path = self.store.path().display().to_string();
+        let Some(spad) = self.diode()? else {
+            return Err(ImageError(format!(
+                "{path}: it is of a camera; give a run of a plan with [scan]"
+            )));
+        };
+        let shape: Vec<usize> = self
+            .store
+            .layout()
+            .shape()
+            .into_iter()
+            .map(|n| n as usize)
+            .collect();
+        let (&[captures, height, width, bins], Some(fov)) = (&shape[..], self.fov_x) else {
+            return Err(self.damaged("the frames' shape"));
+        };
+        if width == 0 || height == 0 || bins == 0 {
+            return Err(self.damaged("the frames' shape"));
+        }
+        let view = Directions::pinhole(fov, width, height);
+        let slant = (0..width * height).map(|p| {
+            let [ax, ay] = view
+                .ray(p % width, p / width, [width, height], self.nm)
+                .direction();
+            (1.0 + ax.tan().powi(2) + ay.tan().powi(2)).sqrt()
+        });
+        let mut counts = vec![];
+        for row in 0..captures * height {
+            let all = self
+                .store
+                .read_chunk(row)
+                .map_err(|e| ImageError(e.to_string()))?;
+            counts.extend(all.chunks_exact(bins).map(<[u32]>::to_vec));
+        }
+        let pulses: Vec<u64> = self.pulses()?.into_iter().map(|n| n.max(0.0) as u64).collect();
+        if pulses.len() != counts.len() {
+            return Err(self.damaged("`pulses`"));
+        }
+        let free = spad.mode == Mode::FreeRunning;
+        let counter = Counter {
+            mode: spad.mode,
+            bin_ps: spad.bin_ps,
+            period_bins: spad.period_bins(),
+            dead_ps: if free { spad.dead_time_ps } else { 0.0 },
+            after_pulse_ps: (free && spad.after_pulsing > 0.0).then_some(spad.after_pulse_time_ps),
+        };
+        Ok(Histograms {
+            counter,
+            points: width * height,
+            counts,
+            pulses,
+            slant: slant.collect(),
+            offset_ps: self.work["offset_ps"]
+                .as_f64()
+                .ok_or_else(|| self.damaged("`offset_ps`"))?,
+        })
+    }
+
+    /// Dark and lit frames of a camera, a stack for each exposure; the irradiance of lit ones is the unit.
+    ///
+    /// # Errors
+    /// [`ImageError`]: a scan, no masks `dark` and `full`, captures whose elements stand differently, damaged frames.
+    pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
+        let path = self.store.path().display().to_string();
+        let shape: Vec<usize> = self
+            .store
+            .layout()
+            .shape()
+            .into_iter()
+            .map(|n| n as usize)
+            .collect();
+        let (&[captures, shots, exposures, height, width], true) = (&shape[..], self.fov_x.is_none()) else {
+            return Err(ImageError(format!(
+                "{path}: it is of a scan; give a run of a plan with [camera]"
+            )));
+        };
+        let elements = self.scheme.generator().iter().chain(self.scheme.analyzer());
+        let still = elements.into_iter().all(|e| {
+            let angles: Vec<f64> = (0..captures).map(|k| e.set_at(k).angle.to_degrees()).collect();
+            angles.iter().all(|a| (a - angles[0]).abs() < 0.1)
+        });
+        if !still {
+            return Err(ImageError(format!(
+                "{path}: its captures differ in their angles, so that the light of its frames does; give a run of a scheme that repeats \
+                 one setting, as angle_deg = [0, 0, 0, …]"
+            )));
+        }
+        let list = self.work["masks"]
+            .as_array()
+            .ok_or_else(|| self.damaged("`masks`"))?;
+        let first = |mask: &str| -> Result<usize, ImageError> {
+            let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
+                ImageError(format!(
+                    "{path}: it has no mask `{mask}`; take both: masks = [\"dark\", \"full\"]"
+                ))
+            })?;
+            let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;
+            (first < shots)
+                .then_some(first)
+                .ok_or_else(|| self.damaged("`masks`"))
+        };
+        let bits = self.bits();
+        let times = self.store.layout().axes[2].coords.clone();
+        let stack = |shot: usize, e: usize, light: f64| -> Result<Stack, ImageError> {
+            let told =
+                |e: crate::calibrate::radiometric::RadiometricError| ImageError(format!("{path}: {e}"));
+            let mut stack =
+                Stack::new(height * width, times[e], light, ((1_u64 << bits) - 1) as u32).map_err(told)?;
+            for k in 0..captures {
+                let n = (k * shots + shot) * exposures + e;
+                let frame = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
+                stack.add(&frame).map_err(told)?;
+            }
+            Ok(stack)
+        };
+        let (dark, full) = (first("dark")?, first("full")?);
+        Ok([
+            (0..exposures)
+                .map(|e| stack(dark, e, 0.0))
+                .collect::<Result<_, _>>()?,
+            (0..exposures)
+                .map(|e| stack(full, e, 1.0))
+                .collect::<Result<_, _>>()?,
+        ])
+    }
+}
