@@ -512,7 +512,7 @@ fn damaged_runs_are_told() {
                     }
                     refused += 1;
                 }
-                Err(_) => panic!("{what}: it panicked"),
+                Err(panic) => panic!("{what}: it panicked: {panic:?}"),
             }
             assert!(
                 begun.elapsed() < Duration::from_secs(20),

@@ -77,6 +77,7 @@ fn memory() -> u64 {
     #[cfg(target_os = "linux")]
     {
         let told = rustix::system::sysinfo();
+        #[allow(clippy::useless_conversion)] // of 32 bits on some machines
         u64::try_from(told.totalram).map_or(u64::MAX, |n| n.saturating_mul(u64::from(told.mem_unit)))
     }
     #[cfg(not(target_os = "linux"))]

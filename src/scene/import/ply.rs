@@ -358,9 +358,9 @@ mod tests {
                 .into_bytes();
                 let put = |b: &mut Vec<u8>, le: &[u8]| {
                     if big {
-                        b.extend(le.iter().rev())
+                        b.extend(le.iter().rev());
                     } else {
-                        b.extend(le)
+                        b.extend(le);
                     }
                 };
                 for i in 0..6_u8 {

@@ -200,7 +200,7 @@ mod tests {
         };
         let trace = |(): &mut (), n: WalkNumber, found: &mut dyn FnMut(u32, Splat)| {
             for point in 0..n.walk % 3 {
-                let bent = (n.walk + point) % 4 == 0;
+                let bent = (n.walk + point).is_multiple_of(4);
                 let splat = Splat {
                     walk: n,
                     seen: n.walk as f32,
