@@ -62,10 +62,16 @@ pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
         path: path.to_owned(),
         reason: e.to_string(),
     })?;
-    serde_json::from_slice(&bytes).map_err(|e| OpenError::Damaged {
+    let damaged = |reason: String| OpenError::Damaged {
         path: path.to_owned(),
-        reason: format!("no valid JSON: {e}"),
-    })
+        reason,
+    };
+    match serde_json::from_slice(&bytes) {
+        // What reads or changes a description does so by its keys.
+        Ok(object @ Value::Object(_)) => Ok(object),
+        Ok(_) => Err(damaged("it is no JSON object".into())),
+        Err(e) => Err(damaged(format!("no valid JSON: {e}"))),
+    }
 }
 
 /// The attributes of a group description, `None` where they are no table.

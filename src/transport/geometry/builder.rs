@@ -6,10 +6,12 @@ use super::mesh::Mesh;
 use super::pack::{Pack, Primitive};
 use super::quadric::Quadric;
 use super::tree::Tree;
-use super::triangle::Triangle;
+use super::triangle::{Triangle, vector};
+use arrayvec::ArrayVec;
 use bytemuck::Zeroable;
 use glam::{DAffine3, Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
+use rayon::prelude::*;
 
 /// Collects surfaces, then builds the tree.
 #[derive(Default)]
@@ -32,9 +34,15 @@ pub struct GeometryBuilder {
 /// What has a tree of its own.
 #[derive(Default)]
 struct Set {
-    primitives: Vec<Primitive>,
+    /// Index into the builder's `triangles`, with [`PARALLELOGRAM`] where it is one, or `QUADRIC | index` into `quadrics`.
+    primitives: Vec<u32>,
     bounds: Vec<Aabb>,
 }
+
+/// Set in a triangle's index where all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, is covered.
+const PARALLELOGRAM: u32 = 1 << 30;
+/// A lane of a pack without a triangle.
+const NONE: u32 = u32::MAX;
 
 impl Set {
     fn extent(&self) -> Aabb {
@@ -47,11 +55,11 @@ impl Set {
     }
 }
 
-/// Packs of all trees so far, and their triangles.
+/// Packs of all trees so far, and the indices of their triangles, eight a pack.
 #[derive(Default)]
 struct Packs {
     packs: Vec<Pack>,
-    triangles: Vec<Triangle>,
+    order: Vec<u32>,
 }
 
 impl GeometryBuilder {
@@ -114,13 +122,8 @@ impl GeometryBuilder {
                 }
             };
             let id = self.triangles.len() as u32;
-            self.set().primitives.push(Primitive {
-                v0,
-                e1: v1 - v0,
-                e2: v2 - v0,
-                parallelogram: parallelogram.is_some(),
-                id,
-            });
+            let flag = if parallelogram.is_some() { PARALLELOGRAM } else { 0 };
+            self.set().primitives.push(id | flag);
             self.set()
                 .bounds
                 .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
@@ -136,13 +139,7 @@ impl GeometryBuilder {
     pub fn quadric(&mut self, quadric: Quadric) {
         let (lo, hi) = quadric.bounds();
         let id = QUADRIC | self.quadrics.len() as u32;
-        self.set().primitives.push(Primitive {
-            v0: Vec3A::ZERO,
-            e1: Vec3A::ZERO,
-            e2: Vec3A::ZERO,
-            parallelogram: false,
-            id,
-        });
+        self.set().primitives.push(id);
         self.set().bounds.push(Aabb::new(lo, hi));
         self.quadrics.push(quadric);
     }
@@ -174,13 +171,9 @@ impl GeometryBuilder {
                 continue;
             }
             largest = largest.max(instance.stretch() * group.reach);
-            world.primitives.push(Primitive {
-                v0: Vec3A::ZERO,
-                e1: Vec3A::ZERO,
-                e2: Vec3A::ZERO,
-                parallelogram: false,
-                id: QUADRIC | (self.quadrics.len() + instances.len()) as u32,
-            });
+            world
+                .primitives
+                .push(QUADRIC | (self.quadrics.len() + instances.len()) as u32);
             world.bounds.push(instance.bounds(group));
             instances.push(instance);
         }
@@ -191,10 +184,16 @@ impl GeometryBuilder {
             (bounds.max - bounds.min).max_element()
         };
         let tree = self.tree(&world, extent * SKIN, &mut packs);
+        let any = !world.bounds.is_empty();
+        // What was needed for the trees alone goes before the triangles are put in order.
+        drop((world, std::mem::take(&mut self.groups)));
+        let empty = Triangle::zeroed();
+        let of = |i: &u32| self.triangles.get(*i as usize).copied().unwrap_or(empty);
+        let triangles = packs.order.par_iter().map(of).collect();
         Geometry {
             tree,
             packs: packs.packs,
-            triangles: packs.triangles,
+            triangles,
             normals: self.normals,
             uvs: self.uvs,
             quadrics: self.quadrics,
@@ -205,10 +204,10 @@ impl GeometryBuilder {
             textured: true,
             avx2: avx2(),
             extent,
-            bounds: if world.bounds.is_empty() {
-                [Vec3A::ZERO; 2]
-            } else {
+            bounds: if any {
                 [bounds.min, bounds.max]
+            } else {
+                [Vec3A::ZERO; 2]
             },
             least: (0.01 * extent).max(ROUNDING * largest),
         }
@@ -218,16 +217,27 @@ impl GeometryBuilder {
     fn tree(&self, set: &Set, skin: f32, out: &mut Packs) -> Tree {
         Tree::build(
             &set.bounds,
-            |run| run.iter().all(|i| set.primitives[*i as usize].id & QUADRIC == 0),
+            |run| run.iter().all(|i| set.primitives[*i as usize] & QUADRIC == 0),
             |run| {
-                let members: Vec<Primitive> = run.iter().map(|i| set.primitives[*i as usize]).collect();
-                if members[0].id & QUADRIC != 0 {
-                    return (members[0].id ^ QUADRIC) << 1 | 1;
+                let first = set.primitives[run[0] as usize];
+                if first & QUADRIC != 0 {
+                    return (first ^ QUADRIC) << 1 | 1;
+                }
+                let mut members = ArrayVec::<Primitive, 8>::new();
+                for i in run {
+                    let (id, flag) = index(set.primitives[*i as usize]);
+                    let t = &self.triangles[id as usize];
+                    let [v0, e1, e2] = [t.v0, t.e1, t.e2].map(vector);
+                    members.push(Primitive {
+                        v0,
+                        e1,
+                        e2,
+                        parallelogram: flag,
+                    });
+                    out.order.push(id);
                 }
                 out.packs.push(Pack::new(&members, skin));
-                out.triangles
-                    .extend(members.iter().map(|p| self.triangles[p.id as usize]));
-                out.triangles.resize(8 * out.packs.len(), Triangle::zeroed());
+                out.order.resize(8 * out.packs.len(), NONE);
                 (out.packs.len() as u32 - 1) << 1
             },
         )
@@ -241,13 +251,12 @@ impl GeometryBuilder {
         if set.bounds.is_empty() || middle.abs().cmple(half).all() {
             return Vec3A::ZERO;
         }
-        for (p, b) in set.primitives.iter_mut().zip(&mut set.bounds) {
+        for (p, b) in set.primitives.iter().zip(&mut set.bounds) {
             *b = Aabb::new(b.min - middle, b.max - middle);
-            if p.id & QUADRIC == 0 {
-                p.v0 -= middle;
-                self.triangles[p.id as usize].shift(-middle);
+            if p & QUADRIC == 0 {
+                self.triangles[index(*p).0 as usize].shift(-middle);
             } else {
-                let quadric = &mut self.quadrics[(p.id ^ QUADRIC) as usize];
+                let quadric = &mut self.quadrics[(p ^ QUADRIC) as usize];
                 *quadric = quadric.shifted(-middle);
             }
         }
@@ -260,14 +269,19 @@ impl GeometryBuilder {
         let mut own = 0;
         for set in self.groups.iter_mut().chain([&mut self.world]) {
             own = sorted.len();
-            for p in set.primitives.iter_mut().filter(|p| p.id & QUADRIC != 0) {
-                sorted.push(self.quadrics[(p.id ^ QUADRIC) as usize]);
-                p.id = QUADRIC | (sorted.len() as u32 - 1);
+            for p in set.primitives.iter_mut().filter(|p| **p & QUADRIC != 0) {
+                sorted.push(self.quadrics[(*p ^ QUADRIC) as usize]);
+                *p = QUADRIC | (sorted.len() as u32 - 1);
             }
         }
         self.quadrics = sorted;
         own
     }
+}
+
+/// A triangle's index, and whether it is a parallelogram.
+fn index(primitive: u32) -> (u32, bool) {
+    (primitive & !PARALLELOGRAM, primitive & PARALLELOGRAM != 0)
 }
 
 /// Rays leave instances as if coordinates were no smaller than this share of the largest one: some units of their rounding

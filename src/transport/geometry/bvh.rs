@@ -11,7 +11,7 @@ use super::tree::{Tree, Visit, fetch};
 use super::triangle::{self, Triangle, vector};
 use glam::{Mat3A, Vec3A};
 
-/// Set in [`Hit::leaf`] and in [`Primitive::id`](super::pack::Primitive) for quadrics.
+/// Set in [`Hit::leaf`] and in a builder's primitives for quadrics.
 pub(super) const QUADRIC: u32 = 1 << 31;
 
 /// Triangles reach this far beyond their edges, in units of the scene's extent, so that neighbours overlap by more than

@@ -8,7 +8,7 @@ use super::eight::{Eight, Mask};
 use super::ray::Ray;
 use glam::Vec3A;
 
-/// A triangle, a parallelogram or a quadric, before the tree is built.
+/// A triangle or a parallelogram.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Primitive {
     pub(super) v0: Vec3A,
@@ -16,8 +16,6 @@ pub(super) struct Primitive {
     pub(super) e2: Vec3A,
     /// Covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, not just half of it.
     pub(super) parallelogram: bool,
-    /// Index into the builder's `triangles`, or `QUADRIC | index` into `quadrics`.
-    pub(super) id: u32,
 }
 
 impl Primitive {
