@@ -100,7 +100,7 @@ fn renders() {
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), mirror_room(32, 32, 16, 4, SLICES)).expect("a scene");
     let command = |store: &'static str| ["render", "scene.toml", "--no-figures", "--resume", "-o", store];
-    let longest = duration(at, &command("whole.zarr"));
+    let mut longest = duration(at, &command("whole.zarr"));
     let mut random = Stream::new(1, 0, 0);
     let mut outcomes = Outcomes::default();
     for trial in 0..trials() {
@@ -109,7 +109,14 @@ fn renders() {
         let one = command("s.zarr");
         let some = vec![&one[..]; 1 + trial as usize % 3];
         kill_some(at, &some, &mut random, longest);
+        let before = (outcomes.nothing, outcomes.finished);
         check(at, "s.zarr", &mut outcomes);
+        // Other work on the machine comes and goes, and with it the time that a render takes.
+        if outcomes.finished > before.1 {
+            longest = longest.mul_f64(0.8);
+        } else if outcomes.nothing > before.0 {
+            longest = longest.mul_f64(1.25);
+        }
         run(at, &one, 0);
         assert!(verify(&store).expect("a finished store").faults.is_empty());
         assert_same_store(&store, &at.join("whole.zarr"));

@@ -9,10 +9,11 @@ use std::io::Cursor;
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
-use serde_ply::{ElementDef, PlyFormat, PlyReader, PropertyType, ScalarType};
+use serde_ply::{ElementDef, PlyFormat, PlyReader, PropertyType};
 
 use super::error::{ImportError, ImportProblem};
 use super::part::{MeshPart, finish};
+use super::ply_binary::size;
 use transport::geometry::mesh::Mesh;
 
 const MEND: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";
@@ -212,15 +213,6 @@ fn check_counts(elements: &[ElementDef], ascii: bool, length: usize) -> Result<(
         }
     }
     Ok(())
-}
-
-pub(super) fn size(t: ScalarType) -> usize {
-    match t {
-        ScalarType::I8 | ScalarType::U8 => 1,
-        ScalarType::I16 | ScalarType::U16 => 2,
-        ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
-        ScalarType::F64 => 8,
-    }
 }
 
 fn assemble(vertices: &[Vertex], faces: &[Face]) -> Result<Mesh, ImportError> {

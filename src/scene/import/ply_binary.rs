@@ -30,7 +30,7 @@ pub(super) fn decode(format: &PlyFormat, elements: &[ElementDef], body: &[u8]) -
             return None;
         };
         places.push((p.name.as_str(), (row, kind)));
-        row += super::ply::size(kind);
+        row += size(kind);
     }
     let place = |name: &str| places.iter().find(|(n, _)| *n == name).map(|(_, p)| *p);
     let all = |names: &[&str]| -> Option<Vec<Place>> { names.iter().map(|n| place(n)).collect() };
@@ -61,11 +61,21 @@ pub(super) fn decode(format: &PlyFormat, elements: &[ElementDef], body: &[u8]) -
     })
 }
 
+/// Bytes of a number.
+pub(super) fn size(t: ScalarType) -> usize {
+    match t {
+        ScalarType::I8 | ScalarType::U8 => 1,
+        ScalarType::I16 | ScalarType::U16 => 2,
+        ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
+        ScalarType::F64 => 8,
+    }
+}
+
 /// A number of a row, rounded as `serde_ply` does.
 #[inline]
 fn number(row: &[u8], (at, kind): Place, big: bool) -> f32 {
     let mut word = [0; 8];
-    let n = super::ply::size(kind);
+    let n = size(kind);
     word[..n].copy_from_slice(&row[at..at + n]);
     if big {
         word[..n].reverse();
