@@ -7,6 +7,11 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How often, and how far apart, a lock's file is asked who holds it.
+const TRIES: u32 = 100;
+const WAIT: Duration = Duration::from_millis(2);
 
 /// A lock, held until it is dropped.
 #[derive(Debug)]
@@ -55,15 +60,7 @@ impl Lock {
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
-                    let mut holder = String::new();
-                    let _ = file.take(200).read_to_string(&mut holder);
-                    let holder = holder.trim();
-                    let known = if holder.is_empty() {
-                        "another process"
-                    } else {
-                        holder
-                    };
-                    return Err(LockError::Held(known.to_owned()));
+                    return Err(LockError::Held(holder(file)));
                 }
                 Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
             }
@@ -86,6 +83,20 @@ impl Drop for Lock {
         // While it is locked: nobody else removes it, and who opened it before sees that it has no name any more.
         let _ = std::fs::remove_file(&self.path);
     }
+}
+
+/// Who holds a lock, as its file says. The holder writes that just after it has the lock, so a file that says nothing is asked
+/// again.
+fn holder(mut file: File) -> String {
+    for _ in 0..TRIES {
+        let mut text = String::new();
+        let read = file.rewind().and_then(|()| (&mut file).take(200).read_to_string(&mut text));
+        if read.is_ok() && text.ends_with('\n') {
+            return text.trim().to_owned();
+        }
+        std::thread::sleep(WAIT);
+    }
+    "another process".to_owned()
 }
 
 /// Whether a file is what a path names.
