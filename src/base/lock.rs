@@ -90,7 +90,9 @@ impl Drop for Lock {
 fn holder(mut file: File) -> String {
     for _ in 0..TRIES {
         let mut text = String::new();
-        let read = file.rewind().and_then(|()| (&mut file).take(200).read_to_string(&mut text));
+        let read = file
+            .rewind()
+            .and_then(|()| (&mut file).take(200).read_to_string(&mut text));
         if read.is_ok() && text.ends_with('\n') {
             return text.trim().to_owned();
         }
