@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How long each integrator takes until the median lit pixel of a scene is known to 5 %.
 
-Every scene of scenes/ that is meant for bidirectional paths is rendered by both integrators, its conventional image alone.
+Every scene of scenes/ that is meant for bidirectional paths is rendered by each integrator, its conventional image alone.
 The relative standard error of a pixel falls with the square root of time, so a short render says how long a longer one
 takes. A pixel is lit if the bidirectional render finds at least 1 % of the image's bright light there (99th percentile).
 An integrator that does not find all light never gets there, however small its errors: the lit pixels' light together must
@@ -82,7 +82,7 @@ def main():
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary)
             found = {}
-            for integrator in ("bidirectional", "path"):
+            for integrator in ("bidirectional", "caustics", "path"):
                 mean, error, took, spp = measure(scene, integrator, options.seconds, folder)
                 image = mean.mean(axis=-1)
                 if integrator == "bidirectional":

@@ -50,7 +50,8 @@ def run(*arguments):
 def ours(toml, name, seed):
     """Mean and standard error of column 0 of the Mueller image, [y, x, 4]."""
     store = OUT / f"{name}.zarr"
-    run("render", toml, "-o", store, "--force", "--seed", seed, "--spp", OUR_SPP, "--no-figures")
+    run("render", toml, "-o", store, "--force", "--seed", seed, "--spp", OUR_SPP, "--no-figures",
+        "--integrator", "path")
     data = xarray.open_zarr(store, group="mueller", consolidated=False).isel(wavelength=0, stokes_in=0)
     return data["mean"].values.astype(float), data["std_error"].values.astype(float)
 

@@ -25,7 +25,8 @@ def sunstone(*arguments):
 def render(toml, spp, seed, slices=("mueller",)):
     """Means and standard errors of slices of a scene file, each [wavelength, y, x, (t,) out, in]."""
     store = toml.with_suffix(".zarr")
-    sunstone("render", toml, "-o", store, "--force", "--seed", seed, "--spp", spp, "--no-figures")
+    sunstone("render", toml, "-o", store, "--force", "--seed", seed, "--spp", spp, "--no-figures",
+             "--integrator", "path")
     out = []
     for name in slices:
         data = xarray.open_zarr(store, group=name, consolidated=False)

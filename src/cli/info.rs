@@ -90,7 +90,10 @@ fn scene(scene: &Scene) -> String {
     }
     line("media", scene.media.list.len().to_string());
     let s = &scene.settings;
-    line("integrator", format!("{:?}", s.integrator).to_lowercase());
+    let why = scene
+        .why_integrator()
+        .map_or(String::new(), |why| format!(" ({why})"));
+    line("integrator", format!("{}{why}", s.integrator.name()));
     line("manifold", s.manifold.to_string());
     line("max_depth", s.max_depth.to_string());
     line("samples_per_pixel", s.spp.to_string());

@@ -14,7 +14,7 @@ use sunstone::figure::spec::Figure;
 use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
 use sunstone::store::sink::is_finished;
 use sunstone::transport::render::coverage::missing;
-use sunstone::transport::scene::Scene;
+use sunstone::transport::scene::{Integrator, Scene};
 
 /// Render a scene file to slices of T, with error bars, and draw its figures.
 ///
@@ -33,6 +33,9 @@ pub struct Arguments {
     /// Random seed, instead of the scene's. Renders of different seeds can be merged.
     #[arg(long)]
     seed: Option<u64>,
+    /// Which paths are traced, instead of what the scene says.
+    #[arg(long, value_parser = integrator)]
+    integrator: Option<Integrator>,
     /// Worker threads [default: all cores; at most 8 for each]. The result does not depend on it.
     #[arg(long)]
     threads: Option<usize>,
@@ -48,6 +51,18 @@ pub struct Arguments {
     /// Do not draw the scene's figures.
     #[arg(long)]
     no_figures: bool,
+}
+
+/// An integrator by its name.
+fn integrator(name: &str) -> Result<Integrator, String> {
+    let all = [
+        Integrator::Auto,
+        Integrator::Path,
+        Integrator::Caustics,
+        Integrator::Bidirectional,
+    ];
+    let found = all.into_iter().find(|i| i.name() == name);
+    found.ok_or_else(|| format!("give one of {}", all.map(Integrator::name).join(", ")))
 }
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -126,6 +141,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         scene.settings.spp = spp;
     }
     scene.settings.seed = a.seed.unwrap_or(scene.settings.seed);
+    if let Some(integrator) = a.integrator {
+        scene.set_integrator(integrator);
+    }
     keep_slices(&mut scene, &mut figures, &a.slices)?;
     let (triangles, quadrics) = scene.geometry.counts();
     tracing::info!(
@@ -170,12 +188,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{} -o {}",
+            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{} -o {}",
             summary.tiles_done,
             summary.tiles,
             quoted(&a.scene),
             a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
             a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
+            a.integrator
+                .map_or(String::new(), |v| format!(" --integrator {}", v.name())),
             if a.slices.is_empty() {
                 String::new()
             } else {

@@ -75,11 +75,11 @@ pub struct RenderFile {
     /// Surface interactions before Russian roulette sets in.
     #[serde(skip_serializing_if = "defaults::is_rr_depth")]
     pub rr_depth: u32,
-    /// Which paths are traced.
+    /// Which paths are traced; absent: what the scene needs.
     #[serde(skip_serializing_if = "is_default")]
     pub integrator: Integrator,
-    /// Look for emitters through smooth interfaces that bend light, such as glass and water; absent: where `integrator` is
-    /// `bidirectional`.
+    /// Look for emitters through smooth interfaces that bend light, such as glass and water; absent: unless `integrator` is
+    /// `path`.
     pub manifold: Option<bool>,
     /// Key of the random streams.
     #[serde(skip_serializing_if = "is_default")]
@@ -96,7 +96,7 @@ impl Default for RenderFile {
             spp: defaults::spp(),
             max_depth: defaults::max_depth(),
             rr_depth: defaults::rr_depth(),
-            integrator: Integrator::Path,
+            integrator: Integrator::Auto,
             manifold: None,
             seed: 0,
             tile: defaults::tile(),

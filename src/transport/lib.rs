@@ -13,6 +13,10 @@ pub mod medium;
 
 pub mod device;
 
+mod tables;
+
+mod lit;
+
 pub mod scene;
 
 pub mod accumulate;

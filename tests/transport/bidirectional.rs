@@ -4,6 +4,7 @@ use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate,
 use crate::support::{Rendered, render_scene, scene_of};
 use glam::DVec3;
 use std::f64::consts::PI;
+use std::panic::AssertUnwindSafe;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
@@ -33,7 +34,10 @@ const WALLS: &str = "
 
 fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> Rendered {
     let mut scene: Scene = scene_of(text);
-    scene.settings.integrator = integrator;
+    // Ways through interfaces where these tests ask for them alone.
+    let manifold = scene.settings.manifold && text.contains("manifold = true");
+    scene.set_integrator(integrator);
+    scene.settings.manifold = manifold || integrator == Integrator::Caustics;
     scene.settings.strategy = strategy;
     render_scene(&scene)
 }
@@ -262,6 +266,40 @@ fn mirror_throws_light_on_a_wall() {
         .map(|i| t.at(&[(AxisKind::T, time as usize + i - 12), at[0]]))
         .sum();
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
+}
+
+/// A mirror, a glass ball, a glossy coat under glass and a window in a box, lit by a projector and a point.
+fn redirecting(spp: u32, seed: u32) -> String {
+    devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
+        + DIFFUSE
+        + "glass.dielectric = { ior = 1.5 }\npane.thin_dielectric = { ior = 1.5 }\n"
+        + "mirror.conductor = { metal = \"Ag\" }\n"
+        + WALLS
+        + "[[objects]]\nmaterial = \"mirror\"\nshape.rectangle = { corner = [-0.95, -0.9, 0.2], u = [0.3, 0, -0.9], v = [0, 1.2, 0] }
+           [[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0.3, -0.5, 0.1], radius = 0.35 }
+           [[objects]]\nmaterial = \"pane\"\nshape.rectangle = { corner = [0.2, 0.1, 0.4], u = [0.6, 0, -0.1], v = [0, 0.6, 0] }
+           [[emitters]]\npoint = { position = [0.5, 0.85, 0.5], intensity = 0.3 }
+           "
+}
+
+/// Plain paths, and few samples of what mirrors and glass send on first, are all that paths from both ends find; neither
+/// finds it alone.
+#[test]
+fn redirected_light_and_plain_paths_are_all_light() {
+    let text = redirecting(2048, 8);
+    assert_eq!(scene_of(&text).settings.integrator, Integrator::Caustics);
+    let parts = with(&text, Integrator::Caustics, None);
+    let whole = with(
+        &text.replace("seed = 8", "seed = 9"),
+        Integrator::Bidirectional,
+        None,
+    );
+    let most = assert_agree(&parts, &whole, 0.05, 20);
+    println!("largest deviation {most:.2} sigma");
+    // The comparison sees what paths alone miss.
+    let plain = with(&text.replace("manifold = true", ""), Integrator::Path, None);
+    let seen = std::panic::catch_unwind(AssertUnwindSafe(|| assert_agree(&plain, &whole, 0.05, 20)));
+    assert!(seen.is_err());
 }
 
 /// Lenses of finite aperture, out of focus, on camera and projector.

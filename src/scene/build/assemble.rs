@@ -210,7 +210,7 @@ pub(crate) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, Inpu
         max_depth: ctx.number(&r.max_depth, "max_depth", 1..=1024)?,
         rr_depth: r.rr_depth,
         integrator: r.integrator,
-        manifold: r.manifold.unwrap_or(r.integrator == Integrator::Bidirectional),
+        manifold: r.manifold.unwrap_or(r.integrator != Integrator::Path),
         strategy: None,
         seed: r.seed,
         tile: ctx.number(&r.tile, "tile", 1..=512)?,

@@ -240,15 +240,16 @@ pub struct TileAccumulator<'a> {
 }
 
 impl<'a> TileAccumulator<'a> {
-    /// An accumulator for tiles of the given slices; reused from tile to tile by one thread.
+    /// An accumulator for tiles of the given slices, in so many passes over each pixel; reused from tile to tile by one
+    /// thread.
     #[must_use]
-    pub fn new(plans: &'a [SlicePlan]) -> Self {
+    pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {
             plans,
             sums: plans.iter().map(PixelSums::new).collect(),
             tile: TileSums {
                 plans,
-                slices: plans.iter().map(TileValues::new).collect(),
+                slices: plans.iter().map(|p| TileValues::new(p, passes)).collect(),
                 scratch: Scratch::default(),
                 pixels: [[0; 2]; 2],
                 counts: Vec::new(),
@@ -315,10 +316,10 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Finishes pixel (x, y), of which `n` samples count (those without light included).
+    /// Finishes a pass over pixel (x, y), of which `n` samples count (those without light included). Passes are independent:
+    /// their means and the variances of these are added.
     #[inline]
-    pub fn end_pixel(&mut self, x: u32, y: u32, n: u32) {
-        self.tile.counts.push(n);
+    pub fn end_pass(&mut self, x: u32, y: u32, n: u32) {
         let slices = self.plans.iter().zip(&mut self.sums);
         for ((plan, sums), tile) in slices.zip(&mut self.tile.slices) {
             let Some([iy, ix]) = plan.camera_index(x, y) else {
@@ -328,5 +329,11 @@ impl<'a> TileAccumulator<'a> {
             let pixels = plan.per_index[0][iy as usize] * plan.per_index[1][ix as usize];
             sums.finish_pixel(plan, tile, local, n, f64::from(pixels));
         }
+    }
+
+    /// Finishes the current pixel, with its number of samples.
+    #[inline]
+    pub fn end_pixel(&mut self, samples: u32) {
+        self.tile.counts.push(samples);
     }
 }

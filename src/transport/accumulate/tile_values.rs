@@ -101,19 +101,19 @@ pub(super) struct TileValues {
     shape: [u64; 2],
     entries: Vec<Entry>,
     values: Vec<Finished>,
-    /// Entries by key, where several pixels share one (binned cameras).
+    /// Entries by key, where several pixels share one (binned cameras), or several passes.
     shared: Option<KeyMap>,
 }
 
 impl TileValues {
-    /// Empty, for a slice.
-    pub(super) fn new(plan: &SlicePlan) -> Self {
+    /// Empty, for a slice whose pixels are finished in so many passes.
+    pub(super) fn new(plan: &SlicePlan, passes: usize) -> Self {
         Self {
             start: [0; 2],
             shape: [0; 2],
             entries: Vec::new(),
             values: Vec::new(),
-            shared: (plan.pixels_per_element() > 1).then(KeyMap::default),
+            shared: (plan.pixels_per_element() > 1 || passes > 1).then(KeyMap::default),
         }
     }
 

@@ -76,28 +76,34 @@ impl<'a> Cpu<'a> {
                 continue;
             }
             let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
-            let mut counted = 0;
-            for first in (0..scene.settings.spp).step_by(BATCH) {
-                let samples = first..(first + BATCH as u32).min(scene.settings.spp);
-                let (rays, lists, elements) = tracer.trace(scene, prepared, [x, y], samples.clone());
-                accumulator.tile.record.rays += u64::from(rays);
-                let all_finite = finite(elements);
-                for (sample, list) in samples.zip(lists) {
-                    if !all_finite && list.iter().any(|c| !finite(c.of(elements))) {
-                        accumulator.tile.record.discarded += 1;
-                        continue;
-                    }
-                    if let Some((e, line)) = line {
-                        for c in list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
-                            c.epipolar_px = e.distance_px(line, c.pixel);
+            let mut all = None;
+            for (pass, count) in prepared.passes(scene) {
+                let mut counted = 0;
+                for first in (0..count).step_by(BATCH) {
+                    let samples = first..(first + BATCH as u32).min(count);
+                    let (rays, lists, elements) =
+                        tracer.trace(scene, prepared, pass, [x, y], samples.clone());
+                    accumulator.tile.record.rays += u64::from(rays);
+                    let all_finite = finite(elements);
+                    for (sample, list) in samples.zip(lists) {
+                        if !all_finite && list.iter().any(|c| !finite(c.of(elements))) {
+                            accumulator.tile.record.discarded += 1;
+                            continue;
                         }
+                        if let Some((e, line)) = line {
+                            for c in list.iter_mut().filter(|c| c.pixel != NO_PIXEL) {
+                                c.epipolar_px = e.distance_px(line, c.pixel);
+                            }
+                        }
+                        accumulator.add_sample(sample, list, elements);
+                        counted += 1;
                     }
-                    accumulator.add_sample(sample, list, elements);
-                    counted += 1;
                 }
+                accumulator.end_pass(x, y, counted);
+                all.get_or_insert(counted);
             }
             accumulator.tile.record.samples += u64::from(scene.settings.spp);
-            accumulator.end_pixel(x, y, counted);
+            accumulator.end_pixel(all.unwrap_or(0));
         }
         accumulator.tile.record.seconds = begun.elapsed().as_secs_f64();
     }
@@ -120,6 +126,7 @@ impl TileBackend for Cpu<'_> {
         let Some(mut prepared) = Prepared::new(self.scene, &of, &stop) else {
             return Ok(());
         };
+        let passes = prepared.passes(self.scene).count();
         for (part, tiles) in parts.into_iter().enumerate() {
             if stop() {
                 break;
@@ -134,8 +141,8 @@ impl TileBackend for Cpu<'_> {
                         return Ok(());
                     }
                     let spare = idle().pop();
-                    let (mut accumulator, mut tracer) =
-                        spare.unwrap_or_else(|| (TileAccumulator::new(self.plans), Tracer::new(prepared)));
+                    let (mut accumulator, mut tracer) = spare
+                        .unwrap_or_else(|| (TileAccumulator::new(self.plans, passes), Tracer::default()));
                     self.tile(prepared, tile, &mut accumulator, &mut tracer);
                     take(&mut accumulator.tile)?;
                     idle().push((accumulator, tracer));

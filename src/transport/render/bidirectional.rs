@@ -8,19 +8,22 @@
 //! The emitters' and the camera's pinholes are points of their walks: a lone emitter is next-event estimation, a lone
 //! camera a splat into whatever pixel sees the point. What several strategies can make is weighted by [`super::weight`].
 //!
-//! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone.
+//! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone. `integrator = "caustics"` takes
+//! them in few samples, for those paths alone whose light meets a mirror, a smooth interface or a crystal first: what
+//! [`super::path`] cannot make. The two have no path in common, so what they find is added.
 
 use super::emission::{Emission, Ends, Sender};
 use super::environment::{self, Met};
 use super::flight::From;
-use super::join::{Joiner, Scratch, Setup, most};
-use super::join_manifold::{Takers, behind};
+use super::join::{Joiner, Scratch, Setup, behind, most};
+use super::join_manifold::Takers;
 use super::manifold::Way;
 use super::mirrors::Mirrors;
+use super::point::Point;
 use super::roulette::Roulette;
 use super::spill::Spill;
 use super::splats::{Counts, Splat, Splats, WalkNumber};
-use super::walk::{Limits, Walk};
+use super::walk::{First, Limits, Walk};
 use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::material::Lanes;
 use crate::scene::{Integrator, Scene};
@@ -33,12 +36,30 @@ use std::ops::Range;
 /// Tells the streams of walks from the light from those of camera samples.
 const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 
+/// Tells the streams of samples for redirected light from those of plain paths.
+const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
+
 /// Camera samples that say what is worth a connection.
 const PILOT: u32 = 2048;
+
+/// Plain paths for each sample of redirected light, and the least number of these samples.
+const PATHS_PER_SAMPLE: u32 = 16;
+const LEAST_SAMPLES: u32 = 8;
+
+/// Samples by walks for each camera pixel.
+pub(super) fn samples(scene: &Scene) -> u32 {
+    let spp = scene.settings.spp;
+    match scene.settings.integrator {
+        Integrator::Caustics => spp.div_ceil(PATHS_PER_SAMPLE).max(spp.min(LEAST_SAMPLES)),
+        _ => spp,
+    }
+}
 
 /// What a render by walks works out beforehand.
 pub struct Plan {
     setup: Setup,
+    /// Key of the random streams.
+    seed: u64,
     /// Of the part of the image that is rendered.
     splats: Splats,
     /// Of all parts, where there are several.
@@ -91,10 +112,19 @@ impl Plan {
     ) -> Option<Self> {
         let [w, h] = scene.camera.resolution;
         let manifold = scene.settings.manifold && scene.settings.strategy.is_none();
-        let mirrors = manifold && scene.settings.integrator == Integrator::Bidirectional;
+        let mirrors = manifold && scene.settings.integrator.walks_from_light();
+        let redirected = scene.settings.integrator == Integrator::Caustics;
+        let emission = Emission::new(scene);
+        let seed = scene.settings.seed;
         let mut plan = Self {
+            seed: if redirected { seed ^ REDIRECTED_SEED } else { seed },
             setup: Setup {
-                emission: Emission::new(scene),
+                emission: if redirected {
+                    emission.aimed(scene)
+                } else {
+                    emission
+                },
+                redirected: false,
                 walks: w * h,
                 manifold: manifold && scene.materials.any_interface(),
                 mirrors: if mirrors {
@@ -108,8 +138,10 @@ impl Plan {
             spill: None,
         };
         if scene.settings.strategy.is_none() {
+            // Beside all light.
             plan.setup.roulette = plan.pilot(scene);
         }
+        plan.setup.redirected = redirected;
         if parts.count > 1 && plan.has_splats(scene) {
             let made = Spill::new(
                 plan.counts(scene),
@@ -162,15 +194,20 @@ impl Plan {
     }
 
     /// Whether walks from the light are seen by the camera.
+    /// Points that a walk from the light must have, its end counted, before others connect to it.
+    fn first(&self) -> usize {
+        if self.setup.redirected { 3 } else { 2 }
+    }
+
     fn has_splats(&self, scene: &Scene) -> bool {
         scene.settings.strategy.is_none_or(|[_, t]| t == 1)
-            && scene.settings.integrator == Integrator::Bidirectional
+            && scene.settings.integrator.walks_from_light()
             && self.setup.emission.count() > 0
     }
 
     fn counts(&self, scene: &Scene) -> Counts {
         Counts {
-            samples: scene.settings.spp,
+            samples: samples(scene),
             walks: self.setup.walks,
             pixels: self.setup.walks,
         }
@@ -238,25 +275,29 @@ impl Walks {
         out: &mut Contributions,
     ) -> u32 {
         let pixel = y * scene.camera.resolution[0] + x;
-        let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+        let mut stream = Stream::new(plan.seed, pixel, sample);
         let ends = Ends::draw(scene, &mut stream);
         let [jx, jy] = stream.uniform2().map(f64::from);
         let dir = ends
             .camera
             .direction(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
         let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
+        // What plain paths find is theirs. What a Lambert surface sends to the camera is found by walks from
+        // the light, and over ways through interfaces.
+        let all = !plan.setup.redirected;
         let limits = Limits {
             interactions: most(scene),
             point: usize::MAX,
-            escapes: scene.environment.is_some() || !scene.lights.is_dark(),
+            escapes: all && (scene.environment.is_some() || !scene.lights.is_dark()),
+            first: if all { First::Anything } else { First::NotLambert },
         };
         self.camera.run(scene, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
-        if let (Some(left), None) = (&self.camera.escape, scene.settings.strategy) {
+        if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             environment::seen(scene, &left.chain, left.beam, left.interactions, left.chosen, out);
         }
-        if scene.settings.strategy.is_none() {
+        if scene.settings.strategy.is_none() && all {
             for glow in &self.camera.glows {
                 let Some(light) = scene.lights.of(glow.surface.material) else {
                     continue;
@@ -278,7 +319,7 @@ impl Walks {
             if !point.connects(scene) || !wanted(scene, 1, t) {
                 continue;
             }
-            for source in 0..plan.setup.emission.count() {
+            for source in (0..plan.setup.emission.count()).filter(|_| all) {
                 let lit = plan.setup.emission.pixel(scene, &ends, source, point.surface.p);
                 let coaxial = t == 2 && ends.coaxial;
                 let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
@@ -292,7 +333,7 @@ impl Walks {
                     joiner.join(camera, &[emitter], sender, None, out);
                 }
             }
-            if scene.settings.strategy.is_none() && !scene.lights.is_empty() {
+            if scene.settings.strategy.is_none() && !scene.lights.is_empty() && all {
                 joiner.join_lights(camera, out);
             }
             let over_mirrors = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
@@ -311,7 +352,10 @@ impl Walks {
         }
         // Over the samples, any walk starts anywhere.
         let number = WalkNumber { sample, walk: pixel };
-        if let Some(begun) = self.light_walk(scene, plan, number, usize::MAX) {
+        let goes_on = |first: &Point| all || !first.is_lambert(scene);
+        if self.camera.points.get(1).is_some_and(goes_on)
+            && let Some(begun) = self.light_walk(scene, plan, number, usize::MAX)
+        {
             rays += self.light.rays;
             let mut joiner = Joiner::new(
                 scene,
@@ -320,7 +364,7 @@ impl Walks {
                 &mut self.scratch,
                 &mut stream,
             );
-            for s in 2..=self.light.points.len() {
+            for s in plan.first()..=self.light.points.len() {
                 if !self.light.points[s - 1].connects(scene) {
                     continue;
                 }
@@ -341,16 +385,21 @@ impl Walks {
 
     /// Makes a walk from the light up to a point, and leaves it in `light`; `None` if the scene has no sources.
     fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber, point: usize) -> Option<Begun> {
-        let mut stream = Stream::new(scene.settings.seed ^ LIGHT_SEED, number.walk, number.sample);
+        let seed = plan.seed ^ LIGHT_SEED;
+        let mut stream = Stream::new(seed, number.walk, number.sample);
         let ends = Ends::draw(scene, &mut stream);
         let start = plan
             .setup
             .emission
-            .start(scene, &ends, spread(scene, number), &mut stream)?;
+            .start(scene, &ends, spread(seed, number), &mut stream)?;
         let limits = Limits {
             interactions: most(scene),
             point,
             escapes: false,
+            first: match plan.setup.redirected {
+                true => First::Redirects,
+                false => First::Anything,
+            },
         };
         self.light
             .run(scene, From::Light, &start.end, &mut stream, limits);
@@ -381,7 +430,7 @@ impl Walks {
         };
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
         let weighs = std::mem::take(&mut joiner.weighs);
-        for s in 2..=self.light.points.len() {
+        for s in plan.first()..=self.light.points.len() {
             let light = &self.light.points[..s];
             let point = &light[s - 1];
             if !point.connects(scene) || !wanted(scene, s, 1) {
@@ -478,8 +527,8 @@ impl Walks {
 /// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
 /// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
 #[inline]
-fn spread(scene: &Scene, number: WalkNumber) -> [f32; 2] {
-    let mut shift = Stream::new(scene.settings.seed ^ LIGHT_SEED, u32::MAX, number.sample);
+fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
+    let mut shift = Stream::new(seed, u32::MAX, number.sample);
     let k = f64::from(number.walk);
     [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| {
         let at = (f64::from(shift.uniform()) + k * step).fract() as f32;

@@ -1,5 +1,6 @@
 //! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
 
+use super::aim::Aim;
 use super::bridge::surrounding;
 use super::point::{End, Point};
 use crate::accumulate::NO_PIXEL;
@@ -30,6 +31,8 @@ pub(super) struct Emission {
     /// Filled objects around each source, and around the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
+    /// Where on the projector's image walks start, if not anywhere alike.
+    aim: Option<Aim>,
 }
 
 /// The pinholes that a sample looks and shines through: the devices' own, or points of their lenses.
@@ -137,11 +140,18 @@ impl Emission {
             sources,
             nests: vec![],
             camera: surroundings(scene, scene.camera.origin),
+            aim: None,
         };
         out.nests = (0..out.count())
             .map(|i| surroundings(scene, out.position(scene, &Ends::new(scene), i)))
             .collect();
         out
+    }
+
+    /// Starts walks mostly where the projector's light meets what sends it on along single directions.
+    pub fn aimed(self, scene: &Scene) -> Self {
+        let aim = scene.projector.as_ref().and_then(|p| Aim::new(scene, &p.pinhole));
+        Self { aim, ..self }
     }
 
     /// Number of sources.
@@ -206,7 +216,16 @@ impl Emission {
             (Source::Point(i), _) => scene.points[i].profile.density(dir),
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution.map(|n| n as f32);
-                p.pinhole.pixels_per_steradian(dir) / (w * h)
+                let even = p.pinhole.pixels_per_steradian(dir) / (w * h);
+                match &self.aim {
+                    Some(aim) => {
+                        let at = p.pinhole.project(p.pinhole.origin + dir);
+                        at.map_or(even, |(at, _)| {
+                            even * aim.density([at.x as f32 / w, at.y as f32 / h])
+                        })
+                    }
+                    None => even,
+                }
             }
             (Source::Projector, None) => 0.0,
         }
@@ -225,6 +244,7 @@ impl Emission {
         let (dir, pixel) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution;
+                let at = self.aim.as_ref().map_or(at, |aim| aim.point(at));
                 let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
                 let at = DVec2::from_array(at);
                 (p.pinhole.direction(at), p.pinhole.number(at))

@@ -55,10 +55,10 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
     put("max_depth", json!(scene.settings.max_depth));
-    put(
-        "integrator",
-        json!(format!("{:?}", scene.settings.integrator).to_lowercase()),
-    );
+    put("integrator", json!(scene.settings.integrator.name()));
+    if let Some(why) = scene.why_integrator() {
+        put("integrator_because", json!(why));
+    }
     put("tile", json!(scene.settings.tile));
     put("wavelengths_nm", json!(scene.wavelengths.nm()));
     put("camera", pose(&scene.camera));

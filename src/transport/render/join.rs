@@ -10,7 +10,7 @@ use super::state::Beam;
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
 use crate::material::NO_CRYSTAL;
-use crate::scene::{Integrator, Scene};
+use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -21,6 +21,9 @@ use optics::spectrum::{Spectral, max_lane};
 /// What all connections of a render need.
 pub(super) struct Setup {
     pub emission: Emission,
+    /// Only light counts that is sent on along a single direction first. If a Lambert surface sends it to the camera at last, walks from
+    /// the camera stop there.
+    pub redirected: bool,
     /// Walks from the light per sample.
     pub walks: u32,
     /// Emitters and the camera are looked for through interfaces.
@@ -68,6 +71,13 @@ impl Line {
             arrivals: [None; 2],
         }
     }
+}
+
+/// The first point of a walk that lines can end at.
+#[inline]
+pub(super) fn behind(walk: &[Point]) -> Option<usize> {
+    let last = walk.len() - 1;
+    (1..=last).find(|i| !walk[*i].delta || *i == last)
 }
 
 /// What is recorded of a path beside its matrix.
@@ -129,8 +139,7 @@ impl<'a> Joiner<'a> {
             setup,
             ends,
             scratch,
-            weighs: scene.settings.integrator == Integrator::Bidirectional
-                && scene.settings.strategy.is_none(),
+            weighs: scene.settings.integrator.walks_from_light() && scene.settings.strategy.is_none(),
             rays: 0,
         }
     }
@@ -207,7 +216,10 @@ impl<'a> Joiner<'a> {
             return;
         };
         let straight = Line::straight(dir, way.passed / distance2);
-        let weight = self.weight(camera, light, sender.source, straight);
+        let weight = match self.is_sole(camera, light) {
+            true => 1.0,
+            false => self.weight(camera, light, sender.source, straight),
+        };
         chain.scale(Spectral::splat(weight * factor / distance2));
         let travel = match &last {
             Some(scatter) => {
@@ -257,6 +269,13 @@ impl<'a> Joiner<'a> {
             sheets: 0,
             passed: 1.0,
         })
+    }
+
+    /// True if no other strategy makes the path of a connection of these walks along a straight line.
+    fn is_sole(&self, camera: &[Point], light: &[Point]) -> bool {
+        // Light that comes to the Lambert surface by single directions alone is also looked for from there.
+        let lambert = |p: &Point| p.is_lambert(self.scene) && behind(light) != Some(light.len() - 1);
+        self.setup.redirected && camera.len() == 1 && light.last().is_some_and(lambert)
     }
 
     /// The weight of a connection among all strategies that can make its path.

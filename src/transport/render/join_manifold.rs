@@ -3,7 +3,7 @@
 
 use super::bridge::{Allowed, Start};
 use super::emission::Sender;
-use super::join::{Joiner, Line, Record, meet, most};
+use super::join::{Joiner, Line, Record, behind, meet, most};
 use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
 use super::point::Point;
@@ -42,13 +42,6 @@ impl Takers {
 
 /// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
 const MOST_TRIES: u32 = 1 << 16;
-
-/// The first point of a walk that lines can end at.
-#[inline]
-pub(super) fn behind(walk: &[Point]) -> Option<usize> {
-    let last = walk.len() - 1;
-    (1..=last).find(|i| !walk[*i].delta || *i == last)
-}
 
 impl Joiner<'_> {
     /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
@@ -105,11 +98,14 @@ impl Joiner<'_> {
             );
         });
         let draw = |joiner: &mut Self, lane| find(&[setup.mirrors.draw(joiner.stream)?], lane);
+        let Some(factor) = self.spin_glints(z, source, to) else {
+            return;
+        };
         let found_by_chance = |joiner: &mut Self, lane| {
             let way = draw(joiner, lane)?;
             let again = |_: &u32| draw(joiner, lane).is_some_and(|w| w.is(&way));
             let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
-            Some((way, tries as f32))
+            Some((way, factor * tries as f32))
         };
         if !setup.mirrors.disperses {
             self.each_way(z, found_by_chance, |joiner, way, takers| {
@@ -124,6 +120,23 @@ impl Joiner<'_> {
                 self.join_way(camera, source, &way, Takers::only(lane, tries), out);
             }
         }
+    }
+
+    /// Roulette on the search for ways over curved mirrors from a point to an emitter at `to`.
+    fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A) -> Option<f32> {
+        let (scene, setup) = (self.scene, self.setup);
+        let glints = &setup.mirrors.glints;
+        if setup.mirrors.is_flat() {
+            return None;
+        }
+        let toward = |p: Vec3A| (glints.centre() - p).normalize_or(Vec3A::Z);
+        let scattered = z.scatter(scene, z.back, toward(z.surface.p));
+        let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, toward(to));
+        let expected = z.chain.max_m00()
+            * scattered.map_or(0.0, |s| max_lane(s.m00()))
+            * max_lane(intensity)
+            * glints.thrown(to, z.surface.p);
+        setup.roulette.spin_rough(expected, self.stream)
     }
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that

@@ -9,6 +9,7 @@
 //! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
 
+use super::glints::Glints;
 use super::mirrors_copied::{Copied, area, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Owner, Ray, Surface};
@@ -73,6 +74,8 @@ pub(super) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Curved mirrors besides those, of groups with many copies.
     copied: Copied,
+    /// What curved mirrors throw, about.
+    pub glints: Glints,
     /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
     groups: HashMap<Key, u32>,
     /// Interfaces may move the point of reflection.
@@ -105,8 +108,8 @@ impl Flat {
     }
 }
 
-/// True if a material has a mirror's lobe.
-fn is_mirror(materials: &Materials, material: u32) -> bool {
+/// What a material reflects as a mirror at normal incidence, in the brightest lane, from the side that does more.
+fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface {
         ng: Vec3A::Z,
         ns: Vec3A::Z,
@@ -116,9 +119,9 @@ fn is_mirror(materials: &Materials, material: u32) -> bool {
     };
     let reflects = |wo: Vec3A| {
         let found = materials.specular(material, &surface, wo, Lobe::Reflected, 0);
-        found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
+        found.map_or(0.0, |s| max_lane(s.scatter.m00()))
     };
-    reflects(Vec3A::Z) || reflects(-Vec3A::Z)
+    reflects(Vec3A::Z).max(reflects(-Vec3A::Z))
 }
 
 impl Mirrors {
@@ -129,17 +132,18 @@ impl Mirrors {
             disperses: materials.any_disperses(),
             ..Self::default()
         };
-        let mirrors: Vec<bool> = (0..materials.list.len() as u32)
-            .map(|id| is_mirror(materials, id))
+        let mirrors: Vec<f32> = (0..materials.list.len() as u32)
+            .map(|id| reflectance(materials, id))
             .collect();
-        let is_mirror = |s: &Surface| mirrors.get(s.material as usize).copied().unwrap_or(false);
+        let reflectance = |s: &Surface| mirrors.get(s.material as usize).copied().unwrap_or(0.0);
+        let is_mirror = |s: &Surface| reflectance(s) > 0.0;
         let (mut all, listed) = candidates(geometry, is_mirror);
         if !listed {
             out.copied = copied(geometry, is_mirror, &mut out.groups);
             all.retain(|(key, _)| key.1 == Owner::WORLD);
         }
         let mut planes = HashMap::new();
-        let mut pieces: Vec<(Key, Outline, u32)> = vec![];
+        let mut pieces: Vec<(Key, Outline, u32, f32)> = vec![];
         for (key, outline) in all {
             let (surface, flat) = primitive(geometry, key, &outline);
             if !is_mirror(&surface) {
@@ -161,7 +165,7 @@ impl Mirrors {
             } else {
                 CURVED
             };
-            pieces.push((key, outline, group));
+            pieces.push((key, outline, group, reflectance(&surface)));
         }
         if out.flats.len() > MOST_FLATS {
             out.flats.clear();
@@ -170,15 +174,20 @@ impl Mirrors {
             }
         }
         let mut all = 0.0;
-        for (key, outline, group) in &pieces {
+        for (key, outline, group, _) in &pieces {
             out.groups.insert(*key, *group);
             if *group == CURVED {
                 all += area(outline);
                 out.curved.push((*outline, all));
             }
         }
+        let curved = pieces.iter().filter(|p| p.2 == CURVED);
+        out.glints = match listed {
+            true => Glints::new(curved.map(|(_, o, _, share)| (o, ends(o).into(), *share))),
+            false => Glints::unknown(),
+        };
         let mut bounds = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); out.flats.len()];
-        for (_, outline, group) in &pieces {
+        for (_, outline, group, _) in &pieces {
             if let Some((lo, hi)) = bounds.get_mut(*group as usize) {
                 let (a, b) = ends(outline);
                 (*lo, *hi) = (lo.min(a), hi.max(b));
@@ -202,6 +211,12 @@ impl Mirrors {
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
+    }
+
+    /// True if none of them is curved.
+    #[inline]
+    pub fn is_flat(&self) -> bool {
+        self.curved.is_empty() && self.copied.area() <= 0.0
     }
 
     /// Calls back with the flat mirrors, one or two, that light between a point and an end at `to` may take, from the point

@@ -1,5 +1,6 @@
 //! From a scene to finished tiles of its slices.
 
+mod aim;
 pub mod backend;
 mod bidirectional;
 mod bridge;
@@ -8,6 +9,7 @@ pub mod coverage;
 mod emission;
 mod environment;
 mod flight;
+mod glints;
 mod job;
 mod join;
 mod join_lights;

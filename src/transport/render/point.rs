@@ -148,6 +148,12 @@ impl Point {
         }
     }
 
+    /// True on plain Lambert surfaces.
+    #[inline]
+    pub fn is_lambert(&self, scene: &Scene) -> bool {
+        matches!(self.site, Site::Surface) && scene.materials.lambert(self.surface.material).is_some()
+    }
+
     /// A ray's origin toward `dir` off the surface.
     #[inline]
     pub fn leave(&self, scene: &Scene, dir: Vec3A) -> Vec3A {

@@ -48,6 +48,7 @@ const UNSURE: f32 = 2.0;
 
 /// Probability that is kept where only a guess says that nothing comes.
 const FLOOR: f32 = 0.05;
+const ROUGH_FLOOR: f32 = 0.01;
 
 /// The threshold τ; 0 to make all connections.
 #[derive(Clone, Copy, Debug, Default)]
@@ -80,6 +81,12 @@ impl Roulette {
     #[inline]
     pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
+    }
+
+    /// The same where `expected` is the vaguest guess, and the search is long.
+    #[inline]
+    pub fn spin_rough(self, expected: f32, stream: &mut Stream) -> Option<f32> {
+        Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)
     }
 
     /// Makes a connection with probability expected/threshold.

@@ -115,7 +115,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
             max_depth: 6,
             rr_depth: 3,
             integrator,
-            manifold: integrator == Integrator::Bidirectional,
+            manifold: integrator != Integrator::Path,
             strategy: None,
             seed: 7,
             tile: 8,
@@ -147,7 +147,7 @@ fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
 /// The code for AVX2 and that for any processor render the same bits, by paths and by walks.
 #[test]
 fn every_processor_renders_the_same() {
-    for integrator in [Integrator::Path, Integrator::Bidirectional] {
+    for integrator in [Integrator::Path, Integrator::Caustics, Integrator::Bidirectional] {
         let [fast, plain] = [false, true].map(|plain| {
             let scene = scene(integrator, plain);
             assert!(!(plain && scene.geometry.avx2()));
@@ -206,11 +206,15 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
 /// rendered at once, on any number of threads.
 #[test]
 fn parts_change_no_bit() {
-    let scene = scene(Integrator::Bidirectional, false);
-    let whole = bits(&scene);
-    assert!(whole.1 > 1000, "{}", whole.1);
     // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.
-    for walks in [2000, 100] {
+    for (integrator, walks) in [
+        (Integrator::Bidirectional, 2000),
+        (Integrator::Bidirectional, 100),
+        (Integrator::Caustics, 2000),
+    ] {
+        let scene = scene(integrator, false);
+        let whole = bits(&scene);
+        assert!(whole.1 > 1000, "{}", whole.1);
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)

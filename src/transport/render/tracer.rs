@@ -1,49 +1,58 @@
-//! How the paths of a camera pixel are made: plain paths from the camera, or walks where a scene needs more.
+//! How the paths of a camera pixel are made: plain paths from the camera, walks where a scene needs more, or both, one after
+//! the other.
 
-use super::bidirectional::{Parts, Plan, Walks};
+use super::bidirectional::{Parts, Plan, Walks, samples};
 use super::path::Paths;
 use super::spill::NO_PART;
 use super::tiles;
 use super::views::Views;
 use crate::accumulate::Contribution;
-use crate::device::pinhole::Pinhole;
 use crate::scene::{Integrator, Scene};
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// Makes the paths of one thread.
-pub(super) enum Tracer {
-    Paths(Paths),
-    Walks(Box<Walks>),
+/// How paths are made.
+#[derive(Clone, Copy)]
+pub(super) enum Pass {
+    Paths,
+    Walks,
 }
 
-/// What [`Tracer`]s work out beforehand, for a part of the image.
-pub(super) enum Prepared {
-    Paths(Views),
-    Walks(Plan),
+/// Makes the paths of one thread.
+#[derive(Default)]
+pub(super) struct Tracer {
+    paths: Paths,
+    walks: Walks,
+}
+
+/// What a [`Tracer`] works out beforehand, for a part of the image.
+pub(super) struct Prepared {
+    paths: Option<Views>,
+    walks: Option<Plan>,
 }
 
 /// Walks from the light of which a part of the image has as many points in memory; more than these and it is rendered in parts.
 pub(super) const WALKS_AT_ONCE: u64 = 1 << 22;
 
-/// True if paths must be made by walks: with all that [`Paths`] cannot do, and slower.
+/// True if all paths must be made by walks: with all that [`Paths`] cannot do, and slower.
 fn needs_walks(scene: &Scene) -> bool {
-    let lens = |p: &Pinhole| p.lens.radius > 0.0;
     scene.filled
-        || scene.settings.manifold
-        || scene.settings.integrator == Integrator::Bidirectional
-        || lens(&scene.camera)
-        || scene.projector.as_ref().is_some_and(|p| lens(&p.pinhole))
+        || scene.has_lenses()
+        || match scene.settings.integrator {
+            Integrator::Bidirectional => true,
+            Integrator::Caustics => false,
+            Integrator::Path | Integrator::Auto => scene.settings.manifold,
+        }
 }
 
 /// How many tiles are rendered after one preparation.
 pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     let all = tiles::count(scene) as usize;
-    if scene.settings.integrator == Integrator::Path {
+    if !scene.settings.integrator.walks_from_light() {
         return all;
     }
     let [w, h] = scene.camera.resolution.map(u64::from);
-    let walks = w * h * u64::from(scene.settings.spp);
+    let walks = w * h * u64::from(samples(scene));
     all.div_ceil(walks.div_ceil(walks_at_once) as usize)
 }
 
@@ -77,47 +86,52 @@ impl TileParts {
 impl Prepared {
     /// For an image in parts; `None` once `stop` says so.
     pub fn new(scene: &Scene, parts: &TileParts, stop: &impl Fn() -> bool) -> Option<Self> {
-        if !needs_walks(scene) {
-            return Some(Self::Paths(Views::new(scene)));
-        }
-        Plan::new(scene, &parts.parts(scene), stop).map(Self::Walks)
+        let all_by_walks = needs_walks(scene);
+        let walks = all_by_walks || scene.settings.integrator == Integrator::Caustics;
+        Some(Self {
+            paths: (!all_by_walks).then(|| Views::new(scene)),
+            walks: match walks {
+                true => Some(Plan::new(scene, &parts.parts(scene), stop)?),
+                false => None,
+            },
+        })
     }
 
     /// Turns to a part.
     pub fn turn_to(&mut self, scene: &Scene, parts: &TileParts, part: usize) {
-        if let Self::Walks(plan) = self {
+        if let Some(plan) = &mut self.walks {
             plan.turn_to(scene, &parts.parts(scene), part);
         }
+    }
+
+    /// The passes over each pixel, whose results are added, and their numbers of samples.
+    pub fn passes(&self, scene: &Scene) -> impl Iterator<Item = (Pass, u32)> + use<> {
+        let paths = self.paths.is_some().then_some((Pass::Paths, scene.settings.spp));
+        let walks = self.walks.is_some().then_some((Pass::Walks, samples(scene)));
+        paths.into_iter().chain(walks)
     }
 }
 
 impl Tracer {
-    /// Of the kind that was prepared for.
-    pub fn new(prepared: &Prepared) -> Self {
-        match prepared {
-            Prepared::Paths(_) => Self::Paths(Paths::default()),
-            Prepared::Walks(_) => Self::Walks(Box::default()),
-        }
-    }
-
     /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements.
     pub fn trace(
         &mut self,
         scene: &Scene,
         prepared: &Prepared,
+        pass: Pass,
         pixel: [u32; 2],
         samples: Range<u32>,
     ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
-        match (self, prepared) {
-            (Self::Paths(paths), Prepared::Paths(views)) => {
-                let rays = paths.trace(scene, views, pixel, samples);
-                (rays, &mut paths.lists, &paths.elements)
+        match (pass, &prepared.paths, &prepared.walks) {
+            (Pass::Paths, Some(views), _) => {
+                let rays = self.paths.trace(scene, views, pixel, samples);
+                (rays, &mut self.paths.lists, &self.paths.elements)
             }
-            (Self::Walks(walks), Prepared::Walks(plan)) => {
-                let rays = walks.trace(scene, plan, pixel, samples);
-                (rays, &mut walks.lists, &walks.elements)
+            (Pass::Walks, _, Some(plan)) => {
+                let rays = self.walks.trace(scene, plan, pixel, samples);
+                (rays, &mut self.walks.lists, &self.walks.elements)
             }
-            // Tracers are made for what was prepared.
+            // Passes are those that were prepared for.
             _ => (0, &mut [], &[]),
         }
     }

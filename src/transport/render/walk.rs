@@ -137,6 +137,17 @@ pub(super) struct Limits {
     pub point: usize,
     /// It goes on after the last interaction to see whether it leaves the scene.
     pub escapes: bool,
+    pub first: First,
+}
+
+/// What a walk wants of its first point, lest it end.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum First {
+    Anything,
+    /// That it sends the walk on along a single direction; others are dropped.
+    Redirects,
+    /// Anything but a Lambert surface, where the walk stops.
+    NotLambert,
 }
 
 impl Walk {
@@ -154,7 +165,20 @@ impl Walk {
             interactions: 0,
         };
         self.points.push(Point::end(scene, end));
-        while self.step(scene, &mut progress, stream, limits) {}
+        while self.step(scene, &mut progress, stream, limits) {
+            if let [_, first] = &self.points[..]
+                && match limits.first {
+                    First::Anything => false,
+                    First::Redirects => !first.delta,
+                    First::NotLambert => first.is_lambert(scene),
+                }
+            {
+                break;
+            }
+        }
+        if limits.first == First::Redirects && self.points.get(1).is_some_and(|first| !first.delta) {
+            self.points.truncate(1);
+        }
     }
 
     /// Flies to the next point and draws where to go from there; false where the walk ends.

@@ -1,0 +1,152 @@
+//! What the light of projectors and points meets first, and the integrator that follows from it.
+//!
+//! Projector, points and camera have no extent, so light that leaves one of them by a single direction (over a mirror, through
+//! smooth glass) reaches a given point of a surface by chance never. Where an emitter lights such a surface before any other,
+//! paths from the camera alone miss what comes of it.
+
+use crate::device::pinhole::Pinhole;
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Lobe, Materials};
+use crate::tables::{Integrator, SceneTables};
+use glam::{DVec2, Vec3A};
+use optics::spectrum::max_lane;
+use rayon::prelude::*;
+
+/// Rays along each side of a device's image that are asked what they meet.
+const GRID: u32 = 96;
+
+/// Sheets and null boundaries that a ray passes at most.
+const MOST_SHEETS: u32 = 64;
+
+/// What sends light of one direction on along single ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Redirects {
+    Mirror,
+    /// Manifold connections can follow light through it.
+    Interface,
+    /// Rays part ways in it.
+    Split,
+}
+
+/// Shares of a device's image whose rays meet each kind first.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Meets {
+    pub mirror: f64,
+    pub interface: f64,
+    pub split: f64,
+}
+
+impl Meets {
+    pub fn any(&self) -> bool {
+        self.mirror + self.interface + self.split > 0.0
+    }
+}
+
+/// True if a surface reflects part of the light that comes from `wo` along a single direction.
+fn mirrors(materials: &Materials, at: &Surface, wo: Vec3A) -> bool {
+    let found = materials.specular(at.material, at, wo, Lobe::Reflected, 0);
+    found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
+}
+
+/// What the light along a ray meets that sends it on along single directions; sheets and null boundaries let it pass.
+pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects> {
+    let (geometry, materials) = (&tables.geometry, &tables.materials);
+    for _ in 0..MOST_SHEETS {
+        let hit = geometry.intersect(&ray, f32::INFINITY)?;
+        let surface = geometry.surface(&ray, &hit);
+        let (id, wo) = (surface.material, -ray.dir);
+        if materials.is_interface(id) {
+            return Some(Redirects::Interface);
+        }
+        if materials.is_crystal(id) {
+            return Some(Redirects::Split);
+        }
+        if mirrors(materials, &surface, wo) {
+            return Some(Redirects::Mirror);
+        }
+        if !materials.is_null(id) && materials.straight(id, &surface, wo).is_none() {
+            return None;
+        }
+        ray.origin = geometry.leave(&surface, ray.dir);
+    }
+    None
+}
+
+/// What the rays of a device meet first.
+pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
+    let [w, h] = device.resolution.map(f64::from);
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
+    let counts = (0..GRID * GRID)
+        .into_par_iter()
+        .map(|k| {
+            let dir = device.direction(DVec2::new(w * at(k % GRID), h * at(k / GRID)));
+            let origin = device.origin;
+            match redirects(tables, Ray { origin, dir }) {
+                Some(Redirects::Mirror) => [1, 0, 0],
+                Some(Redirects::Interface) => [0, 1, 0],
+                Some(Redirects::Split) => [0, 0, 1],
+                None => [0_u32; 3],
+            }
+        })
+        .reduce(|| [0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+    let [mirror, interface, split] = counts.map(|n| f64::from(n) / f64::from(GRID * GRID));
+    Meets {
+        mirror,
+        interface,
+        split,
+    }
+}
+
+/// True if light of a point emitter meets a surface first that sends it on along single directions.
+fn points_meet(tables: &SceneTables) -> bool {
+    let at = |i: u32| (i as f32 + 0.5) / GRID as f32;
+    tables.points.iter().any(|point| {
+        (0..GRID * GRID).into_par_iter().any(|k| {
+            let dir = point.profile.sample([at(k % GRID), at(k / GRID)]);
+            let origin = point.position;
+            redirects(tables, Ray { origin, dir }).is_some()
+        })
+    })
+}
+
+/// The integrator that the scene's settings come to, and why.
+pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
+    let asked = tables.settings.integrator;
+    let walks = tables.has_fillings() || tables.has_lenses();
+    match asked {
+        Integrator::Caustics if walks => (
+            Integrator::Bidirectional,
+            "with media or lenses all paths are traced from both ends",
+        ),
+        Integrator::Path | Integrator::Caustics | Integrator::Bidirectional => (asked, ""),
+        Integrator::Auto => {
+            if tables.projector.is_none() && tables.points.is_empty() {
+                return (
+                    Integrator::Path,
+                    "no emitter is a point, so paths from the camera find all light",
+                );
+            }
+            let lit = tables
+                .projector
+                .as_ref()
+                .is_some_and(|p| meets(tables, &p.pinhole).any());
+            if !lit && !points_meet(tables) {
+                return (
+                    Integrator::Path,
+                    "no projector or point lights a mirror, smooth glass or a crystal first, so paths from the camera find all \
+                     light",
+                );
+            }
+            if walks {
+                return (
+                    Integrator::Bidirectional,
+                    "projector or points light mirrors, smooth glass or crystals first, among media or through lenses",
+                );
+            }
+            (
+                Integrator::Caustics,
+                "projector or points light mirrors, smooth glass or crystals first",
+            )
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! About how much light curved mirrors throw on a point: a guess, for roulette to decide by whether to look for it.
+
+use super::mirrors_copied::area;
+use crate::geometry::bvh::Outline;
+use glam::Vec3A;
+use std::f32::consts::PI;
+
+/// Curved mirrors, taken together for one ball that throws what it gets all ways alike.
+#[derive(Debug, Default)]
+pub(super) struct Glints {
+    centre: Vec3A,
+    radius: f32,
+    /// Areas times reflectances, m².
+    reflecting: f32,
+}
+
+impl Glints {
+    /// Of mirrors within bounds, which reflect so much.
+    pub fn new<'a>(mirrors: impl Iterator<Item = (&'a Outline, [Vec3A; 2], f32)>) -> Self {
+        let (mut low, mut high, mut reflecting) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY, 0.0);
+        for (outline, [from, to], reflectance) in mirrors {
+            (low, high) = (low.min(from), high.max(to));
+            reflecting += area(outline) * reflectance;
+        }
+        if reflecting <= 0.0 {
+            return Self::default();
+        }
+        Self {
+            centre: 0.5 * (low + high),
+            radius: 0.5 * (high - low).length(),
+            reflecting,
+        }
+    }
+
+    /// That may throw any amount.
+    pub fn unknown() -> Self {
+        Self {
+            reflecting: f32::INFINITY,
+            ..Self::default()
+        }
+    }
+
+    /// The middle of all.
+    pub fn centre(&self) -> Vec3A {
+        self.centre
+    }
+
+    /// Irradiance at `p` over the intensity of an emitter at `from`, m⁻².
+    pub fn thrown(&self, from: Vec3A, p: Vec3A) -> f32 {
+        let near = |p: Vec3A| {
+            p.distance_squared(self.centre)
+                .max(0.25 * self.radius * self.radius)
+        };
+        self.reflecting / (4.0 * PI * near(from) * near(p))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A far ball throws what its cross-section takes in, all ways alike: a quarter of its surface.
+    #[test]
+    fn a_ball_throws_what_it_takes_in() {
+        let ball = Outline::Ball {
+            centre: Vec3A::X,
+            radius: 0.1,
+        };
+        let bounds = [Vec3A::X - 0.1, Vec3A::X + 0.1];
+        let glints = Glints::new([(&ball, bounds, 0.5)].into_iter());
+        let (from, p) = (Vec3A::new(1.0, 3.0, 0.0), Vec3A::new(1.0, 0.0, -2.0));
+        let taken = 0.5 * PI * 0.01 / 9.0;
+        let want = taken / (4.0 * PI * 4.0);
+        // Half of the ball's surface is lit, and a guess may be off by a few times.
+        let got = glints.thrown(from, p);
+        assert!((got / want - 4.0).abs() < 1e-3, "{}", got / want);
+        assert_eq!(Glints::new(std::iter::empty()).thrown(from, p), 0.0);
+    }
+}
