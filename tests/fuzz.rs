@@ -466,7 +466,7 @@ fn huge_sizes_are_bounded_or_refused() {
         &slice("polarization = \"mueller\"\nbounces = true\nsplit_first_bounce = true"),
     )
     .replace("tile = 8", "tile = 512")
-    .replace("max_depth = 6", "max_depth = 1024");
+    .replace("max_depth = 12", "max_depth = 1024");
     assert!(message(&deep).contains("in one tile"), "{}", message(&deep));
     let plain = sized(32768, 8, "");
     assert!(build(&plain).is_some(), "a large image alone is no fault");

@@ -108,7 +108,14 @@ fn a_chain_of_commands() {
     std::fs::write(d.join("mirror.toml"), &mirror).unwrap();
     let about = run(d, &["info", "mirror.toml"]);
     assert!(
-        about.contains("warning: ") && about.contains("bidirectional"),
+        about.contains("integrator         caustics (") && !about.contains("warning"),
+        "{about}"
+    );
+    let plain = mirror.replace("[render]", "[render]\nintegrator = \"path\"");
+    std::fs::write(d.join("plain.toml"), plain).unwrap();
+    let about = run(d, &["info", "plain.toml"]);
+    assert!(
+        about.contains("warning: ") && about.contains("leave out integrator"),
         "{about}"
     );
     let both = mirror.replace("[render]", "[render]\nintegrator = \"bidirectional\"");

@@ -104,7 +104,7 @@ const CASES: &[Case] = &[
     ("a field of view of 0", "fov_x_deg = 50", "fov_x_deg = 0", "^0\npose", "0°"),
     ("two focal lengths", "fov_x_deg = 50", "fov_x_deg = 50\nfx = 20", "[camera]", "more than one"),
     ("a huge resolution", "resolution = [16, 16]", "resolution = [40000, 16]", "^[40000, 16]", "40000"),
-    ("an unknown integrator", "spp = 1", "spp = 1\nintegrator = \"photon\"", "^\"photon\"", "expected `path` or `bidirectional`"),
+    ("an unknown integrator", "spp = 1", "spp = 1\nintegrator = \"photon\"", "^\"photon\"", "one of `auto`, `path`, `caustics`, `bidirectional`"),
     ("a medium that is not there", "material = \"gold\"", "material = \"gold\"\ninterior = \"milk\"", "^\"milk\"", "no medium `milk`"),
     ("an aperture in focus nowhere", "fov_x_deg = 50", "fov_x_deg = 50\naperture = { radius = 0.01, focus = 0 }", "^{ radius = 0.01", "in focus at 0 m"),
     ("a null material with keys", "glass.dielectric = { ior = 1.5 }", "glass.null = { ior = 1.5 }", "^ior", "unknown field `ior`"),

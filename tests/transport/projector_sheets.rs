@@ -7,12 +7,13 @@ use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
 };
 use crate::sheets::{diattenuator, retarder, sheet};
-use crate::support::{Rendered, render_text};
+use crate::support::{Rendered, render_scene, render_text, scene_of};
 use glam::DVec3;
 use std::f64::consts::PI;
 use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind::{Bounces, T, U, V};
 use sunstone::tensor::field::Field;
+use sunstone::transport::scene::Integrator;
 
 /// Sheets across the projector's axis, `metres` in front of it: u is image right, v image up.
 fn in_front(lamp: &Device, metres: f64, material: &str) -> String {
@@ -179,7 +180,10 @@ fn corner(max_depth: u32, sheets: &str) -> Rendered {
         + sheets
         + "[[slices]]\nname = \"all\"\nprojector = \"all\"\n\
            [[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 250, bins = 100 }\n";
-    render_text(&text)
+    // Straight from the projector alone.
+    let mut scene = scene_of(&text);
+    scene.set_integrator(Integrator::Path);
+    render_scene(&scene)
 }
 
 fn scanner() -> Device {

@@ -17,6 +17,7 @@ use super::environment::{self, Met};
 use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, behind, most};
 use super::join_manifold::Takers;
+use super::light_walk::{Begun, light_walk};
 use super::manifold::Way;
 use super::mirrors::Mirrors;
 use super::point::Point;
@@ -32,9 +33,6 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::{Spectral, max_lane};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Tells the streams of walks from the light from those of camera samples.
-const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 
 /// Tells the streams of samples for redirected light from those of plain paths.
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
@@ -83,15 +81,6 @@ pub struct Walks {
     /// What each sample brings, in order, and the Mueller elements of all.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
-}
-
-/// A walk from the light that has been made.
-struct Begun {
-    /// The pinholes that it runs between.
-    ends: Ends,
-    sender: Sender,
-    /// What is left of its stream.
-    stream: Stream,
 }
 
 /// True if connections of `s` points from the light to `t` from the camera are asked for.
@@ -385,30 +374,8 @@ impl Walks {
 
     /// Makes a walk from the light up to a point, and leaves it in `light`; `None` if the scene has no sources.
     fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber, point: usize) -> Option<Begun> {
-        let seed = plan.seed ^ LIGHT_SEED;
-        let mut stream = Stream::new(seed, number.walk, number.sample);
-        let ends = Ends::draw(scene, &mut stream);
-        let start = plan
-            .setup
-            .emission
-            .start(scene, &ends, spread(seed, number), &mut stream)?;
-        let limits = Limits {
-            interactions: most(scene),
-            point,
-            escapes: false,
-            first: match plan.setup.redirected {
-                true => First::Redirects,
-                false => First::Anything,
-            },
-        };
-        self.light
-            .run(scene, From::Light, &start.end, &mut stream, limits);
         self.scratch.seen[1] = None;
-        Some(Begun {
-            ends,
-            sender: start.sender,
-            stream,
-        })
+        light_walk(&mut self.light, scene, &plan.setup, plan.seed, number, point)
     }
 
     /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
@@ -522,17 +489,4 @@ impl Walks {
         }
         joiner.rays + self.light.rays
     }
-}
-
-/// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
-/// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
-#[inline]
-fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
-    let mut shift = Stream::new(seed, u32::MAX, number.sample);
-    let k = f64::from(number.walk);
-    [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| {
-        let at = (f64::from(shift.uniform()) + k * step).fract() as f32;
-        // Rounding to single precision must not reach 1.
-        at.min(1.0 - f32::EPSILON / 2.0)
-    })
 }

@@ -216,9 +216,10 @@ impl<'a> Joiner<'a> {
             return;
         };
         let straight = Line::straight(dir, way.passed / distance2);
-        let weight = match self.is_sole(camera, light) {
-            true => 1.0,
-            false => self.weight(camera, light, sender.source, straight),
+        let weight = if self.is_sole(camera, light) {
+            1.0
+        } else {
+            self.weight(camera, light, sender.source, straight)
         };
         chain.scale(Spectral::splat(weight * factor / distance2));
         let travel = match &last {

@@ -10,7 +10,7 @@
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
 
 use super::glints::Glints;
-use super::mirrors_copied::{Copied, area, point_on};
+use super::mirrors_copied::{Copied, area, ends, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Owner, Ray, Surface};
 use crate::material::{Lobe, Materials};
@@ -182,9 +182,10 @@ impl Mirrors {
             }
         }
         let curved = pieces.iter().filter(|p| p.2 == CURVED);
-        out.glints = match listed {
-            true => Glints::new(curved.map(|(_, o, _, share)| (o, ends(o).into(), *share))),
-            false => Glints::unknown(),
+        out.glints = if listed {
+            Glints::new(curved.map(|(_, o, _, share)| (o, ends(o).into(), *share)))
+        } else {
+            Glints::unknown()
         };
         let mut bounds = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); out.flats.len()];
         for (_, outline, group, _) in &pieces {
@@ -336,18 +337,6 @@ fn primitive(geometry: &Geometry, (leaf, owner): Key, outline: &Outline) -> (Sur
     };
     let surface = geometry.surface(&ray, &hit);
     (surface, geometry.bend(&hit, &surface) == Mat3A::ZERO)
-}
-
-/// Bounds of a primitive.
-fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
-    match outline {
-        Outline::Flat { corners } => corners[1..]
-            .iter()
-            .fold((corners[0], corners[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c))),
-        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
-            (*centre - *radius, *centre + *radius)
-        }
-    }
 }
 
 #[cfg(test)]

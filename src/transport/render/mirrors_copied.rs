@@ -66,6 +66,18 @@ pub(super) fn area(outline: &Outline) -> f32 {
     }
 }
 
+/// Bounds of an outline.
+pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
+    match outline {
+        Outline::Flat { corners } => corners[1..]
+            .iter()
+            .fold((corners[0], corners[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c))),
+        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+            (*centre - *radius, *centre + *radius)
+        }
+    }
+}
+
 /// A point on something, for two uniform numbers.
 pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
     match *outline {

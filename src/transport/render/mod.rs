@@ -14,6 +14,7 @@ mod job;
 mod join;
 mod join_lights;
 mod join_manifold;
+mod light_walk;
 mod manifold;
 mod mirrors;
 mod mirrors_copied;

@@ -90,9 +90,10 @@ impl Prepared {
         let walks = all_by_walks || scene.settings.integrator == Integrator::Caustics;
         Some(Self {
             paths: (!all_by_walks).then(|| Views::new(scene)),
-            walks: match walks {
-                true => Some(Plan::new(scene, &parts.parts(scene), stop)?),
-                false => None,
+            walks: if walks {
+                Some(Plan::new(scene, &parts.parts(scene), stop)?)
+            } else {
+                None
             },
         })
     }

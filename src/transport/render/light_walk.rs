@@ -1,0 +1,67 @@
+//! Walks from the light, by number: each depends on its number and the seed alone.
+
+use super::emission::{Ends, Sender};
+use super::flight::From;
+use super::join::{Setup, most};
+use super::splats::WalkNumber;
+use super::walk::{First, Limits, Walk};
+use crate::scene::Scene;
+use optics::sampling::stream::Stream;
+
+/// Tells the streams of walks from the light from those of camera samples.
+const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
+
+/// A walk from the light that has been made.
+pub(super) struct Begun {
+    /// The pinholes that it runs between.
+    pub ends: Ends,
+    pub sender: Sender,
+    /// What is left of its stream.
+    pub stream: Stream,
+}
+
+/// Makes a walk up to a point; `None` if the scene has no sources.
+pub(super) fn light_walk(
+    walk: &mut Walk,
+    scene: &Scene,
+    setup: &Setup,
+    seed: u64,
+    number: WalkNumber,
+    point: usize,
+) -> Option<Begun> {
+    let seed = seed ^ LIGHT_SEED;
+    let mut stream = Stream::new(seed, number.walk, number.sample);
+    let ends = Ends::draw(scene, &mut stream);
+    let start = setup
+        .emission
+        .start(scene, &ends, spread(seed, number), &mut stream)?;
+    let limits = Limits {
+        interactions: most(scene),
+        point,
+        escapes: false,
+        first: if setup.redirected {
+            First::Redirects
+        } else {
+            First::Anything
+        },
+    };
+    walk.run(scene, From::Light, &start.end, &mut stream, limits);
+    Some(Begun {
+        ends,
+        sender: start.sender,
+        stream,
+    })
+}
+
+/// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
+/// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
+#[inline]
+fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
+    let mut shift = Stream::new(seed, u32::MAX, number.sample);
+    let k = f64::from(number.walk);
+    [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| {
+        let at = (f64::from(shift.uniform()) + k * step).fract() as f32;
+        // Rounding to single precision must not reach 1.
+        at.min(1.0 - f32::EPSILON / 2.0)
+    })
+}
