@@ -14,7 +14,7 @@ rendered at once as masks of one render, and `sunstone calibrate projector` find
 
 Exits with 1 if a row is above its bound. `--power` plants errors one at a time (centre off by half a pixel, x and y of it exchanged,
 another size of squares, k3 and p1 exchanged, rotations transposed, errors claimed three times too small, worse corners), and checks that
-each is noticed.
+each is noticed. `--both` does both on the same images.
 """
 
 import argparse
@@ -285,7 +285,7 @@ ERRORS = {"cx off by half a pixel": half_a_pixel, "cx and cy exchanged": exchang
           "rotations transposed": transposed, "errors a third of what they are": overconfident, "corners off by 0.08 pixels": worse_corners}
 
 
-def one_lens(count, seed, folder, planted):
+def one_lens(count, seed, folder, checked, planted):
     """Renders, calibrates, compares; true if something is wrong."""
     folder.mkdir()
     rng = np.random.default_rng(seed + count)
@@ -297,7 +297,7 @@ def one_lens(count, seed, folder, planted):
     each = [opencv(way, count) for way in found]
     own, same = min(each, key=lambda result: result[0]), opencv(corners, count)
     failed = False
-    if not planted:
+    if checked:
         print(f"{count} coefficients: our RMS {ours['quality']['rms_px'][0]:.4f} pixels in {len(corners)} of {VIEWS} images, OpenCV's "
               f"{each[0][0]:.4f} in {len(found[0])} (cornerSubPix) and {each[1][0]:.4f} in {len(found[1])} (SB), and {same[0]:.4f} with our "
               "corners")
@@ -305,6 +305,7 @@ def one_lens(count, seed, folder, planted):
         for name, value in rows(ours, corners, own, same, truth, all_poses, images).items():
             failed |= not value <= BOUNDS[name]
             print(f"    {name:32} {value:10.4f} {BOUNDS[name]:8.2f}", flush=True)
+    if not planted:
         return failed
     for error, change in ERRORS.items():
         if count == 8 and change is exchanged_coefficients:
@@ -321,7 +322,7 @@ def one_lens(count, seed, folder, planted):
     return failed
 
 
-def with_projector(seed, folder, planted):
+def with_projector(seed, folder, checked, planted):
     """The same for camera and projector."""
     folder.mkdir()
     rng = np.random.default_rng(seed + 99)
@@ -366,14 +367,16 @@ def with_projector(seed, folder, planted):
 
     failed = False
     bound = lambda name: BOUNDS[name.split(": ")[1]]
-    if not planted:
+    if checked:
         q = ours["quality"]
+        failed = q["views"] < PROJECTOR_VIEWS
         print(f"camera and projector: RMS {q['rms_px'][0]:.4f} and {q['rms_px'][1]:.4f} pixels in {q['views']} of {PROJECTOR_VIEWS} views; "
               f"projector fx ± {q['projector_errors']['fx']:.3f}, place ± {1e3 * max(q['pose_errors'][3:]):.3f} mm")
         for name, value in compared(ours).items():
             failed |= not value <= bound(name)
             print(f"    {name:36} {value:6.4f} {bound(name):8.2f}", flush=True)
-        return failed or q["views"] < PROJECTOR_VIEWS
+    if not planted:
+        return failed
 
     def half(found):
         found["projector"]["opencv_matrix"][1][2] += 0.5
@@ -393,15 +396,16 @@ def with_projector(seed, folder, planted):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    parser.add_argument("--both", action="store_true", help="compare, and plant errors")
     parser.add_argument("--seed", type=int, default=1, help="of poses")
     a = parser.parse_args()
-    failed = False
+    failed, checked, planted = False, a.both or not a.power, a.both or a.power
     with tempfile.TemporaryDirectory() as folder:
-        if not a.power:
+        if checked:
             print(f"{'':36} {'found':>10} {'bound':>8}")
         for count in LENSES:
-            failed |= one_lens(count, a.seed, Path(folder) / f"lens{count}", a.power)
-        failed |= with_projector(a.seed, Path(folder) / "projector", a.power)
+            failed |= one_lens(count, a.seed, Path(folder) / f"lens{count}", checked, planted)
+        failed |= with_projector(a.seed, Path(folder) / "projector", checked, planted)
     sys.exit(1 if failed else 0)
 
 

@@ -195,6 +195,19 @@ fn media_without_boundary() {
 /// from the camera never find it.
 #[test]
 fn mirror_throws_light_on_a_wall() {
+    thrown_on_a_wall(60.0, 120_000, "");
+}
+
+/// So it does for pixels so narrow that no walk from the light meets what they see.
+#[test]
+fn mirror_throws_light_into_a_narrow_pixel() {
+    for focal_px in [60.0, 600.0, 6000.0] {
+        thrown_on_a_wall(focal_px, 500, "manifold = true\n");
+    }
+}
+
+/// The wall through one pixel before so long a lens.
+fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
     let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
     // Its image behind the mirror in the plane x = 0.
     let flip = |v: DVec3| DVec3::new(-v.x, v.y, v.z);
@@ -207,8 +220,9 @@ fn mirror_throws_light_on_a_wall() {
     };
     // Where its axis meets the wall x = 1.5.
     let point = image.origin + image.forward * ((1.5 - image.origin.x) / image.forward.x);
-    let camera = Device::look_at([0.4, 1.2, 1.5], point, [1, 1], 60.0);
-    let text = head(120_000, 4, 3)
+    let camera = Device::look_at([0.4, 1.2, 1.5], point, [1, 1], focal_px);
+    let text = head(spp, 4, 3)
+        + more
         + &camera.keys("camera")
         + &lamp.keys("projector")
         + &format!("[materials]\nwhite.diffuse.albedo = 0.5\ngold.conductor = {{ {GOLD_KEYS} }}\n")

@@ -325,13 +325,17 @@ impl Walks {
             if scene.settings.strategy.is_none() && !scene.lights.is_empty() && all {
                 joiner.join_lights(camera, out);
             }
-            let over_mirrors = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
+            let alone = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
+            let over_flats = alone || plan.setup.mirrors.flats_weigh();
             for source in 0..plan.setup.emission.count() {
                 if plan.setup.manifold {
                     joiner.join_by_manifold(camera, source, out);
                 }
-                if over_mirrors {
-                    joiner.join_over_mirrors(camera, source, out);
+                if over_flats {
+                    joiner.join_over_flats(camera, source, out);
+                }
+                if alone {
+                    joiner.join_over_curved(camera, source, out);
                 }
             }
         }

@@ -40,6 +40,9 @@ impl Takers {
     }
 }
 
+/// The side of walks from the light.
+const LIGHT: usize = 1;
+
 /// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
 const MOST_TRIES: u32 = 1 << 16;
 
@@ -75,31 +78,62 @@ impl Joiner<'_> {
         (1..=last).any(|i| connects(i - 1) && connects(i)) || self.seen_from(camera).is_some()
     }
 
-    /// Connects the last point of a walk from the camera to an emitter over mirrors, and appends what that brings. It must
-    /// not be [`Self::reached`] otherwise: paths that are get no share of their weight here.
-    pub fn join_over_mirrors(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    /// Connects the last point of a walk from the camera to an emitter over flat mirrors, and appends what that brings. Unless
+    /// there are so few that other strategies reckon with it ([`Mirrors::flats_weigh`]), it must not be [`Self::reached`] otherwise:
+    /// paths that are get no share of their weight here.
+    pub fn join_over_flats(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
         };
         let (setup, scene) = (self.setup, self.scene);
         let to = setup.emission.position(scene, self.ends[0], source);
-        let line = |seeds: &[Seed]| {
-            let dir = (seeds.first()?.point - z.surface.p).try_normalize()?;
-            Some(z.line(scene, dir))
-        };
-        let find = |seeds: &[Seed], lane| {
-            manifold::find_over(scene, &setup.mirrors, line(seeds)?, seeds, Goal { to, lane })
-        };
         setup.mirrors.flat_ways(z.surface.p, to, |seeds| {
+            let Some(factor) = self.spin_over(z, source, to, seeds) else {
+                return;
+            };
             self.each_way(
                 z,
-                |_, lane| Some((find(seeds, lane)?, 1.0)),
+                |joiner, lane| Some((joiner.way_over(z, seeds, Goal { to, lane })?, factor)),
                 |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
             );
         });
-        let draw = |joiner: &mut Self, lane| find(&[setup.mirrors.draw(joiner.stream)?], lane);
+    }
+
+    /// The way from a point over mirrors, looked for from points of them.
+    fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
+        let dir = (seeds.first()?.point - z.surface.p).try_normalize()?;
+        let line = z.line(self.scene, dir);
+        manifold::find_over(self.scene, &self.setup.mirrors, line, seeds, goal)
+    }
+
+    /// Roulette on a way from a point over flat mirrors to an emitter at `to`, as if they reflected everything.
+    fn spin_over(&mut self, z: &Point, source: usize, to: Vec3A, seeds: &[Seed]) -> Option<f32> {
+        let (scene, setup) = (self.scene, self.setup);
+        let [first, .., last] = [seeds.first()?, seeds.last()?];
+        let dir = (first.point - z.surface.p).try_normalize()?;
+        let emitted = (last.point - to).try_normalize()?;
+        let scattered = z.scatter(scene, z.back, dir);
+        let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, emitted);
+        let between = (last.point - first.point).length();
+        let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
+        let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
+            / (length * length);
+        setup.roulette.spin_unsure(expected, self.stream)
+    }
+
+    /// The same over curved mirrors; it must not be [`Self::reached`] otherwise.
+    pub fn join_over_curved(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let (setup, scene) = (self.setup, self.scene);
+        let to = setup.emission.position(scene, self.ends[0], source);
         let Some(factor) = self.spin_glints(z, source, to) else {
             return;
+        };
+        let draw = |joiner: &mut Self, lane| {
+            let seed = setup.mirrors.draw(joiner.stream)?;
+            joiner.way_over(z, &[seed], Goal { to, lane })
         };
         let found_by_chance = |joiner: &mut Self, lane| {
             let way = draw(joiner, lane)?;
@@ -236,7 +270,8 @@ impl Joiner<'_> {
             passed: 1.0,
             arrivals: [Some(way.density(density, &passed)), None],
         };
-        let weight = if way.reflects() {
+        // Ways that no other strategy reckons with are taken where there is none.
+        let weight = if way.reflects() && !self.setup.mirrors.flats_weigh() {
             1.0
         } else {
             self.weight(camera, &[emitter], source, line)
@@ -357,7 +392,7 @@ impl Joiner<'_> {
     #[inline]
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
-        self.seen(light, 1, to, |joiner, dir| {
+        self.seen(light, LIGHT, to, |joiner, dir| {
             joiner
                 .setup
                 .emission
@@ -382,7 +417,7 @@ impl Joiner<'_> {
         to: Vec3A,
         start: impl Fn(&Self, Vec3A) -> f32,
     ) -> Option<(usize, f32)> {
-        if !self.setup.manifold {
+        if !self.setup.manifold && !(side == LIGHT && self.setup.mirrors.flats_weigh()) {
             return None;
         }
         let first = behind(walk)?;
@@ -393,7 +428,7 @@ impl Joiner<'_> {
         let known = match self.scratch.seen[side] {
             Some((i, known)) if i == first => known,
             _ => {
-                let known = self.density_through(point, first - 1, to, start);
+                let known = self.density_through(side, point, first - 1, to, start);
                 self.scratch.seen[side] = Some((first, known));
                 known
             }
@@ -405,6 +440,7 @@ impl Joiner<'_> {
     /// `None` if the way would not be found from the point.
     fn density_through(
         &mut self,
+        side: usize,
         point: &Point,
         count: usize,
         to: Vec3A,
@@ -415,11 +451,17 @@ impl Joiner<'_> {
             return None;
         }
         let lane = point.lanes.nth(0);
-        let way = self.way(point, to, lane)?;
         // Two ways through the same interfaces do not begin within a few milliradians of one another.
-        if way.count() != count || way.dir.dot(point.back) < 1.0 - 1e-5 {
-            return None;
+        let is_it = |way: &Way| way.count() == count && way.dir.dot(point.back) > 1.0 - 1e-5;
+        let mut found = self.way(point, to, lane).filter(is_it);
+        if found.is_none() && side == LIGHT && self.setup.mirrors.flats_weigh() {
+            self.setup.mirrors.flat_ways(point.surface.p, to, |seeds| {
+                if found.is_none() && seeds.len() <= count {
+                    found = self.way_over(point, seeds, Goal { to, lane }).filter(is_it);
+                }
+            });
         }
+        let way = found?;
         let (mut chain, mut frame) = (Chain::start(Spectral::ONE), perpendicular(way.dir));
         let allowed = Allowed {
             sheets: most(scene),

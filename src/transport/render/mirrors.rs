@@ -220,6 +220,12 @@ impl Mirrors {
         self.curved.is_empty() && self.copied.area() <= 0.0
     }
 
+    /// True if ways over flat mirrors are looked for from every point, so that other strategies must reckon with them.
+    #[inline]
+    pub fn flats_weigh(&self) -> bool {
+        (1..=MOST_IN_PAIRS).contains(&self.flats.len())
+    }
+
     /// Calls back with the flat mirrors, one or two, that light between a point and an end at `to` may take, from the point
     /// on.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
