@@ -114,7 +114,7 @@ impl Plan {
                     emission
                 },
                 redirected: false,
-                walks: w * h,
+                walks: if redirected { (w * h).div_ceil(2) } else { w * h },
                 manifold: manifold && scene.materials.any_interface(),
                 mirrors: if mirrors {
                     Mirrors::new(&scene.geometry, &scene.materials)
@@ -195,10 +195,11 @@ impl Plan {
     }
 
     fn counts(&self, scene: &Scene) -> Counts {
+        let [w, h] = scene.camera.resolution;
         Counts {
             samples: samples(scene),
             walks: self.setup.walks,
-            pixels: self.setup.walks,
+            pixels: w * h,
         }
     }
 
