@@ -83,6 +83,9 @@ def main():
             folder = Path(temporary)
             found = {}
             for integrator in ("bidirectional", "caustics", "path"):
+                if integrator == "caustics" and re.search(r"(?m)^interior", scene.read_text()):
+                    # With media all paths are traced from both ends.
+                    continue
                 mean, error, took, spp = measure(scene, integrator, options.seconds, folder)
                 image = mean.mean(axis=-1)
                 if integrator == "bidirectional":
