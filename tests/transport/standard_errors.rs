@@ -2,6 +2,7 @@
 
 use crate::support::{mirror_room, render_scene, scene_of};
 use sunstone::tensor::field::Field;
+use sunstone::transport::scene::Integrator;
 
 const SEEDS: u64 = 64;
 
@@ -28,7 +29,18 @@ projector = { nonepipolar = { half_width_px = 0.5 } }
 /// Gaussian. That choice looks at no deviation, so it cannot favour good ones.
 #[test]
 fn deviations_between_seeds_are_as_stated() {
+    honest(Integrator::Path);
+}
+
+/// The same where plain paths and samples of redirected light are added, 16 of these.
+#[test]
+fn deviations_of_added_passes_are_as_stated() {
+    honest(Integrator::Caustics);
+}
+
+fn honest(integrator: Integrator) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
+    scene.set_integrator(integrator);
     let names: Vec<String> = scene.slices.iter().map(|s| s.name.clone()).collect();
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];
     for seed in 0..SEEDS {
@@ -74,7 +86,7 @@ fn deviations_between_seeds_are_as_stated() {
         let n = f64::from(elements) * s;
         let variance = squares / n - (total / n).powi(2);
         println!(
-            "{name}: {elements} elements, variance of z {variance:.3}, spread {:.3}",
+            "{integrator:?}, {name}: {elements} elements, variance of z {variance:.3}, spread {:.3}",
             ratio[0] / ratio[1]
         );
         assert!(

@@ -9,6 +9,7 @@ pub mod coverage;
 mod emission;
 mod environment;
 mod flight;
+mod gaps;
 mod glints;
 mod job;
 mod join;
