@@ -256,6 +256,14 @@ fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>, MergeErro
                 second: path.clone(),
             });
         }
+        if let Some(first) = inputs.first()
+            && first.attributes.get("integrator") != attributes.get("integrator")
+        {
+            return Err(MergeError::Integrators {
+                first: first.store.path().to_owned(),
+                second: path.clone(),
+            });
+        }
         let seeds = attributes
             .get("seeds")
             .and_then(Value::as_array)

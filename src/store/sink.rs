@@ -164,6 +164,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
         "seeds",
         "samples_per_pixel",
         "max_depth",
+        "integrator",
         "tile",
         "version",
     ] {

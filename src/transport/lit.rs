@@ -5,6 +5,7 @@
 //! paths from the camera alone miss what comes of it.
 
 use crate::device::pinhole::Pinhole;
+use crate::device::projector::Projector;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lobe, Materials};
 use crate::tables::{Integrator, SceneTables};
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 
 /// Rays along each side of a device's image that are asked what they meet.
 const GRID: u32 = 96;
+const LEAST_GRID: f32 = 8.0;
 
 /// Sheets and null boundaries that a ray passes at most.
 const MOST_SHEETS: u32 = 64;
@@ -99,10 +101,12 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
 
 /// True if light of a point emitter meets a surface first that sends it on along single directions.
 fn points_meet(tables: &SceneTables) -> bool {
-    let at = |i: u32| (i as f32 + 0.5) / GRID as f32;
+    // Fewer rays each where there are many.
+    let side = (GRID as f32 / (tables.points.len() as f32).sqrt()).max(LEAST_GRID) as u32;
+    let at = |i: u32| (i as f32 + 0.5) / side as f32;
     tables.points.iter().any(|point| {
-        (0..GRID * GRID).into_par_iter().any(|k| {
-            let dir = point.profile.sample([at(k % GRID), at(k / GRID)]);
+        (0..side * side).into_par_iter().any(|k| {
+            let dir = point.profile.sample([at(k % side), at(k / side)]);
             let origin = point.position;
             redirects(tables, Ray { origin, dir }).is_some()
         })
@@ -123,14 +127,12 @@ pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
             if tables.projector.is_none() && tables.points.is_empty() {
                 return (
                     Integrator::Path,
-                    "no emitter is a point, so paths from the camera find all light",
+                    "no emitter is a point, and paths from the camera find what has extent",
                 );
             }
-            let lit = tables
-                .projector
-                .as_ref()
-                .is_some_and(|p| meets(tables, &p.pinhole).any());
-            if !lit && !points_meet(tables) {
+            let any = tables.materials.any_redirecting() || tables.materials.any_straight();
+            let lit = |p: &Projector| meets(tables, &p.pinhole).any();
+            if !any || !(tables.projector.as_ref().is_some_and(lit) || points_meet(tables)) {
                 return (
                     Integrator::Path,
                     "no projector or point lights a mirror, smooth glass or a crystal first, so paths from the camera find all \

@@ -131,3 +131,22 @@ fn what_does_not_belong_together_is_refused() {
     );
     assert!(stderr(&run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 2)).contains("ab.zarr"));
 }
+
+/// What plain paths found is not mixed with what all paths found, nor gone on with as if it were.
+#[test]
+fn other_paths_are_not_mixed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("scene.toml"), mirror_room(16, 16, 8, 16, SLICES)).expect("a scene");
+    render(at, "scene.toml", "1", "a.zarr");
+    let path = ["render", "scene.toml", "--no-figures", "--integrator", "path"];
+    run(at, &[&path[..], &["--seed", "2", "-o", "b.zarr"]].concat(), 0);
+    let told = stderr(&run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 2));
+    assert!(told.contains("different `integrator`s"), "{told}");
+    assert!(!at.join("ab.zarr").exists());
+    let again = [&path[..], &["--seed", "1", "-o", "a.zarr", "--resume"]].concat();
+    let told = stderr(&run(at, &again, 2));
+    assert!(told.contains("integrator"), "{told}");
+    let told = stderr(&run(at, &["render", "scene.toml", "--integrator", "photon"], 2));
+    assert!(told.contains("auto, path, caustics, bidirectional"), "{told}");
+}

@@ -27,6 +27,16 @@ pub enum MergeError {
         /// The store that disagrees with it.
         second: PathBuf,
     },
+    /// The stores hold different paths of one scene: some may miss light that others found.
+    #[error(
+        "{first} and {second} were rendered with different `integrator`s: merge renders by one (`sunstone render --integrator`)"
+    )]
+    Integrators {
+        /// One store.
+        first: PathBuf,
+        /// The store that disagrees with it.
+        second: PathBuf,
+    },
     /// A camera axis of a slice does not say which pixels its elements are.
     #[error(
         "{path}: coordinate {coordinate} of axis `{axis}` is not that of whole pixels, so its samples cannot be told: \

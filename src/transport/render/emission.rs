@@ -120,6 +120,13 @@ fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     nest
 }
 
+/// Density per steradian of directions through an image all of whose places are alike.
+#[inline]
+fn even(device: &Pinhole, dir: Vec3A) -> f32 {
+    let [w, h] = device.resolution.map(|n| n as f32);
+    device.pixels_per_steradian(dir) / (w * h)
+}
+
 impl Emission {
     pub fn new(scene: &Scene) -> Self {
         let mean = |s: Spectral| s.to_array().iter().sum::<f32>();
@@ -216,7 +223,7 @@ impl Emission {
             (Source::Point(i), _) => scene.points[i].profile.density(dir),
             (Source::Projector, Some(p)) => {
                 let [w, h] = p.pinhole.resolution.map(|n| n as f32);
-                let even = p.pinhole.pixels_per_steradian(dir) / (w * h);
+                let even = even(&p.pinhole, dir);
                 match &self.aim {
                     Some(aim) => {
                         let at = p.pinhole.project(p.pinhole.origin + dir);
@@ -241,19 +248,24 @@ impl Emission {
             u -= self.sources[source].1;
             source += 1;
         }
-        let (dir, pixel) = match (self.sources[source].0, &ends.projector) {
+        let (dir, pixel, density) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
-                let [w, h] = p.pinhole.resolution;
                 let at = self.aim.as_ref().map_or(at, |aim| aim.point(at));
+                // Of the point itself: back from the direction, rounding might find it in a neighbouring cell.
+                let aimed = self.aim.as_ref().map_or(1.0, |aim| aim.density(at));
+                let [w, h] = p.pinhole.resolution;
                 let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
                 let at = DVec2::from_array(at);
-                (p.pinhole.direction(at), p.pinhole.number(at))
+                let dir = p.pinhole.direction(at);
+                (dir, p.pinhole.number(at), aimed * even(&p.pinhole, dir))
             }
-            (Source::Point(i), _) => (scene.points[i].profile.sample(at), NO_PIXEL),
+            (Source::Point(i), _) => {
+                let dir = scene.points[i].profile.sample(at);
+                (dir, NO_PIXEL, scene.points[i].profile.density(dir))
+            }
             (Source::Projector, None) => return None,
         };
         let (intensity, axis) = self.intensity(scene, ends, source, dir);
-        let density = self.density(scene, ends, source, dir);
         let flux = intensity * Spectral::splat(1.0 / (density * self.chance(source)));
         let (origin, nest) = (self.position(scene, ends, source), self.nests[source]);
         Some(Emitted {

@@ -2,8 +2,27 @@
 
 use super::mirrors_copied::area;
 use crate::geometry::bvh::Outline;
+use crate::geometry::ray::Surface;
+use crate::material::{Lobe, Materials};
 use glam::Vec3A;
+use optics::spectrum::max_lane;
 use std::f32::consts::PI;
+
+/// What a material reflects as a mirror at normal incidence, in the brightest lane, from the side that does more.
+pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
+    let surface = Surface {
+        ng: Vec3A::Z,
+        ns: Vec3A::Z,
+        tangent: Vec3A::X,
+        material,
+        ..Surface::default()
+    };
+    let reflects = |wo: Vec3A| {
+        let found = materials.specular(material, &surface, wo, Lobe::Reflected, 0);
+        found.map_or(0.0, |s| max_lane(s.scatter.m00()))
+    };
+    reflects(Vec3A::Z).max(reflects(-Vec3A::Z))
+}
 
 /// Curved mirrors, taken together for one ball that throws what it gets all ways alike.
 #[derive(Debug, Default)]

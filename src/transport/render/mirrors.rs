@@ -9,14 +9,13 @@
 //! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
 
-use super::glints::Glints;
+use super::glints::{Glints, reflectance};
 use super::mirrors_copied::{Copied, area, ends, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Owner, Ray, Surface};
-use crate::material::{Lobe, Materials};
+use crate::material::Materials;
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
-use optics::spectrum::max_lane;
 use std::collections::HashMap;
 
 /// No mirror, and any curved one.
@@ -106,22 +105,6 @@ impl Flat {
         let reach = self.radius * if bent { REACH_BENT } else { REACH };
         (p.distance_squared(self.centre) <= reach * reach).then_some(p)
     }
-}
-
-/// What a material reflects as a mirror at normal incidence, in the brightest lane, from the side that does more.
-fn reflectance(materials: &Materials, material: u32) -> f32 {
-    let surface = Surface {
-        ng: Vec3A::Z,
-        ns: Vec3A::Z,
-        tangent: Vec3A::X,
-        material,
-        ..Surface::default()
-    };
-    let reflects = |wo: Vec3A| {
-        let found = materials.specular(material, &surface, wo, Lobe::Reflected, 0);
-        found.map_or(0.0, |s| max_lane(s.scatter.m00()))
-    };
-    reflects(Vec3A::Z).max(reflects(-Vec3A::Z))
 }
 
 impl Mirrors {
