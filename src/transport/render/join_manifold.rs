@@ -417,7 +417,8 @@ impl Joiner<'_> {
         to: Vec3A,
         start: impl Fn(&Self, Vec3A) -> f32,
     ) -> Option<(usize, f32)> {
-        if !self.setup.manifold && !(side == LIGHT && self.setup.mirrors.flats_weigh()) {
+        let over_flats = side == LIGHT && self.setup.mirrors.flats_weigh();
+        if !(self.setup.manifold || over_flats) {
             return None;
         }
         let first = behind(walk)?;
