@@ -19,6 +19,7 @@ mod manifold;
 mod materials;
 mod measured;
 mod media;
+mod memory;
 mod mesh_files;
 mod microfacet;
 mod mirrors;

@@ -15,6 +15,7 @@ use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 
 /// A shape in the world, before it is cut into what the tracer knows.
+#[derive(Clone)]
 pub(crate) struct Placed {
     pub form: Form,
     /// Number of its material.
@@ -22,6 +23,7 @@ pub(crate) struct Placed {
 }
 
 /// The form of a [`Placed`] shape; maps take its own space to the world.
+#[derive(Clone)]
 pub(crate) enum Form {
     Quadric(QuadricKind, DAffine3),
     /// [`Mesh::rectangle`].
@@ -40,12 +42,12 @@ pub(crate) enum Solid {
 
 impl Placed {
     /// Cut into what the tracer knows.
-    pub(crate) fn solid(&self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
-        Ok(match &self.form {
-            Form::Quadric(kind, map) => Solid::Quadric(Quadric::new(*kind, affine(*map), self.material)),
-            Form::Rectangle(map) => Solid::Mesh(moved(ctx, Mesh::rectangle(), *map, object)?),
-            Form::Cube(map) => Solid::Mesh(moved(ctx, Mesh::cube(), *map, object)?),
-            Form::Mesh(mesh) => Solid::Mesh(mesh.clone()),
+    pub(crate) fn solid(self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
+        Ok(match self.form {
+            Form::Quadric(kind, map) => Solid::Quadric(Quadric::new(kind, affine(map), self.material)),
+            Form::Rectangle(map) => Solid::Mesh(moved(ctx, Mesh::rectangle(), map, object)?),
+            Form::Cube(map) => Solid::Mesh(moved(ctx, Mesh::cube(), map, object)?),
+            Form::Mesh(mesh) => Solid::Mesh(mesh),
         })
     }
 }

@@ -224,7 +224,7 @@ fn all_placed<'a>(
             let light = match &object.emission {
                 None => None,
                 Some(emission) => {
-                    let solid = placed.solid(ctx, object)?;
+                    let solid = placed.clone().solid(ctx, object)?;
                     Some(lights::area(ctx, images, textures, emission, &solid)?)
                 }
             };

@@ -8,12 +8,12 @@ use super::quadric::Quadric;
 use super::tree::Tree;
 use super::triangle::{Triangle, vector};
 use arrayvec::ArrayVec;
-use bytemuck::Zeroable;
 use glam::{DAffine3, Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-/// Collects surfaces, then builds the tree.
+/// Collects surfaces, then builds the tree. Of a mesh it keeps what the mesh's file holds, 12 bytes a triangle and 12 to 32 a
+/// vertex, until the trees stand: the tables of triangles and packs are five times as large.
 #[derive(Default)]
 pub struct GeometryBuilder {
     /// What stands in the world itself.
@@ -23,43 +23,80 @@ pub struct GeometryBuilder {
     in_group: bool,
     /// Groups, and their places.
     instances: Vec<(u32, DAffine3)>,
-    triangles: Vec<Triangle>,
+    meshes: Vec<Part>,
+    positions: Vec<Vec3>,
+    /// Corners of all triangles, as the meshes count their vertices.
+    corners: Vec<[u32; 3]>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
-    /// Triangles of the meshes.
-    triangle_count: usize,
+    /// Bounds of the quadrics, then of the instances.
+    boxes: Vec<Aabb>,
 }
 
 /// What has a tree of its own.
 #[derive(Default)]
 struct Set {
-    /// Index into the builder's `triangles`, with [`PARALLELOGRAM`] where it is one, or `QUADRIC | index` into `quadrics`.
+    /// Index into the builder's `corners`, with [`PARALLELOGRAM`] where it and the next one are one, or `QUADRIC | index` into
+    /// `boxes`.
     primitives: Vec<u32>,
-    bounds: Vec<Aabb>,
+}
+
+/// Where a mesh begins in the builder's tables.
+struct Part {
+    triangle: u32,
+    vertex: usize,
+    /// [`NONE`] where it has none.
+    normal: u32,
+    uv: u32,
+    material: u32,
+    /// Number of its group; [`NONE`] in the world.
+    group: u32,
+    /// Where the group's middle was, which becomes the origin.
+    origin: Vec3A,
 }
 
 /// Set in a triangle's index where all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, is covered.
 const PARALLELOGRAM: u32 = 1 << 30;
-/// A lane of a pack without a triangle.
+/// Where a table begins that a mesh has not.
 const NONE: u32 = u32::MAX;
 
-impl Set {
-    fn extent(&self) -> Aabb {
-        let mut all = Aabb::empty();
-        for b in &self.bounds {
-            all.extend(b.min);
-            all.extend(b.max);
-        }
-        all
-    }
+/// Leaves of all trees that hold triangles.
+#[derive(Default)]
+struct Leaves {
+    /// Their triangles, with [`PARALLELOGRAM`].
+    order: Vec<u32>,
+    /// Where each leaf begins in `order`.
+    firsts: Vec<u32>,
 }
 
-/// Packs of all trees so far, and the indices of their triangles, eight a pack.
-#[derive(Default)]
-struct Packs {
-    packs: Vec<Pack>,
-    order: Vec<u32>,
+impl Leaves {
+    /// The triangles in packs, one a leaf; `skins` says up to which leaf triangles reach how far beyond their edges.
+    fn packs(&self, triangles: &[Triangle], skins: &[(usize, f32)]) -> Vec<Pack> {
+        let pack = |leaf: usize| {
+            let first = self.firsts[leaf] as usize;
+            let last = self
+                .firsts
+                .get(leaf + 1)
+                .map_or(self.order.len(), |l| *l as usize);
+            let members: ArrayVec<Primitive, 8> = (first..last)
+                .map(|at| {
+                    let t = &triangles[at];
+                    let [v0, e1, e2] = [t.v0, t.e1, t.e2].map(vector);
+                    let parallelogram = index(self.order[at]).1;
+                    Primitive {
+                        v0,
+                        e1,
+                        e2,
+                        parallelogram,
+                    }
+                })
+                .collect();
+            let skin = skins[skins.partition_point(|(end, _)| *end <= leaf)].1;
+            Pack::new(&members, skin)
+        };
+        (0..self.firsts.len()).into_par_iter().map(pack).collect()
+    }
 }
 
 impl GeometryBuilder {
@@ -91,47 +128,30 @@ impl GeometryBuilder {
 
     /// Adds a mesh in world space.
     pub fn mesh(&mut self, mesh: &Mesh, material: u32) {
-        let first_normal = self.normals.len() as u32;
-        let first_uv = self.uvs.len() as u32;
+        let begin = |empty: bool, first: usize| if empty { NONE } else { first as u32 };
+        let first = self.corners.len() as u32;
+        self.meshes.push(Part {
+            triangle: first,
+            vertex: self.positions.len(),
+            normal: begin(mesh.normals.is_empty(), self.normals.len()),
+            uv: begin(mesh.uvs.is_empty(), self.uvs.len()),
+            material,
+            group: begin(!self.in_group, self.groups.len().saturating_sub(1)),
+            origin: Vec3A::ZERO,
+        });
+        self.positions.extend_from_slice(&mesh.positions);
+        self.corners.extend_from_slice(&mesh.indices);
         self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
         self.uvs.extend(mesh.uvs.iter().map(glam::Vec2::to_array));
-        self.triangle_count += mesh.indices.len();
-        self.triangles.reserve(mesh.indices.len());
         let set = self.set();
         set.primitives.reserve(mesh.indices.len());
-        set.bounds.reserve(mesh.indices.len());
-        let mut rest = &mesh.indices[..];
-        while let [first, others @ ..] = rest {
-            rest = others;
-            let mut corners = *first;
-            let [a, b, c] = corners.map(|i| Vec3A::from(mesh.positions[i as usize]));
-            let mut far = a;
-            let parallelogram = others.first().and_then(|next| fourth_corner(mesh, first, next));
-            if let Some(d) = parallelogram {
-                // From the corner opposite to the diagonal both sides are edges, turned as before.
-                corners = [first[1], first[2], first[0]];
-                far = d.into();
-                rest = &others[1..];
-            }
-            let [v0, v1, v2] = corners.map(|i| Vec3A::from(mesh.positions[i as usize]));
-            let shifted = |first: u32, absent: bool| {
-                if absent {
-                    [u32::MAX; 3]
-                } else {
-                    corners.map(|i| first + i)
-                }
-            };
-            let id = self.triangles.len() as u32;
-            let flag = if parallelogram.is_some() { PARALLELOGRAM } else { 0 };
-            self.set().primitives.push(id | flag);
-            self.set()
-                .bounds
-                .push(Aabb::new(a.min(b).min(c).min(far), a.max(b).max(c).max(far)));
-            let uvs = (!mesh.uvs.is_empty()).then(|| corners.map(|i| mesh.uvs[i as usize].to_array()));
-            let normals = shifted(first_normal, mesh.normals.is_empty());
-            let uv_indices = shifted(first_uv, mesh.uvs.is_empty());
-            let triangle = Triangle::new([v0, v1, v2], uvs, normals, uv_indices, material);
-            self.triangles.push(triangle);
+        let mut at = 0;
+        while let Some(corners) = mesh.indices.get(at) {
+            let next = mesh.indices.get(at + 1);
+            let whole = next.is_some_and(|next| is_parallelogram(mesh, corners, next));
+            let flag = if whole { PARALLELOGRAM } else { 0 };
+            set.primitives.push((first + at as u32) | flag);
+            at += 1 + usize::from(whole);
         }
     }
 
@@ -140,7 +160,7 @@ impl GeometryBuilder {
         let (lo, hi) = quadric.bounds();
         let id = QUADRIC | self.quadrics.len() as u32;
         self.set().primitives.push(id);
-        self.set().bounds.push(Aabb::new(lo, hi));
+        self.boxes.push(Aabb::new(lo, hi));
         self.quadrics.push(quadric);
     }
 
@@ -148,59 +168,67 @@ impl GeometryBuilder {
     #[must_use]
     pub fn build(mut self) -> Geometry {
         // Groups lie about their origins, so that coordinates in them are no larger than they must be.
-        let shifts: Vec<Vec3A> = (0..self.groups.len()).map(|g| self.centre(g)).collect();
-        let own_quadrics = self.sort_quadrics();
-        let mut packs = Packs::default();
+        let sets = std::mem::take(&mut self.groups);
+        let mut world = std::mem::take(&mut self.world);
+        let shifts = self.centre(&sets);
+        let (sets, own_quadrics) = self.sort_quadrics(sets, &mut world);
+        let mut leaves = Leaves::default();
+        // Where the packs of every set end, and how wide its triangles' skins are.
+        let mut skins = vec![];
         let mut groups = vec![];
-        for set in &self.groups {
-            let all = set.extent();
+        for set in &sets {
+            let all = self.extent(set);
             let skin = (all.max - all.min).max_element().max(0.0) * SKIN;
             let reach = all.min.abs().max(all.max.abs()).length() + skin;
-            let tree = self.tree(set, skin, &mut packs);
+            let tree = self.tree(set, &mut leaves);
+            skins.push((leaves.firsts.len(), skin));
             groups.push(Group { tree, reach, skin });
         }
-        let own_packs = packs.packs.len();
-        let mut world = std::mem::take(&mut self.world);
+        let own_packs = leaves.firsts.len();
         let mut instances = vec![];
         let mut largest = 0.0_f32;
         for (group, place) in &self.instances {
+            if sets[*group as usize].primitives.is_empty() {
+                continue;
+            }
             let shift = shifts[*group as usize].as_dvec3();
             let instance = Instance::new(*group, &(*place * DAffine3::from_translation(shift)));
             let group = &groups[*group as usize];
-            if self.groups[instance.group as usize].bounds.is_empty() {
-                continue;
-            }
             largest = largest.max(instance.stretch() * group.reach);
-            world
-                .primitives
-                .push(QUADRIC | (self.quadrics.len() + instances.len()) as u32);
-            world.bounds.push(instance.bounds(group));
+            world.primitives.push(QUADRIC | self.boxes.len() as u32);
+            self.boxes.push(instance.bounds(group));
             instances.push(instance);
         }
-        let bounds = world.extent();
-        let extent = if world.bounds.is_empty() {
-            1.0
-        } else {
+        let bounds = self.extent(&world);
+        let any = !world.primitives.is_empty();
+        let extent = if any {
             (bounds.max - bounds.min).max_element()
+        } else {
+            1.0
         };
-        let tree = self.tree(&world, extent * SKIN, &mut packs);
-        let any = !world.bounds.is_empty();
-        // What was needed for the trees alone goes before the triangles are put in order.
-        drop((world, std::mem::take(&mut self.groups)));
-        let empty = Triangle::zeroed();
-        let of = |i: &u32| self.triangles.get(*i as usize).copied().unwrap_or(empty);
-        let triangles = packs.order.par_iter().map(of).collect();
+        let tree = self.tree(&world, &mut leaves);
+        skins.push((leaves.firsts.len(), extent * SKIN));
+        // What was needed for the trees alone goes before the large tables come, and the meshes go between these.
+        drop((world, sets, std::mem::take(&mut self.boxes)));
+        let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
+        let triangle_count = self.corners.len();
+        drop((
+            std::mem::take(&mut self.positions),
+            std::mem::take(&mut self.corners),
+        ));
+        let packs = leaves.packs(&triangles, &skins);
         Geometry {
             tree,
-            packs: packs.packs,
+            packs,
             triangles,
+            firsts: leaves.firsts,
+            triangle_count,
             normals: self.normals,
             uvs: self.uvs,
             quadrics: self.quadrics,
             instances,
             groups,
             own: [own_packs, own_quadrics].map(|n| n as u32),
-            triangle_count: self.triangle_count,
             textured: true,
             avx2: avx2(),
             extent,
@@ -213,69 +241,114 @@ impl GeometryBuilder {
         }
     }
 
-    /// Builds the tree over a set, whose packs come after those that are there.
-    fn tree(&self, set: &Set, skin: f32, out: &mut Packs) -> Tree {
+    /// Builds the tree over a set. Its leaves of triangles come after those that are there.
+    fn tree(&self, set: &Set, leaves: &mut Leaves) -> Tree {
         Tree::build(
-            &set.bounds,
+            set.primitives.len(),
+            |i| self.bounds(set.primitives[i]),
             |run| run.iter().all(|i| set.primitives[*i as usize] & QUADRIC == 0),
             |run| {
                 let first = set.primitives[run[0] as usize];
                 if first & QUADRIC != 0 {
                     return (first ^ QUADRIC) << 1 | 1;
                 }
-                let mut members = ArrayVec::<Primitive, 8>::new();
-                for i in run {
-                    let (id, flag) = index(set.primitives[*i as usize]);
-                    let t = &self.triangles[id as usize];
-                    let [v0, e1, e2] = [t.v0, t.e1, t.e2].map(vector);
-                    members.push(Primitive {
-                        v0,
-                        e1,
-                        e2,
-                        parallelogram: flag,
-                    });
-                    out.order.push(id);
-                }
-                out.packs.push(Pack::new(&members, skin));
-                out.order.resize(8 * out.packs.len(), NONE);
-                (out.packs.len() as u32 - 1) << 1
+                leaves.firsts.push(leaves.order.len() as u32);
+                leaves
+                    .order
+                    .extend(run.iter().map(|i| set.primitives[*i as usize]));
+                (leaves.firsts.len() as u32 - 1) << 1
             },
         )
     }
 
-    /// Moves a group so that its middle is the origin, if it is far away; returns where the middle was.
-    fn centre(&mut self, group: usize) -> Vec3A {
-        let set = &mut self.groups[group];
-        let all = set.extent();
-        let (middle, half) = ((all.min + all.max) * 0.5, (all.max - all.min) * 0.5);
-        if set.bounds.is_empty() || middle.abs().cmple(half).all() {
-            return Vec3A::ZERO;
+    /// The mesh of a triangle, and the triangle's corners, its parallelogram's fourth one last.
+    fn corners(&self, primitive: u32) -> (&Part, [u32; 3], [Vec3A; 4]) {
+        let (id, whole) = index(primitive);
+        let part = &self.meshes[self.meshes.partition_point(|m| m.triangle <= id) - 1];
+        let at = |i: u32| Vec3A::from(self.positions[part.vertex + i as usize]);
+        let corners = self.corners[id as usize];
+        let [a, b, c] = corners.map(at);
+        if !whole {
+            return (part, corners, [a, b, c, a]);
         }
-        for (p, b) in set.primitives.iter().zip(&mut set.bounds) {
-            *b = Aabb::new(b.min - middle, b.max - middle);
-            if p & QUADRIC == 0 {
-                self.triangles[index(*p).0 as usize].shift(-middle);
+        // From the corner opposite to the diagonal both sides are edges, turned as before.
+        let far = at(self.corners[id as usize + 1][2]);
+        (part, [corners[1], corners[2], corners[0]], [b, c, a, far])
+    }
+
+    /// Bounds of a primitive of a set.
+    fn bounds(&self, primitive: u32) -> Aabb {
+        if primitive & QUADRIC != 0 {
+            return self.boxes[(primitive ^ QUADRIC) as usize];
+        }
+        let (part, _, [a, b, c, d]) = self.corners(primitive);
+        let (lo, hi) = (a.min(b).min(c).min(d), a.max(b).max(c).max(d));
+        Aabb::new(lo - part.origin, hi - part.origin)
+    }
+
+    /// Bounds of a set.
+    fn extent(&self, set: &Set) -> Aabb {
+        let all = set.primitives.par_iter().map(|p| self.bounds(*p));
+        all.reduce(Aabb::empty, |a, b| a.union(&b))
+    }
+
+    /// What shading needs of a triangle.
+    fn triangle(&self, primitive: u32) -> Triangle {
+        let (part, corners, [a, b, c, _]) = self.corners(primitive);
+        let indices = |first: u32| {
+            if first == NONE {
+                [NONE; 3]
             } else {
-                let quadric = &mut self.quadrics[(p ^ QUADRIC) as usize];
-                *quadric = quadric.shifted(-middle);
+                corners.map(|i| first + i)
             }
+        };
+        let uv_indices = indices(part.uv);
+        let uvs = (part.uv != NONE).then(|| uv_indices.map(|i| self.uvs[i as usize]));
+        let mut triangle = Triangle::new([a, b, c], uvs, indices(part.normal), uv_indices, part.material);
+        triangle.shift(-part.origin);
+        triangle
+    }
+
+    /// Moves groups that are far away so that their middles are the origin; returns where those were.
+    fn centre(&mut self, groups: &[Set]) -> Vec<Vec3A> {
+        let mut origins = vec![];
+        for set in groups {
+            let all = self.extent(set);
+            let (middle, half) = ((all.min + all.max) * 0.5, (all.max - all.min) * 0.5);
+            let near = set.primitives.is_empty() || middle.abs().cmple(half).all();
+            let origin = if near { Vec3A::ZERO } else { middle };
+            for p in set.primitives.iter().filter(|p| **p & QUADRIC != 0) {
+                if !near {
+                    let at = (p ^ QUADRIC) as usize;
+                    let b = self.boxes[at];
+                    self.boxes[at] = Aabb::new(b.min - origin, b.max - origin);
+                    self.quadrics[at] = self.quadrics[at].shifted(-origin);
+                }
+            }
+            origins.push(origin);
         }
-        middle
+        for part in self.meshes.iter_mut().filter(|m| m.group != NONE) {
+            part.origin = origins[part.group as usize];
+        }
+        origins
     }
 
     /// Puts the quadrics of groups before those of the world; returns how many they are.
-    fn sort_quadrics(&mut self) -> usize {
+    fn sort_quadrics(&mut self, mut groups: Vec<Set>, world: &mut Set) -> (Vec<Set>, usize) {
         let mut sorted = Vec::with_capacity(self.quadrics.len());
+        let mut boxes = Vec::with_capacity(self.quadrics.len());
         let mut own = 0;
-        for set in self.groups.iter_mut().chain([&mut self.world]) {
+        for set in groups.iter_mut().chain([world]) {
             own = sorted.len();
             for p in set.primitives.iter_mut().filter(|p| **p & QUADRIC != 0) {
-                sorted.push(self.quadrics[(*p ^ QUADRIC) as usize]);
-                *p = QUADRIC | (sorted.len() as u32 - 1);
+                let from = (*p ^ QUADRIC) as usize;
+                *p = QUADRIC | sorted.len() as u32;
+                sorted.push(self.quadrics[from]);
+                boxes.push(self.boxes[from]);
             }
         }
-        self.quadrics = sorted;
-        own
+        (self.quadrics, self.boxes) = (sorted, boxes);
+        (groups, own)
     }
 }
 
@@ -288,19 +361,19 @@ fn index(primitive: u32) -> (u32, bool) {
 /// then come to a small part of the step off the surface.
 const ROUNDING: f32 = 0.1;
 
-/// Where two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
-/// coordinates are those of one plane: its corner d.
-fn fourth_corner(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> Option<Vec3> {
+/// Whether two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
+/// coordinates are those of one plane.
+fn is_parallelogram(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> bool {
     let [ia, ib, ic] = first.map(|i| i as usize);
     let id = next[2] as usize;
     // Without texture coordinates the tangent comes from the triangle's own edges.
     if next[0] != first[0] || next[1] != first[2] || mesh.uvs.is_empty() {
-        return None;
+        return false;
     }
     let p = &mesh.positions;
     let size = p[ia].distance(p[ic]);
     let flat = p[ia] + p[ic] - p[ib] - p[id];
     let same = mesh.normals.is_empty() || [ib, ic, id].iter().all(|i| mesh.normals[*i] == mesh.normals[ia]);
     let uv: Vec2 = mesh.uvs[ia] + mesh.uvs[ic] - mesh.uvs[ib] - mesh.uvs[id];
-    (flat.length() <= 1e-6 * size && same && uv.length() <= 1e-6).then_some(p[id])
+    flat.length() <= 1e-6 * size && same && uv.length() <= 1e-6
 }

@@ -54,8 +54,10 @@ pub enum Outline {
 pub struct Geometry {
     pub(super) tree: Tree,
     pub(super) packs: Vec<Pack>,
-    /// Eight a pack, in its order.
+    /// In the order of the packs.
     pub(super) triangles: Vec<Triangle>,
+    /// Where the triangles of each pack begin.
+    pub(super) firsts: Vec<u32>,
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
     pub(super) quadrics: Vec<Quadric>,
@@ -260,6 +262,12 @@ impl Geometry {
         any.found
     }
 
+    /// A triangle by the number that [`Hit::leaf`] gives it.
+    #[inline(always)]
+    pub(super) fn triangle(&self, leaf: u32) -> &Triangle {
+        &self.triangles[(self.firsts[(leaf >> 3) as usize] + (leaf & 7)) as usize]
+    }
+
     /// Position, normals, texture coordinates and material at a hit.
     #[inline(always)]
     #[must_use]
@@ -297,7 +305,7 @@ impl Geometry {
                 material: quadric.material,
             };
         }
-        let tri = &self.triangles[hit.leaf as usize];
+        let tri = self.triangle(hit.leaf);
         let [v0, e1, e2, ng, tangent] = [
             vector(tri.v0),
             vector(tri.e1),
@@ -341,7 +349,7 @@ impl Geometry {
         if hit.leaf & QUADRIC != 0 {
             return self.quadrics[(hit.leaf ^ QUADRIC) as usize].bend(surface.p);
         }
-        let tri = &self.triangles[hit.leaf as usize];
+        let tri = self.triangle(hit.leaf);
         let Some(corners) = tri.normals() else {
             return Mat3A::ZERO;
         };
@@ -378,7 +386,7 @@ impl Geometry {
     /// Every primitive of the world itself with the number that [`Hit::leaf`] gives it.
     pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
         let [packs, quadrics] = self.own;
-        let flat = 8 * packs..self.triangles.len() as u32;
+        let flat = 8 * packs..8 * self.packs.len() as u32;
         let flat = flat.filter_map(|leaf| Some((leaf, self.outline(leaf)?)));
         let round = (quadrics..self.quadrics.len() as u32).map(|i| QUADRIC | i);
         flat.chain(round.filter_map(|leaf| Some((leaf, self.outline(leaf)?))))
@@ -457,6 +465,7 @@ impl Geometry {
         self.tree.bytes()
             + size_of_val(&self.packs[..])
             + size_of_val(&self.triangles[..])
+            + size_of_val(&self.firsts[..])
             + size_of_val(&self.normals[..])
             + size_of_val(&self.uvs[..])
             + size_of_val(&self.quadrics[..])

@@ -11,7 +11,10 @@ use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::PlocBuilder;
+use rayon::prelude::*;
 
 /// Set in a child that is a leaf; the rest is the leaf's number.
 const LEAF: u32 = 1 << 31;
@@ -19,6 +22,8 @@ const LEAF: u32 = 1 << 31;
 const NONE: u32 = u32::MAX;
 /// Primitives up to which all that obvhs wants to insert anew into its tree are.
 const REINSERTED: f32 = 2e6;
+/// Neighbours in either direction of which PLOC chooses a partner.
+const SEARCH: usize = 14;
 /// Boxes that can be waiting during a traversal.
 const STACK: usize = 192;
 /// Widens the far side of boxes by more than the rounding of their distances (Ize 2013).
@@ -103,31 +108,23 @@ enum Part<'a> {
 }
 
 impl Tree {
-    /// Builds the tree over boxes. Neighbouring primitives (by index into `bounds`) come together, up to eight, where
-    /// `fits` says that they may share a leaf; `leaf` takes them over and returns the leaf's number (below 2³¹ - 1).
+    /// Builds the tree over `count` boxes. Neighbouring primitives (by index, as `bounds` counts) come together, up to eight,
+    /// where `fits` says that they may share a leaf; `leaf` takes them over and returns the leaf's number (below 2³¹ - 1).
     pub fn build(
-        bounds: &[Aabb],
+        count: usize,
+        bounds: impl Fn(usize) -> Aabb + Sync,
         fits: impl Fn(&[u32]) -> bool,
         mut leaf: impl FnMut(&[u32]) -> u32,
     ) -> Self {
-        if bounds.is_empty() {
+        if count == 0 {
             return Self::default();
         }
-        let medium = BvhBuildParams::medium_build();
-        let params = BvhBuildParams {
-            max_prims_per_leaf: 1,
-            // Its time grows faster than the tree, its worth does not: of more primitives, as many are inserted anew.
-            reinsertion_batch_ratio: medium.reinsertion_batch_ratio
-                * (REINSERTED / bounds.len() as f32).min(1.0),
-            ..medium
-        };
-        let mut time = std::time::Duration::ZERO;
-        let binary = Binary::new(&build_bvh2(bounds, params, &mut time), bounds);
+        let binary = Binary::new(clustered(count, &bounds));
         let tree = binary.collapse(&fits, &mut leaf);
         // A traversal leaves up to seven boxes waiting a level. Trees that deep come of thousands of equal boxes only;
         // halving them in order is as good there.
         tree.filter(|t| 7 * t.depth() + 8 <= STACK)
-            .or_else(|| binary.halved(bounds).collapse(&fits, &mut leaf))
+            .or_else(|| binary.halved(&bounds).collapse(&fits, &mut leaf))
             .unwrap_or_default()
     }
 
@@ -237,98 +234,94 @@ impl Tree {
     }
 }
 
-/// A binary tree as plain tables: primitives in the order of its leaves, and for every node the run that it covers.
-struct Binary {
-    order: Vec<u32>,
-    nodes: Vec<BinaryNode>,
+/// The nodes of a binary tree over boxes; the children of a branch stand together, and leaves hold one primitive each.
+/// In obvhs's parts, because its own whole wants the boxes as a table beside its own.
+fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Vec<Bvh2Node> {
+    let params = BvhBuildParams::medium_build();
+    let mut tree = Bvh2::zeroed(count);
+    let mut ploc = PlocBuilder::new();
+    let node = |i| Bvh2Node::new(bounds(i), 1, i as u32);
+    (0..count)
+        .into_par_iter()
+        .map(node)
+        .collect_into_vec(&mut ploc.current_nodes);
+    let nodes = ploc.current_nodes.par_iter();
+    let all = nodes.map(|n| *n.aabb()).reduce(Aabb::empty, |a, b| a.union(&b));
+    ploc.build_ploc_from_leaves::<SEARCH, false>(
+        &mut tree,
+        all,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    drop(ploc);
+    // Its time grows faster than the tree, its worth does not: of more primitives, as many are inserted anew.
+    let ratio = params.reinsertion_batch_ratio * (REINSERTED / count as f32).min(1.0);
+    let mut reinsertion = ReinsertionOptimizer::default();
+    for times in [1.0, params.post_collapse_reinsertion_batch_ratio_multiplier] {
+        reinsertion.run(&mut tree, ratio * times, None);
+    }
+    tree.nodes
 }
 
-#[derive(Clone, Copy)]
-struct BinaryNode {
-    aabb: Aabb,
+/// A binary tree, with primitives in the order of its leaves, and for every node the run of them that it covers.
+struct Binary {
+    nodes: Vec<Bvh2Node>,
+    order: Vec<u32>,
     /// First primitive in `order`, and one past the last.
-    first: u32,
-    last: u32,
-    /// Children, or `NONE` twice.
-    children: [u32; 2],
+    runs: Vec<[u32; 2]>,
 }
 
 impl Binary {
-    /// From obvhs's tree, one primitive a leaf.
-    fn new(tree: &Bvh2, bounds: &[Aabb]) -> Self {
-        let mut out = Self {
-            order: Vec::with_capacity(bounds.len()),
-            nodes: Vec::with_capacity(2 * bounds.len()),
-        };
-        // (node there, node here); depth first, so that a node covers a run of `order`.
-        let mut parents = vec![];
-        let mut todo = vec![(0_u32, NONE, 0_usize)];
-        while let Some((there, parent, side)) = todo.pop() {
-            let node = &tree.nodes[there as usize];
-            let here = out.nodes.len() as u32;
-            if parent != NONE {
-                out.nodes[parent as usize].children[side] = here;
+    fn new(nodes: Vec<Bvh2Node>) -> Self {
+        let mut order = Vec::with_capacity(nodes.len() / 2 + 1);
+        let mut runs = vec![[0; 2]; nodes.len()];
+        // Depth first, so that a node covers a run of `order`; a node comes up again behind its children.
+        let mut todo = vec![(0_u32, false)];
+        while let Some((at, done)) = todo.pop() {
+            let (node, run) = (&nodes[at as usize], &mut runs[at as usize]);
+            if done {
+                run[1] = order.len() as u32;
+                continue;
             }
-            parents.push(parent);
-            let first = out.order.len() as u32;
-            if node.prim_count == 0 {
-                todo.push((node.first_index + 1, here, 1));
-                todo.push((node.first_index, here, 0));
+            run[0] = order.len() as u32;
+            if node.is_leaf() {
+                order.push(node.first_index);
+                run[1] = order.len() as u32;
             } else {
-                let from = node.first_index as usize;
-                let run = &tree.primitive_indices[from..from + node.prim_count as usize];
-                out.order.extend_from_slice(run);
+                todo.extend([
+                    (at, true),
+                    (node.first_index + 1, false),
+                    (node.first_index, false),
+                ]);
             }
-            out.nodes.push(BinaryNode {
-                aabb: node.aabb,
-                first,
-                last: out.order.len() as u32,
-                children: [NONE; 2],
-            });
         }
-        for i in (1..out.nodes.len()).rev() {
-            let (last, parent) = (out.nodes[i].last, parents[i] as usize);
-            out.nodes[parent].last = out.nodes[parent].last.max(last);
-        }
-        out
+        Self { nodes, order, runs }
     }
 
     /// The same primitives in the same order, halved again and again.
-    fn halved(&self, bounds: &[Aabb]) -> Self {
-        let mut nodes: Vec<BinaryNode> = vec![];
-        let mut todo = vec![(0_u32, self.order.len() as u32, NONE, 0_usize)];
-        while let Some((first, last, parent, side)) = todo.pop() {
-            let here = nodes.len() as u32;
-            if parent != NONE {
-                nodes[parent as usize].children[side] = here;
-            }
-            let mut aabb = Aabb::empty();
-            for i in &self.order[first as usize..last as usize] {
-                aabb.extend(bounds[*i as usize].min);
-                aabb.extend(bounds[*i as usize].max);
-            }
-            nodes.push(BinaryNode {
-                aabb,
-                first,
-                last,
-                children: [NONE; 2],
-            });
-            if last - first > 1 {
-                let middle = first.midpoint(last);
-                todo.push((middle, last, here, 1));
-                todo.push((first, middle, here, 0));
-            }
+    fn halved(&self, bounds: &impl Fn(usize) -> Aabb) -> Self {
+        let mut nodes = vec![Bvh2Node::default()];
+        let mut todo = vec![(0_u32, self.order.len() as u32, 0)];
+        while let Some((first, last, here)) = todo.pop() {
+            let run = &self.order[first as usize..last as usize];
+            let boxes = run.iter().map(|i| bounds(*i as usize));
+            let aabb = boxes.fold(Aabb::empty(), |all, b| all.union(&b));
+            nodes[here] = if let [only] = run {
+                Bvh2Node::new(aabb, 1, *only)
+            } else {
+                let (middle, child) = (first.midpoint(last), nodes.len());
+                nodes.resize(child + 2, Bvh2Node::default());
+                todo.extend([(middle, last, child + 1), (first, middle, child)]);
+                Bvh2Node::new(aabb, 0, child as u32)
+            };
         }
-        Self {
-            order: self.order.clone(),
-            nodes,
-        }
+        Self::new(nodes)
     }
 
     fn part(&self, node: u32, fits: &impl Fn(&[u32]) -> bool) -> Part<'_> {
-        let n = &self.nodes[node as usize];
-        let run = &self.order[n.first as usize..n.last as usize];
-        if n.children[0] == NONE || (run.len() <= 8 && fits(run)) {
+        let [first, last] = self.runs[node as usize];
+        let run = &self.order[first as usize..last as usize];
+        if self.nodes[node as usize].is_leaf() || (run.len() <= 8 && fits(run)) {
             Part::Leaf(run)
         } else {
             Part::Branch
@@ -346,15 +339,15 @@ impl Binary {
         while let Some((from, into)) = todo.pop() {
             let mut members = vec![from];
             while members.len() < 8 {
-                let area = |n: &u32| self.nodes[*n as usize].aabb.half_area();
+                let area = |n: &u32| self.nodes[*n as usize].aabb().half_area();
                 let branches = members.iter().enumerate();
                 let open = branches.filter(|(_, n)| matches!(self.part(**n, fits), Part::Branch));
                 let Some((at, _)) = open.max_by(|a, b| area(a.1).total_cmp(&area(b.1))) else {
                     break;
                 };
-                let [a, b] = self.nodes[members[at] as usize].children;
-                members[at] = a;
-                members.push(b);
+                let child = self.nodes[members[at] as usize].first_index;
+                members[at] = child;
+                members.push(child + 1);
             }
             for (lane, member) in members.iter().enumerate() {
                 let child = match self.part(*member, fits) {
@@ -365,7 +358,7 @@ impl Binary {
                         tree.nodes.len() as u32 - 1
                     }
                 };
-                tree.nodes[into].set(lane, &self.nodes[*member as usize].aabb, child);
+                tree.nodes[into].set(lane, self.nodes[*member as usize].aabb(), child);
             }
         }
         Some(tree)
@@ -409,7 +402,8 @@ mod tests {
     fn check(bounds: &[Aabb]) {
         let mut leaves: Vec<Vec<u32>> = vec![];
         let tree = Tree::build(
-            bounds,
+            bounds.len(),
+            |i| bounds[i],
             |run| run.iter().all(|i| i % 5 != 0),
             |run| {
                 leaves.push(run.to_vec());
@@ -474,7 +468,8 @@ mod tests {
 
     #[test]
     fn an_end_of_zero_stops() {
-        let tree = Tree::build(&boxes(100, 3), |_| false, |run| run[0]);
+        let boxes = boxes(100, 3);
+        let tree = Tree::build(100, |i| boxes[i], |_| false, |run| run[0]);
         let (origin, dir) = (Vec3A::splat(-5.0), Vec3A::splat(1.0).normalize());
         let mut seen = Seen {
             met: vec![false; 100],
@@ -482,6 +477,10 @@ mod tests {
         };
         tree.traverse::<false>(&Ray { origin, dir }, 100.0, &mut seen);
         assert!(seen.met.iter().filter(|m| **m).count() <= 1);
-        assert!(Tree::build(&[], |_| true, |_| 0).nodes.is_empty());
+        assert!(
+            Tree::build(0, |_| Aabb::empty(), |_| true, |_| 0)
+                .nodes
+                .is_empty()
+        );
     }
 }

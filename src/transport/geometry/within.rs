@@ -199,7 +199,7 @@ impl Geometry {
                 material: quadric.material,
             };
         }
-        let tri = &self.triangles[hit.leaf as usize];
+        let tri = self.triangle(hit.leaf);
         let [v0, e1, e2] = [tri.v0, tri.e1, tri.e2].map(vector);
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
         let ng = instance.normal(vector(tri.normal));
@@ -250,7 +250,7 @@ impl Geometry {
             let n = (instance.to_world.transpose() * surface.ng).normalize();
             return normalized_slope(turn * n, turn * slope * instance.to_local);
         }
-        let tri = &self.triangles[hit.leaf as usize];
+        let tri = self.triangle(hit.leaf);
         let Some([a, b, c]) = self.corner_normals(instance, tri) else {
             return Mat3A::ZERO;
         };
