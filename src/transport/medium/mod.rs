@@ -117,7 +117,14 @@ impl Media {
     #[inline]
     #[must_use]
     pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
-        lanes.mean(self.densities(self.list[id as usize].phase, Angle::between(wo, wi)))
+        lanes.mean(self.densities_toward(id, wo, wi))
+    }
+
+    /// Density of [`Self::sample_lane`] per steradian of `wi`, by the lane that it is drawn for.
+    #[inline]
+    #[must_use]
+    pub fn densities_toward(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Spectral {
+        self.densities(self.list[id as usize].phase, Angle::between(wo, wi))
     }
 
     /// Samples where light that leaves along `wo` comes from, as lane `lane` scatters: the direction, [`Self::eval`] there, and

@@ -12,9 +12,9 @@
 //! them in few samples, for those paths alone whose light meets a mirror, a smooth interface or a crystal first: what
 //! [`super::path`] cannot make. The two have no path in common, so what they find is added.
 
+use super::apparent;
 use super::emission::{Emission, Ends, Sender};
 use super::environment::{self, Met};
-use super::flight::From;
 use super::join::{Joiner, Scratch, Setup, behind, most};
 use super::join_manifold::Takers;
 use super::light_walk::{Begun, light_walk};
@@ -24,6 +24,7 @@ use super::point::Point;
 use super::roulette::Roulette;
 use super::spill::Spill;
 use super::splats::{Counts, Splat, Splats, WalkNumber};
+use super::state::From;
 use super::walk::{First, Limits, Walk};
 use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::material::Lanes;
@@ -103,8 +104,8 @@ impl Plan {
         let manifold = scene.settings.manifold && scene.settings.strategy.is_none();
         let mirrors = manifold && scene.settings.integrator.walks_from_light();
         let redirected = scene.settings.integrator == Integrator::Caustics;
-        let emission = Emission::new(scene);
-        let seed = scene.settings.seed;
+        let (emission, seed) = (Emission::new(scene), scene.settings.seed);
+        let guide = apparent::find(scene, &emission);
         let mut plan = Self {
             seed: if redirected { seed ^ REDIRECTED_SEED } else { seed },
             setup: Setup {
@@ -121,13 +122,14 @@ impl Plan {
                 } else {
                     Mirrors::default()
                 },
+                guide,
                 roulette: Roulette::default(),
             },
             splats: Splats::default(),
             spill: None,
         };
+        // Beside all light.
         if scene.settings.strategy.is_none() {
-            // Beside all light.
             plan.setup.roulette = plan.pilot(scene);
         }
         plan.setup.redirected = redirected;
@@ -182,12 +184,12 @@ impl Plan {
         };
     }
 
-    /// Whether walks from the light are seen by the camera.
     /// Points that a walk from the light must have, its end counted, before others connect to it.
     fn first(&self) -> usize {
         if self.setup.redirected { 3 } else { 2 }
     }
 
+    /// Whether walks from the light are seen by the camera.
     fn has_splats(&self, scene: &Scene) -> bool {
         scene.settings.strategy.is_none_or(|[_, t]| t == 1)
             && scene.settings.integrator.walks_from_light()
@@ -281,7 +283,8 @@ impl Walks {
             escapes: all && (scene.environment.is_some() || !scene.lights.is_dark()),
             first: if all { First::Anything } else { First::NotLambert },
         };
-        self.camera.run(scene, From::Camera, &end, &mut stream, limits);
+        self.camera
+            .run(scene, &plan.setup.guide, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {

@@ -2,7 +2,7 @@
 
 use super::bridge::{pass, unnoticed};
 use super::point::{End, Site};
-use super::state::State;
+use super::state::{From, State};
 use crate::geometry::ray::Surface;
 use crate::material::Lanes;
 use crate::medium::nesting::Nest;
@@ -15,13 +15,6 @@ use optics::spectrum::Spectral;
 
 /// Surfaces are looked for this much farther than a free path, against rounding.
 const REACH: f32 = 1e-3;
-
-/// Which end a walk starts from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum From {
-    Camera,
-    Light,
-}
 
 /// The state of a walk between two points.
 pub(super) struct Flight {

@@ -3,10 +3,11 @@
 use super::bridge::{Allowed, END_GAP, End, Start, bridge};
 use super::emission::{Emission, Ends, Sender};
 use super::flight::mean_transmittance;
+use super::guide::Guide;
 use super::mirrors::Mirrors;
 use super::point::{Point, Site};
 use super::roulette::Roulette;
-use super::state::Beam;
+use super::state::{Beam, From};
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
 use crate::material::NO_CRYSTAL;
@@ -30,6 +31,8 @@ pub(super) struct Setup {
     pub manifold: bool,
     /// Over which emitters are looked for.
     pub mirrors: Mirrors,
+    /// Where walks turn to in media.
+    pub guide: Guide,
     pub roulette: Roulette,
 }
 
@@ -281,7 +284,7 @@ impl<'a> Joiner<'a> {
 
     /// The weight of a connection among all strategies that can make its path.
     pub fn weight(&mut self, camera: &[Point], light: &[Point], source: usize, line: Line) -> f32 {
-        let scene = self.scene;
+        let (scene, guide) = (self.scene, &self.setup.guide);
         if !self.weighs {
             return 1.0;
         }
@@ -305,26 +308,26 @@ impl<'a> Joiner<'a> {
                         .setup
                         .emission
                         .density(scene, self.ends[0], source, toward_camera),
-                    _ => y.density(scene, y.back, toward_camera),
+                    _ => y.density(scene, guide, From::Light, y.back, toward_camera),
                 }
         });
         let to_y = line.arrivals[1].unwrap_or_else(|| {
             line.passed
                 * match z.site {
                     Site::Pinhole => z.forward,
-                    _ => z.density(scene, z.back, toward_light),
+                    _ => z.density(scene, guide, From::Camera, z.back, toward_light),
                 }
         });
         let sides = [
-            (camera, from_camera, to_z, toward_light, seen[0]),
-            (light, from_light, to_y, toward_camera, seen[1]),
+            (camera, from_camera, to_z, toward_light, seen[0], From::Light),
+            (light, from_light, to_y, toward_camera, seen[1], From::Camera),
         ];
-        for (walk, out, density, dir, seen) in sides {
+        for (walk, out, density, dir, seen, from) in sides {
             let k = walk.len() - 1;
             let point = &walk[k];
             out[k].other = density * point.cosine(dir);
             if k > 0 {
-                out[k - 1].other = point.density(scene, dir, point.back) * point.spread;
+                out[k - 1].other = point.density(scene, guide, from, dir, point.back) * point.spread;
             }
             if let Some((first, density)) = seen {
                 // The way through the interfaces is one step, that walks and manifolds both can make.

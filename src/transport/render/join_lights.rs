@@ -6,6 +6,7 @@
 use super::emission::Sender;
 use super::join::Joiner;
 use super::point::{End, Point};
+use super::state::From;
 use crate::accumulate::{Contributions, NO_PIXEL};
 use crate::geometry::ray::Ray;
 use crate::light::{Drawn, share};
@@ -17,7 +18,7 @@ use optics::spectrum::Spectral;
 impl Joiner<'_> {
     /// Connects the last point of a walk from the camera to all light with one direction and to light that is drawn.
     pub fn join_lights(&mut self, camera: &[Point], out: &mut Contributions) {
-        let (scene, Some(point)) = (self.scene, camera.last()) else {
+        let (scene, guide, Some(point)) = (self.scene, &self.setup.guide, camera.last()) else {
             return;
         };
         let p = point.surface.p;
@@ -29,7 +30,10 @@ impl Joiner<'_> {
         let weighs = std::mem::replace(&mut self.weighs, false);
         for drawn in distant.chain(drawn) {
             let share = if drawn.density > 0.0 {
-                share(drawn.density, point.density(scene, point.back, drawn.wi))
+                share(
+                    drawn.density,
+                    point.density(scene, guide, From::Camera, point.back, drawn.wi),
+                )
             } else {
                 1.0
             };

@@ -1,12 +1,12 @@
-//! Connections through smooth interfaces and over mirrors, of a walk from the camera to an emitter, and through interfaces
-//! of a walk from the light to the camera ([`super::manifold`]).
+//! Connections through smooth interfaces and over mirrors of a walk from the camera to an emitter ([`super::manifold`]); those of
+//! a walk from the light to the camera are [`super::view_manifold`].
 
 use super::bridge::{Allowed, Start};
-use super::emission::Sender;
+use super::flight::mean_transmittance;
 use super::join::{Joiner, Line, Record, behind, meet, most};
 use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
-use super::point::Point;
+use super::point::{Point, Site};
 use super::route::Route;
 use super::state::Beam;
 use crate::accumulate::Contributions;
@@ -14,7 +14,7 @@ use crate::material::Lanes;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
-use optics::polarization::frame::{perpendicular, turn};
+use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::{Spectral, max_lane};
 
@@ -43,6 +43,26 @@ impl Takers {
 /// The side of walks from the light.
 const LIGHT: usize = 1;
 
+/// Particles from which ways over flat mirrors are looked for. Such ways are many and bring little of what comes to a particle, which
+/// walks from the light find as well.
+const PARTICLES: f32 = 0.125;
+
+/// The chance that ways over flat mirrors are looked for from a point.
+#[inline]
+fn flats_chance(point: &Point) -> f32 {
+    if matches!(point.site, Site::Volume(_)) {
+        PARTICLES
+    } else {
+        1.0
+    }
+}
+
+/// How many times a way from a point is looked for, in the mean.
+#[inline]
+fn tries(point: &Point, way: &Way) -> f32 {
+    if way.reflects() { flats_chance(point) } else { 1.0 }
+}
+
 /// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
 const MOST_TRIES: u32 = 1 << 16;
 
@@ -59,12 +79,12 @@ impl Joiner<'_> {
         };
         let (intensity, _) = emission.intensity(scene, self.ends[0], source, -dir);
         let scattered = z.scatter(scene, z.back, dir);
-        let Some(factor) = self.spin(z, to, scattered, max_lane(intensity)) else {
+        let Some((start, route, factor)) = self.spin(z, to, scattered, max_lane(intensity)) else {
             return;
         };
         self.each_way(
             z,
-            |joiner, lane| Some((joiner.way(z, to, lane)?, factor)),
+            |_, lane| Some((manifold::find(scene, start, &route, Goal { to, lane })?, factor)),
             |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
         );
     }
@@ -86,28 +106,60 @@ impl Joiner<'_> {
             return;
         };
         let (setup, scene) = (self.setup, self.scene);
+        let chance = flats_chance(z);
+        if chance < 1.0 && self.stream.uniform() >= chance {
+            return;
+        }
         let to = setup.emission.position(scene, self.ends[0], source);
         setup.mirrors.flat_ways(z.surface.p, to, |seeds| {
-            let Some(factor) = self.spin_over(z, source, to, seeds) else {
+            let Some((start, route, factor)) = self.spin_over(z, source, to, seeds) else {
                 return;
             };
+            let factor = factor / chance;
             self.each_way(
                 z,
-                |joiner, lane| Some((joiner.way_over(z, seeds, Goal { to, lane })?, factor)),
+                |_, lane| Some((manifold::find(scene, start, &route, Goal { to, lane })?, factor)),
                 |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
             );
         });
     }
 
-    /// The way from a point over mirrors, looked for from points of them.
-    fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
+    /// The start of a way from a point over mirrors, looked for from points of them, and its route.
+    fn route_over<'b>(
+        &self,
+        z: &Point,
+        seeds: &'b [Seed],
+        to: Vec3A,
+        lane: usize,
+    ) -> Option<(Start, Route<'b>)>
+    where
+        Self: 'b,
+    {
+        let setup = self.setup;
         let dir = (seeds.first()?.point - z.surface.p).try_normalize()?;
         let line = z.line(self.scene, dir);
-        manifold::find_over(self.scene, &self.setup.mirrors, line, seeds, goal)
+        let route = Route::over(self.scene, &setup.mirrors, &line, seeds, to, lane)?;
+        Some((line, route))
     }
 
-    /// Roulette on a way from a point over flat mirrors to an emitter at `to`, as if they reflected everything.
-    fn spin_over(&mut self, z: &Point, source: usize, to: Vec3A, seeds: &[Seed]) -> Option<f32> {
+    /// The way from a point over mirrors, looked for from points of them.
+    fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
+        let (start, route) = self.route_over(z, seeds, goal.to, goal.lane)?;
+        manifold::find(self.scene, start, &route, goal)
+    }
+
+    /// Roulette on a way from a point over flat mirrors to an emitter at `to`, before and after it is known what they and
+    /// media let through: its start, its route and its factor.
+    fn spin_over<'b>(
+        &mut self,
+        z: &Point,
+        source: usize,
+        to: Vec3A,
+        seeds: &'b [Seed],
+    ) -> Option<(Start, Route<'b>, f32)>
+    where
+        Self: 'b,
+    {
         let (scene, setup) = (self.scene, self.setup);
         let [first, .., last] = [seeds.first()?, seeds.last()?];
         let dir = (first.point - z.surface.p).try_normalize()?;
@@ -118,7 +170,20 @@ impl Joiner<'_> {
         let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
         let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
             / (length * length);
-        setup.roulette.spin_unsure(expected, self.stream)
+        // In a medium most are too far away.
+        let passed = z.nest.medium(&scene.boundaries).map_or(1.0, |id| {
+            let depth = scene.media.list[id as usize].extinction();
+            mean_transmittance(
+                scene,
+                depth * Spectral::splat((first.point - z.surface.p).length()),
+            )
+        });
+        let factor = setup.roulette.spin_unsure(expected * passed, self.stream)?;
+        let (start, route) = self.route_over(z, seeds, to, z.lanes.nth(0))?;
+        let again = setup
+            .roulette
+            .spin_unsure(expected * factor * route.passes, self.stream)?;
+        Some((start, route, factor * again))
     }
 
     /// The same over curved mirrors; it must not be [`Self::reached`] otherwise.
@@ -174,18 +239,33 @@ impl Joiner<'_> {
     }
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
-    /// way, times what the end has for it per steradian, times n²/d².
+    /// way, times what the end has for it per steradian, times n²/d²; and once more when it is known what media let
+    /// through. Returns the way's start, its route and its factor.
     #[inline]
-    fn spin(&mut self, p: &Point, to: Vec3A, scattered: Option<Scatter>, end: f32) -> Option<f32> {
+    pub fn spin(
+        &mut self,
+        p: &Point,
+        to: Vec3A,
+        scattered: Option<Scatter>,
+        end: f32,
+    ) -> Option<(Start, Route<'static>, f32)> {
         let squared = p.filling.index * p.filling.index / (to - p.surface.p).length_squared();
         let scattered = scattered.map_or(0.0, |s| max_lane(s.m00()));
         let expected = p.chain.max_m00() * scattered * end * squared;
-        self.setup.roulette.spin_unsure(expected, self.stream)
+        let roulette = self.setup.roulette;
+        let factor = roulette.spin_unsure(expected, self.stream)?;
+        let start = self.straight(p, to)?;
+        let route = Route::straight(self.scene, &start, to)?;
+        if route.passes == 1.0 {
+            return Some((start, route, factor));
+        }
+        let again = roulette.spin_unsure(expected * factor * route.passes, self.stream)?;
+        Some((start, route, factor * again))
     }
 
     /// Calls back with the way that is found from a point, if there is one, the wavelengths that take it, the one whose
     /// indices count, and its factor; where interfaces disperse, every wavelength takes a way of its own.
-    fn each_way(
+    pub fn each_way(
         &mut self,
         p: &Point,
         mut find: impl FnMut(&mut Self, usize) -> Option<(Way, f32)>,
@@ -215,7 +295,7 @@ impl Joiner<'_> {
 
     /// The straight line from a point to an end at `to`, from which ways through interfaces are looked for.
     #[inline]
-    fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
+    pub fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
         Some(p.line(self.scene, dir))
     }
@@ -223,7 +303,9 @@ impl Joiner<'_> {
     /// The way from a point to an end at `to` through interfaces.
     #[inline]
     fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
-        manifold::find(self.scene, self.straight(p, to)?, Goal { to, lane })
+        let start = self.straight(p, to)?;
+        let route = Route::straight(self.scene, &start, to)?;
+        manifold::find(self.scene, start, &route, Goal { to, lane })
     }
 
     /// Appends what a way brings to its takers.
@@ -264,7 +346,8 @@ impl Joiner<'_> {
         let Some(emitter) = emission.emitter(scene, self.ends[0], source, way.first) else {
             return;
         };
-        let density = emission.density(scene, self.ends[0], source, way.emitted);
+        // Over the number of tries that it is weighed against.
+        let density = emission.density(scene, self.ends[0], source, way.emitted) / tries(z, way);
         let line = Line {
             dirs: [way.dir, way.emitted],
             passed: 1.0,
@@ -287,104 +370,6 @@ impl Joiner<'_> {
             frame,
         };
         meet(chain, beam, &emitter, &record, out);
-    }
-
-    /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
-    /// pixel of each, the way and the wavelengths that take it.
-    pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Takers)) {
-        let Some(y) = light.last() else {
-            return;
-        };
-        let camera = self.ends[0].camera;
-        let Some(dir) = (camera.origin - y.surface.p).try_normalize() else {
-            return;
-        };
-        let scattered = y.scatter_flux(self.scene, dir, y.back);
-        let density = camera.pixels_per_steradian(-dir) / self.setup.walks as f32;
-        let Some(factor) = self.spin(y, camera.origin, scattered, density) else {
-            return;
-        };
-        self.each_way(
-            y,
-            |joiner, lane| Some((joiner.way(y, camera.origin, lane)?, factor)),
-            |joiner, way, takers| {
-                if let Some(pixel) = camera.pixel(way.first) {
-                    f(joiner, pixel, way, takers);
-                }
-            },
-        );
-    }
-
-    /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
-    #[inline]
-    pub fn known_view(&self, y: &Point, dir: Vec3A, interfaces: usize, lane: usize) -> Option<Way> {
-        let to = self.ends[0].camera.origin;
-        let route = Route::through(interfaces);
-        manifold::along(self.scene, self.straight(y, to)?, &route, dir, Goal { to, lane })
-    }
-
-    /// Appends what a way from a point of the light's walk to the camera brings to its takers.
-    ///
-    /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
-    /// D Kᵀ D, its radiance scaled the other way.
-    pub fn splat_way(
-        &mut self,
-        light: &[Point],
-        sender: Sender,
-        way: &Way,
-        takers: Takers,
-        out: &mut Contributions,
-    ) {
-        let (scene, camera) = (self.scene, &self.ends[0].camera);
-        let Some(y) = light.last() else {
-            return;
-        };
-        let interactions = y.interactions + 1 + way.count() as u32;
-        let Some(sheets) = most(scene).checked_sub(interactions) else {
-            return;
-        };
-        let Some(scatter) = y.scatter_flux(scene, way.dir, y.back) else {
-            return;
-        };
-        let across = perpendicular(way.dir);
-        let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
-        let allowed = Allowed {
-            sheets,
-            lane: takers.lane,
-        };
-        let to = camera.origin;
-        let Some(passed) = way.follow(scene, &mut back, &mut frame, to, allowed, &mut self.rays) else {
-            return;
-        };
-        let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
-        // Lines end at the camera's pinhole from outside.
-        let factor = takers.factor * end.density
-            / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
-        end.chain.scale(takers.lanes.ones() * Spectral::splat(factor));
-        let line = Line {
-            dirs: [way.emitted, way.dir],
-            passed: 1.0,
-            arrivals: [None, Some(way.density(end.density, &passed))],
-        };
-        let weight = self.weight(&[Point::end(scene, &end)], light, sender.source, line);
-        let mut chain = end.chain;
-        chain.scale(Spectral::splat(weight));
-        let (c2, s2) = turn(-way.emitted, frame, end.frame);
-        chain.rotate_in(c2, s2);
-        chain.times_transposed(&back.mirrored());
-        let frame = chain
-            .push(&scatter, way.dir, across)
-            .unwrap_or_else(|| perpendicular(y.back));
-        let record = Record {
-            time_ps: picoseconds(y.optical_m + passed.optical_m),
-            pixel: sender.pixel,
-            interactions: interactions + passed.sheets,
-        };
-        let beam = Beam {
-            travel: -y.back,
-            frame,
-        };
-        meet(chain, beam, y, &record, out);
     }
 
     /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
@@ -469,6 +454,6 @@ impl Joiner<'_> {
             lane,
         };
         let passed = way.follow(scene, &mut chain, &mut frame, to, allowed, &mut self.rays)?;
-        Some(way.density(start(self, way.emitted), &passed))
+        Some(way.density(start(self, way.emitted), &passed) / tries(point, &way))
     }
 }

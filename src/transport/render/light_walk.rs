@@ -1,9 +1,9 @@
 //! Walks from the light, by number: each depends on its number and the seed alone.
 
 use super::emission::{Ends, Sender};
-use super::flight::From;
 use super::join::{Setup, most};
 use super::splats::WalkNumber;
+use super::state::From;
 use super::walk::{First, Limits, Walk};
 use crate::scene::Scene;
 use optics::sampling::stream::Stream;
@@ -45,7 +45,7 @@ pub(super) fn light_walk(
             First::Anything
         },
     };
-    walk.run(scene, From::Light, &start.end, &mut stream, limits);
+    walk.run(scene, &setup.guide, From::Light, &start.end, &mut stream, limits);
     Some(Begun {
         ends,
         sender: start.sender,

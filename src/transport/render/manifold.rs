@@ -19,8 +19,7 @@
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
-use super::mirrors::{Mirrors, Seed};
-use super::route::{INTERFACES, MOST_SURFACES, Route, interfaces, passes};
+use super::route::{INTERFACES, MOST_SURFACES, Route, passes};
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lobe};
 use crate::scene::Scene;
@@ -128,36 +127,17 @@ fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Optio
     (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
 }
 
-/// The way from the start of a line to a goal through the interfaces in between; `None` if there are none, or no way is
-/// found.
-pub(super) fn find(scene: &Scene, start: Start, goal: Goal) -> Option<Way> {
-    let count = interfaces(scene, start.ray, start.nest, goal.to)?.count;
-    if count == 0 {
-        return None;
-    }
-    let search = Search {
-        scene,
-        start,
-        route: &Route::through(count),
-        goal,
+/// The way from the start of a line along a route to a goal; it is looked for along the line, or from the first point on a
+/// mirror.
+pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Way> {
+    let dir = match route.over.first() {
+        Some(seed) => (seed.point - start.from).try_normalize()?,
+        None => start.ray.dir,
     };
-    search.solve(start.ray.dir)
-}
-
-/// The way from the start of a line over mirrors to a goal, looked for from the points `over` of them.
-pub(super) fn find_over(
-    scene: &Scene,
-    mirrors: &Mirrors,
-    start: Start,
-    over: &[Seed],
-    goal: Goal,
-) -> Option<Way> {
-    let route = Route::over(scene, mirrors, &start, over, goal.to)?;
-    let dir = (over.first()?.point - start.from).try_normalize()?;
     let search = Search {
         scene,
         start,
-        route: &route,
+        route,
         goal,
     };
     search.solve(dir)

@@ -1,6 +1,7 @@
 //! From a scene to finished tiles of its slices.
 
 mod aim;
+mod apparent;
 pub mod backend;
 mod bidirectional;
 mod bridge;
@@ -11,6 +12,7 @@ mod environment;
 mod flight;
 mod gaps;
 mod glints;
+mod guide;
 mod job;
 mod join;
 mod join_lights;
@@ -32,6 +34,7 @@ mod state;
 mod tests;
 mod tiles;
 mod tracer;
+mod view_manifold;
 mod views;
 mod walk;
 mod weight;

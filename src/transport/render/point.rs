@@ -9,6 +9,8 @@
 //! made of them sum to one.
 
 use super::bridge::Start;
+use super::guide::{At, Guide};
+use super::state::From;
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lanes};
 use crate::medium::nesting::Nest;
@@ -118,16 +120,36 @@ impl Point {
         (cos > 0.0).then(|| scatter.scaled(Spectral::splat(self.cosine(wo) / cos)))
     }
 
-    /// Density per steradian with which a walk that came from direction `from` goes on along `to`.
+    /// The medium that light which is scattered here comes through, if the point is one where walks may turn.
     #[inline]
-    pub fn density(&self, scene: &Scene, from: Vec3A, to: Vec3A) -> f32 {
+    pub fn medium(&self, scene: &Scene) -> Option<u32> {
         match self.site {
-            Site::Surface => scene
-                .materials
-                .pdf(self.surface.material, &self.surface, from, to),
-            Site::Volume(id) => scene.media.pdf(id, scene.lanes(), from, to),
-            Site::Pinhole => 0.0,
+            Site::Volume(id) => Some(id),
+            Site::Surface if scene.filled && self.is_lambert(scene) => self.nest.medium(&scene.boundaries),
+            _ => None,
         }
+    }
+
+    /// Density per steradian with which a walk of one end that came from direction `back` goes on along `to`.
+    #[inline]
+    pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
+        let own = match self.site {
+            Site::Surface => {
+                let s = &self.surface;
+                Spectral::splat(scene.materials.pdf(s.material, s, back, to))
+            }
+            Site::Volume(id) => scene.media.densities_toward(id, back, to),
+            Site::Pinhole => return 0.0,
+        };
+        let Some(medium) = self.medium(scene) else {
+            return own.to_array()[0];
+        };
+        let at = At {
+            medium,
+            p: self.surface.p,
+            from,
+        };
+        scene.lanes().mean(guide.densities(&scene.media, at, own, to).0)
     }
 
     /// Area that the point shows along a unit direction, per area.

@@ -1,12 +1,15 @@
 //! What a way to a pinhole is bent by ([`super::manifold`]): so many interfaces, a mirror, so many interfaces, …
 
 use super::bridge::{Start, unnoticed};
+use super::flight::mean_transmittance;
 use super::mirrors::{Mirrors, Seed};
 use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::Lobe;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
+use optics::spectrum::{Spectral, max_lane};
 
 /// Most interfaces on the way.
 pub(super) const INTERFACES: usize = 8;
@@ -23,14 +26,18 @@ pub(super) struct Route<'a> {
     pub through: ArrayVec<usize, 3>,
     pub over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
+    /// What media and mirrors let through of light that takes it as if it were straight in between, about.
+    pub passes: f32,
 }
 
 /// What a straight line through interfaces meets.
-pub(super) struct Met {
-    pub count: usize,
+struct Met {
+    count: usize,
     /// What surrounds its end, and where the last of them is left.
     nest: Nest,
     left: Vec3A,
+    /// Optical depth.
+    depth: Spectral,
 }
 
 /// True where light goes straight on.
@@ -57,7 +64,18 @@ impl<'a> Route<'a> {
             through: ArrayVec::from_iter([count]),
             over: &[],
             mirrors: None,
+            passes: 1.0,
         }
+    }
+
+    /// Through the interfaces on the straight line to `to`; `None` if there are none, or something else stands in it.
+    #[inline]
+    pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {
+        let met = interfaces(scene, start.ray, start.nest, to)?;
+        (met.count > 0).then(|| Self {
+            passes: mean_transmittance(scene, met.depth),
+            ..Self::through(met.count)
+        })
     }
 
     /// The route from the start of a line to the points `over` of mirrors and on to `to`, as if all of it were straight in
@@ -68,18 +86,22 @@ impl<'a> Route<'a> {
         start: &Start,
         over: &'a [Seed],
         to: Vec3A,
+        lane: usize,
     ) -> Option<Self> {
         let mut route = Self {
             through: ArrayVec::new(),
             over,
             mirrors: Some(mirrors),
+            passes: 1.0,
         };
         let (mut ray, mut nest) = (start.ray, start.nest);
+        let mut depth = Spectral::ZERO;
         for seed in over {
             ray.dir = (seed.point - ray.origin).try_normalize()?;
             let near = seed.point.lerp(ray.origin, BEFORE);
             let met = interfaces(scene, ray, nest, near)?;
             route.through.push(met.count);
+            depth += met.depth;
             nest = met.nest;
             ray.origin = met.left;
             let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
@@ -87,27 +109,41 @@ impl<'a> Route<'a> {
                 return None;
             }
             let surface = scene.geometry.surface(&ray, &hit);
+            let mirror =
+                scene
+                    .materials
+                    .specular(surface.material, &surface, -ray.dir, Lobe::Reflected, lane)?;
+            route.passes *= max_lane(mirror.scatter.m00());
             ray.origin = scene.geometry.leave(&surface, -ray.dir);
         }
         ray.dir = (to - ray.origin).try_normalize()?;
-        route.through.push(interfaces(scene, ray, nest, to)?.count);
+        let met = interfaces(scene, ray, nest, to)?;
+        route.through.push(met.count);
+        route.passes *= mean_transmittance(scene, depth + met.depth);
         (route.through.iter().sum::<usize>() + over.len() <= INTERFACES).then_some(route)
     }
 }
 
 /// The interfaces on a straight line; `None` if anything else stands in it.
-pub(super) fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<Met> {
+fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<Met> {
     let mut count = 0;
+    let mut depth = Spectral::ZERO;
     for _ in 0..MOST_SURFACES {
         let length = (to - ray.origin).length();
-        let Some(hit) = scene.geometry.intersect(&ray, length) else {
+        let hit = scene.geometry.intersect(&ray, length);
+        let surface = hit.map(|hit| scene.geometry.surface(&ray, &hit));
+        if let Some(id) = nest.medium(&scene.boundaries) {
+            let step = surface.map_or(length, |s| (s.p - ray.origin).length());
+            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step);
+        }
+        let Some(surface) = surface else {
             return Some(Met {
                 count,
                 nest,
                 left: ray.origin,
+                depth,
             });
         };
-        let surface = scene.geometry.surface(&ray, &hit);
         if !passes(scene, &nest, &surface, ray.dir) {
             count += 1;
             if !scene.materials.is_interface(surface.material) || count > INTERFACES {

@@ -7,6 +7,24 @@ use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 
+/// Which end a walk starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum From {
+    Camera,
+    Light,
+}
+
+impl From {
+    /// The other end.
+    #[inline]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Camera => Self::Light,
+            Self::Light => Self::Camera,
+        }
+    }
+}
+
 /// The state of a path at its current ray.
 pub(super) struct State {
     pub ray: Ray,

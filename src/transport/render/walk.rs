@@ -2,10 +2,11 @@
 //! ([`super::flight`]) in between.
 
 use super::environment::Chosen;
-use super::flight::{Flight, From, Hero, Landing, mean_transmittance};
+use super::flight::{Flight, Hero, Landing, mean_transmittance};
+use super::guide::{At, Guide};
 use super::point::{End, Point, Site};
 use super::roulette::{Odds, survives};
-use super::state::Beam;
+use super::state::{Beam, From};
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Lanes, Sampled};
 use crate::scene::Scene;
@@ -62,6 +63,8 @@ struct Progress {
     chosen: Chosen,
     /// Throughput of a walk that has lost nothing.
     full: f32,
+    /// What may come from where the walk goes now, over what may come from elsewhere.
+    hope: f32,
     interactions: u32,
 }
 
@@ -152,7 +155,15 @@ pub(super) enum First {
 
 impl Walk {
     /// Walks from an end.
-    pub fn run(&mut self, scene: &Scene, from: From, end: &End, stream: &mut Stream, limits: Limits) {
+    pub fn run(
+        &mut self,
+        scene: &Scene,
+        guide: &Guide,
+        from: From,
+        end: &End,
+        stream: &mut Stream,
+        limits: Limits,
+    ) {
         self.points.clear();
         self.escape = None;
         self.glows.clear();
@@ -162,10 +173,11 @@ impl Walk {
             density: end.density,
             chosen: Chosen::alone(end.ray.origin),
             full: end.chain.max_m00(),
+            hope: 1.0,
             interactions: 0,
         };
         self.points.push(Point::end(scene, end));
-        while self.step(scene, &mut progress, stream, limits) {
+        while self.step(scene, guide, &mut progress, stream, limits) {
             if let [_, first] = &self.points[..]
                 && match limits.first {
                     First::Anything => false,
@@ -182,13 +194,20 @@ impl Walk {
     }
 
     /// Flies to the next point and draws where to go from there; false where the walk ends.
-    fn step(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
+    fn step(
+        &mut self,
+        scene: &Scene,
+        guide: &Guide,
+        progress: &mut Progress,
+        stream: &mut Stream,
+        limits: Limits,
+    ) -> bool {
         let Some(mut point) = self.land(scene, progress, stream, limits) else {
             return false;
         };
         let onward = match point.site {
-            Site::Volume(id) => self.scatter_in(scene, id, &mut point, progress, stream),
-            _ => self.scatter_on(scene, &mut point, progress, stream),
+            Site::Volume(id) => self.scatter_in(scene, guide, id, &mut point, progress, stream),
+            _ => self.scatter_on(scene, guide, &mut point, progress, stream),
         };
         progress.interactions += 1;
         let wi = match onward {
@@ -213,7 +232,7 @@ impl Walk {
         }
         let odds = Odds {
             plays: progress.interactions >= scene.settings.rr_depth,
-            full: progress.full,
+            full: progress.full / progress.hope,
             most: SURVIVAL,
         };
         let flight = &mut progress.flight;
@@ -303,6 +322,7 @@ impl Walk {
     fn scatter_on(
         &mut self,
         scene: &Scene,
+        guide: &Guide,
         point: &mut Point,
         progress: &mut Progress,
         stream: &mut Stream,
@@ -318,6 +338,14 @@ impl Walk {
                 point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
             }
         }
+        let turning = point.medium(scene).map(|medium| At {
+            medium,
+            p: surface.p,
+            from: flight.end,
+        });
+        if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
+            return self.scatter_or_turn(scene, guide, at, point, progress, stream);
+        }
         let Some((next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
             return Onward::Nowhere;
         };
@@ -330,6 +358,7 @@ impl Walk {
             return Onward::Straight;
         }
         progress.density = density;
+        progress.hope = 1.0;
         progress.chosen = Chosen {
             density: if next.delta { 0.0 } else { density },
             from: surface.p,
@@ -337,7 +366,7 @@ impl Walk {
         let reverse = if next.delta {
             1.0
         } else {
-            point.density(scene, next.wi, back)
+            point.density(scene, guide, flight.end.other(), next.wi, back)
         };
         if let Some(before) = self.points.last_mut() {
             before.reverse = reverse * point.spread;
@@ -356,10 +385,52 @@ impl Walk {
         Onward::Toward(next.wi)
     }
 
+    /// Draws where a walk goes from a Lambert surface in a medium where walks turn.
+    fn scatter_or_turn(
+        &mut self,
+        scene: &Scene,
+        guide: &Guide,
+        at: At,
+        point: &Point,
+        progress: &mut Progress,
+        stream: &mut Stream,
+    ) -> Onward {
+        let (flight, s, back) = (&mut progress.flight, &point.surface, point.back);
+        let (materials, id, mut lanes) = (&scene.materials, s.material, flight.state.lanes);
+        let wi = match guide.turn(at, stream) {
+            Some(wo) => scene.media.sample_lane(at.medium, wo, flight.hero.lane, stream).0,
+            None => match materials.sample(id, s, back, &mut lanes, stream) {
+                Some(sampled) => sampled.wi,
+                None => return Onward::Nowhere,
+            },
+        };
+        let own = Spectral::splat(materials.pdf(id, s, back, wi));
+        let (densities, hopes) = guide.densities(&scene.media, at, own, wi);
+        let scatter = match flight.end {
+            From::Camera => point.scatter(scene, back, wi),
+            From::Light => point.scatter_flux(scene, wi, back),
+        };
+        let (Some(scatter), Some(drawn)) = (scatter, flight.hero.event(densities)) else {
+            return Onward::Nowhere;
+        };
+        flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+        progress.density = scene.lanes().mean(densities);
+        progress.hope = scene.lanes().mean(hopes);
+        progress.chosen = Chosen {
+            density: progress.density,
+            from: s.p,
+        };
+        if let Some(before) = self.points.last_mut() {
+            before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
+        }
+        Onward::Toward(wi)
+    }
+
     /// Draws where a walk goes from a particle of medium number `id`.
     fn scatter_in(
         &mut self,
         scene: &Scene,
+        guide: &Guide,
         id: u32,
         point: &mut Point,
         progress: &mut Progress,
@@ -367,19 +438,29 @@ impl Walk {
     ) -> Onward {
         let flight = &mut progress.flight;
         let lane = flight.hero.lane;
-        let (wi, scatter, densities) = scene.media.sample_lane(id, point.back, lane, stream);
+        let (back, from) = (point.back, flight.end);
+        let at = At {
+            medium: id,
+            p: point.surface.p,
+            from,
+        };
+        let wi = guide.sample(&scene.media, at, back, lane, stream);
+        let own = scene.media.densities_toward(id, back, wi);
+        let (densities, hopes) = guide.densities(&scene.media, at, own, wi);
+        let scatter = scene.media.eval(id, back, wi);
         let Some(drawn) = flight.hero.event(densities) else {
             return Onward::Nowhere;
         };
         // The same from both sides: particles are their own mirror images.
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
         progress.density = scene.lanes().mean(densities);
+        progress.hope = scene.lanes().mean(hopes);
         progress.chosen = Chosen {
             density: progress.density,
             from: point.surface.p,
         };
         if let Some(before) = self.points.last_mut() {
-            before.reverse = progress.density * point.spread;
+            before.reverse = point.density(scene, guide, from.other(), wi, back) * point.spread;
         }
         Onward::Toward(wi)
     }

@@ -1,0 +1,118 @@
+//! Connections through smooth interfaces of a walk from the light to the camera ([`super::manifold`]).
+
+use super::bridge::Allowed;
+use super::emission::Sender;
+use super::join::{Joiner, Line, Record, meet, most};
+use super::join_manifold::Takers;
+use super::manifold::{self, Goal, Way};
+use super::point::Point;
+use super::route::Route;
+use super::state::Beam;
+use crate::accumulate::Contributions;
+use base::units::picoseconds;
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::{perpendicular, turn};
+use optics::spectrum::Spectral;
+
+impl Joiner<'_> {
+    /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
+    /// pixel of each, the way and the wavelengths that take it.
+    pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Takers)) {
+        let Some(y) = light.last() else {
+            return;
+        };
+        let camera = self.ends[0].camera;
+        let Some(dir) = (camera.origin - y.surface.p).try_normalize() else {
+            return;
+        };
+        let scattered = y.scatter_flux(self.scene, dir, y.back);
+        let density = camera.pixels_per_steradian(-dir) / self.setup.walks as f32;
+        let to = camera.origin;
+        let Some((start, route, factor)) = self.spin(y, to, scattered, density) else {
+            return;
+        };
+        let scene = self.scene;
+        self.each_way(
+            y,
+            |_, lane| Some((manifold::find(scene, start, &route, Goal { to, lane })?, factor)),
+            |joiner, way, takers| {
+                if let Some(pixel) = camera.pixel(way.first) {
+                    f(joiner, pixel, way, takers);
+                }
+            },
+        );
+    }
+
+    /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
+    #[inline]
+    pub fn known_view(&self, y: &Point, dir: Vec3A, interfaces: usize, lane: usize) -> Option<Way> {
+        let to = self.ends[0].camera.origin;
+        let route = Route::through(interfaces);
+        manifold::along(self.scene, self.straight(y, to)?, &route, dir, Goal { to, lane })
+    }
+
+    /// Appends what a way from a point of the light's walk to the camera brings to its takers.
+    ///
+    /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
+    /// D Kᵀ D, its radiance scaled the other way.
+    pub fn splat_way(
+        &mut self,
+        light: &[Point],
+        sender: Sender,
+        way: &Way,
+        takers: Takers,
+        out: &mut Contributions,
+    ) {
+        let (scene, camera) = (self.scene, &self.ends[0].camera);
+        let Some(y) = light.last() else {
+            return;
+        };
+        let interactions = y.interactions + 1 + way.count() as u32;
+        let Some(sheets) = most(scene).checked_sub(interactions) else {
+            return;
+        };
+        let Some(scatter) = y.scatter_flux(scene, way.dir, y.back) else {
+            return;
+        };
+        let across = perpendicular(way.dir);
+        let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
+        let allowed = Allowed {
+            sheets,
+            lane: takers.lane,
+        };
+        let to = camera.origin;
+        let Some(passed) = way.follow(scene, &mut back, &mut frame, to, allowed, &mut self.rays) else {
+            return;
+        };
+        let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
+        // Lines end at the camera's pinhole from outside.
+        let factor = takers.factor * end.density
+            / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
+        end.chain.scale(takers.lanes.ones() * Spectral::splat(factor));
+        let line = Line {
+            dirs: [way.emitted, way.dir],
+            passed: 1.0,
+            arrivals: [None, Some(way.density(end.density, &passed))],
+        };
+        let weight = self.weight(&[Point::end(scene, &end)], light, sender.source, line);
+        let mut chain = end.chain;
+        chain.scale(Spectral::splat(weight));
+        let (c2, s2) = turn(-way.emitted, frame, end.frame);
+        chain.rotate_in(c2, s2);
+        chain.times_transposed(&back.mirrored());
+        let frame = chain
+            .push(&scatter, way.dir, across)
+            .unwrap_or_else(|| perpendicular(y.back));
+        let record = Record {
+            time_ps: picoseconds(y.optical_m + passed.optical_m),
+            pixel: sender.pixel,
+            interactions: interactions + passed.sheets,
+        };
+        let beam = Beam {
+            travel: -y.back,
+            frame,
+        };
+        meet(chain, beam, y, &record, out);
+    }
+}
