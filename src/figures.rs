@@ -4,6 +4,7 @@ use std::path::Path;
 
 use figure::spec::{Figure, View};
 use figure::{Drawing, FigureError, Panel};
+use store::denoised::is_denoised;
 use store::zarr::{AccessError, OpenError, TensorStore};
 use tensor::field::Field;
 
@@ -94,5 +95,9 @@ fn with_panel<T>(
         std_error: std_error.as_ref(),
         overflow: overflow.as_ref(),
     };
-    Ok(draw(&figure.name.replace('_', " "), &panel)?)
+    let mut title = figure.name.replace('_', " ");
+    if is_denoised(store) {
+        title += " (denoised)";
+    }
+    Ok(draw(&title, &panel)?)
 }

@@ -11,6 +11,7 @@
 
 #![warn(missing_docs)]
 
+pub mod denoise;
 pub mod figures;
 pub mod matrices;
 pub mod render;

@@ -5,6 +5,7 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::PathBuf;
 use sunstone::optics::spectrum::Spectral;
+use sunstone::store::denoised::ATTRIBUTE;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
@@ -37,6 +38,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for key in [
         "title",
         "status",
+        ATTRIBUTE,
         "scene_sha256",
         "seeds",
         "samples_per_pixel",

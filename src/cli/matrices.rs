@@ -4,6 +4,7 @@ use super::failure::Failure;
 use std::path::PathBuf;
 use sunstone::matrices::{Matrices, MatricesError};
 use sunstone::polarimetry::capture::mueller_image::{ImageError, MuellerImage};
+use sunstone::store::denoised;
 use sunstone::store::probe::Selection;
 
 /// Where matrices are.
@@ -26,7 +27,7 @@ impl MatrixSource {
     /// Reads all matrices. `rest` is what an example of the command ends with.
     pub fn read(&self, command: &str, rest: &str) -> Result<Matrices, Failure> {
         if let Some(slice) = &self.slice {
-            return self.stored(slice);
+            return self.stored(command, slice);
         }
         if self.source.is_dir() {
             return Err(Failure::input(format!(
@@ -37,14 +38,18 @@ impl MatrixSource {
         Matrices::of_array(&self.source).map_err(Failure::input)
     }
 
-    fn stored(&self, slice: &str) -> Result<Matrices, Failure> {
+    fn stored(&self, command: &str, slice: &str) -> Result<Matrices, Failure> {
         let source = super::source::Source {
             store: self.source.clone(),
             slice: slice.to_owned(),
             select: self.select.clone(),
             partial: self.partial,
         };
-        let (_, stored) = source.open()?;
+        let (store, stored) = source.open()?;
+        // What they do is held against the matrices as the truth.
+        if ["capture", "trial"].contains(&command) {
+            denoised::refuse(&store).map_err(Failure::input)?;
+        }
         Matrices::of_slice(&stored, &source.select).map_err(|e| match e {
             MatricesError::NotMueller => {
                 Failure::input(format!("slice {slice} of {} {e}", self.source.display()))

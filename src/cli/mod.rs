@@ -4,6 +4,7 @@ mod calibrate;
 mod calibrate_detector;
 mod capture;
 mod decompose;
+mod denoise;
 mod export;
 mod failure;
 mod figure;
@@ -50,6 +51,7 @@ Examples:
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
+  sunstone denoise a.zarr b.zarr -o figures.zarr         for figures, marked, with its own errors
   sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy
   sunstone trial out/mirror_room.zarr polarimetric --scheme drr36.toml --scheme lqrpr36.toml --relative-noise 5e-4
   sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
@@ -74,6 +76,7 @@ enum Command {
     Merge(merge::Arguments),
     Verify(verify::Arguments),
     Decompose(decompose::Arguments),
+    Denoise(denoise::Arguments),
     Scheme(scheme::Arguments),
     Learn(learn::Arguments),
     Capture(capture::Arguments),
@@ -106,6 +109,7 @@ pub fn run() -> ExitCode {
         Command::Merge(a) => merge::run(&a),
         Command::Verify(a) => verify::run(&a),
         Command::Decompose(a) => decompose::run(&a),
+        Command::Denoise(a) => denoise::run(&a),
         Command::Scheme(a) => scheme::run(&a),
         Command::Learn(a) => learn::run(&a),
         Command::Capture(a) => capture::run(&a),

@@ -5,5 +5,6 @@
 
 pub mod capture;
 pub mod decompose;
+pub mod denoise;
 pub mod reconstruct;
 pub mod trial;

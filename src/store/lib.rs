@@ -2,6 +2,8 @@
 
 #![warn(missing_docs)]
 
+pub mod alike;
+pub mod denoised;
 pub mod exr;
 pub mod merge;
 pub mod numpy;

@@ -20,17 +20,30 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
-use crate::zarr::{SampleGrid, StoredSlice, TensorStore};
+use crate::denoised;
+use crate::zarr::{AccessError, SampleGrid, StoredSlice, TensorStore};
 use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
 /// One store to merge, with what is known of its samples.
-struct Input {
-    store: TensorStore,
+pub(crate) struct Input {
+    pub(crate) store: TensorStore,
     attributes: Map<String, Value>,
-    samples_per_pixel: Option<f64>,
+    pub(crate) samples_per_pixel: Option<f64>,
+}
+
+impl Input {
+    pub(crate) fn of(store: TensorStore) -> Self {
+        let attributes = store.attributes();
+        let samples_per_pixel = attributes.get("samples_per_pixel").and_then(Value::as_f64);
+        Self {
+            store,
+            attributes,
+            samples_per_pixel: samples_per_pixel.filter(|n| *n >= 0.0),
+        }
+    }
 }
 
 /// First and last pixel of every entry of an axis.
@@ -45,7 +58,7 @@ struct Part<'a> {
 }
 
 /// One slice of all stores.
-struct Parts<'a> {
+pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
     /// Whether elements are of one camera pixel each.
     alike: bool,
@@ -79,14 +92,7 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
             )
         })
         .collect();
-    let shapes: Vec<_> = inputs.iter().map(|i| i.store.samples_shape()).collect();
-    let grid = match shapes[0] {
-        Some((shape, chunk)) if shapes.iter().all(|s| s.is_some_and(|s| s.0 == shape)) => Some(SampleGrid {
-            camera: [shape[1] as u32, shape[0] as u32],
-            tile: chunk[0].max(chunk[1]) as u32,
-        }),
-        _ => None,
-    };
+    let grid = common_grid(&inputs);
     let attributes = merged_attributes(&inputs);
     let fill = |merged: &TensorStore| {
         for parts in &slices {
@@ -132,8 +138,19 @@ fn origin(inputs: &[Input], options: Options) -> String {
     origin
 }
 
+/// The sample counts that all keep.
+pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
+    let mut shapes = inputs.iter().map(|i| i.store.samples_shape());
+    let (shape, chunk) = shapes.next()??;
+    let same = shapes.all(|s| s.is_some_and(|s| s.0 == shape));
+    same.then_some(SampleGrid {
+        camera: [shape[1] as u32, shape[0] as u32],
+        tile: chunk[0].max(chunk[1]) as u32,
+    })
+}
+
 /// Adds up sample counts per pixel, where the merged store keeps them.
-fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), MergeError> {
+pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), AccessError> {
     let Some((shape, chunk)) = merged.samples_shape() else {
         return Ok(());
     };
@@ -152,7 +169,7 @@ fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), MergeErro
 }
 
 /// Opens a slice in all stores, and checks that its parts belong together.
-fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
+pub(crate) fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     let first = inputs[0].store.slice(name)?;
     let size = pixels_per_element(&first)?;
     let alike = size == 1;
@@ -228,7 +245,7 @@ fn same_axes(a: &SliceLayout, b: &SliceLayout) -> bool {
     a.time == b.time && key(a) == key(b)
 }
 
-fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>, MergeError> {
+pub(crate) fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>, MergeError> {
     if paths.len() < 2 {
         return Err(MergeError::TooFew);
     }
@@ -240,7 +257,9 @@ fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>, MergeErro
         } else {
             TensorStore::open(path)?
         };
-        let attributes = store.attributes();
+        denoised::refuse(&store)?;
+        let input = Input::of(store);
+        let (store, attributes) = (&input.store, &input.attributes);
         let missing = |key| MergeError::Attribute {
             path: path.clone(),
             key,
@@ -281,23 +300,15 @@ fn open_inputs(paths: &[PathBuf], partial: bool) -> Result<Vec<Input>, MergeErro
                 });
             }
         }
-        let samples_per_pixel = attributes
-            .get("samples_per_pixel")
-            .and_then(Value::as_f64)
-            .filter(|n| *n >= 0.0);
-        if samples_per_pixel.is_none() && store.samples_shape().is_none() {
+        if input.samples_per_pixel.is_none() && store.samples_shape().is_none() {
             return Err(missing("samples_per_pixel"));
         }
-        inputs.push(Input {
-            store,
-            attributes,
-            samples_per_pixel,
-        });
+        inputs.push(input);
     }
     Ok(inputs)
 }
 
-fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
+pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
     let mut attributes = inputs[0].attributes.clone();
     let seeds: Vec<Value> = inputs
         .iter()

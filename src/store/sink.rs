@@ -1,5 +1,6 @@
 //! Zarr stores as the sink of renders: made or resumed, journaled tile by tile, and called complete at the end.
 
+use crate::denoised::{self, Denoised};
 use crate::zarr::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
 use base::journal::{self, Journal};
 use serde_json::{Value, json};
@@ -56,6 +57,9 @@ pub enum SinkError {
         /// Number of the slice asked for.
         slice: usize,
     },
+    /// What is to be resumed is no render.
+    #[error(transparent)]
+    Denoised(#[from] Denoised),
     /// What is to be resumed is another render.
     #[error(
         "{path} holds another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, \
@@ -124,6 +128,7 @@ impl ZarrSink {
         } = &self.target;
         if *resume && path.exists() {
             let store = TensorStore::open_for_write(path)?;
+            denoised::refuse(&store)?;
             check_same(&store, job)?;
             return Ok(store);
         }

@@ -8,6 +8,7 @@ use crate::fixtures::SMALL;
 const WRITERS: &[(&str, Option<&str>)] = &[
     ("render scene.toml -o out.zarr --no-figures", Some("out.zarr")),
     ("merge {f}/s.zarr {f}/t.zarr -o out.zarr", Some("out.zarr")),
+    ("denoise {f}/s.zarr {f}/t.zarr -o out.zarr", Some("out.zarr")),
     ("probe {f}/s.zarr mueller -o out.zarr", Some("out.zarr")),
     ("probe {f}/s.zarr mueller -o out.npy", None),
     ("probe {f}/s.zarr mueller -o out.csv", None),

@@ -19,6 +19,8 @@ const READERS: &[(&str, &str, &str)] = &[
     ("probe {x} mueller -o out.npy", "x.zarr", "M.npy"),
     ("figure {x} -o out", "x.zarr", "M.npy"),
     ("merge {x} {f}/t.zarr -o out.zarr", "x.zarr", "M.npy"),
+    ("denoise {x} -o out.zarr", "x.zarr", "M.npy"),
+    ("denoise {f}/s.zarr {x} -o out.zarr", "x.zarr", "M.npy"),
     ("export {x} mueller -o out.exr", "x.zarr", "M.npy"),
     ("probe {f}/s.zarr mueller --pattern {x} -o out.npy", "x.png", "mask.png"),
     ("decompose {x} -o out.npz", "x.npy", "M.npy"),

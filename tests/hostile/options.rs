@@ -154,6 +154,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
 #[rustfmt::skip]
 const ODD: &[&str] = &[
     "", "no-such-command", "render", "render --spp", "merge {f}/s.zarr -o out.zarr", "merge {f}/s.zarr {f}/s.zarr -o out.zarr",
+    "denoise -o out.zarr", "denoise {f}/s.zarr", "denoise {f}/s.zarr {f}/s.zarr -o out.zarr", "denoise {f}/s.zarr {f}/empty -o out.zarr",
     "probe {f}/s.zarr", "probe {f}/s.zarr mueller -k wavelength=900", "probe {f}/s.zarr mueller -k wavelength=400:430",
     "figure {f}/s.zarr --view mueller --slice mueller --wavelength 900 -o out.png",
     "pbrdf sheet {f}/materials.toml -o out.png --size 8 --spp 1 --wavelength 900",

@@ -9,6 +9,8 @@ use std::path::Path;
 const WRITERS: &[(&str, &str, &str)] = &[
     ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
     ("merge {i} {f}/t.zarr -o {o} --force", "zarr", "s.zarr"),
+    ("denoise {i} -o {o} --force", "zarr", "s.zarr"),
+    ("denoise {f}/t.zarr {i} -o {o} --force", "zarr", "s.zarr"),
     ("probe {i} mueller -o {o} --force", "zarr", "s.zarr"),
     ("probe {f}/s.zarr lit --pattern {i} -o {o}", "npy", "mask.png"),
     ("probe {f}/s.zarr lit --pattern {i} -o {o}", "csv", "mask.png"),

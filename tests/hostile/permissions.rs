@@ -13,6 +13,7 @@ const READERS: &[(&str, &str)] = &[
     ("import x.yaml -o out.toml", "x.yaml"),
     ("verify x.zarr", "x.zarr"),
     ("probe x.zarr mueller -o out.npy", "x.zarr"),
+    ("denoise x.zarr -o out.zarr", "x.zarr"),
     ("probe {f}/s.zarr lit --pattern x.png -o out.npy", "x.png"),
     ("decompose x.npy -o out.npz", "x.npy"),
     ("reconstruct x.npy --scheme {f}/drr36.toml -o out.npy", "x.npy"),
@@ -28,6 +29,7 @@ const READERS: &[(&str, &str)] = &[
 const WRITERS: &[&str] = &[
     "render {f}/scene.toml -o d/out.zarr --no-figures",
     "merge {f}/s.zarr {f}/t.zarr -o d/out.zarr",
+    "denoise {f}/s.zarr -o d/out.zarr",
     "probe {f}/s.zarr mueller -o d/out.npy",
     "probe {f}/s.zarr mueller -o d/out.csv",
     "probe {f}/s.zarr mueller -o d/out.zarr",

@@ -12,6 +12,7 @@ const READERS: &[&str] = &[
     "export s.zarr mueller -o out.exr",
     "figure s.zarr --view photo --slice mueller -o out.png",
     "merge s.zarr {f}/t.zarr -o out.zarr",
+    "denoise s.zarr {f}/t.zarr -o out.zarr",
 ];
 
 /// Files of a store that all of them need.

@@ -9,6 +9,7 @@ mod calibrate;
 mod capture;
 mod commands;
 mod decompose;
+mod denoise;
 mod ellipsometry;
 mod errors;
 mod exchange;

@@ -6,6 +6,7 @@ use polarimetry::capture::directions::Directions;
 use polarimetry::capture::element::Set;
 use rayon::prelude::*;
 use std::path::Path;
+use store::denoised;
 use store::zarr::{StoredSlice, TensorStore};
 use tensor::axes::AxisKind;
 use tensor::field::Field;
@@ -84,6 +85,7 @@ impl Scenery {
     /// What cannot be played, in words.
     pub fn open(path: &Path, name: &str, nm: f64) -> Result<Self, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
+        denoised::refuse(&store).map_err(|e| e.to_string())?;
         let slice = store.slice(name).map_err(|e| e.to_string())?;
         let place = format!("{} slice `{name}`", path.display());
         let layout = slice.layout();
@@ -300,5 +302,50 @@ impl PlayedScan {
         let (_, data) = self.rows.insert(at);
         let n = self.bins * ELEMENTS;
         Ok(&data[((y - first) * width + x) * n..][..n])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Map, json};
+    use tensor::axes::{Axis, SliceLayout};
+
+    #[test]
+    fn denoised_light_is_not_played() {
+        let axis = |kind, n: u32| Axis {
+            kind,
+            coords: (0..n).map(f64::from).collect(),
+            chunk: n.into(),
+        };
+        let layout = SliceLayout {
+            name: "m".into(),
+            axes: vec![
+                axis(AxisKind::Y, 2),
+                axis(AxisKind::X, 2),
+                axis(AxisKind::V, 2),
+                axis(AxisKind::U, 2),
+                axis(AxisKind::StokesOut, 4),
+                axis(AxisKind::StokesIn, 4),
+            ],
+            time: None,
+        };
+        let folder = tempfile::tempdir().expect("a folder");
+        for denoised in [false, true] {
+            let path = folder.path().join(denoised.to_string());
+            let mut attributes = Map::new();
+            if denoised {
+                attributes.insert(denoised::ATTRIBUTE.into(), json!({"of": [{"path": "a.zarr"}]}));
+            }
+            let slices = [(layout.clone(), Map::new())];
+            let store = TensorStore::create(&path, &slices, &attributes, None, false).expect("a store");
+            store.finish().expect("a manifest");
+            let told = Scenery::open(&path, "m", 550.0).err().unwrap_or_default();
+            assert_eq!(
+                told.contains("is denoised") && told.contains("a.zarr"),
+                denoised,
+                "{told}"
+            );
+        }
     }
 }

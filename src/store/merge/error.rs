@@ -1,5 +1,6 @@
 //! Why stores could not be merged.
 
+use crate::denoised::Denoised;
 use crate::zarr::{AccessError, CreateError, OpenError};
 use std::path::PathBuf;
 
@@ -76,6 +77,9 @@ pub enum MergeError {
         /// The slice.
         slice: String,
     },
+    /// An input was denoised: it has no samples of its own.
+    #[error(transparent)]
+    Denoised(#[from] Denoised),
     /// An input cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),

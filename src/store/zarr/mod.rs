@@ -288,7 +288,8 @@ impl TensorStore {
 
     /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
     /// unfinished store, never the same twice.
-    pub(crate) fn fingerprint(&self) -> String {
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
         match base::input::read(&self.path().join(manifest::FILE)) {
             Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
             Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),

@@ -1,0 +1,45 @@
+//! `sunstone denoise`.
+
+use super::failure::Failure;
+use super::places;
+use std::path::PathBuf;
+use sunstone::denoise::{Outcome, denoise};
+
+/// Denoise the images of a store by their own error bars: for figures, never as truth.
+///
+/// Every pixel becomes a mean of pixels near it that look like it within their errors, with the same weights for all Mueller
+/// elements, wavelengths and time bins, so that matrices stay realizable. Of two renders of one scene with different seeds each
+/// is averaged with weights from the other: their errors are better known than those of one. The output states its own errors,
+/// bias included, and is marked: `merge`, `render --resume`, `capture`, `trial` and rigs refuse it. Slices without rows and
+/// columns of the camera are copied.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sunstone denoise room.zarr -o room_denoised.zarr
+  sunstone render scene.toml --seed 2 -o b.zarr && sunstone denoise a.zarr b.zarr -o figures.zarr
+  sunstone figure figures.zarr")]
+pub struct Arguments {
+    /// A store, or two renders of one scene with different seeds.
+    #[arg(required = true, num_args = 1..=2)]
+    inputs: Vec<PathBuf>,
+    /// Store to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Replace an existing store.
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    places::folders(a.inputs.iter().map(Some), [Some(&a.output)])?;
+    let outcomes =
+        denoise(&a.inputs, &a.output, a.force).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
+    for Outcome { slice, error } in outcomes {
+        let said = match error {
+            Some(ratio) => format!("stated errors {ratio:.3} of the render's (root mean square)"),
+            None => "copied: it is no image, or has no errors".to_owned(),
+        };
+        super::output::print(&format!("{slice:18} {said}"))?;
+    }
+    super::output::print(&a.output.display().to_string())
+}

@@ -1,0 +1,134 @@
+//! Means of any channels of an image by its weights, with the errors that they have.
+//!
+//! The error of F = Σ w y is its propagated variance P = Σ w² V, and the square of its bias, for which
+//!
+//! > b² = (F - M)² - V + 2 V ∂F/∂M - P
+//!
+//! is an estimate (see [`super::weights`]): far too noisy for one pixel, it is averaged over a box, and what is below zero counts as
+//! zero.
+
+use super::around::around;
+use super::guide::unit;
+use super::likeness::{WINDOW, neighbour};
+use super::variance::variances;
+use super::weights::{Sums, Weights, add, other};
+use super::{CALM, Values};
+use rayon::prelude::*;
+
+/// Averages numbers of the renders, of the pixels that the weights are for. Pixels that are not moved keep their numbers: of two
+/// renders, their mean.
+///
+/// # Panics
+/// If the renders are not as many as those of the weights, or of other pixels.
+#[must_use]
+pub fn average(weights: &Weights, renders: &[Values]) -> Values {
+    assert_eq!(renders.len(), weights.of.len(), "as many renders as weights");
+    let mut out = kept(weights, renders);
+    let channels = out.channels;
+    if out.mean.is_empty() {
+        return out;
+    }
+    let (scaled, scale) = scaled(renders, &weights.known);
+    let noise: Vec<Vec<f32>> = scaled.iter().map(|r| variances(r, &weights.known)).collect();
+    let row = weights.size[1] * channels;
+    // Propagated variances and what is estimated of the bias.
+    let mut spread = vec![0.0_f32; out.mean.len()];
+    let mut bias = vec![0.0_f32; out.mean.len()];
+    let rows = out.mean.par_chunks_mut(row).zip(spread.par_chunks_mut(row));
+    rows.zip(bias.par_chunks_mut(row))
+        .enumerate()
+        .for_each(|(y, ((mean, spread), bias))| {
+            let mut sums = Sums::new(channels);
+            let pixels = mean.chunks_mut(channels).zip(spread.chunks_mut(channels));
+            for (x, ((mean, spread), bias)) in pixels.zip(bias.chunks_mut(channels)).enumerate() {
+                let p = y * weights.size[1] + x;
+                if !weights.moved[p] {
+                    continue;
+                }
+                let at = p * channels..(p + 1) * channels;
+                let part = |r: usize| (&scaled[r], weights.shares[r], &noise[r][at.clone()]);
+                let window = p * WINDOW..(p + 1) * WINDOW;
+                sums.clear();
+                // M and V.
+                let (mut rendered, mut own) = (vec![0.0_f32; channels], vec![0.0_f32; channels]);
+                for (render, share) in weights.shares.iter().enumerate() {
+                    let of = &weights.of[render][window.clone()];
+                    let slopes = &weights.slopes[render][window.clone()];
+                    sums.add([of, slopes], p, part(render), part(other(render, scaled.len())));
+                    for (o, w) in of.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+                        let Some(q) = neighbour(p, o, weights.size) else {
+                            continue;
+                        };
+                        add(
+                            spread,
+                            (share * w).powi(2),
+                            &noise[render][q * channels..][..channels],
+                        );
+                    }
+                    add(&mut rendered, *share, &scaled[render].mean[at.clone()]);
+                    add(&mut own, share * share, &noise[render][at.clone()]);
+                }
+                for c in 0..channels {
+                    bias[c] =
+                        (sums.mean[c] - rendered[c]).powi(2) - own[c] + 2.0 * sums.common[c] - spread[c];
+                    mean[c] = sums.mean[c] / scale;
+                }
+            }
+        });
+    let bias = around(&bias, weights.size, channels, CALM, &weights.moved);
+    let errors = out.error.chunks_mut(channels);
+    let squares = spread.chunks(channels).zip(bias.chunks(channels));
+    for ((errors, (spread, bias)), _) in errors
+        .zip(squares)
+        .zip(&weights.moved)
+        .filter(|(_, moved)| **moved)
+    {
+        for ((e, s), b) in errors.iter_mut().zip(spread).zip(bias) {
+            *e = (s + b.max(0.0)).sqrt() / scale;
+        }
+    }
+    out
+}
+
+/// The numbers of known pixels in a unit in which their squares can be taken, and the factor of that; zero elsewhere.
+fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
+    let all = renders.iter().flat_map(|r| r.mean.iter().chain(&r.error));
+    let largest = all.map(|x| x.abs()).filter(|x| x.is_finite()).fold(0.0, f32::max);
+    let scale = unit(f64::from(largest)).clamp(2.0_f64.powi(-126), 2.0_f64.powi(126)) as f32;
+    let of = |v: &[f32], channels: usize| -> Vec<f32> {
+        let number = |(i, x): (usize, &f32)| if known[i / channels] { x * scale } else { 0.0 };
+        v.iter().enumerate().map(number).collect()
+    };
+    let all = renders.iter().map(|r| Values {
+        mean: of(&r.mean, r.channels),
+        error: of(&r.error, r.channels),
+        ..*r
+    });
+    (all.collect(), scale)
+}
+
+/// What pixels have that are not moved: their own numbers, of two renders the mean with its error.
+fn kept(weights: &Weights, renders: &[Values]) -> Values {
+    if let [only] = renders {
+        return only.clone();
+    }
+    let of = |f: &dyn Fn(&Values, usize, f32) -> f64| -> Vec<f64> {
+        let n = renders[0].mean.len();
+        let all = (0..n).map(|i| {
+            renders
+                .iter()
+                .zip(&weights.shares)
+                .map(|(r, s)| f(r, i, *s))
+                .sum()
+        });
+        all.collect()
+    };
+    let mean = of(&|r, i, s| f64::from(s) * f64::from(r.mean[i]));
+    let variance = of(&|r, i, s| (f64::from(s) * f64::from(r.error[i])).powi(2));
+    Values {
+        size: renders[0].size,
+        channels: renders[0].channels,
+        mean: mean.into_iter().map(|m| m as f32).collect(),
+        error: variance.into_iter().map(|v| v.sqrt() as f32).collect(),
+    }
+}

@@ -1,0 +1,204 @@
+//! What pixels are compared by: few numbers of each, whatever a slice resolves.
+//!
+//! Of a slice of Mueller images or intensities at some wavelengths it is the slice. Where bins of time, bounces or projector
+//! pixels are resolved, it is their sum, and beside it the profile of M00 over them in at most `PROFILE` groups of neighbouring
+//! entries, so that pixels at different depths differ. Variances are added up as if entries were independent.
+
+use super::{Size, Values};
+use tensor::axes::{Axis, AxisKind};
+
+/// Most groups of a profile.
+const PROFILE: usize = 256;
+
+/// Numbers that pixels are compared by, of each render.
+pub struct Guide {
+    /// Rows and columns.
+    pub size: Size,
+    /// The renders, one or two, in a unit that makes the largest number 1 or a little less.
+    pub renders: Vec<Values>,
+    /// Weight of each render in the mean of all: they add up to 1.
+    pub shares: Vec<f32>,
+    /// For each element, the one whose noise says what counts: M00 of its wavelength. Channels behind are the profile.
+    pub judge: Vec<usize>,
+    /// Pixels whose numbers are all finite. Those of others are zero here.
+    pub known: Vec<bool>,
+    /// Pixels that have no error at all: nothing is to be gained there.
+    pub still: Vec<bool>,
+}
+
+/// Adds up the numbers of one render, part by part.
+pub struct GuideBuilder {
+    size: Size,
+    plan: Plan,
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+/// Which entry of a pixel goes where.
+struct Plan {
+    kinds: Vec<AxisKind>,
+    shape: Vec<usize>,
+    /// Channels of the matrix or intensity, and groups of the profile.
+    matrix: usize,
+    groups: usize,
+    /// Entries that are summed or grouped.
+    others: usize,
+    lanes: usize,
+}
+
+fn is_kept(kind: AxisKind) -> bool {
+    matches!(
+        kind,
+        AxisKind::StokesOut | AxisKind::StokesIn | AxisKind::Wavelength
+    )
+}
+
+impl Plan {
+    /// Of the axes behind rows and columns.
+    fn new(axes: &[Axis]) -> Self {
+        let count = |kept: bool| {
+            let some = axes.iter().filter(|a| is_kept(a.kind) == kept);
+            some.map(|a| a.coords.len()).product::<usize>()
+        };
+        let lanes = axes.iter().find(|a| a.kind == AxisKind::Wavelength);
+        let others = count(false);
+        Self {
+            kinds: axes.iter().map(|a| a.kind).collect(),
+            shape: axes.iter().map(|a| a.coords.len()).collect(),
+            matrix: count(true),
+            groups: if others > 1 { others.min(PROFILE) } else { 0 },
+            others,
+            lanes: lanes.map_or(1, |a| a.coords.len()),
+        }
+    }
+
+    /// Channels that an entry belongs to: of the sum, and of the profile.
+    fn channels(&self, index: &[usize]) -> (usize, Option<usize>) {
+        let (mut kept, mut other) = (0, 0);
+        for ((kind, n), i) in self.kinds.iter().zip(&self.shape).zip(index) {
+            let into = if is_kept(*kind) { &mut kept } else { &mut other };
+            *into = *into * n + i;
+        }
+        // Wavelengths are last, so that those of M00 come first.
+        let profile = (self.groups > 0 && kept < self.lanes).then(|| other * self.groups / self.others);
+        (kept, profile.map(|g| self.matrix + g))
+    }
+}
+
+impl GuideBuilder {
+    /// For pixels that have entries along `axes`, those behind rows and columns.
+    #[must_use]
+    pub fn new(size: Size, axes: &[Axis]) -> Self {
+        let plan = Plan::new(axes);
+        let n = size[0] * size[1] * (plan.matrix + plan.groups);
+        Self {
+            size,
+            plan,
+            mean: vec![0.0; n],
+            variance: vec![0.0; n],
+        }
+    }
+
+    /// Adds a box of entries, its first index and its shape given, of all pixels.
+    pub fn add(&mut self, start: &[u64], shape: &[u64], mean: &[f32], error: &[f32]) {
+        let lo = vec![0; shape.len()];
+        let targets: Vec<_> = tensor::region::indices(&lo, shape)
+            .map(|index| {
+                let index: Vec<usize> = index.iter().zip(start).map(|(i, s)| (i + s) as usize).collect();
+                self.plan.channels(&index)
+            })
+            .collect();
+        let (n, channels) = (targets.len(), self.plan.matrix + self.plan.groups);
+        if n == 0 {
+            return;
+        }
+        let lanes = self.plan.lanes as f64;
+        for (p, (mean, error)) in mean.chunks_exact(n).zip(error.chunks_exact(n)).enumerate() {
+            let at = p * channels;
+            for ((&(kept, profile), m), e) in targets.iter().zip(mean).zip(error) {
+                let (m, v) = (f64::from(*m), f64::from(*e).powi(2));
+                self.mean[at + kept] += m;
+                self.variance[at + kept] += v;
+                if let Some(c) = profile {
+                    self.mean[at + c] += m;
+                    // Wavelengths go along the same paths: their errors add up, not the squares.
+                    self.variance[at + c] += lanes * v;
+                }
+            }
+        }
+    }
+}
+
+impl GuideBuilder {
+    /// Looks at numbers that pixels have beside those that are added: pixels of which one is not finite are unknown.
+    pub fn look(&mut self, numbers: &[f32]) {
+        let channels = self.plan.matrix + self.plan.groups;
+        let of_pixel = numbers.len() / (self.size[0] * self.size[1]).max(1);
+        for (p, numbers) in numbers.chunks_exact(of_pixel.max(1)).enumerate() {
+            if numbers.iter().any(|x| !x.is_finite()) {
+                self.mean[p * channels..][..channels].fill(f64::NAN);
+            }
+        }
+    }
+}
+
+impl Guide {
+    /// Of the renders' numbers, with weights of the renders that add up to 1.
+    #[must_use]
+    pub fn new(renders: Vec<GuideBuilder>, shares: Vec<f32>) -> Self {
+        let (size, first) = (renders[0].size, &renders[0].plan);
+        let (matrix, lanes, channels) = (first.matrix, first.lanes, first.matrix + first.groups);
+        let judge = (0..matrix).map(|c| c % lanes).collect();
+        let pixels = size[0] * size[1];
+        let every = |test: &dyn Fn(f64, f64) -> bool| -> Vec<bool> {
+            let of = |p: usize, r: &GuideBuilder| {
+                (p * channels..(p + 1) * channels).all(|c| test(r.mean[c], r.variance[c]))
+            };
+            (0..pixels).map(|p| renders.iter().all(|r| of(p, r))).collect()
+        };
+        let known = every(&|m, v| m.is_finite() && v.is_finite());
+        let still = every(&|_, v| v == 0.0);
+        let largest = renders
+            .iter()
+            .flat_map(|r| r.mean.iter().zip(&r.variance))
+            .map(|(m, v)| m.abs().max(v.sqrt()));
+        let scale = unit(largest.filter(|x| x.is_finite()).fold(0.0, f64::max));
+        let finite = |p: usize, x: f64| {
+            if known[p / channels.max(1)] {
+                (x * scale) as f32
+            } else {
+                0.0
+            }
+        };
+        let values = |r: GuideBuilder| Values {
+            size,
+            channels,
+            mean: r.mean.iter().enumerate().map(|(i, m)| finite(i, *m)).collect(),
+            error: r
+                .variance
+                .iter()
+                .enumerate()
+                .map(|(i, v)| finite(i, v.sqrt()))
+                .collect(),
+        };
+        let renders = renders.into_iter().map(values).collect();
+        Self {
+            size,
+            renders,
+            shares,
+            judge,
+            known,
+            still,
+        }
+    }
+}
+
+/// A power of two that brings the largest number to 1/2 .. 1: products with it are exact.
+#[must_use]
+pub(super) fn unit(largest: f64) -> f64 {
+    if largest > 0.0 && largest.is_finite() {
+        2.0_f64.powi((-(largest.log2().floor() as i32) - 1).clamp(-1000, 1000))
+    } else {
+        1.0
+    }
+}

@@ -1,0 +1,240 @@
+//! How unlike two pixels are, against their errors.
+//!
+//! For pixels p and q, each element c that either has light or noise in,
+//!
+//! > d²(p, q) = mean_c [(u_c(p) - u_c(q))² - 2 min(V_c(p), V_c(q))] / (V_c(p) + V_c(q)),
+//!
+//! averaged over the pixels of two patches: 0 for two means of equal noise of the same light, on average, and large where light
+//! differs by more than its errors. It is that of Rousselle et al. 2012 (eq. 4), but for the smaller variance standing twice where
+//! they have V(p) + min(V(p), V(q)): so it is one number for a pair, and neither of a bright and a dull pixel takes more of the other
+//! than it gives, which would dim the image as a whole. Elements much quieter than M00 of their wavelength are judged as if they had
+//! a hundredth of its standard error.
+//!
+//! Profiles over time and the like have their light in few entries of many, over which a mean of ratios would not see that it moves on
+//! by one. Of them it is the ratio of sums,
+//!
+//! > d²(p, q) = Σ_g [(u_g(p) - u_g(q))² - 2 min(V_g(p), V_g(q))] / Σ_g (V_g(p) + V_g(q)),
+//!
+//! and the larger of the two counts.
+
+use super::guide::Guide;
+use super::{REACH, Size};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Numbers that are added up apart, so that they are in any processor's vectors in one order.
+pub(super) const LANES: usize = 8;
+
+/// Offsets of the window along an axis, and in all.
+const SIDE: usize = 2 * REACH + 1;
+/// Pixels of the window.
+pub const WINDOW: usize = SIDE * SIDE;
+/// The offset of a pixel to itself.
+pub const MIDDLE: usize = WINDOW / 2;
+
+/// Largest d² of one element.
+const FAR: f32 = 1e6;
+
+/// Least variance of an element over that of M00.
+const QUIET: f32 = 1e-4;
+
+/// Rows and columns from a pixel to that at an offset.
+#[must_use]
+pub fn offset(o: usize) -> [isize; 2] {
+    [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
+}
+
+/// The pixel at an offset from another, if it is in the image.
+#[must_use]
+pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
+    let [dy, dx] = offset(o);
+    let y = (p / width).checked_add_signed(dy).filter(|y| *y < height)?;
+    let x = (p % width).checked_add_signed(dx).filter(|x| *x < width)?;
+    Some(y * width + x)
+}
+
+/// d² of two pixels, and how it grows with the noise of each: by how much for a standard error more of what all elements of the
+/// pixel have in common, light.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pair {
+    d2: f32,
+    slopes: [f32; 2],
+}
+
+/// d² of all pairs of pixels within reach.
+pub struct Likeness {
+    size: Size,
+    /// For each offset before the middle one, an image: of pixels and those there.
+    planes: Vec<Vec<Pair>>,
+}
+
+impl Likeness {
+    /// Of one render of a guide, with patches of `patch` pixels to each side. Unknown pixels say nothing.
+    #[must_use]
+    pub fn new(guide: &Guide, render: usize, patch: usize) -> Self {
+        let (size, elements) = (guide.size, guide.judge.len());
+        let matrix = Noise::new(guide, render, 0..elements);
+        let profile = Noise::new(guide, render, elements..guide.renders[render].channels);
+        let planes = (0..MIDDLE).into_par_iter().map(|o| {
+            let of = |pair: &dyn Fn(usize, usize) -> Sums| {
+                let sum = |p: usize| {
+                    let q = neighbour(p, o, size).filter(|q| guide.known[p] && guide.known[*q]);
+                    q.map_or(Sums::default(), |q| pair(p, q))
+                };
+                let sums: Vec<Sums> = (0..guide.known.len()).map(sum).collect();
+                patches(&sums, size, patch)
+            };
+            let mut plane = of(&|p, q| matrix.elements(p, q));
+            if profile.channels > 0 {
+                for (pair, profile) in plane.iter_mut().zip(of(&|p, q| profile.profile(p, q))) {
+                    if profile.d2 > pair.d2 {
+                        *pair = profile;
+                    }
+                }
+            }
+            plane
+        });
+        Self {
+            size,
+            planes: planes.collect(),
+        }
+    }
+
+    /// d² of a pixel and its neighbour `q` at an offset, and its slope over the noise of the pixel.
+    #[must_use]
+    pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
+        debug_assert_eq!(neighbour(p, o, self.size), Some(q));
+        match o {
+            MIDDLE => [0.0; 2],
+            o if o < MIDDLE => [self.planes[o][p].d2, self.planes[o][p].slopes[0]],
+            o => {
+                let pair = &self.planes[WINDOW - 1 - o][q];
+                [pair.d2, pair.slopes[1]]
+            }
+        }
+    }
+}
+
+/// Sums over two pixels: what is above the line of d², and what is below it.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    d2: f32,
+    /// Elements that have light or noise, or variances of a profile.
+    under: f32,
+    slopes: [f32; 2],
+}
+
+/// d² of patches. Of the noise of other pixels in them no slope is known.
+fn patches(sums: &[Sums], [height, width]: Size, patch: usize) -> Vec<Pair> {
+    let mut across = vec![[0.0_f32; 2]; sums.len()];
+    let mut out = Vec::with_capacity(sums.len());
+    for (p, a) in across.iter_mut().enumerate() {
+        let (row, x) = (p / width * width, p % width);
+        for near in x.saturating_sub(patch)..(x + patch + 1).min(width) {
+            let near = sums[row + near];
+            *a = [a[0] + near.d2, a[1] + near.under];
+        }
+    }
+    for (p, own) in sums.iter().enumerate() {
+        let (y, x) = (p / width, p % width);
+        let (mut s, mut n) = (0.0, 0.0);
+        for near in y.saturating_sub(patch)..(y + patch + 1).min(height) {
+            s += across[near * width + x][0];
+            n += across[near * width + x][1];
+        }
+        let far = n <= 0.0 && s > 0.0;
+        let n = if n > 0.0 { n } else { 1.0 };
+        out.push(Pair {
+            d2: if far { FAR } else { s / n },
+            slopes: own.slopes.map(|slope| slope / n),
+        });
+    }
+    out
+}
+
+/// Values, errors with the signs of the values, and the least that variances count as, with channels filled up to whole vectors.
+struct Noise {
+    channels: usize,
+    mean: Vec<f32>,
+    error: Vec<f32>,
+    floor: Vec<f32>,
+}
+
+impl Noise {
+    /// Of some channels.
+    fn new(guide: &Guide, render: usize, own: Range<usize>) -> Self {
+        let values = &guide.renders[render];
+        let n = values.channels;
+        let channels = own.len().next_multiple_of(LANES);
+        let mut all = [(); 3].map(|()| vec![0.0_f32; guide.known.len() * channels]);
+        for p in 0..guide.known.len() {
+            for c in own.clone() {
+                let at = p * channels + c - own.start;
+                all[0][at] = values.mean[p * n + c];
+                all[1][at] = values.error[p * n + c].copysign(values.mean[p * n + c]);
+                let judge = guide.judge.get(c).map_or(0.0, |j| values.error[p * n + j]);
+                all[2][at] = QUIET * judge * judge;
+            }
+        }
+        let [mean, error, floor] = all;
+        Self {
+            channels,
+            mean,
+            error,
+            floor,
+        }
+    }
+
+    /// Of a profile.
+    fn profile(&self, p: usize, q: usize) -> Sums {
+        let mut sums = Sums::default();
+        for (i, j) in (p * self.channels..(p + 1) * self.channels).zip(q * self.channels..) {
+            let d = self.mean[i] - self.mean[j];
+            let (ep, eq) = (self.error[i], self.error[j]);
+            let least = ep.abs().min(eq.abs());
+            sums.d2 += d * d - 2.0 * least * least;
+            sums.under += ep * ep + eq * eq;
+            sums.slopes[0] += 2.0 * d * ep;
+            sums.slopes[1] -= 2.0 * d * eq;
+        }
+        sums
+    }
+
+    /// Of a matrix or an intensity.
+    fn elements(&self, p: usize, q: usize) -> Sums {
+        let at = |p: usize| p * self.channels..(p + 1) * self.channels;
+        let (ps, qs) = (at(p), at(q));
+        let [up, uq] = [&self.mean[ps.clone()], &self.mean[qs.clone()]];
+        let [ep, eq] = [&self.error[ps.clone()], &self.error[qs.clone()]];
+        let [fp, fq] = [&self.floor[ps], &self.floor[qs]];
+        let [mut sum, mut count, mut first, mut second] = [[0.0_f32; LANES]; 4];
+        for lane in (0..self.channels).step_by(LANES) {
+            for l in 0..LANES {
+                let c = lane + l;
+                let d = up[c] - uq[c];
+                let (vp, vq) = (ep[c] * ep[c], eq[c] * eq[c]);
+                let least = if vp < vq { vp } else { vq };
+                let (v, floor) = (vp + vq, fp[c] + fq[c]);
+                let under = if v > floor { v } else { floor };
+                let under = if under > f32::MIN_POSITIVE {
+                    under
+                } else {
+                    f32::MIN_POSITIVE
+                };
+                let ratio = (d * d - 2.0 * least) / under;
+                let far = ratio >= FAR;
+                let slope = if far { 0.0 } else { 2.0 * d / under };
+                sum[l] += if far { FAR } else { ratio };
+                count[l] += if v > 0.0 || d != 0.0 { 1.0 } else { 0.0 };
+                first[l] += slope * ep[c];
+                second[l] -= slope * eq[c];
+            }
+        }
+        let [d2, under, first, second] = [sum, count, first, second].map(|s| s.iter().sum());
+        Sums {
+            d2,
+            under,
+            slopes: [first, second],
+        }
+    }
+}
