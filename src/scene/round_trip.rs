@@ -721,6 +721,7 @@ impl Choices<'_> {
             wavelengths_nm: self.list(Self::number).into(),
             render: RenderFile {
                 spp: self.whole().into(),
+                replicates: self.whole().into(),
                 max_depth: self.whole().into(),
                 rr_depth: self.whole(),
                 integrator: [Integrator::Path, Integrator::Bidirectional][self.below(2) as usize],

@@ -5,6 +5,8 @@
 //! LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ,
 //! M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² = M / (N(N−1)) with N = ΣNᵢ.
 //!
+//! Samples that are stratified together are one: N is then the number of such groups (`replicates_per_pixel`).
+//!
 //! Sums are in f64; what remains is the rounding of the stored f32 values.
 //!
 //! Where an element averages several pixels, its samples are not alike and only their means are known:
@@ -32,13 +34,18 @@ pub(crate) struct Input {
     pub(crate) store: TensorStore,
     attributes: Map<String, Value>,
     pub(crate) samples_per_pixel: Option<f64>,
+    /// Samples that are stratified together, and one random variable.
+    group: f64,
 }
 
 impl Input {
     pub(crate) fn of(store: TensorStore) -> Self {
         let attributes = store.attributes();
         let samples_per_pixel = attributes.get("samples_per_pixel").and_then(Value::as_f64);
+        let replicates = attributes.get("replicates_per_pixel").and_then(Value::as_f64);
+        let group = samples_per_pixel.zip(replicates).map_or(1.0, |(n, r)| n / r);
         Self {
+            group: if group >= 1.0 { group } else { 1.0 },
             store,
             attributes,
             samples_per_pixel: samples_per_pixel.filter(|n| *n >= 0.0),
@@ -317,7 +324,12 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
         .cloned()
         .collect();
     attributes.insert("seeds".into(), json!(seeds));
-    for key in ["samples_per_pixel", "discarded_samples", "wall_time_s"] {
+    for key in [
+        "samples_per_pixel",
+        "replicates_per_pixel",
+        "discarded_samples",
+        "wall_time_s",
+    ] {
         let values: Vec<&Value> = inputs.iter().filter_map(|i| i.attributes.get(key)).collect();
         if values.is_empty() {
             continue;
@@ -362,8 +374,9 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
                     let e = part.slice.read(error, start, shape)?;
                     let counts = element_counts(part, start, shape)?;
                     let inner = n / counts.len().max(1);
+                    let group = part.input.group;
                     for (i, pool) in pools.iter_mut().enumerate() {
-                        pool.add(counts[i / inner], f64::from(m[i]), f64::from(e[i]), alike);
+                        pool.add(counts[i / inner] / group, f64::from(m[i]), f64::from(e[i]), alike);
                     }
                 }
                 let nothing = |p: &Pool| partial && p.n == 0.0;

@@ -168,6 +168,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
         "scene_sha256",
         "seeds",
         "samples_per_pixel",
+        "replicates_per_pixel",
         "max_depth",
         "integrator",
         "tile",

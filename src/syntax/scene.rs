@@ -68,6 +68,11 @@ pub struct RenderFile {
     #[serde(skip_serializing_if = "defaults::is_spp")]
     #[schemars(range(min = 1, max = 1_073_741_824))]
     pub spp: Located<u32>,
+    /// Least number of groups of these that are independent, and that standard errors are estimated from; inside of a group they
+    /// are stratified, so that the fewer groups, the less noise.
+    #[serde(skip_serializing_if = "defaults::is_replicates")]
+    #[schemars(range(min = 1, max = 1_073_741_824))]
+    pub replicates: Located<u32>,
     /// Longest path as Mitsuba counts it: 2 is direct light alone, n allows n - 1 surface interactions.
     #[serde(skip_serializing_if = "defaults::is_max_depth")]
     #[schemars(range(min = 1, max = 1024))]
@@ -94,6 +99,7 @@ impl Default for RenderFile {
     fn default() -> Self {
         Self {
             spp: defaults::spp(),
+            replicates: defaults::replicates(),
             max_depth: defaults::max_depth(),
             rr_depth: defaults::rr_depth(),
             integrator: Integrator::Auto,

@@ -8,6 +8,7 @@ use crate::light::Lights;
 use crate::material::Materials;
 use crate::medium::Media;
 use crate::medium::nesting::Boundary;
+use optics::sampling::stream::Group;
 use optics::spectrum::Wavelengths;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -90,6 +91,8 @@ impl Integrator {
 pub struct Settings {
     /// Samples per camera pixel.
     pub spp: u32,
+    /// Least number of groups that these are in, if they are stratified: [`Self::group`].
+    pub replicates: u32,
     /// Longest path as Mitsuba counts it: 1 + the largest number of surface interactions.
     pub max_depth: u32,
     /// Surface interactions before Russian roulette sets in.
@@ -105,6 +108,15 @@ pub struct Settings {
     pub seed: u64,
     /// Edge of a square tile in camera pixels.
     pub tile: u32,
+}
+
+impl Settings {
+    /// Samples of a pixel that are stratified together: as many as leave at least `replicates` independent groups, from which
+    /// standard errors are estimated (randomized quasi-Monte Carlo: Owen 1997).
+    #[must_use]
+    pub fn group(&self) -> Group {
+        Group::of(self.spp, self.replicates)
+    }
 }
 
 impl SceneTables {

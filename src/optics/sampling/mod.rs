@@ -3,5 +3,6 @@
 pub mod beckmann;
 pub mod gamma;
 pub mod microfacet;
+pub mod nets;
 pub mod stream;
 pub mod warp;

@@ -160,7 +160,7 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
 }
 
 /// What is rendered, as a text that does not depend on how the file is written: comments, order of tables, ways to write a
-/// number, defaults that are spelt out, figures and names of no consequence. Samples, seed and tiles are the render's.
+/// number, defaults that are spelt out, figures and names of no consequence. Samples, their groups, seed and tiles are the render's.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {
@@ -168,6 +168,7 @@ fn meaning(file: &SceneFile) -> String {
         figures: vec![],
         render: RenderFile {
             spp: defaults.spp,
+            replicates: defaults.replicates,
             seed: defaults.seed,
             tile: defaults.tile,
             ..file.render.clone()
@@ -207,6 +208,7 @@ pub(crate) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, Inpu
     let r = &file.render;
     Ok(Settings {
         spp: ctx.number(&r.spp, "spp", 1..=1 << 30)?,
+        replicates: ctx.number(&r.replicates, "replicates", 1..=1 << 30)?,
         max_depth: ctx.number(&r.max_depth, "max_depth", 1..=1024)?,
         rr_depth: r.rr_depth,
         integrator: r.integrator,

@@ -127,11 +127,12 @@ impl Form {
     }
 }
 
-const OF_ROOT: [(&str, Form); 9] = [
+const OF_ROOT: [(&str, Form); 10] = [
     ("scene_sha256", Form::Text),
     ("status", Form::Text),
     ("seeds", Form::Seeds),
     ("samples_per_pixel", Form::Count),
+    ("replicates_per_pixel", Form::Positive),
     ("discarded_samples", Form::Count),
     ("rays", Form::Count),
     ("tile", Form::Positive),

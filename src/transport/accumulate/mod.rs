@@ -1,7 +1,7 @@
 //! From path contributions to means and standard errors of every slice, in one pass.
 //!
-//! One camera sample is one random variable: all its contributions to an element are added before they are squared, so
-//! the variance is that of independent samples. A pixel is finished before the next begins, so what is live is small:
+//! What is independent is one random variable, a camera sample or a group of them that are stratified together: all its
+//! contributions to an element are added before they are squared, so the variance is that of independent ones. A pixel is finished before the next begins, so what is live is small:
 //! the cells of one pixel (sparse, in f64), then the finished values of one tile (sparse, in f32).
 
 pub mod plan;
@@ -27,8 +27,8 @@ enum CellIndex {
 /// One live cell of the current pixel.
 struct Cell {
     key: u64,
-    /// Sample whose contributions are pending.
-    sample: u32,
+    /// Group of samples whose contributions are pending.
+    group: u32,
     /// Where its elements begin among the sums, and how many rows and columns of the matrix they are.
     first: u32,
     extent: Extent,
@@ -49,7 +49,7 @@ impl Sums {
         square: f64x4::ZERO,
     };
 
-    /// Moves the pending sample into the sums.
+    /// Moves the pending group of samples into the sums.
     #[inline]
     fn fold(&mut self) {
         let p = widen(self.pending);
@@ -105,7 +105,7 @@ impl PixelSums {
     }
 
     #[inline]
-    fn add(&mut self, key: u64, sample: u32, extent: Extent, values: &[Spectral], weight: f32) {
+    fn add(&mut self, key: u64, group: u32, extent: Extent, values: &[Spectral], weight: f32) {
         let w = Spectral::splat(weight);
         let entry = match &mut self.index {
             CellIndex::Direct(table) => &mut table[key as usize],
@@ -115,7 +115,7 @@ impl PixelSums {
             *entry = self.cells.len() as u32;
             self.cells.push(Cell {
                 key,
-                sample,
+                group,
                 first: self.sums.len() as u32,
                 extent,
             });
@@ -130,8 +130,8 @@ impl PixelSums {
             // Most are intensities alone.
             let cell = &mut self.cells[slot];
             let sums = &mut self.sums[cell.first as usize];
-            if cell.sample != sample {
-                cell.sample = sample;
+            if cell.group != group {
+                cell.group = group;
                 sums.fold();
             }
             sums.pending += *value * w;
@@ -142,8 +142,8 @@ impl PixelSums {
         }
         let cell = &mut self.cells[slot];
         let first = cell.first as usize;
-        if cell.sample != sample {
-            cell.sample = sample;
+        if cell.group != group {
+            cell.group = group;
             for sums in &mut self.sums[first..first + cell.extent.count()] {
                 sums.fold();
             }
@@ -159,11 +159,14 @@ impl PixelSums {
     /// Turns the sums of a pixel into the mean and the variance of the mean, and adds them to the tile with weight
     /// 1/pixels and 1/pixels² (pixels are independent).
     #[inline]
-    fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: u32, pixels: f64) {
-        let n = f64::from(n);
-        let per_sample = f64x4::splat(1.0 / n);
-        // NaN for a single sample: its error is unknown, not zero.
-        let per_degree = f64x4::splat(1.0 / ((n - 1.0) * n));
+    fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: Counted, pixels: f64) {
+        let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
+        let per_sample = f64x4::splat(1.0 / samples);
+        let per_group = f64x4::splat(1.0 / groups);
+        // Variance of the mean of groups, whose sums have samples / groups times its size. NaN for a single one: its error is
+        // unknown, not zero.
+        let size = samples / groups;
+        let per_degree = f64x4::splat(1.0 / ((groups - 1.0) * groups * size * size));
         let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
         for cell in &self.cells {
             let first = cell.first as usize;
@@ -173,7 +176,7 @@ impl PixelSums {
                 .map(|sums| {
                     sums.fold();
                     let mean = sums.sum * per_sample;
-                    let spread = (sums.square - sums.sum * mean).max(f64x4::ZERO);
+                    let spread = (sums.square - sums.sum * (sums.sum * per_group)).max(f64x4::ZERO);
                     [narrow(mean * share), narrow(spread * per_degree * share2)]
                 });
             tile.add(key, cell.extent, finished);
@@ -194,6 +197,15 @@ impl PixelSums {
         self.cells.clear();
         self.sums.clear();
     }
+}
+
+/// Samples of a pixel that count (those without light included), and their groups that are independent of each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counted {
+    /// Samples.
+    pub samples: u32,
+    /// Groups: as many as samples, unless these are stratified.
+    pub groups: u32,
 }
 
 /// The finished values of all slices over one tile: what a back end makes of it.
@@ -296,9 +308,10 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Adds all contributions of one camera sample of the current pixel, whose elements are among `elements`.
+    /// Adds all contributions of one camera sample of the current pixel, whose elements are among `elements`, and which is one of
+    /// the group number `group`; groups come one after the other.
     #[inline]
-    pub fn add_sample(&mut self, sample: u32, list: &[Contribution], elements: &[Spectral]) {
+    pub fn add_sample(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         let pixel = self.pixel;
         for k in &self.keeping {
             let (plan, sums) = (&self.plans[*k], &mut self.sums[*k]);
@@ -310,16 +323,15 @@ impl<'a> TileAccumulator<'a> {
                     } else {
                         (c.extent, c.of(elements))
                     };
-                    sums.add(cell, sample, extent, values, weight);
+                    sums.add(cell, group, extent, values, weight);
                 }
             }
         }
     }
 
-    /// Finishes a pass over pixel (x, y), of which `n` samples count (those without light included). Passes are independent:
-    /// their means and the variances of these are added.
+    /// Finishes a pass over pixel (x, y). Passes are independent: their means and the variances of these are added.
     #[inline]
-    pub fn end_pass(&mut self, x: u32, y: u32, n: u32) {
+    pub fn end_pass(&mut self, x: u32, y: u32, n: Counted) {
         let slices = self.plans.iter().zip(&mut self.sums);
         for ((plan, sums), tile) in slices.zip(&mut self.tile.slices) {
             let Some([iy, ix]) = plan.camera_index(x, y) else {

@@ -5,8 +5,8 @@
 
 use super::path::BATCH;
 use super::tiles;
-use super::tracer::{Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
-use crate::accumulate::{NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
+use super::tracer::{Pass, Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
+use crate::accumulate::{Counted, NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
 use crate::device::epipolar::Epipolar;
 use crate::scene::Scene;
 use optics::spectrum::Spectral;
@@ -77,12 +77,12 @@ impl<'a> Cpu<'a> {
             }
             let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
             let mut all = None;
-            for (pass, count) in prepared.passes(scene) {
+            for Pass { kind, count, group } in prepared.passes(scene) {
                 let mut counted = 0;
                 for first in (0..count).step_by(BATCH) {
                     let samples = first..(first + BATCH as u32).min(count);
                     let (rays, lists, elements) =
-                        tracer.trace(scene, prepared, pass, [x, y], samples.clone());
+                        tracer.trace(scene, prepared, kind, [x, y], samples.clone());
                     accumulator.tile.record.rays += u64::from(rays);
                     let all_finite = finite(elements);
                     for (sample, list) in samples.zip(lists) {
@@ -95,12 +95,16 @@ impl<'a> Cpu<'a> {
                                 c.epipolar_px = e.distance_px(line, c.pixel);
                             }
                         }
-                        accumulator.add_sample(sample, list, elements);
+                        accumulator.add_sample(group.number(sample), list, elements);
                         counted += 1;
                     }
                 }
+                let counted = Counted {
+                    samples: counted,
+                    groups: counted.min(count / group.len()),
+                };
                 accumulator.end_pass(x, y, counted);
-                all.get_or_insert(counted);
+                all.get_or_insert(counted.samples);
             }
             accumulator.tile.record.samples += u64::from(scene.settings.spp);
             accumulator.end_pixel(all.unwrap_or(0));

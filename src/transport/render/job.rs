@@ -1,5 +1,6 @@
 //! What a render of a scene is, for the sink that takes it: layouts of its slices, and provenance.
 
+use super::tracer::replicates;
 use crate::accumulate::SlicePlan;
 use crate::device::distortion::Distortion;
 use crate::device::distortion::opencv::Opencv;
@@ -54,6 +55,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     put("scene", json!(scene.text));
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
+    put("replicates_per_pixel", json!(replicates(scene)));
     put("max_depth", json!(scene.settings.max_depth));
     put("integrator", json!(scene.settings.integrator.name()));
     if let Some(why) = scene.why_integrator() {

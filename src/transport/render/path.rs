@@ -146,6 +146,7 @@ impl Paths {
                     };
                     environment::seen(scene, &state.chain, beam, bounces, path.chosen, &mut out);
                 } else if bounces < last {
+                    path.stream.vertex(bounces);
                     path.arrive(scene, goes_on, kept, &mut rows);
                     alive[kept] = i;
                     kept += 1;
@@ -200,10 +201,11 @@ impl Paths {
     #[inline(always)]
     fn start(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> [u32; BATCH] {
         let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
+        let group = scene.settings.group();
         let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
         let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
         for (n, sample) in samples.take(BATCH).enumerate() {
-            let mut stream = Stream::new(scene.settings.seed, pixel, sample);
+            let mut stream = Stream::stratified(scene.settings.seed, pixel, sample, group);
             let [jx, jy] = stream.uniform2();
             at[0][n] += f64::from(jx);
             at[1][n] += f64::from(jy);

@@ -112,6 +112,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
         }],
         settings: Settings {
             spp: 9,
+            replicates: 1,
             max_depth: 6,
             rr_depth: 3,
             integrator,

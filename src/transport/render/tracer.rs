@@ -8,14 +8,24 @@ use super::tiles;
 use super::views::Views;
 use crate::accumulate::Contribution;
 use crate::scene::{Integrator, Scene};
+use optics::sampling::stream::Group;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
 /// How paths are made.
 #[derive(Clone, Copy)]
-pub(super) enum Pass {
+pub(super) enum PassKind {
     Paths,
     Walks,
+}
+
+/// A pass over each pixel.
+#[derive(Clone, Copy)]
+pub(super) struct Pass {
+    pub kind: PassKind,
+    /// Samples of a pixel, and how many of them are stratified together.
+    pub count: u32,
+    pub group: Group,
 }
 
 /// Makes the paths of one thread.
@@ -43,6 +53,16 @@ fn needs_walks(scene: &Scene) -> bool {
             Integrator::Caustics => false,
             Integrator::Path | Integrator::Auto => scene.settings.manifold,
         }
+}
+
+/// Independent groups of samples of each pixel: those of the paths, where there are any.
+pub(super) fn replicates(scene: &Scene) -> u32 {
+    let settings = &scene.settings;
+    if needs_walks(scene) {
+        settings.spp
+    } else {
+        settings.spp / settings.group().len()
+    }
 }
 
 /// How many tiles are rendered after one preparation.
@@ -105,10 +125,19 @@ impl Prepared {
         }
     }
 
-    /// The passes over each pixel, whose results are added, and their numbers of samples.
-    pub fn passes(&self, scene: &Scene) -> impl Iterator<Item = (Pass, u32)> + use<> {
-        let paths = self.paths.is_some().then_some((Pass::Paths, scene.settings.spp));
-        let walks = self.walks.is_some().then_some((Pass::Walks, samples(scene)));
+    /// The passes over each pixel, whose results are added.
+    pub fn passes(&self, scene: &Scene) -> impl Iterator<Item = Pass> + use<> {
+        let paths = self.paths.is_some().then_some(Pass {
+            kind: PassKind::Paths,
+            count: scene.settings.spp,
+            group: scene.settings.group(),
+        });
+        // Walks from the light come to pixels by chance, whatever their samples are.
+        let walks = self.walks.is_some().then_some(Pass {
+            kind: PassKind::Walks,
+            count: samples(scene),
+            group: Group::ALONE,
+        });
         paths.into_iter().chain(walks)
     }
 }
@@ -119,16 +148,16 @@ impl Tracer {
         &mut self,
         scene: &Scene,
         prepared: &Prepared,
-        pass: Pass,
+        pass: PassKind,
         pixel: [u32; 2],
         samples: Range<u32>,
     ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
         match (pass, &prepared.paths, &prepared.walks) {
-            (Pass::Paths, Some(views), _) => {
+            (PassKind::Paths, Some(views), _) => {
                 let rays = self.paths.trace(scene, views, pixel, samples);
                 (rays, &mut self.paths.lists, &self.paths.elements)
             }
-            (Pass::Walks, _, Some(plan)) => {
+            (PassKind::Walks, _, Some(plan)) => {
                 let rays = self.walks.trace(scene, plan, pixel, samples);
                 (rays, &mut self.walks.lists, &self.walks.elements)
             }
