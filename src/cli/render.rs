@@ -146,7 +146,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for (name, given, setting) in counts {
         if given.is_some_and(|n| !(1..=1 << 30).contains(&n)) {
             let given = given.unwrap_or(0);
-            return Err(Failure::input(format!("--{name} is {given}; give 1 to {}", 1 << 30)));
+            return Err(Failure::input(format!(
+                "--{name} is {given}; give 1 to {}",
+                1 << 30
+            )));
         }
         *setting = given.unwrap_or(*setting);
     }

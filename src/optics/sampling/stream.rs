@@ -14,7 +14,7 @@ use std::convert::Infallible;
 #[derive(Clone, Debug)]
 pub struct Stream {
     random: Pcg32,
-    strata: Option<Strata>,
+    strata: Strata,
 }
 
 /// Which stratified numbers come next.
@@ -26,15 +26,18 @@ struct Strata {
     /// Number of the sample in its group of 2^bits.
     index: u32,
     bits: u32,
-    /// Numbers before this one are stratified, from [`Self::next`] on.
+    /// Numbers before this one are stratified, from [`Self::next`] on: none of a sample alone.
     end: u32,
     next: u32,
 }
 
+/// Those of a sample alone.
+static NO_NETS: Nets = [0; POINTS];
+
 /// Stratified numbers of a vertex of a path, and of how many vertices: further numbers are independent of all others. Where
 /// a path has been by chance for long, order gains nothing.
 const PER_VERTEX: u32 = 8;
-const VERTICES: u32 = 6;
+const VERTICES: u32 = 3;
 
 /// How many samples of a pixel are stratified together: a power of two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,7 +136,14 @@ impl Stream {
         let state = mix(counter ^ key);
         Self {
             random: Pcg32::new(state, mix(state ^ key)),
-            strata: None,
+            strata: Strata {
+                nets: &NO_NETS,
+                key: 0,
+                index: 0,
+                bits: 0,
+                end: 0,
+                next: 0,
+            },
         }
     }
 
@@ -146,14 +156,14 @@ impl Stream {
         if group.bits > 0 {
             // No sample has this number, so that no stream is keyed by it.
             let key = mix(seed.wrapping_add(0x3c79_ac49_2ba7_b653)) ^ (u64::from(pixel) << 32);
-            stream.strata = Some(Strata {
+            stream.strata = Strata {
                 nets: nets(group.bits),
                 key: mix(key ^ u64::from(group.number(sample))),
                 index: sample & (group.len() - 1),
                 bits: group.bits,
                 next: 0,
                 end: 2,
-            });
+            };
         }
         stream
     }
@@ -161,27 +171,29 @@ impl Stream {
     /// Goes to the numbers of vertex `vertex` of a path, from 0 on, of a stratified sample.
     #[inline]
     pub fn vertex(&mut self, vertex: u32) {
-        if let Some(strata) = &mut self.strata {
-            strata.next = 2 + PER_VERTEX * vertex;
-            strata.end = if vertex < VERTICES { strata.next + PER_VERTEX } else { 0 };
-        }
+        let strata = &mut self.strata;
+        strata.next = 2 + PER_VERTEX * vertex;
+        let stratified = strata.bits > 0 && vertex < VERTICES;
+        strata.end = if stratified { strata.next + PER_VERTEX } else { 0 };
     }
 
     /// Uniform in [0, 1).
     #[inline]
     pub fn uniform(&mut self) -> f32 {
         let raw = self.random.next_u32();
-        match &mut self.strata {
-            Some(strata) if strata.next < strata.end => unit(strata.one(raw)),
-            _ => unit(raw),
+        if self.strata.next < self.strata.end {
+            return unit(self.strata.one(raw));
         }
+        unit(raw)
     }
 
     /// Two independent uniforms in [0, 1); stratified, those of one net.
     #[inline]
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
-        if let Some(strata) = &mut self.strata {
+        let strata = &mut self.strata;
+        // An odd one out is skipped; there are an even number.
+        if strata.next < strata.end {
             strata.next += strata.next & 1;
             if strata.next < strata.end {
                 return strata.two(raw).map(unit);
@@ -314,7 +326,12 @@ mod tests {
             before = Some(sample);
         }
         let n = f64::from(groups);
-        assert!(means.iter().all(|m| (m / n).abs() < 5.0 * (1.0 / 12.0 / n).sqrt()), "{means:?}");
+        assert!(
+            means
+                .iter()
+                .all(|m| (m / n).abs() < 5.0 * (1.0 / 12.0 / n).sqrt()),
+            "{means:?}"
+        );
         for p in products.iter().chain(&next) {
             assert!((p / n).abs() < 5.0 / 12.0 / n.sqrt(), "{products:?} {next:?}");
         }
@@ -345,7 +362,10 @@ mod tests {
     fn groups_fit_into_the_samples() {
         let of = |samples, replicates| Group::of(samples, replicates).len();
         assert_eq!([of(1, 16), of(31, 16), of(32, 16), of(64, 16)], [1, 1, 2, 4]);
-        assert_eq!([of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)], [8, 64, 64, 64]);
+        assert_eq!(
+            [of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)],
+            [8, 64, 64, 64]
+        );
     }
 
     /// Raw numbers are those that uniforms are made of, and every bit of them is set half the time (5 sigma).
