@@ -75,7 +75,7 @@ fn box_of(spp: u32, depth: u32, more: &str) -> String {
 /// Paths from both ends: their splats into other pixels, too, are samples of these pixels alone.
 #[test]
 fn deviations_of_bidirectional_paths_are_as_stated() {
-    honest("bidirectional", &mut scene_of(&box_of(192, 5, "")), LEFT_OUT);
+    honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), LEFT_OUT);
 }
 
 /// Light scattered in a medium around a ball, from both ends.
@@ -84,7 +84,7 @@ fn deviations_in_media_are_as_stated() {
     let fog = FOG
         .replace("[0.4, 0.7, 1.0]", "0.7")
         .replace("[0.1, 0.05, 0.2]", "0.1");
-    let text = box_of(192, 6, &format!("none.null = {{}}\n{fog}phase.rayleigh = {{}}\n"))
+    let text = box_of(256, 6, &format!("none.null = {{}}\n{fog}phase.rayleigh = {{}}\n"))
         + "[[objects]]\nmaterial = \"none\"\ninterior = \"fog\"\n\
            shape.cube = { min = [-0.9, -0.9, -0.9], max = [0.9, 0.9, 0.9] }\n\
            [[objects]]\nmaterial = \"red\"\nshape.sphere = { center = [0.1, -0.2, 0.1], radius = 0.3 }\n";
@@ -110,7 +110,7 @@ fn deviations_of_slabs_are_as_stated() {
 #[test]
 fn deviations_of_manifolds_are_as_stated() {
     let glass = "glass.dielectric = { ior = 1.5 }\nmirror.conductor = { metal = \"Ag\" }\n";
-    let text = box_of(192, 6, glass)
+    let text = box_of(256, 6, glass)
         .replace("seed = 0", "seed = 0\nmanifold = true")
         .replace("polarization = \"mueller\"", "polarization = \"intensity\"")
         + "[[objects]]\nmaterial = \"mirror\"\n\
