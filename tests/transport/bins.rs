@@ -163,6 +163,8 @@ fn against(
     fault: Fault,
     see: impl Fn(f64, f64, &mut dyn FnMut(Share)),
 ) -> [Found; 2] {
+    // As fine as samples lie.
+    let points = (f64::from(points) * f64::from(samples(1)).sqrt()) as u32;
     let (rough, _) = quadrature(points / 2, start_ps, fault, &see);
     let (fine, hits) = quadrature(points, start_ps, fault, &see);
     [0, 1].map(|k| {
@@ -336,7 +338,7 @@ fn in_a_medium_as_quadrature_says() {
 }
 
 /// Two renders, bin by bin. Means and errors tell what a hit brings: k hits of h among n samples have the mean k h/n and the
-/// squared error k h²/n². So the error of few hits is widened by that of one more.
+/// squared error k h²/n². So the error of few hits is widened by that of one more on either side.
 fn versus(a: &Bins, b: &Bins, fault: Option<usize>) -> Found {
     let mut found = Found {
         bins: a.mean.len(),
@@ -349,9 +351,9 @@ fn versus(a: &Bins, b: &Bins, fault: Option<usize>) -> Found {
             continue;
         }
         let hit = |m: f64, e: f64| if m > 0.0 { e * e / m } else { 0.0 };
-        let one = hit(m, e).max(hit(n, f));
+        let one = hit(m, e).hypot(hit(n, f));
         let known = e < m / MANY.sqrt() && f < n / MANY.sqrt();
-        found.add(m - n, (e * e + f * f + one * one).sqrt(), known);
+        found.add(m - n, e.hypot(f).hypot(one), known);
     }
     found
 }

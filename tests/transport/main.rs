@@ -29,6 +29,7 @@ mod projector_sheets;
 mod published_slabs;
 mod scattering;
 mod sheets;
+mod shipped;
 mod slab;
 mod specular;
 mod stand_ins;
