@@ -10,7 +10,7 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
 
 /// Camera and projector of 16 x 16 pixels over a box of 2 m, and slices that hold all that a path carries.
-fn devices(spp: u32, depth: u32, seed: u32) -> String {
+pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
         "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
          [camera]\nresolution = [16, 16]\nfov_x_deg = 42\n\
@@ -25,14 +25,14 @@ fn devices(spp: u32, depth: u32, seed: u32) -> String {
 }
 
 /// Three walls, a floor and a ceiling of a box open toward the camera.
-const WALLS: &str = "
+pub const WALLS: &str = "
     [[objects]]\nmaterial = \"wall\"\nshape.rectangle = { corner = [-1, -1, -1], u = [2, 0, 0], v = [0, 2, 0] }
     [[objects]]\nmaterial = \"red\"\nshape.rectangle = { corner = [-1, -1, -1], u = [0, 2, 0], v = [0, 0, 2] }
     [[objects]]\nmaterial = \"wall\"\nshape.rectangle = { corner = [1, -1, -1], u = [0, 0, 2], v = [0, 2, 0] }
     [[objects]]\nmaterial = \"floor\"\nshape.rectangle = { corner = [-1, -1, -1], u = [0, 0, 2], v = [2, 0, 0] }
     ";
 
-fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> Rendered {
+pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> Rendered {
     let mut scene: Scene = scene_of(text);
     // Ways through interfaces where these tests ask for them alone.
     let manifold = scene.settings.manifold && text.contains("manifold = true");
@@ -86,7 +86,7 @@ fn compare(text: &str, share: f32, least: usize) {
     println!("largest deviation {most:.2} sigma");
 }
 
-const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
+pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
     floor.diffuse.albedo = 0.5\n";
 
 #[test]
@@ -169,7 +169,8 @@ fn rough_glass() {
     compare(&text, 0.05, 20);
 }
 
-const FOG: &str = "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
+pub const FOG: &str =
+    "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
 /// A medium in the whole box around a diffuse ball, by Rayleigh's and by a forward-peaked phase function.
 #[test]
@@ -283,7 +284,7 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
 }
 
 /// A mirror, a glass ball, a glossy coat under glass and a window in a box, lit by a projector and a point.
-fn redirecting(spp: u32, seed: u32) -> String {
+pub fn redirecting(spp: u32, seed: u32) -> String {
     devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
         + DIFFUSE
         + "glass.dielectric = { ior = 1.5 }\npane.thin_dielectric = { ior = 1.5 }\n"

@@ -2,7 +2,9 @@
 //!
 //! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
 
+mod apertures;
 mod bidirectional;
+mod bins;
 mod combined;
 mod crystals;
 mod direct;
@@ -28,6 +30,7 @@ mod projector_sheets;
 mod published_slabs;
 mod scattering;
 mod sheets;
+mod shipped;
 mod slab;
 mod specular;
 mod stand_ins;

@@ -2,6 +2,7 @@
 
 use super::bridge::{pass, unnoticed};
 use super::point::{End, Site};
+use super::polarized;
 use super::state::{From, State};
 use crate::geometry::ray::Surface;
 use crate::material::Lanes;
@@ -127,6 +128,19 @@ impl Flight {
             From::Light => chain.push(&scatter.transposed(), ray.dir, *frame),
         };
         *frame = next.unwrap_or(Vec3A::ZERO);
+    }
+
+    /// [`polarized::factor`] of what happens to the light that runs along the ray; the same for `scatter` and its transpose.
+    #[inline]
+    pub fn polarized(&self, scatter: &Scatter) -> Option<Spectral> {
+        let State {
+            ray, chain, frame, ..
+        } = &self.state;
+        let d_out = match self.end {
+            From::Camera => -ray.dir,
+            From::Light => ray.dir,
+        };
+        polarized::factor(chain, scatter, d_out, *frame)
     }
 
     /// A frame for the ray, where what it met left it open.

@@ -78,20 +78,16 @@ impl Guide {
         (at.p - targets[n]).try_normalize()
     }
 
-    /// Draws where a walk goes on from a particle, to which it came from direction `back`, by lane `lane`.
+    /// What turns do to the density of the direction `to`.
     #[inline]
-    pub fn sample(&self, media: &Media, at: At, back: Vec3A, lane: usize, stream: &mut Stream) -> Vec3A {
-        let wo = self.turn(at, stream).unwrap_or(back);
-        media.sample_lane(at.medium, wo, lane, stream).0
-    }
-
-    /// Densities by lane per steradian of the direction `to`, of walks that turn, and else go there with the density `own`; and
-    /// how much more light may be hoped for there than from elsewhere, as a factor.
-    #[inline]
-    pub fn densities(&self, media: &Media, at: At, own: Spectral, to: Vec3A) -> (Spectral, Spectral) {
+    pub fn toward(&self, media: &Media, at: At, to: Vec3A) -> Toward {
         let targets = self.targets(at.medium, at.from);
         if targets.is_empty() {
-            return (own, Spectral::ONE);
+            return Toward {
+                straight: 1.0,
+                turned: Spectral::ZERO,
+                hopes: Spectral::ONE,
+            };
         }
         let mut toward = Spectral::ZERO;
         let mut missed = 0.0;
@@ -103,11 +99,30 @@ impl Guide {
         }
         let all = targets.len() as f32;
         toward *= Spectral::splat(1.0 / all);
-        let straight = 1.0 - SHARE * (1.0 - missed / all);
-        (
-            own * Spectral::splat(straight) + toward * Spectral::splat(SHARE),
-            Spectral::ONE + toward * Spectral::splat(4.0 * PI),
-        )
+        Toward {
+            straight: 1.0 - SHARE * (1.0 - missed / all),
+            turned: toward * Spectral::splat(SHARE),
+            hopes: Spectral::ONE + toward * Spectral::splat(4.0 * PI),
+        }
+    }
+}
+
+/// A direction that walks may turn to.
+#[derive(Clone, Copy)]
+pub(super) struct Toward {
+    /// How likely a walk does not turn.
+    straight: f32,
+    /// Density by lane per steradian with which walks turn there.
+    turned: Spectral,
+    /// How much more light may be hoped for there than from elsewhere, as a factor, by lane.
+    pub hopes: Spectral,
+}
+
+impl Toward {
+    /// Densities by lane per steradian of walks that, if they do not turn, go there with the density `own`.
+    #[inline]
+    pub fn densities(&self, own: Spectral) -> Spectral {
+        own * Spectral::splat(self.straight) + self.turned
     }
 }
 
@@ -167,7 +182,9 @@ mod tests {
         let mut stream = Stream::new(11, 0, 0);
         let mut counts = vec![0.0_f64; ROWS * COLUMNS];
         for _ in 0..N {
-            let w = guide.sample(&media, at, back, 0, &mut stream);
+            let w = media
+                .sample_lane(0, guide.turn(at, &mut stream).unwrap_or(back), 0, &mut stream)
+                .0;
             assert!((w.length() - 1.0).abs() < 1e-4);
             let row = ((w.z + 1.0) / 2.0 * ROWS as f32) as usize;
             let column = (w.y.atan2(w.x) / TAU).rem_euclid(1.0) * COLUMNS as f32;
@@ -200,7 +217,7 @@ mod tests {
         let own = |media: &Media, w| media.densities_toward(0, back, w);
         let most = 1.0 + 5.0 * (2.0_f64 / 512.0).sqrt();
         let (chi, all) =
-            chi2(|guide, media, at, w| guide.densities(media, at, own(media, w), w).0.to_array()[0]);
+            chi2(|guide, media, at, w| guide.toward(media, at, w).densities(own(media, w)).to_array()[0]);
         assert!(chi < most, "{chi}");
         assert!((all - 1.0).abs() < 2e-3, "{all}");
         let (chi, _) = chi2(|_, media, _, w| own(media, w).to_array()[0]);
@@ -215,12 +232,13 @@ mod tests {
         let (to, own) = (Vec3A::Z, Spectral::splat(0.3));
         for at in [of(0, P, From::Light), of(7, P, From::Camera)] {
             assert!(!guide.turns(at.medium, at.from));
-            let (density, hope) = guide.densities(&media, at, own, to);
+            let toward = guide.toward(&media, at, to);
+            let (density, hope) = (toward.densities(own), toward.hopes);
             assert_eq!([density.to_array(), hope.to_array()], [own.to_array(), [1.0; 4]]);
         }
         let mut alone = Guide::none(&media);
         alone.add(0, From::Camera, P);
-        let (density, _) = alone.densities(&media, of(0, P, From::Camera), own, to);
+        let density = alone.toward(&media, of(0, P, From::Camera), to).densities(own);
         assert_eq!(density.to_array(), own.to_array());
     }
 }

@@ -23,6 +23,7 @@ mod mirrors;
 mod mirrors_copied;
 mod path;
 mod point;
+mod polarized;
 mod roulette;
 mod route;
 pub mod schedule;

@@ -149,7 +149,9 @@ impl Point {
             p: self.surface.p,
             from,
         };
-        scene.lanes().mean(guide.densities(&scene.media, at, own, to).0)
+        scene
+            .lanes()
+            .mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
     /// Area that the point shows along a unit direction, per area.

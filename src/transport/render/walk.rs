@@ -5,6 +5,7 @@ use super::environment::Chosen;
 use super::flight::{Flight, Hero, Landing, mean_transmittance};
 use super::guide::{At, Guide};
 use super::point::{End, Point, Site};
+use super::polarized::quarter_turn;
 use super::roulette::{Odds, survives};
 use super::state::{Beam, From};
 use crate::geometry::ray::{Ray, Surface};
@@ -405,7 +406,8 @@ impl Walk {
             },
         };
         let own = Spectral::splat(materials.pdf(id, s, back, wi));
-        let (densities, hopes) = guide.densities(&scene.media, at, own, wi);
+        let toward = guide.toward(&scene.media, at, wi);
+        let densities = toward.densities(own);
         let scatter = match flight.end {
             From::Camera => point.scatter(scene, back, wi),
             From::Light => point.scatter_flux(scene, wi, back),
@@ -415,7 +417,7 @@ impl Walk {
         };
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
         progress.density = scene.lanes().mean(densities);
-        progress.hope = scene.lanes().mean(hopes);
+        progress.hope = scene.lanes().mean(toward.hopes);
         progress.chosen = Chosen {
             density: progress.density,
             from: s.p,
@@ -444,17 +446,29 @@ impl Walk {
             p: point.surface.p,
             from,
         };
-        let wi = guide.sample(&scene.media, at, back, lane, stream);
+        let turns = guide.turn(at, stream);
+        let mut wi = scene.media.sample_lane(id, turns.unwrap_or(back), lane, stream).0;
+        let mut scatter = scene.media.eval(id, back, wi);
+        let mut polarized = flight.polarized(&scatter);
+        if let Some(factor) = polarized
+            && turns.is_none()
+            && 2.0 * stream.uniform() >= factor.to_array()[lane]
+        {
+            wi = quarter_turn(wi, back);
+            scatter = scene.media.eval(id, back, wi);
+            polarized = flight.polarized(&scatter);
+        }
         let own = scene.media.densities_toward(id, back, wi);
-        let (densities, hopes) = guide.densities(&scene.media, at, own, wi);
-        let scatter = scene.media.eval(id, back, wi);
-        let Some(drawn) = flight.hero.event(densities) else {
+        let toward = guide.toward(&scene.media, at, wi);
+        let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
+        let Some(drawn) = flight.hero.event(drawn) else {
             return Onward::Nowhere;
         };
         // The same from both sides: particles are their own mirror images.
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
-        progress.density = scene.lanes().mean(densities);
-        progress.hope = scene.lanes().mean(hopes);
+        // For weights, which are to be functions of the path alone, as of unpolarized light.
+        progress.density = scene.lanes().mean(toward.densities(own));
+        progress.hope = scene.lanes().mean(toward.hopes);
         progress.chosen = Chosen {
             density: progress.density,
             from: point.surface.p,

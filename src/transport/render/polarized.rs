@@ -1,0 +1,126 @@
+//! Where polarized light goes on from a particle.
+//!
+//! A particle sends polarized light more to some sides than to others: of light whose product so far has the row (I, Q, U, V),
+//! 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times as much as of unpolarized light, φ being the turn to the scattering plane. A walk
+//! that drew all sides alike would carry that factor on, up to 2 at every event: the product of many has a mean of 1 and a
+//! variance that grows exponentially with their number, so that few paths count for all and errors, which are estimated from
+//! the samples, are too short (in a conservative Rayleigh slab of depth 4 the variance of the transmitted intensity was 15 times
+//! that of isotropic scattering). So a side is drawn as polarized light takes it (Bartel & Hielscher 2000, Appl. Opt. 39,
+//! 1580, by rejection). Rejecting nothing: the factor at right angles is 2 less this one, so a side that is not taken with
+//! probability factor/2 gives way to the one a quarter turn on.
+
+use glam::Vec3A;
+use optics::polarization::chain::Chain;
+use optics::polarization::frame::turn;
+use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
+
+/// What an interaction lets on of the light whose product is `chain`, over what it lets on of unpolarized light of the same
+/// intensity, by lane: 0 to 2; 1 where there is no light. `d_out` and `frame` as for [`Chain::push`]. `None` if the light is
+/// unpolarized, so that the factor is 1 everywhere.
+#[inline]
+pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
+    let row = match chain {
+        Chain::Full(m) => &m.m[0],
+        Chain::RankOne {
+            row, row_flat: false, ..
+        } => row,
+        Chain::Rotation { .. } | Chain::RankOne { .. } => return None,
+    };
+    let (own, cross, s) = match scatter {
+        Scatter::Depolarize(_) => return None,
+        Scatter::Fresnel { block, s } => (block.a, block.b, s),
+        // Particles are their own mirror images: they make no other polarization of unpolarized light.
+        Scatter::Full {
+            mueller, frame_out, ..
+        } => (mueller.m[0][0], mueller.m[1][0], frame_out),
+    };
+    let (c2, s2) = turn(d_out, *s, frame);
+    let across = row[1] * Spectral::splat(c2) - row[2] * Spectral::splat(s2);
+    let unpolarized = row[0] * own;
+    let lit = unpolarized.simd_ne(Spectral::ZERO);
+    let more = across * cross / lit.select(unpolarized, Spectral::ONE);
+    // Rounding must not make it negative.
+    Some(
+        (Spectral::ONE + more)
+            .max(Spectral::ZERO)
+            .min(Spectral::splat(2.0)),
+    )
+}
+
+/// The direction `d` turned by 90° about the unit vector `axis`.
+#[inline]
+pub(super) fn quarter_turn(d: Vec3A, axis: Vec3A) -> Vec3A {
+    (axis * axis.dot(d) + axis.cross(d)).normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medium::Media;
+    use crate::medium::bulk::{Bulk, Optics, PhaseOptics};
+    use crate::medium::henyey_greenstein::HenyeyGreenstein;
+    use crate::medium::rayleigh::Rayleigh;
+    use optics::polarization::elements::polarizer;
+    use optics::sampling::stream::Stream;
+
+    fn media(phase: PhaseOptics) -> Media {
+        let bulk = Bulk {
+            absorption: 0.0,
+            scattering: 1.0,
+            index: 1.0,
+            asymmetry: 0.0,
+            c_sca: 0.0,
+            c_abs: 0.0,
+        };
+        let mut media = Media::default();
+        media.push(&Optics {
+            bulk: vec![bulk],
+            phase,
+        });
+        media
+    }
+
+    /// The factor is what the product gains, and at right angles to it 2 less that.
+    #[test]
+    fn factors_are_gains() {
+        let depolarizing = HenyeyGreenstein::new(Spectral::splat(0.3), 0.9, 0.8);
+        for phase in [
+            PhaseOptics::Rayleigh(Rayleigh::new(0.0)),
+            PhaseOptics::Rayleigh(Rayleigh::new(0.1)),
+            PhaseOptics::HenyeyGreenstein(depolarizing),
+        ] {
+            let media = media(phase);
+            let (back, frame) = (Vec3A::Z, Vec3A::X);
+            let mut chain = Chain::start(Spectral::new([0.3, 0.5, 0.7, 0.0]));
+            assert!(factor(&chain, &media.eval(0, back, Vec3A::X), back, frame).is_none());
+            let filter = Scatter::Full {
+                mueller: polarizer(0.7),
+                frame_out: frame,
+                frame_in: frame,
+            };
+            chain.push(&filter, back, frame);
+            let mut stream = Stream::new(1, 0, 0);
+            for _ in 0..1000 {
+                let wi = optics::sampling::warp::sphere(stream.uniform2());
+                let of = |wi: Vec3A| {
+                    let scatter = media.eval(0, back, wi);
+                    let factor = factor(&chain, &scatter, back, frame).expect("polarized light");
+                    let mut after = chain;
+                    after.push(&scatter, back, frame);
+                    let gain = after.to_mueller().m[0][0].to_array();
+                    let before = (chain.to_mueller().m[0][0] * scatter.m00()).to_array();
+                    for lane in 0..3 {
+                        let want = gain[lane] / before[lane];
+                        assert!((factor.to_array()[lane] - want).abs() < 1e-5, "{wi}: {want}");
+                    }
+                    // No light, no preference.
+                    assert_eq!(factor.to_array()[3], 1.0);
+                    factor.to_array()[0]
+                };
+                let (one, other) = (of(wi), of(quarter_turn(wi, back)));
+                assert!((one + other - 2.0).abs() < 1e-3, "{wi}: {one} and {other}");
+            }
+        }
+    }
+}

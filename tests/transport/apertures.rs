@@ -1,0 +1,92 @@
+//! A tank of cloudy water behind glass without connections: a light of finite size that paths from the camera meet by chance, for
+//! sizes that shrink, against the point of light that manifolds and walks from both ends connect to.
+//!
+//! The variable `SAMPLES` multiplies the numbers of samples.
+
+use crate::support::scene_of;
+use glam::DVec3;
+use std::f64::consts::PI;
+use sunstone::tensor::field::Field;
+use sunstone::tensor::memory::Arrays;
+use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::scene::Integrator;
+
+const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
+
+/// The tank, seen through one broad pixel, with a plate of Lambert's kind in the water.
+fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
+    let spp = spp * std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"));
+    format!(
+        "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 40\nseed = {seed}\nrr_depth = 5\ntile = 1\n\
+         [camera]\nresolution = [2, 2]\nfov_x_deg = 8\n\
+         pose.look_at = {{ origin = [-0.07, 0.1, 0.5], target = [0, 0.074, 0] }}\n\
+         [materials]\nwhite.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\nglass.dielectric.ior = 1.52\n\
+         water.dielectric = {{ ior = 1.333, exterior_ior = 1.52 }}\n\
+         [media.milk.homogeneous]\nscattering = 12\nabsorption = 1\nphase.henyey_greenstein = {{ g = 0.6, linear = 0.5, circular = 0.5 }}\n\
+         [[objects]]\nmaterial = \"glass\"\nshape.cube = {{ min = [-0.115, 0, -0.06], max = [0.115, 0.15, 0.06] }}\n\
+         [[objects]]\nmaterial = \"water\"\ninterior = \"milk\"\n\
+         shape.cube = {{ min = [-0.11, 0.005, -0.055], max = [0.11, 0.145, 0.055] }}\n\
+         [[objects]]\nmaterial = \"white\"\nshape.rectangle = {{ corner = [-0.05, 0.03, 0], u = [0.1, 0, 0], v = [0, 0.1, 0] }}\n\
+         {light}{object}[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n"
+    )
+}
+
+/// Intensity, and the two linear parts, of what unpolarized light makes, with their errors.
+fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
+    let mut scene = scene_of(text);
+    scene.set_integrator(integrator);
+    scene.settings.manifold = integrator != Integrator::Path;
+    let mut arrays = Arrays::default();
+    let summary = render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    println!("{integrator:?}: {:.1} s", summary.wall_s);
+    let [mean, error] = [Field::Mean, Field::StdError].map(|f| arrays.get("m", f).expect("the field").data);
+    // The mean over the four pixels.
+    [0, 4, 8].map(|i| {
+        let of = |data: &[f32]| -> Vec<f64> {
+            data.iter()
+                .skip(i)
+                .step_by(16)
+                .map(|v| f64::from(*v) / 4.0)
+                .collect()
+        };
+        let squares: f64 = of(&error).iter().map(|e| e * e).sum();
+        [of(&mean).iter().sum(), squares.sqrt()]
+    })
+}
+
+/// A ball of radius r and even radiance is seen from afar as a point of intensity π r² times that; what is left falls with r².
+#[test]
+fn shrinking_lights_become_points() {
+    let at = format!("{:?}", LAMP.to_array());
+    let ball = |radius: f64, spp, seed| {
+        let radiance = 1.0 / (PI * radius * radius);
+        let ball = format!(
+            "[[objects]]\nmaterial = \"black\"\nshape.sphere = {{ center = {at}, radius = {radius:?} }}\n\
+             emission = {{ radiance = {radiance:?} }}\n"
+        );
+        stokes(&tank(spp, seed, "", &ball), Integrator::Path)
+    };
+    let (large, small) = (ball(0.2, 30_000, 1), ball(0.1, 100_000, 2));
+    // Shining on the tank alone, wherever in it evenly.
+    let point = format!(
+        "[[emitters]]\nspot = {{ position = {at}, direction = [-0.09, -0.33, -0.45], intensity = 1.0, cutoff_deg = 25, beam_deg = 24 }}\n"
+    );
+    let connected = stokes(&tank(8000, 3, &point, ""), Integrator::Bidirectional);
+    for i in 0..3 {
+        let [[a, x], [b, y], [c, z]] = [large[i], small[i], connected[i]];
+        // To a radius of nothing.
+        let (want, error) = ((4.0 * b - a) / 3.0, (16.0 * y * y + x * x).sqrt() / 3.0);
+        println!(
+            "S{i}: radius 0.2 {a:.5} ± {x:.5}, 0.1 {b:.5} ± {y:.5}, none {want:.5} ± {error:.5}; connected {c:.5} ± {z:.5}"
+        );
+        assert!(
+            (c - want).abs() < 5.0 * error.hypot(z),
+            "S{i}: {c} ± {z} is not {want} ± {error}"
+        );
+    }
+    let [[b, y], [c, z]] = [small[0], connected[0]];
+    assert!(
+        y < 0.04 * b && z < 0.04 * c,
+        "too few samples to mean anything: {y} of {b}, {z} of {c}"
+    );
+}
