@@ -14,6 +14,9 @@ pub mod mesh;
 mod pack;
 pub mod quadric;
 pub mod ray;
+pub(crate) mod rounding;
+#[cfg(test)]
+mod rounding_tests;
 mod survey;
 #[cfg(test)]
 mod tests;

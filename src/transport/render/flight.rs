@@ -4,6 +4,7 @@ use super::bridge::{pass, unnoticed};
 use super::point::{End, Site};
 use super::state::{From, State};
 use crate::geometry::ray::Surface;
+use crate::geometry::rounding::way;
 use crate::material::Lanes;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
@@ -149,16 +150,16 @@ impl Flight {
             });
             let hit = scene.geometry.intersect(&self.state.ray, reach);
             let surface = hit.map(|hit| scene.geometry.surface(&self.state.ray, &hit));
-            let way = surface.map_or(f32::INFINITY, |s| (s.p - self.state.from).length());
+            let length = surface.map_or(f64::INFINITY, |s| way(self.state.from, s.p));
             if let Some(id) = inside
-                && let Some(landing) = self.through(scene, id, way, free)
+                && let Some(landing) = self.through(scene, id, length as f32, free)
             {
                 return landing;
             }
             let Some(surface) = surface else {
                 return Landing::Escaped;
             };
-            self.state.optical_m += f64::from(self.state.filling.index) * f64::from(way);
+            self.state.optical_m += f64::from(self.state.filling.index) * length;
             if let Some(act) = self.state.crossed(scene, &surface) {
                 self.push(&act);
             }

@@ -15,6 +15,7 @@ use crate::accumulate::{Contribution, Contributions};
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::rounding::way;
 use crate::material::{Filling, Lanes, facing};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
@@ -270,7 +271,7 @@ impl Path {
         let state = &mut self.state;
         scene.geometry.surface_into(&state.ray, hit, &mut self.surface);
         let surface = &self.surface;
-        state.optical_m += f64::from(state.filling.index) * f64::from((surface.p - state.from).length());
+        state.optical_m += f64::from(state.filling.index) * way(state.from, surface.p);
         if let Some(scatter) = state.crossed(scene, surface) {
             // The light comes from the surface, so this stands left of what the surface will add.
             let frame = state.chain.push(&scatter, -state.ray.dir, state.frame);
@@ -329,7 +330,7 @@ impl Path {
             light,
             surface: &surface,
             optical_m: state.optical_m
-                + f64::from(state.filling.index) * f64::from((surface.p - state.from).length()),
+                + f64::from(state.filling.index) * way(state.from, surface.p),
             interactions: bounces,
             chosen: self.chosen,
         };

@@ -185,6 +185,15 @@ impl Point {
         }
     }
 
+    /// What a line of so many metres that comes from direction `dir` is aimed at: off the surface.
+    #[inline]
+    pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
+        match self.site {
+            Site::Surface => scene.geometry.reach(&self.surface, dir, length),
+            _ => self.surface.p,
+        }
+    }
+
     /// The start of a line along `dir`.
     #[inline]
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {

@@ -37,7 +37,8 @@ pub(super) struct Blocked<'a> {
     /// The interaction at the connected surface, and its direction `wo`.
     pub scatter: &'a Scatter,
     pub wo: Vec3A,
-    /// The ray from there, and what it runs through.
+    /// Where the line really starts, the ray from there, and what it runs through.
+    pub from: Vec3A,
     pub shadow: Ray,
     pub filling: Filling,
     /// Interactions without the sheets.
@@ -63,7 +64,7 @@ pub(super) fn connect(
     chain.scale(to.irradiance);
     let start = Start {
         ray: connection.shadow,
-        from: to.position - to.wi * to.distance,
+        from: connection.from,
         filling: connection.filling,
         nest: Nest::default(),
     };
