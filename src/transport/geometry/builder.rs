@@ -5,6 +5,7 @@ use super::instance::{Group, Instance};
 use super::mesh::Mesh;
 use super::pack::{Pack, Primitive};
 use super::quadric::Quadric;
+use super::rounding;
 use super::tree::Tree;
 use super::triangle::{Triangle, vector};
 use arrayvec::ArrayVec;
@@ -235,7 +236,7 @@ impl GeometryBuilder {
             } else {
                 [Vec3A::ZERO; 2]
             },
-            least: 0.5 * extent,
+            least: rounding::SHARE * extent,
         }
     }
 

@@ -5,6 +5,7 @@
 
 pub mod builder;
 pub mod bvh;
+mod crossings;
 mod eight;
 mod instance;
 #[cfg(test)]

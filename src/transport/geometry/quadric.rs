@@ -42,9 +42,13 @@ pub struct Quadric {
 }
 
 /// Roots of a·t² - 2·b·t + c with the sign convention of the half-b form, without cancellation (Haines et al. 2019,
-/// "Precision improvements for ray/sphere intersection"); `disc` is b² - a·c computed by the caller.
+/// "Precision improvements for ray/sphere intersection"); `disc` is b² - a·c computed by the caller. From within (c < 0) there
+/// are always two, for grazing rays too, where rounding of `disc` would say otherwise: it is no less than -a·c.
 #[inline]
-fn roots(a: f32, b: f32, c: f32, disc: f32) -> Option<[f32; 2]> {
+fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
+    if disc < 0.0 && c < 0.0 {
+        disc = -a * c;
+    }
     if disc < 0.0 || a <= 0.0 {
         return None;
     }
@@ -103,11 +107,12 @@ impl Quadric {
         let r = self.radius;
         let mut disc = r * r - closest.length_squared();
         if disc < 0.0 {
-            // From within it is always met, by rounding too.
-            if o.length_squared() >= r * r {
+            // As in `roots`.
+            let distance = o.length();
+            disc = (r - distance) * (r + distance);
+            if disc <= 0.0 {
                 return f32::INFINITY;
             }
-            disc = 0.0;
         }
         let distance = o.length();
         let q = b + disc.sqrt().copysign(b);

@@ -7,9 +7,9 @@
 //!
 //! (every product and sum rounds once; Higham 2002, "Accuracy and stability of numerical algorithms", sect. 3.1). The sum over the
 //! cross product is 1 where the plane is one of the axes', up to 4 elsewhere, and more in slivers. Roundings are as often up as
-//! down: a third of the bound is what the worst of millions of rays come to, and what is kept here.
+//! down: half of the bound is more than the worst of tens of millions of rays come to, and is what is kept here.
 //!
-//! A ray leaves from k u max(|p|∞, half the scene's extent) off the surface, and a line to a surface ends as far off, or k u times
+//! A ray leaves from k u max(|p|∞, ¾ of the scene's extent) off the surface, and a line to a surface ends as far off, or k u times
 //! its length where that is more; k is the surface's own. Gaps thinner than that are told ([`crate::render::gaps`]).
 
 use super::bvh::Geometry;
@@ -25,8 +25,12 @@ pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 /// Most that is kept for slivers and uneven maps: as thin as that, and a ray in a million may meet the surface that it left.
 const MOST: f32 = 128.0;
 
+/// Coordinates are taken for no smaller than this share of the scene's extent: far corners of large surfaces are not where the
+/// point is.
+pub(super) const SHARE: f32 = 0.75;
+
 /// Points and hits on balls, in units of their coordinates.
-pub(super) const BALL: f32 = 4.0;
+pub(super) const BALL: f32 = 5.0;
 
 /// Rounding on a triangle or parallelogram with these edges.
 pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
@@ -34,7 +38,7 @@ pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
     let crossed = (a.y * b.z + a.z * b.y) + (a.z * b.x + a.x * b.z) + (a.x * b.y + a.y * b.x);
     let area = e1.cross(e2).length();
     // What is not a number becomes the most.
-    (1.0 + 2.0 * crossed / area).min(MOST)
+    (5.0 * crossed / area - 2.0).min(MOST)
 }
 
 /// Rounding of a surface with rounding `k` in its own coordinates, from which a map stretches by at most `stretch`, and back by

@@ -35,7 +35,11 @@ fn ball(n: u32) -> Mesh {
     }
     let at = |i: u32, j: u32| {
         // One vertex at each pole.
-        if i == 0 || i == n { i * 2 * n } else { i * 2 * n + j % (2 * n) }
+        if i == 0 || i == n {
+            i * 2 * n
+        } else {
+            i * 2 * n + j % (2 * n)
+        }
     };
     for i in 0..n {
         for j in 0..2 * n {
@@ -235,6 +239,51 @@ fn closed_rooms_lose_no_light() {
             // Points of a corner that are nearer to the other wall than coordinates can tell may be behind it.
             let known = (UNIT * offset * rays as f32) as i32;
             assert!(lost + back <= known, "{what} {scale} at {offset}: {lost}, {back}");
+        }
+    }
+}
+
+/// A ray that runs along the inside of something round meets it again, however small the angle.
+#[test]
+fn round_rooms_are_closed_to_grazing_rays() {
+    let mut stream = Stream::new(44, 0, 0);
+    for (offset, kind, scale) in [
+        (0.1, QuadricKind::Sphere, Vec3::ONE),
+        (1.0, QuadricKind::Sphere, Vec3::ONE),
+        (100.0, QuadricKind::Sphere, Vec3::ONE),
+        (1.0, QuadricKind::Sphere, Vec3::new(1.0, 0.6, 0.8)),
+        (1.0, QuadricKind::Cylinder, Vec3::ONE),
+    ] {
+        let centre = warp::sphere(stream.uniform2()) * offset;
+        let turn = turned(&mut stream);
+        let place = Affine3A::from_scale_rotation_translation(scale, turn, centre.into());
+        let mut builder = GeometryBuilder::default();
+        builder.quadric(Quadric::new(kind, place, 0));
+        let g = builder.build();
+        let middle = place.transform_point3a(Vec3A::new(0.0, 0.0, 0.5));
+        for _ in 0..100_000 {
+            let ray = Ray {
+                origin: middle,
+                dir: warp::sphere(stream.uniform2()),
+            };
+            // A tube has open ends.
+            let Some(hit) = g.intersect(&ray, f32::INFINITY) else {
+                continue;
+            };
+            let s = g.surface(&ray, &hit);
+            // Around it, where a tube is curved.
+            let round = match kind {
+                QuadricKind::Cylinder => s.tangent.normalize(),
+                _ => (basis(s.ng) * warp::sphere(stream.uniform2()).with_z(0.0)).normalize_or(s.tangent),
+            };
+            let cos = 1e-3 * stream.uniform().powi(3);
+            let dir = (round - s.ng * cos).normalize();
+            let on = Ray {
+                origin: g.leave(&s, -s.ng),
+                dir,
+            };
+            let next = g.intersect(&on, f32::INFINITY);
+            assert!(next.is_some(), "{kind:?} {scale} at {offset}: {cos}");
         }
     }
 }

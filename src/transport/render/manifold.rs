@@ -148,7 +148,11 @@ pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Op
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
     // Nothing where there is no surface.
-    let cos = off.dot(dir).abs().max(LEAST_COSINE * length).max(f32::MIN_POSITIVE);
+    let cos = off
+        .dot(dir)
+        .abs()
+        .max(LEAST_COSINE * length)
+        .max(f32::MIN_POSITIVE);
     LEAVE * length * (length / cos)
 }
 
@@ -407,7 +411,9 @@ impl Way {
         for i in 0..=self.bends.len() {
             let bend = self.bends.get(i);
             let end = bend.map_or(End { aim: to, at: to }, |b| End {
-                aim: scene.geometry.reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
+                aim: scene
+                    .geometry
+                    .reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
                 at: b.surface.p,
             });
             let left = Allowed {

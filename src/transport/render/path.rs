@@ -329,8 +329,7 @@ impl Path {
         let met = Met {
             light,
             surface: &surface,
-            optical_m: state.optical_m
-                + f64::from(state.filling.index) * way(state.from, surface.p),
+            optical_m: state.optical_m + f64::from(state.filling.index) * way(state.from, surface.p),
             interactions: bounces,
             chosen: self.chosen,
         };
