@@ -29,6 +29,9 @@ const MOST: f32 = 128.0;
 /// point is.
 pub(super) const SHARE: f32 = 0.75;
 
+/// Rays with a smaller cosine to the normal meet a plane anywhere, as far as rounding knows.
+const GRAZING: f64 = 1e-3;
+
 /// Points and hits on balls, in units of their coordinates.
 pub(super) const BALL: f32 = 5.0;
 
@@ -47,11 +50,19 @@ pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
     ((k + 4.0) * (stretch * back / 3.0)).min(MOST)
 }
 
-/// The distance between two points, which single precision would round to 6 µm at 100 m.
+/// Where a ray from `from` along `dir` meets the tangent plane of the surface that it hit, and how far that is, metres.
+///
+/// Barycentric coordinates of a large triangle, and positions themselves, are some units in the last place off the ray: 50 µm in a
+/// room of 100 m, which is 0.1 ps. The plane is known better than the place on it.
 #[inline(always)]
-pub(crate) fn way(a: Vec3A, b: Vec3A) -> f64 {
-    let [a, b]: [DVec3; 2] = [a.as_dvec3(), b.as_dvec3()];
-    (b - a).length()
+pub(crate) fn met(from: DVec3, dir: Vec3A, surface: &Surface) -> (DVec3, f64) {
+    let (p, dir, ng) = (surface.p.as_dvec3(), dir.as_dvec3(), surface.ng.as_dvec3());
+    let cos = dir.dot(ng);
+    if cos.abs() < GRAZING {
+        return (p, p.distance(from));
+    }
+    let t = (p - from).dot(ng) / cos;
+    (from + dir * t, t * dir.length())
 }
 
 impl Geometry {

@@ -9,11 +9,11 @@
 //! interaction, as where a path meets it; boundaries that light does not notice do not. Anything else blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
-use crate::geometry::rounding::{END_GAP, way};
+use crate::geometry::rounding::END_GAP;
 use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::perpendicular;
 use optics::spectrum::Spectral;
@@ -23,8 +23,9 @@ use optics::spectrum::Spectral;
 pub(super) struct Start {
     /// Leads to the other end.
     pub ray: Ray,
-    /// Where the line really starts (the ray's origin is nudged off the surface).
+    /// The point that the ray's origin is moved off from, and where the line really starts.
     pub from: Vec3A,
+    pub at: DVec3,
     pub filling: Filling,
     pub nest: Nest,
 }
@@ -89,7 +90,7 @@ pub(super) struct End {
     /// What the line is aimed at: nudged off the surface, if it is on one.
     pub aim: Vec3A,
     /// Where it really ends, up to which it is measured.
-    pub at: Vec3A,
+    pub at: DVec3,
 }
 
 /// Follows the line to its end; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
@@ -108,19 +109,20 @@ pub(super) fn bridge(
     let to = end.aim;
     let Start {
         mut ray,
-        mut from,
+        mut at,
         mut filling,
         mut nest,
+        ..
     } = *start;
     let any = perpendicular(ray.dir);
-    let mut left = way(from, end.at);
+    let mut left = at.distance(end.at);
     let (mut optical_m, mut sheets, mut depth) = (0.0, 0, Spectral::ZERO);
     loop {
         *rays += 1;
         let length = (to - ray.origin).length() * (1.0 - END_GAP);
         let hit = scene.geometry.intersect(&ray, length);
         let surface = hit.map(|hit| scene.geometry.surface(&ray, &hit));
-        let step = surface.map_or(left, |s| way(from, s.p));
+        let step = surface.map_or(left, |s| at.distance(s.p.as_dvec3()));
         if let Some(act) = scene.materials.propagate(filling, ray.dir, step) {
             *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
         }
@@ -142,7 +144,7 @@ pub(super) fn bridge(
             pass(scene, &mut nest, &mut filling, &surface, ray.dir, allowed.lane);
         }
         left -= step;
-        from = surface.p;
+        at = surface.p.as_dvec3();
         let origin = scene.geometry.leave(&surface, ray.dir);
         // Aimed anew, so that the steps off the sheets do not add up to a miss of the end.
         ray = Ray {

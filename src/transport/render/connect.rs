@@ -9,7 +9,7 @@ use crate::device::projector::{Arrivals, Projector};
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
-use crate::geometry::rounding::{END_GAP, way};
+use crate::geometry::rounding::END_GAP;
 use crate::geometry::view::View;
 use crate::light;
 use crate::light::filter::Polarized;
@@ -231,6 +231,7 @@ fn connect(
             scatter,
             wo,
             from: surface.p,
+            at: state.from,
             shadow,
             filling,
             bounces: at.bounces,
@@ -250,7 +251,7 @@ fn connect(
             .chain
             .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
-    let length = way(surface.p, to.position);
+    let length = state.from.distance(to.position.as_dvec3());
     let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * length + to.start_m);
     out.push(extent, time_ps, to.pixel, at.bounces);
     rays

@@ -10,7 +10,7 @@ use super::roulette::Roulette;
 use super::state::{Beam, From};
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
-use crate::geometry::rounding::{END_GAP, way};
+use crate::geometry::rounding::END_GAP;
 use crate::material::NO_CRYSTAL;
 use crate::scene::Scene;
 use base::units::picoseconds;
@@ -214,7 +214,7 @@ impl<'a> Joiner<'a> {
         let mut line = z.line(scene, dir);
         let end = End {
             aim: y.reach(scene, -dir, distance2.sqrt()),
-            at: y.surface.p,
+            at: y.at,
         };
         let whole = end.aim - line.ray.origin;
         line.ray.dir = whole.normalize_or(dir);
@@ -270,7 +270,7 @@ impl<'a> Joiner<'a> {
         if scene.geometry.occluded(&line.ray, length * (1.0 - END_GAP)) {
             return None;
         }
-        let optical_m = f64::from(line.filling.index) * way(line.from, end.at);
+        let optical_m = f64::from(line.filling.index) * line.at.distance(end.at);
         Some(Followed {
             optical_m,
             sheets: 0,

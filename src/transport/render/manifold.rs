@@ -410,12 +410,18 @@ impl Way {
         let (mut optical_m, mut sheets, mut depth) = (0.0, 0, optics::spectrum::Spectral::ZERO);
         for i in 0..=self.bends.len() {
             let bend = self.bends.get(i);
-            let end = bend.map_or(End { aim: to, at: to }, |b| End {
-                aim: scene
-                    .geometry
-                    .reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
-                at: b.surface.p,
-            });
+            let end = bend.map_or(
+                End {
+                    aim: to,
+                    at: to.as_dvec3(),
+                },
+                |b| End {
+                    aim: scene
+                        .geometry
+                        .reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
+                    at: b.surface.p.as_dvec3(),
+                },
+            );
             let left = Allowed {
                 sheets: allowed.sheets - sheets,
                 ..allowed
@@ -441,6 +447,7 @@ impl Way {
                     dir: bend.after,
                 },
                 from: s.p,
+                at: s.p.as_dvec3(),
                 filling: bend.filling.unwrap_or(line.filling),
                 nest,
             };
