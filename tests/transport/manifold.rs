@@ -147,7 +147,7 @@ fn light_through_a_pane_is_on_time() {
             (DVec3::new(0.4, -0.3, 0.0) * scale).to_array(),
             point,
             [1, 1],
-            1e9,
+            9e8,
         );
         let lamp = Device::look_at([0.0, 0.0, scale], DVec3::ZERO, [64, 48], 60.0);
         let way = optical + camera.origin.distance(point);

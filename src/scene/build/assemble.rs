@@ -168,7 +168,7 @@ fn too_narrow(ctx: &mut Context, file: &SceneFile, names: &BTreeMap<&str, u32>, 
              and light would be lost",
             gap.width, gap.least
         ),
-        "leave more room between the two, or put the scene nearer to the origin",
+        "leave more room between the two (or let objects with an interior overlap), or put the scene nearer to the origin",
     )
 }
 
