@@ -76,6 +76,7 @@ fn materials(c: &mut Criterion) {
         tangent: Vec3A::X,
         uv: [0.3, 0.6],
         material: 0,
+        rounding: 0.0,
     };
     let above: Vec<_> = (0..256)
         .map(|_| warp::cosine_hemisphere(stream.uniform2()))

@@ -49,6 +49,7 @@ fn pbsdf(c: &mut Criterion) {
         tangent: Vec3A::X,
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     };
     for (name, nm) in [
         ("3 wavelengths on bands", [450.0, 550.0, 650.0]),

@@ -432,6 +432,7 @@ fn surface() -> Surface {
         tangent: Vec3A::X,
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     }
 }
 

@@ -102,6 +102,7 @@ impl<'a> Specimen<'a> {
             tangent: Vec3A::X,
             uv,
             material: id,
+            rounding: 0.0,
         };
         Some(Self { set, id, at })
     }

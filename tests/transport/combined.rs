@@ -36,6 +36,7 @@ fn flat(uv: [f32; 2]) -> Surface {
         tangent: Vec3A::X,
         uv,
         material: 0,
+        rounding: 0.0,
     }
 }
 

@@ -385,6 +385,7 @@ fn faces_are_those_of_the_mean_index() {
         tangent: Vec3A::X,
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     };
     let [a, b] = ["a", "b"].map(|name| set.names[name]);
     let mut stream = Stream::new(10, 0, 0);

@@ -145,6 +145,7 @@ fn faces_of_a_splitting_crystal() {
         tangent: Vec3A::X,
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     };
     let mut stream = Stream::new(11, 0, 0);
     let (mut entered, mut back) = (0, 0);

@@ -28,6 +28,7 @@ mod mirrors;
 mod optics;
 mod projector_sheets;
 mod published_slabs;
+mod scales;
 mod scattering;
 mod sheets;
 mod shipped;

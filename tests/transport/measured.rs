@@ -101,6 +101,7 @@ fn surface() -> Surface {
         tangent: axes().x_axis,
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     }
 }
 

@@ -247,11 +247,11 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
             "the same medium"
         );
     }
-    // Nested, side by side, and touching.
+    // Nested, side by side, and nearly touching.
     for other in [
         "sphere = { center = [0.1, 0.2, 0], radius = 0.2 }",
         "sphere = { center = [0.1, 0.2, 1.1], radius = 0.3 }",
-        "cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }",
+        "cube = { min = [-0.5, -0.5, 0.50001], max = [0.5, 0.5, 0.7] }",
     ] {
         assert!(
             fog(
@@ -262,6 +262,15 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
             "{other}"
         );
     }
+    // Touching: light that leaves the one would never enter the other.
+    let touching = object(mesh, "fog", 0)
+        + &object(
+            "cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }",
+            "mist",
+            0,
+        );
+    let error = fog(folder.path(), &touching).expect_err("touching");
+    assert!(error.contains("0.0e0 m apart"), "{error}");
 }
 
 /// Light that enters a filled object by one of its surfaces and leaves it by another: by the end of a tube and by its side, by

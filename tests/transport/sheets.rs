@@ -4,7 +4,7 @@
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, project, turn,
 };
-use crate::support::{render_text, scene_of};
+use crate::support::render_text;
 use glam::{DVec3, Vec3A};
 use nalgebra::{Complex, Matrix4x1};
 use std::f64::consts::{PI, TAU};
@@ -14,7 +14,6 @@ use sunstone::polarimetry::decompose::cloude::is_realizable;
 use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
-use sunstone::transport::render::coverage::missing;
 
 /// A sheet of half width 0.2 about `centre`: its u direction is `u`, its normal `u × v`.
 pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
@@ -256,6 +255,7 @@ fn surface() -> Surface {
         tangent: Vec3A::new(0.9, 0.2, -0.1),
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     }
 }
 
@@ -508,49 +508,5 @@ fn sheets_in_part_are_as_bright_as_the_rest_of_them() {
                 "{part}, {integrator}: {got}, without it {want} ± {sigma:.1e}"
             );
         }
-    }
-}
-
-/// A sheet or a pane so near before a wall that rays which leave it start beyond the wall is told, with the gap; farther off it
-/// is not, nor where the edges of a closed pane are thin.
-#[test]
-fn gaps_that_swallow_light_are_told() {
-    let told = |z: f64, gap: f64, front: &str| {
-        let camera = Device::look_at([0.0, 0.0, z + 1.0], DVec3::new(0.0, 0.0, z), [8, 8], 20.0);
-        let plate = sheet(DVec3::new(0.0, 0.0, z), DVec3::X, DVec3::Y, "wall");
-        let front = match front {
-            "pane" => format!(
-                "[[objects]]\nmaterial = \"glass\"\nshape.cube = {{ min = [-0.2, -0.2, {}], max = [0.2, 0.2, {}] }}\n",
-                z + gap,
-                z + gap + 0.01
-            ),
-            material => sheet(DVec3::new(0.0, 0.0, z + gap), DVec3::X, DVec3::Y, material),
-        };
-        let text = head(2, 6, 1)
-            + &camera.keys("camera")
-            + &camera.keys("projector")
-            + "[materials]\nwall.diffuse.albedo = 1\np.polarizer.angle_deg = 0\nglass.dielectric.ior = 1.5\n"
-            + &plate
-            + &front
-            + "[[slices]]\nname = \"m\"\n";
-        let missing = missing(&scene_of(&text));
-        missing.into_iter().find(|w| w.contains("m apart"))
-    };
-    for (z, gap, front) in [
-        (1.2, 5e-6, "p"),
-        (120.0, 5e-4, "p"),
-        (1.2, 5e-6, "pane"),
-        (-10.0, 2e-5, "p"),
-    ] {
-        let words = told(z, gap, front).unwrap_or_else(|| panic!("{front}, {gap} m at {z} m is not told"));
-        assert!(words.contains("light is lost at"), "{words}");
-    }
-    for (z, gap, front) in [
-        (1.2, 2e-5, "p"),
-        (1.2, 1e-3, "pane"),
-        (120.0, 5e-3, "p"),
-        (0.1, 1e-5, "wall"),
-    ] {
-        assert_eq!(told(z, gap, front), None);
     }
 }

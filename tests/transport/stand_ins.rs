@@ -39,6 +39,7 @@ fn surface() -> Surface {
         tangent: Vec3A::X,
         uv: [0.5; 2],
         material: 0,
+        rounding: 0.0,
     }
 }
 

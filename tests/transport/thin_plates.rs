@@ -60,6 +60,7 @@ fn surface() -> Surface {
         tangent: Vec3A::new(0.9, 0.2, -0.1),
         uv: [0.0; 2],
         material: 0,
+        rounding: 0.0,
     }
 }
 

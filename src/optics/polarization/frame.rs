@@ -15,7 +15,8 @@ pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
 }
 
 /// A unit vector perpendicular to `d` that lies in the plane of `d` and `axis` ("`axis` projected perpendicular to the
-/// ray"); any perpendicular if the two are parallel.
+/// ray"). Where the two are parallel (sine up to 1e-6) the world's z axis takes its place, or the x axis where `d` is within 25.8°
+/// of z: not just any perpendicular, which might turn with the rounding of `d`.
 #[inline]
 #[must_use]
 pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
@@ -24,7 +25,8 @@ pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
     if n2 > 1e-12 {
         x * n2.sqrt().recip()
     } else {
-        perpendicular(d)
+        let other = if d.z.abs() < 0.9 { Vec3A::Z } else { Vec3A::X };
+        (other - d * other.dot(d)).normalize_or(perpendicular(d))
     }
 }
 
@@ -69,6 +71,26 @@ mod tests {
         let to = Vec3A::new(0.5_f32.cos(), 0.5_f32.sin(), 0.0);
         let (c, s) = turn(d, x, to);
         assert!((c - 1.0_f32.cos()).abs() < 1e-6 && (s - 1.0_f32.sin()).abs() < 1e-6);
+    }
+
+    /// An axis along the light has the frame that CONVENTIONS.md says, whatever rounding did to the two.
+    #[test]
+    fn a_parallel_axis_has_the_stated_frame() {
+        for (axis, want) in [
+            (Vec3A::X, Vec3A::Z),
+            (Vec3A::Y, Vec3A::Z),
+            (Vec3A::Z, Vec3A::X),
+            (Vec3A::new(0.6, 0.8, 0.0), Vec3A::Z),
+            (Vec3A::new(0.48, 0.64, 0.6), Vec3A::new(-0.36, -0.48, 0.8)),
+        ] {
+            for noise in [0.0, 1e-7, -1e-7] {
+                for d in [axis, -axis] {
+                    let d = (d + Vec3A::new(noise, -noise, noise)).normalize();
+                    let got = project(axis, d);
+                    assert!((got - want).length() < 1e-6, "{axis} {noise}: {got}");
+                }
+            }
+        }
     }
 
     #[test]

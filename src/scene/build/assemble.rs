@@ -2,16 +2,22 @@
 
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
+use super::shapes;
 use super::surfaces::Surfaces;
 use super::{file_materials, lights, materials, media, slices};
 use base::locate::{InputError, Located};
 use sha2::Digest;
+use std::collections::BTreeMap;
 use std::path::Path;
 use syntax::Syntax;
 use syntax::device::EmitterFile;
 use syntax::scene::{RenderFile, SceneFile};
+use syntax::shape::ObjectFile;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
+use transport::geometry::builder::GeometryBuilder;
+use transport::geometry::ray::Ray;
+use transport::render::gaps::{Gap, narrowest};
 use transport::scene::{Integrator, Scene, SceneTables, Settings};
 
 /// Reads the text of a scene file.
@@ -102,7 +108,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         ));
     }
     let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
-    Ok(Scene::new(SceneTables {
+    let scene = Scene::new(SceneTables {
         name,
         wavelengths: ctx.wavelengths.clone(),
         geometry,
@@ -123,7 +129,47 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
             .collect(),
         text: ctx.text.to_string(),
         notes: std::mem::take(&mut ctx.notes),
-    }))
+    });
+    match narrowest(&scene) {
+        Some(gap) => Err(too_narrow(ctx, file, &names, &gap)),
+        None => Ok(scene),
+    }
+}
+
+/// A gap that single precision does not know, with the objects on both sides as far as they are known.
+fn too_narrow(ctx: &mut Context, file: &SceneFile, names: &BTreeMap<&str, u32>, gap: &Gap) -> InputError {
+    let around = |object: &Located<ObjectFile>, ctx: &mut Context| -> Option<bool> {
+        let mut builder = GeometryBuilder::default();
+        for placed in shapes::place(ctx, object, names).ok()? {
+            placed.solid(ctx, object).ok()?.add(0, &mut builder);
+        }
+        let reach = 2.0 * (gap.width + gap.least);
+        let ray = Ray {
+            origin: gap.at - gap.across * reach,
+            dir: gap.across,
+        };
+        Some(!builder.build().crossings(&ray, 2.0 * reach).is_empty())
+    };
+    let both: Vec<_> = file
+        .objects
+        .iter()
+        .filter(|o| around(o, ctx) == Some(true))
+        .collect();
+    let lines: String = both
+        .iter()
+        .map(|o| ctx.line(o.span()))
+        .collect::<Vec<_>>()
+        .join(" and");
+    let [x, y, z] = gap.at.to_array();
+    ctx.error(
+        both.first().map_or(0..0, |o| o.span()),
+        format!(
+            "two surfaces are {:.1e} m apart at ({x:.4}, {y:.4}, {z:.4}), those{lines}; single precision tells {:.1e} m and more there, \
+             and light would be lost",
+            gap.width, gap.least
+        ),
+        "leave more room between the two (or let objects with an interior overlap), or put the scene nearer to the origin",
+    )
 }
 
 /// Names that folders and people tell things by.

@@ -5,6 +5,7 @@ use super::instance::{Group, Instance};
 use super::mesh::Mesh;
 use super::pack::{Pack, Primitive};
 use super::quadric::Quadric;
+use super::rounding;
 use super::tree::Tree;
 use super::triangle::{Triangle, vector};
 use arrayvec::ArrayVec;
@@ -186,7 +187,6 @@ impl GeometryBuilder {
         }
         let own_packs = leaves.firsts.len();
         let mut instances = vec![];
-        let mut largest = 0.0_f32;
         for (group, place) in &self.instances {
             if sets[*group as usize].primitives.is_empty() {
                 continue;
@@ -194,7 +194,6 @@ impl GeometryBuilder {
             let shift = shifts[*group as usize].as_dvec3();
             let instance = Instance::new(*group, &(*place * DAffine3::from_translation(shift)));
             let group = &groups[*group as usize];
-            largest = largest.max(instance.stretch() * group.reach);
             world.primitives.push(QUADRIC | self.boxes.len() as u32);
             self.boxes.push(instance.bounds(group));
             instances.push(instance);
@@ -237,7 +236,7 @@ impl GeometryBuilder {
             } else {
                 [Vec3A::ZERO; 2]
             },
-            least: (0.01 * extent).max(ROUNDING * largest),
+            least: rounding::SHARE * extent,
         }
     }
 
@@ -356,10 +355,6 @@ impl GeometryBuilder {
 fn index(primitive: u32) -> (u32, bool) {
     (primitive & !PARALLELOGRAM, primitive & PARALLELOGRAM != 0)
 }
-
-/// Rays leave instances as if coordinates were no smaller than this share of the largest one: some units of their rounding
-/// then come to a small part of the step off the surface.
-const ROUNDING: f32 = 0.1;
 
 /// Whether two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
 /// coordinates are those of one plane.

@@ -303,6 +303,7 @@ impl Geometry {
                 tangent,
                 uv,
                 material: quadric.material,
+                rounding: quadric.rounding,
             };
         }
         let tri = self.triangle(hit.leaf);
@@ -337,6 +338,7 @@ impl Geometry {
             tangent,
             uv,
             material: tri.material(),
+            rounding: tri.rounding,
         }
     }
 
@@ -420,15 +422,6 @@ impl Geometry {
                 v0 + e2,
             ],
         })
-    }
-
-    /// A point just off the surface on the side that `dir` leaves to, so that a ray from there misses the surface
-    /// itself. The distance is a few hundred units in the last place of the coordinates.
-    #[inline(always)]
-    #[must_use]
-    pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
-        let scale = surface.p.abs().max_element().max(self.least);
-        surface.p + surface.ng * (scale * 7.629_394_5e-6_f32).copysign(surface.ng.dot(dir))
     }
 
     /// True if rays are met by code that was compiled for AVX2: the processor has it, and [`Self::plain`] was not asked for.

@@ -6,6 +6,7 @@
 //! is one of the group's size too.
 
 use super::ray::Ray;
+use super::rounding;
 use super::tree::Tree;
 use glam::{DAffine3, Mat3A, Vec3A};
 use obvhs::aabb::Aabb;
@@ -117,6 +118,12 @@ impl Instance {
     pub(super) fn normal(&self, n: Vec3A) -> Vec3A {
         // By the inverse transpose, which keeps outward outward in mirror images.
         (self.to_local.transpose() * n).normalize()
+    }
+
+    /// Rounding of a copy of a surface, see [`Surface::rounding`](super::ray::Surface::rounding).
+    #[inline]
+    pub(super) fn rounding(&self, own: f32) -> f32 {
+        rounding::placed(own, self.stretch(), stretch(self.to_local))
     }
 
     #[inline]

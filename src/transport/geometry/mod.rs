@@ -5,6 +5,7 @@
 
 pub mod builder;
 pub mod bvh;
+mod crossings;
 mod eight;
 mod instance;
 #[cfg(test)]
@@ -14,6 +15,9 @@ pub mod mesh;
 mod pack;
 pub mod quadric;
 pub mod ray;
+pub(crate) mod rounding;
+#[cfg(test)]
+mod rounding_tests;
 mod survey;
 #[cfg(test)]
 mod tests;

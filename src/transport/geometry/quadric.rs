@@ -3,6 +3,8 @@
 //! Object space: unit sphere about the origin; unit disk in z = 0 facing +z; open tube of radius 1 from z = 0 to 1
 //! facing outward. An affine map takes them to the world, so ellipsoids and elliptic tubes are possible.
 
+use super::instance::stretch;
+use super::rounding;
 use glam::{Affine3A, Mat3A, Vec3A};
 use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
@@ -35,12 +37,18 @@ pub struct Quadric {
     radius: f32,
     /// Axis that its texture coordinate u runs about.
     turn: Vec3A,
+    /// See [`Surface::rounding`](super::ray::Surface::rounding).
+    pub(crate) rounding: f32,
 }
 
 /// Roots of a·t² - 2·b·t + c with the sign convention of the half-b form, without cancellation (Haines et al. 2019,
-/// "Precision improvements for ray/sphere intersection"); `disc` is b² - a·c computed by the caller.
+/// "Precision improvements for ray/sphere intersection"); `disc` is b² - a·c computed by the caller. From within (c < 0) there
+/// are always two, for grazing rays too, where rounding of `disc` would say otherwise: it is no less than -a·c.
 #[inline]
-fn roots(a: f32, b: f32, c: f32, disc: f32) -> Option<[f32; 2]> {
+fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
+    if disc < 0.0 && c < 0.0 {
+        disc = -a * c;
+    }
     if disc < 0.0 || a <= 0.0 {
         return None;
     }
@@ -54,6 +62,12 @@ impl Quadric {
     #[must_use]
     pub fn new(kind: QuadricKind, to_world: Affine3A, material: u32) -> Self {
         let to_object = to_world.inverse();
+        let radius = if kind == QuadricKind::Sphere {
+            similarity(to_world.matrix3)
+        } else {
+            0.0
+        };
+        let [out, back] = [to_world, to_object].map(|m| stretch(m.matrix3));
         Self {
             kind,
             material,
@@ -61,10 +75,11 @@ impl Quadric {
             to_object,
             normals: to_object.matrix3.transpose(),
             centre: to_world.translation,
-            radius: if kind == QuadricKind::Sphere {
-                similarity(to_world.matrix3)
+            radius,
+            rounding: if radius > 0.0 {
+                rounding::BALL
             } else {
-                0.0
+                rounding::placed(rounding::BALL, out, back)
             },
             turn: to_world.matrix3.z_axis * to_world.matrix3.determinant().signum(),
         }
@@ -90,9 +105,14 @@ impl Quadric {
         let b = -o.dot(dir);
         let closest = o + dir * b;
         let r = self.radius;
-        let disc = r * r - closest.length_squared();
+        let mut disc = r * r - closest.length_squared();
         if disc < 0.0 {
-            return f32::INFINITY;
+            // As in `roots`.
+            let distance = o.length();
+            disc = (r - distance) * (r + distance);
+            if disc <= 0.0 {
+                return f32::INFINITY;
+            }
         }
         let distance = o.length();
         let q = b + disc.sqrt().copysign(b);

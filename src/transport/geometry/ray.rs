@@ -66,6 +66,8 @@ pub struct Surface {
     pub uv: [f32; 2],
     /// Index of the material.
     pub material: u32,
+    /// How far rounding may put points and hits off the surface, in units of 2⁻²⁴ of their coordinates.
+    pub rounding: f32,
 }
 
 impl Surface {

@@ -3,6 +3,7 @@
 //! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with their steps (u, v) of texture coordinates.
 
 use super::quadric::normalized_slope;
+use super::rounding;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3A, Vec3A, Vec4};
 
@@ -22,6 +23,8 @@ pub(super) struct Triangle {
     pub(super) tangent: [f32; 4],
     /// Indices of the others into `uvs`.
     uvs: [u32; 2],
+    /// See [`Surface::rounding`](super::ray::Surface::rounding).
+    pub(super) rounding: f32,
 }
 
 /// Bits that are turned in an index beside a vector: arithmetic on the vector takes the index along, and small integers
@@ -63,6 +66,7 @@ impl Triangle {
             normal: row(e1.cross(e2).normalize(), normals[2]),
             tangent: row(tangent, uv_indices[0]),
             uvs: [uv_indices[1], uv_indices[2]],
+            rounding: rounding::of_triangle(e1, e2),
         }
     }
 

@@ -197,6 +197,7 @@ impl Geometry {
                 tangent: instance.to_world * tangent,
                 uv: if self.textured { quadric.uv(p) } else { [0.0; 2] },
                 material: quadric.material,
+                rounding: instance.rounding(quadric.rounding),
             };
         }
         let tri = self.triangle(hit.leaf);
@@ -227,6 +228,7 @@ impl Geometry {
             tangent: instance.to_world * tangent,
             uv: if self.textured { uv } else { [0.0; 2] },
             material: tri.material(),
+            rounding: instance.rounding(tri.rounding),
         }
     }
 

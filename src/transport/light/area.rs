@@ -9,6 +9,7 @@ use super::profile::cone;
 use crate::geometry::mesh::Mesh;
 use crate::geometry::quadric::Quadric;
 use crate::geometry::ray::Surface;
+use crate::geometry::rounding::{self, UNIT};
 use crate::material::texture::{Spectrum, Textures};
 use glam::{Vec2, Vec3A};
 use optics::spectrum::{Spectral, max_lane};
@@ -21,6 +22,8 @@ struct Facet {
     edges: [Vec3A; 2],
     /// Unit normal, toward its front.
     normal: Vec3A,
+    /// As [`Surface::rounding`].
+    rounding: f32,
     uvs: [Vec2; 3],
     /// Share of the area up to the end of this one.
     until: f32,
@@ -70,6 +73,7 @@ impl AreaLight {
                 corner: a,
                 edges,
                 normal: cross.normalize_or(Vec3A::Z),
+                rounding: rounding::of_triangle(edges[0], edges[1]),
                 uvs,
                 until: area as f32,
             });
@@ -145,7 +149,7 @@ impl AreaLight {
     #[inline]
     #[must_use]
     pub(super) fn draw(&self, textures: &Textures, p: Vec3A, [which, u, v]: [f32; 3]) -> Option<Drawn> {
-        let (position, normal, uv) = match &self.form {
+        let (at, normal, uv, rounding) = match &self.form {
             Form::Mesh(facets) => {
                 let facet = facets.get(facets.partition_point(|f| f.until <= which).min(facets.len() - 1))?;
                 // Uniform over a triangle (Osada et al. 2002).
@@ -157,6 +161,7 @@ impl AreaLight {
                     facet.corner + facet.edges[0] * s + facet.edges[1] * t,
                     facet.normal,
                     uv.to_array(),
+                    facet.rounding,
                 )
             }
             Form::Quadric(quadric) => {
@@ -167,19 +172,21 @@ impl AreaLight {
                         return None;
                     }
                     let (at, normal, _) = quadric.surface(p + dir * t);
-                    (at, normal, quadric.uv(at))
+                    (at, normal, quadric.uv(at), quadric.rounding)
                 } else {
                     let (at, normal) = quadric.point([u, v]);
-                    (at, normal, quadric.uv(at))
+                    (at, normal, quadric.uv(at), quadric.rounding)
                 }
             }
         };
-        let to = position - p;
-        let distance = to.length();
+        let to = at - p;
         let wi = to.try_normalize()?;
+        // Off the surface, which would hide itself.
+        let off = rounding * UNIT * at.abs().max_element().max(to.length());
+        let position = at + normal * off.copysign(-normal.dot(wi));
         let radiance = self.toward(textures, normal, uv, -wi);
         let at = Surface {
-            p: position,
+            p: at,
             ng: normal,
             ..Surface::default()
         };
@@ -190,7 +197,7 @@ impl AreaLight {
         Some(Drawn {
             wi,
             position,
-            distance,
+            distance: (position - p).length(),
             irradiance: radiance * Spectral::splat(1.0 / density),
             density,
             start_m: 0.0,

@@ -113,6 +113,7 @@ mod tests {
             tangent: Vec3A::X,
             uv: [0.0; 2],
             material: 0,
+            rounding: 0.0,
         };
         let sheet = Polarizer {
             axis: SheetAxis::Angle(30_f32.to_radians()),

@@ -104,6 +104,7 @@ mod tests {
             tangent: Vec3A::X,
             uv: [0.0; 2],
             material: 0,
+            rounding: 0.0,
         };
         for tilt in [Tilt::Plate(1.5), Tilt::Constant, Tilt::Cosine] {
             let sheet = Retarder {

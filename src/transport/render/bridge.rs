@@ -9,24 +9,23 @@
 //! interaction, as where a path meets it; boundaries that light does not notice do not. Anything else blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
+use crate::geometry::rounding::END_GAP;
 use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::perpendicular;
 use optics::spectrum::Spectral;
-
-/// Gap left before a line's end, relative to its length, so that rounding does not make the end block itself.
-pub(super) const END_GAP: f32 = 1e-5;
 
 /// The end of a line on the camera's side.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
     /// Leads to the other end.
     pub ray: Ray,
-    /// Where the line really starts (the ray's origin is nudged off the surface).
+    /// The point that the ray's origin is moved off from, and where the line really starts.
     pub from: Vec3A,
+    pub at: DVec3,
     pub filling: Filling,
     pub nest: Nest,
 }
@@ -91,7 +90,7 @@ pub(super) struct End {
     /// What the line is aimed at: nudged off the surface, if it is on one.
     pub aim: Vec3A,
     /// Where it really ends, up to which it is measured.
-    pub at: Vec3A,
+    pub at: DVec3,
 }
 
 /// Follows the line to its end; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
@@ -110,29 +109,30 @@ pub(super) fn bridge(
     let to = end.aim;
     let Start {
         mut ray,
-        mut from,
+        mut at,
         mut filling,
         mut nest,
+        ..
     } = *start;
     let any = perpendicular(ray.dir);
-    let mut way = (end.at - from).length();
+    let mut left = at.distance(end.at);
     let (mut optical_m, mut sheets, mut depth) = (0.0, 0, Spectral::ZERO);
     loop {
         *rays += 1;
         let length = (to - ray.origin).length() * (1.0 - END_GAP);
         let hit = scene.geometry.intersect(&ray, length);
-        let step = hit.map_or(way, |hit| (ray.origin + ray.dir * hit.t - from).length());
-        if let Some(act) = scene.materials.propagate(filling, ray.dir, f64::from(step)) {
+        let surface = hit.map(|hit| scene.geometry.surface(&ray, &hit));
+        let step = surface.map_or(left, |s| at.distance(s.p.as_dvec3()));
+        if let Some(act) = scene.materials.propagate(filling, ray.dir, step) {
             *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
         }
         if let Some(id) = nest.medium(&scene.boundaries) {
-            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step);
+            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step as f32);
         }
-        optical_m += f64::from(filling.index) * f64::from(step);
-        let Some(hit) = hit else {
+        optical_m += f64::from(filling.index) * step;
+        let Some(surface) = surface else {
             break;
         };
-        let surface = scene.geometry.surface(&ray, &hit);
         let id = surface.material;
         if !unnoticed(scene, &nest, id) {
             let passed = scene.materials.straight(id, &surface, -ray.dir);
@@ -143,8 +143,8 @@ pub(super) fn bridge(
         if scene.filled {
             pass(scene, &mut nest, &mut filling, &surface, ray.dir, allowed.lane);
         }
-        way -= step;
-        from = surface.p;
+        left -= step;
+        at = surface.p.as_dvec3();
         let origin = scene.geometry.leave(&surface, ray.dir);
         // Aimed anew, so that the steps off the sheets do not add up to a miss of the end.
         ray = Ray {

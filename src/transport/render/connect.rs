@@ -1,6 +1,5 @@
 //! Next-event estimation: connections from a surface point to the projector and to the point emitters.
 
-use super::bridge::END_GAP;
 use super::sheets::{self, Blocked, Connection};
 use super::state::State;
 use super::views::Views;
@@ -10,6 +9,7 @@ use crate::device::projector::{Arrivals, Projector};
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::rounding::END_GAP;
 use crate::geometry::view::View;
 use crate::light;
 use crate::light::filter::Polarized;
@@ -230,6 +230,8 @@ fn connect(
             to,
             scatter,
             wo,
+            from: surface.p,
+            at: state.from,
             shadow,
             filling,
             bounces: at.bounces,
@@ -249,8 +251,8 @@ fn connect(
             .chain
             .finish_scattered(scatter, wo, state.frame, to.irradiance, (c2, s2), out.elements)
     };
-    let time_ps =
-        picoseconds(state.optical_m + f64::from(filling.index) * f64::from(to.distance) + to.start_m);
+    let length = state.from.distance(to.position.as_dvec3());
+    let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * length + to.start_m);
     out.push(extent, time_ps, to.pixel, at.bounces);
     rays
 }

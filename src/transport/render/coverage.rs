@@ -5,7 +5,6 @@
 //! way; paths from both ends miss what is bent on both sides of a single rough surface, but for what manifold connections
 //! find through interfaces and over mirrors.
 
-use super::gaps::narrowest;
 use crate::lit::meets;
 use crate::scene::Scene;
 
@@ -19,14 +18,6 @@ pub fn missing(scene: &Scene) -> Vec<String> {
              light is not found; use a spot or a shining surface"
                 .to_owned(),
         );
-    }
-    if let Some(gap) = narrowest(scene) {
-        let [x, y, z] = gap.at.to_array();
-        out.push(format!(
-            "light is lost at ({x:.4}, {y:.4}, {z:.4}): two surfaces are {:.1e} m apart there, and rays start {:.1e} m off \
-             surfaces so far from the origin; leave more room between the two, or put the scene nearer to the origin",
-            gap.width, gap.moved
-        ));
     }
     let Some(projector) = &scene.projector else {
         return out;

@@ -5,6 +5,7 @@ use super::point::{End, Site};
 use super::polarized;
 use super::state::{From, State};
 use crate::geometry::ray::Surface;
+use crate::geometry::rounding::met;
 use crate::material::Lanes;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
@@ -99,7 +100,7 @@ impl Flight {
         Self {
             state: State {
                 ray: end.ray,
-                from: end.ray.origin,
+                from: end.ray.origin.as_dvec3(),
                 chain: end.chain,
                 frame: end.frame,
                 optical_m: 0.0,
@@ -163,19 +164,22 @@ impl Flight {
             });
             let hit = scene.geometry.intersect(&self.state.ray, reach);
             let surface = hit.map(|hit| scene.geometry.surface(&self.state.ray, &hit));
-            let way = surface.map_or(f32::INFINITY, |s| (s.p - self.state.from).length());
+            let State { from, ray, .. } = &self.state;
+            let ahead = surface.map(|s| met(*from, ray.dir, &s));
+            let length = ahead.map_or(f64::INFINITY, |(_, length)| length);
             if let Some(id) = inside
-                && let Some(landing) = self.through(scene, id, way, free)
+                && let Some(landing) = self.through(scene, id, length as f32, free)
             {
                 return landing;
             }
-            let Some(surface) = surface else {
+            let (Some(surface), Some((at, _))) = (surface, ahead) else {
                 return Landing::Escaped;
             };
-            self.state.optical_m += f64::from(self.state.filling.index) * f64::from(way);
+            self.state.optical_m += f64::from(self.state.filling.index) * length;
             if let Some(act) = self.state.crossed(scene, &surface) {
                 self.push(&act);
             }
+            self.state.from = at;
             self.settle();
             let id = surface.material;
             if !unnoticed(scene, &self.nest, id) {
@@ -184,7 +188,6 @@ impl Flight {
             let state = &mut self.state;
             let (dir, lane) = (state.ray.dir, state.lanes.nth(0));
             pass(scene, &mut self.nest, &mut state.filling, &surface, dir, lane);
-            state.from = surface.p;
             state.ray.origin = scene.geometry.leave(&surface, dir);
         }
     }
@@ -227,7 +230,8 @@ impl Flight {
                 .scale(medium.scattering * transmittance * Spectral::splat(1.0 / density));
             self.depth += depth;
             self.state.optical_m += f64::from(self.state.filling.index) * f64::from(length);
-            let p = self.state.from + self.state.ray.dir * length;
+            self.state.from += self.state.ray.dir.as_dvec3() * f64::from(length);
+            let p = self.state.from.as_vec3a();
             return Some(Landing::At(
                 Site::Volume(id),
                 Surface {

@@ -1,8 +1,14 @@
-//! Gaps behind sheets and interfaces that are thinner than rays are moved off surfaces: a ray that leaves the one surface starts
-//! beyond the other, and never meets it.
+//! Gaps behind sheets and interfaces that are thinner than single precision can tell: a ray that leaves the one surface may start
+//! beyond the other and never meet it, and rays from afar may meet the two in either order. Scenes with such gaps are refused.
+//!
+//! With δ the way that rays start off a surface and k its rounding ([`crate::geometry::rounding`]), light is safe from surface A to
+//! B where the gap is wider than 3 δ_A + δ_B (twice δ_A are the shots of [`super::manifold`]), and rays from across the scene tell
+//! the two apart where it is wider than (k_A + k_B) u times the scene's extent.
 
 use crate::device::pinhole::Pinhole;
-use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::bvh::Outline;
+use crate::geometry::ray::{Hit, Owner, Ray, Surface};
+use crate::geometry::rounding::UNIT;
 use crate::scene::Scene;
 use glam::{DVec2, Vec3A};
 use rayon::prelude::*;
@@ -11,20 +17,32 @@ use rayon::prelude::*;
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
+/// Primitives whose own points are looked behind, at most; of more, some are left out.
+const MOST_PRIMITIVES: usize = 4096;
+
 /// Least cosine between the normals on both sides of a gap: a wedge is thin at its edge, which is no fault.
 const PARALLEL: f32 = 0.95;
 
-/// Rays that must meet gaps: one may have met a rim.
-const LEAST_RAYS: usize = 3;
+/// Finds that it takes: one may be of a rim.
+const LEAST_FINDS: usize = 3;
 
-/// A gap that swallows light.
+/// How far behind a surface the other one is looked for, in units of δ/k: more than any two surfaces' bounds.
+const SEARCHED: f32 = 1024.0;
+
+/// Where points of a primitive are looked behind: barycentric coordinates in both halves of a parallelogram, or directions.
+const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8], [0.7, 0.7]];
+
+/// A gap in which light would be lost.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Gap {
-    /// Its width, and how far rays are moved off surfaces there, metres.
+pub struct Gap {
+    /// Its width, and the least that would do, metres.
     pub width: f32,
-    pub moved: f32,
-    /// A point of it.
+    /// See `width`.
+    pub least: f32,
+    /// A point of it, and the unit direction across it, from the surface that lets light through.
     pub at: Vec3A,
+    /// See `at`.
+    pub across: Vec3A,
 }
 
 /// True if light goes on behind a surface.
@@ -35,56 +53,117 @@ fn transmits(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
         || materials.beyond(s.material, s, wo, scene.lanes()).is_some()
 }
 
-/// The gap behind a surface for light along `dir`, if it is one.
+/// The gap behind a surface for light along `dir`, if there is one.
 fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
-    let away = scene.geometry.leave(s, dir) - s.p;
-    let moved = away.length();
+    let g = &scene.geometry;
+    let near = g.moved(s);
+    let scale = near / s.rounding;
+    let (across, far) = (s.ng * s.ng.dot(dir).signum(), SEARCHED * scale);
     // Looked at from a place that is surely beyond, distances are known well.
     let back = Ray {
-        origin: s.p + away * 2.0,
-        dir: -away / moved,
+        origin: s.p + across * far,
+        dir: -across,
     };
-    let other = scene.geometry.intersect(&back, 1.9 * moved)?;
-    let width = 2.0 * moved - other.t;
-    let far = scene.geometry.surface(&back, &other);
-    let another = (other.leaf, other.owner) != (hit.leaf, hit.owner);
-    (another && width < moved && far.ng.dot(s.ng).abs() > PARALLEL).then_some(Gap {
-        width,
-        moved,
-        at: s.p,
-    })
+    let gap = |other: Hit| {
+        if (other.leaf, other.owner) == (hit.leaf, hit.owner) {
+            return None;
+        }
+        let t = g.surface(&back, &other);
+        let both = (s.rounding + t.rounding) * UNIT * g.extent();
+        let least = (3.0 * near + g.moved(&t)).max(both);
+        // What is before it by more than rounding is met before it.
+        let width = far - other.t;
+        let close = width < least && width > -4.0 * scale;
+        (close && t.ng.dot(s.ng).abs() > PARALLEL).then_some(Gap {
+            width: width.max(0.0),
+            least,
+            at: s.p,
+            across,
+        })
+    };
+    let found = g.crossings(&back, far + 8.0 * scale).into_iter().filter_map(gap);
+    found.min_by(|a, b| a.width.total_cmp(&b.width))
 }
 
-/// The narrowest gap that rays of camera and projector come upon.
-pub(super) fn narrowest(scene: &Scene) -> Option<Gap> {
+/// The gaps that a ray of a device comes upon.
+fn along(scene: &Scene, mut ray: Ray) -> Vec<Gap> {
+    let mut gaps = vec![];
+    for _ in 0..MOST_SURFACES {
+        let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
+            break;
+        };
+        let s = scene.geometry.surface(&ray, &hit);
+        if !transmits(scene, &s, -ray.dir) {
+            break;
+        }
+        if scene.geometry.is_inside(&hit) {
+            gaps.extend(behind(scene, &hit, &s, ray.dir));
+        }
+        ray.origin = scene.geometry.leave(&s, ray.dir);
+    }
+    gaps
+}
+
+/// A point of a primitive of the world.
+fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Option<(Hit, Surface)> {
+    let g = &scene.geometry;
+    match *outline {
+        Outline::Flat { .. } => {
+            let hit = Hit {
+                t: 0.0,
+                leaf,
+                owner: Owner::WORLD,
+                u,
+                v,
+            };
+            let ray = Ray {
+                origin: Vec3A::ZERO,
+                dir: Vec3A::Z,
+            };
+            g.is_inside(&hit).then(|| (hit, g.surface(&ray, &hit)))
+        }
+        Outline::Ball { centre, radius } | Outline::Inside { centre, radius } => {
+            let dir = optics::sampling::warp::sphere([u, v]);
+            let ray = Ray {
+                origin: centre - dir * (2.0 * radius),
+                dir,
+            };
+            let hit = g.meet(&ray, leaf)?;
+            Some((hit, g.surface(&ray, &hit)))
+        }
+    }
+}
+
+/// The narrowest of the gaps that rays of camera and projector come upon, and that are behind points of all surfaces that let light
+/// through (those of instances are looked at by the rays alone).
+#[must_use]
+pub fn narrowest(scene: &Scene) -> Option<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
     let devices: Vec<&Pinhole> = std::iter::once(&scene.camera).chain(projector).collect();
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
-    let found: Vec<Gap> = (0..devices.len() as u32 * GRID * GRID)
+    let seen = (0..devices.len() as u32 * GRID * GRID)
         .into_par_iter()
         .flat_map_iter(|k| {
             let (device, k) = (devices[(k / (GRID * GRID)) as usize], k % (GRID * GRID));
             let [w, h] = device.resolution.map(f64::from);
             let dir = device.direction(DVec2::new(w * at(k % GRID), h * at(k / GRID)));
-            let mut ray = Ray {
-                origin: device.origin,
-                dir,
-            };
-            let mut gaps = vec![];
-            for _ in 0..MOST_SURFACES {
-                let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
-                    break;
-                };
-                let s = scene.geometry.surface(&ray, &hit);
-                if !transmits(scene, &s, -dir) {
-                    break;
-                }
-                gaps.extend(behind(scene, &hit, &s, dir));
-                ray.origin = scene.geometry.leave(&s, dir);
-            }
-            gaps
+            let origin = device.origin;
+            along(scene, Ray { origin, dir })
+        });
+    let (triangles, quadrics) = scene.geometry.counts();
+    let step = ((triangles + quadrics) / MOST_PRIMITIVES).max(1);
+    let some: Vec<(u32, Outline)> = scene.geometry.outlines().step_by(step).collect();
+    let owned = some.par_iter().flat_map_iter(|(leaf, outline)| {
+        let points = PLACES.iter().filter_map(|at| point(scene, *leaf, outline, *at));
+        points.flat_map(|(hit, s)| {
+            let sides = [s.ng, -s.ng].into_iter();
+            sides.filter_map(move |dir| {
+                let gap = behind(scene, &hit, &s, dir)?;
+                transmits(scene, &s, -dir).then_some(gap)
+            })
         })
-        .collect();
+    });
+    let found: Vec<Gap> = seen.chain(owned).collect();
     let narrowest = found.iter().copied().min_by(|a, b| a.width.total_cmp(&b.width));
-    narrowest.filter(|_| found.len() >= LEAST_RAYS)
+    narrowest.filter(|_| found.len() >= LEAST_FINDS)
 }

@@ -1,6 +1,6 @@
 //! Connections between a walk from the camera and one from the light, and their weights.
 
-use super::bridge::{Allowed, END_GAP, End, Start, bridge};
+use super::bridge::{Allowed, End, Start, bridge};
 use super::emission::{Emission, Ends, Sender};
 use super::flight::mean_transmittance;
 use super::guide::Guide;
@@ -10,6 +10,7 @@ use super::roulette::Roulette;
 use super::state::{Beam, From};
 use super::weight::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
+use crate::geometry::rounding::END_GAP;
 use crate::material::NO_CRYSTAL;
 use crate::scene::Scene;
 use base::units::picoseconds;
@@ -211,8 +212,11 @@ impl<'a> Joiner<'a> {
             return;
         };
         let mut line = z.line(scene, dir);
-        let end = y.leave(scene, -dir);
-        let whole = end - line.ray.origin;
+        let end = End {
+            aim: y.reach(scene, -dir, distance2.sqrt()),
+            at: y.at,
+        };
+        let whole = end.aim - line.ray.origin;
         line.ray.dir = whole.normalize_or(dir);
         let lane = z.lanes.nth(0);
         let Some(way) = self.follow(&mut chain, &mut frame, &line, end, Allowed { sheets, lane }) else {
@@ -249,12 +253,11 @@ impl<'a> Joiner<'a> {
         chain: &mut Chain,
         frame: &mut Vec3A,
         line: &Start,
-        end: Vec3A,
+        end: End,
         allowed: Allowed,
     ) -> Option<Followed> {
         let scene = self.scene;
         if scene.sheets || scene.filled || line.filling.crystal != NO_CRYSTAL {
-            let end = End { aim: end, at: end };
             let way = bridge(scene, chain, frame, line, end, allowed, &mut self.rays)?;
             return Some(Followed {
                 optical_m: way.optical_m,
@@ -262,12 +265,12 @@ impl<'a> Joiner<'a> {
                 passed: mean_transmittance(scene, way.depth),
             });
         }
-        let length = (end - line.ray.origin).length();
+        let length = (end.aim - line.ray.origin).length();
         self.rays += 1;
         if scene.geometry.occluded(&line.ray, length * (1.0 - END_GAP)) {
             return None;
         }
-        let optical_m = f64::from(line.filling.index) * f64::from((end - line.from).length());
+        let optical_m = f64::from(line.filling.index) * line.at.distance(end.at);
         Some(Followed {
             optical_m,
             sheets: 0,

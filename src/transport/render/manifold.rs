@@ -42,9 +42,9 @@ const SAME: f32 = 5e-7;
 /// derivatives are not known; rounding stays ten times below.
 const TURNED: f32 = 1e-6;
 
-/// Shots start this many times as far from their surface as other rays: along the ray and not along the normal, so that
-/// rays up to 75° off the normal still clear what rounding may do to it.
-const LEAVE: f32 = 4.0;
+/// Shots start this many times as far off their surface as other rays: they leave along the ray and not along the normal, and a
+/// point on the ray is rounded across the surface too.
+const LEAVE: f32 = 2.0;
 
 /// Least cosine for which the distance along a ray is stretched so that it clears a surface: nearer to grazing, the ray would
 /// start more than twenty times as far off as others do.
@@ -143,6 +143,19 @@ pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Op
     search.solve(dir)
 }
 
+/// How far to go along `dir` to be as far off a surface as a step `off` along its normal leads, and [`LEAVE`] times that.
+#[inline]
+fn clear(off: Vec3A, dir: Vec3A) -> f32 {
+    let length = off.length();
+    // Nothing where there is no surface.
+    let cos = off
+        .dot(dir)
+        .abs()
+        .max(LEAST_COSINE * length)
+        .max(f32::MIN_POSITIVE);
+    LEAVE * length * (length / cos)
+}
+
 /// The step of Newton's method that brings a shot along `dir` nearer, and J.
 #[inline]
 fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
@@ -175,7 +188,7 @@ impl Search<'_> {
         let mut slopes_d = [across.x_axis, across.y_axis];
         let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
         // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
-        let mut origin = from + dir * (LEAVE * (start.ray.origin - from).length());
+        let mut origin = from + dir * clear(start.ray.origin - from, dir);
         let (mut left, mut leg) = (*route.through.first()?, 0);
         let mut length = 0.0;
         for _ in 0..MOST_SURFACES {
@@ -250,8 +263,7 @@ impl Search<'_> {
                 dir = after;
             }
             from = surface.p;
-            let off = (scene.geometry.leave(&surface, dir) - from).length();
-            origin = from + dir * (off / surface.ng.dot(dir).abs().max(LEAST_COSINE));
+            origin = from + dir * clear(scene.geometry.leave(&surface, dir) - from, dir);
         }
         None
     }
@@ -398,10 +410,18 @@ impl Way {
         let (mut optical_m, mut sheets, mut depth) = (0.0, 0, optics::spectrum::Spectral::ZERO);
         for i in 0..=self.bends.len() {
             let bend = self.bends.get(i);
-            let end = bend.map_or(End { aim: to, at: to }, |b| End {
-                aim: scene.geometry.leave(&b.surface, -b.before),
-                at: b.surface.p,
-            });
+            let end = bend.map_or(
+                End {
+                    aim: to,
+                    at: to.as_dvec3(),
+                },
+                |b| End {
+                    aim: scene
+                        .geometry
+                        .reach(&b.surface, -b.before, start.from.distance(b.surface.p)),
+                    at: b.surface.p.as_dvec3(),
+                },
+            );
             let left = Allowed {
                 sheets: allowed.sheets - sheets,
                 ..allowed
@@ -427,6 +447,7 @@ impl Way {
                     dir: bend.after,
                 },
                 from: s.p,
+                at: s.p.as_dvec3(),
                 filling: bend.filling.unwrap_or(line.filling),
                 nest,
             };

@@ -10,7 +10,7 @@ pub mod coverage;
 mod emission;
 mod environment;
 mod flight;
-mod gaps;
+pub mod gaps;
 mod glints;
 mod guide;
 mod job;

@@ -15,10 +15,11 @@ use crate::accumulate::{Contribution, Contributions};
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::rounding::met;
 use crate::material::{Filling, Lanes, facing};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{perpendicular, perpendiculars};
 use optics::sampling::stream::Stream;
@@ -221,7 +222,7 @@ impl Paths {
                 origin: camera.origin,
                 dir,
             };
-            state.from = camera.origin;
+            state.from = camera.origin.as_dvec3();
             state.chain = Chain::start(ones);
             state.frame = camera.frame(dir);
             state.optical_m = 0.0;
@@ -246,7 +247,7 @@ impl Default for Path {
                     origin: Vec3A::ZERO,
                     dir: Vec3A::Z,
                 },
-                from: Vec3A::ZERO,
+                from: DVec3::ZERO,
                 chain: Chain::start(Spectral::ZERO),
                 frame: Vec3A::X,
                 optical_m: 0.0,
@@ -272,12 +273,14 @@ impl Path {
         let state = &mut self.state;
         scene.geometry.surface_into(&state.ray, hit, &mut self.surface);
         let surface = &self.surface;
-        state.optical_m += f64::from(state.filling.index) * f64::from((surface.p - state.from).length());
+        let (at, length) = met(state.from, state.ray.dir, surface);
+        state.optical_m += f64::from(state.filling.index) * length;
         if let Some(scatter) = state.crossed(scene, surface) {
             // The light comes from the surface, so this stands left of what the surface will add.
             let frame = state.chain.push(&scatter, -state.ray.dir, state.frame);
             state.frame = frame.unwrap_or(state.frame);
         }
+        state.from = at;
         many::set(&mut rows.points, n, surface.p);
         if goes_on && scene.materials.lambert(surface.material).is_some() {
             // Where shading and geometry disagree about the side, the surface will say that it is dark.
@@ -327,11 +330,11 @@ impl Path {
         if let Some(scatter) = state.crossed(scene, &surface) {
             frame = chain.push(&scatter, travel, frame).unwrap_or(frame);
         }
+        let (_, length) = met(state.from, state.ray.dir, &surface);
         let met = Met {
             light,
             surface: &surface,
-            optical_m: state.optical_m
-                + f64::from(state.filling.index) * f64::from((surface.p - state.from).length()),
+            optical_m: state.optical_m + f64::from(state.filling.index) * length,
             interactions: bounces,
             chosen: self.chosen,
         };
@@ -413,7 +416,6 @@ impl Path {
         if !survives(&mut state.chain, odds, stream) {
             return false;
         }
-        state.from = surface.p;
         state.ray = Ray {
             origin: scene.geometry.leave(surface, wi),
             dir: wi,

@@ -15,7 +15,7 @@ use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lanes};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
@@ -48,6 +48,8 @@ pub(super) struct Point {
     pub site: Site,
     /// Of a volume or an end, its position alone counts.
     pub surface: Surface,
+    /// The same where the ray met it, in double precision: ways are measured from there.
+    pub at: DVec3,
     /// Unit direction to the point before.
     pub back: Vec3A,
     /// Mueller product from the walk's end to the light that arrives here, and that light's frame.
@@ -81,6 +83,7 @@ impl Point {
                 p,
                 ..Surface::default()
             },
+            at: p.as_dvec3(),
             back: -end.ray.dir,
             chain: end.chain,
             frame: end.frame,
@@ -187,6 +190,15 @@ impl Point {
         }
     }
 
+    /// What a line of so many metres that comes from direction `dir` is aimed at: off the surface.
+    #[inline]
+    pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
+        match self.site {
+            Site::Surface => scene.geometry.reach(&self.surface, dir, length),
+            _ => self.surface.p,
+        }
+    }
+
     /// The start of a line along `dir`.
     #[inline]
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
@@ -201,6 +213,7 @@ impl Point {
         Start {
             ray: Ray { origin, dir },
             from: s.p,
+            at: self.at,
             filling,
             nest,
         }

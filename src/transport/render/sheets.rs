@@ -11,7 +11,7 @@ use crate::material::Filling;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use base::units::picoseconds;
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
@@ -37,6 +37,9 @@ pub(super) struct Blocked<'a> {
     /// The interaction at the connected surface, and its direction `wo`.
     pub scatter: &'a Scatter,
     pub wo: Vec3A,
+    /// As in [`Start`].
+    pub from: Vec3A,
+    pub at: DVec3,
     /// The ray from there, and what it runs through.
     pub shadow: Ray,
     pub filling: Filling,
@@ -63,7 +66,8 @@ pub(super) fn connect(
     chain.scale(to.irradiance);
     let start = Start {
         ray: connection.shadow,
-        from: to.position - to.wi * to.distance,
+        from: connection.from,
+        at: connection.at,
         filling: connection.filling,
         nest: Nest::default(),
     };
@@ -79,7 +83,7 @@ pub(super) fn connect(
         &start,
         End {
             aim: to.position,
-            at: to.position,
+            at: to.position.as_dvec3(),
         },
         allowed,
         &mut rays,

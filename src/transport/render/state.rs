@@ -3,7 +3,7 @@
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lanes, NO_CRYSTAL};
 use crate::scene::Scene;
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 
@@ -28,8 +28,8 @@ impl From {
 /// The state of a path at its current ray.
 pub(super) struct State {
     pub ray: Ray,
-    /// Where the ray really starts (its origin is nudged off the surface).
-    pub from: Vec3A,
+    /// Where the ray really starts (its origin is moved off the surface, and rounded); behind a hit, where it was met.
+    pub from: DVec3,
     /// Product from the light along the ray to the path's end: to the camera frame, or from an emitter, transposed.
     pub chain: Chain,
     /// Frame of that light.
@@ -58,7 +58,7 @@ impl State {
         // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off the
         // surface, which shifts the hit point sideways.
         let (dir, ng) = (self.ray.dir, surface.ng.as_dvec3());
-        let length = (surface.p.as_dvec3() - self.from.as_dvec3()).dot(ng) / dir.as_dvec3().dot(ng);
+        let length = (surface.p.as_dvec3() - self.from).dot(ng) / dir.as_dvec3().dot(ng);
         scene.materials.propagate(self.filling, dir, length)
     }
 }

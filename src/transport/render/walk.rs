@@ -216,7 +216,6 @@ impl Walk {
             Onward::Straight => {
                 let flight = &mut progress.flight;
                 flight.settle();
-                flight.state.from = point.surface.p;
                 flight.state.ray.origin = scene.geometry.leave(&point.surface, flight.state.ray.dir);
                 return true;
             }
@@ -225,7 +224,7 @@ impl Walk {
                 return false;
             }
         };
-        let (from, origin) = (point.surface.p, point.leave(scene, wi));
+        let (from, origin) = (point.at, point.leave(scene, wi));
         self.points.push(point);
         let last = self.points.len() > limits.point;
         if last || progress.interactions >= limits.interactions && !limits.escapes {
@@ -297,6 +296,7 @@ impl Walk {
         let mut point = Point {
             site,
             surface,
+            at: state.from,
             back: -state.ray.dir,
             chain: state.chain,
             frame: state.frame,

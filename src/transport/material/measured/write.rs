@@ -118,6 +118,7 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
                     tangent: Vec3A::X,
                     uv: [0.0; 2],
                     material: *id,
+                    rounding: 0.0,
                 };
                 let Some(scatter) = materials.eval(*id, &at, wo, wi) else {
                     continue;
