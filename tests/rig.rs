@@ -827,4 +827,87 @@ fn still_frames_calibrate_the_sensor() {
     let believed = &store.attributes()["detector"]["cmos"];
     let gain = believed["gain_e_per_dn"].as_f64().expect("a number");
     assert!((gain - 3.2).abs() < 0.1, "{believed}");
+    one_file_for_all(&bench, &out);
+}
+
+/// The elements go into the file that has the sensor; everything that reads calibrations reads it as it is.
+fn one_file_for_all(bench: &Bench, file: &Path) {
+    let sensor = std::fs::read_to_string(file).expect("reads");
+    for sample in ["air", "mirror"] {
+        let store = format!("{sample}.zarr");
+        assert!(
+            bench
+                .run("camera.toml", &store, &["--sample", sample])
+                .status
+                .success()
+        );
+    }
+    let (air, mirror) = (bench.path("air.zarr"), bench.path("mirror.zarr"));
+    said(&["rig", "calibrate"], &[&air, &mirror, Path::new("-o"), file]);
+    let text = std::fs::read_to_string(file).expect("reads");
+    let (all, before): (toml::Table, toml::Table) =
+        (text.parse().expect("TOML"), sensor.parse().expect("TOML"));
+    assert_eq!(all["radiometric"], before["radiometric"]);
+    assert_eq!(all["detector"], before["detector"]);
+    assert!(
+        all["polarimetric"]["sigma"]
+            .as_array()
+            .is_some_and(|s| s.len() == 8)
+    );
+    // Schemes.
+    said(
+        &["reconstruct", "--scheme"],
+        &[file, &air, Path::new("-o"), &bench.path("m.zarr")],
+    );
+    let ones = bench.path("ones.npy");
+    let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
+    sunstone::store::numpy::save(&ones, &[1, 1, 4, 4], &unit).expect("writes");
+    let example = ["capture", "--scheme", "SCHEME", "--detector", "SCHEME"];
+    let words: Vec<&str> = example
+        .iter()
+        .map(|w| {
+            if *w == "SCHEME" {
+                file.to_str().expect("a name")
+            } else {
+                *w
+            }
+        })
+        .collect();
+    said(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
+    // Plans and rigs; a rig takes one name as it takes a list.
+    let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
+    std::fs::write(bench.path("again.toml"), plan).expect("writes");
+    std::fs::write(
+        bench.path("rig.toml"),
+        format!("calibration = \"sensor.toml\"\n{RIG}"),
+    )
+    .expect("writes");
+    assert!(bench.run("again.toml", "calibrated.zarr", &[]).status.success());
+    let store = Run::open(&bench.path("calibrated.zarr"), None).expect("a run");
+    let gain = store.attributes()["detector"]["cmos"]["gain_e_per_dn"].as_f64();
+    assert_eq!(gain, before["detector"]["cmos"]["gain_e_per_dn"].as_float());
+    // What is no calibration is left as it is.
+    let other = std::fs::read_to_string(bench.path("rig.toml")).expect("reads");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    command
+        .args(["rig", "calibrate"])
+        .arg(&air)
+        .arg("-o")
+        .arg(bench.path("rig.toml"));
+    let output = command.output().expect("runs");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text_has(
+        &output,
+        &["rig.toml:1:1", "unknown field `calibration`", "another name"]
+    ));
+    assert_eq!(
+        std::fs::read_to_string(bench.path("rig.toml")).expect("reads"),
+        other
+    );
+}
+
+fn text_has(output: &Output, words: &[&str]) -> bool {
+    let told = text(output);
+    assert!(words.iter().all(|w| told.contains(w)), "{told}");
+    true
 }

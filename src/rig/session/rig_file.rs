@@ -13,6 +13,7 @@
 //! size = [64, 64]
 //! [detector.cmos]                    # the sensor as it is believed to be: what readings are made light with
 //! photons_per_unit = 1e6
+//! # calibration = "calibration.toml" at the head of the file: detectors and geometry as `sunstone calibrate` found them
 //! [bench]                            # of simulated instruments
 //! tensor = "spatial.zarr"            # or scene = "…/scene.toml", which is rendered first
 //! slice = "spatial"
@@ -20,7 +21,7 @@
 //! optics = "optics.toml"             # a scheme file with the elements as they are in truth
 //! ```
 
-use super::calibrated;
+use super::calibrated::Believed;
 use super::galvo_file;
 use super::geometry::Geometry;
 use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
@@ -322,7 +323,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         }
     }
     // The bench is what it is, whatever is believed of it.
-    let (cmos, spad) = calibrated::detectors(path, &file.calibration, cmos, spad)?;
+    let believed = Believed { cmos, spad, geometry };
+    let sizes = [
+        camera.as_ref().map(|(_, c)| c.size),
+        projector.as_ref().map(|(_, p)| p.size),
+    ];
+    let Believed { cmos, spad, geometry } = match &file.calibration {
+        None => believed,
+        Some(files) => believed.calibrated(path, files.list(), sizes)?,
+    };
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {

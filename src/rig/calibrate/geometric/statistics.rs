@@ -210,8 +210,9 @@ fn errors_of_cameras_are_what_they_claim() {
 fn errors_of_projectors_are_what_they_claim() {
     let pair = |model| [camera(model), projector(model)];
     hold("pair, 5 coefficients", &pair(Model::Five), 128, 0.05, true);
-    // At 0.05 pixels one in a hundred rational lenses of the projector runs off to infinite coefficients, and is refused.
-    hold("pair, 8 coefficients", &pair(Model::Eight), 128, 0.01, false);
+    // At 0.05 pixels one in a hundred rational lenses of the projector runs off to infinite coefficients, and is refused; at 0.01
+    // one in some hundreds. Leaving these out would choose among repeats: there is less noise instead.
+    hold("pair, 8 coefficients", &pair(Model::Eight), 128, 0.002, false);
 }
 
 #[test]

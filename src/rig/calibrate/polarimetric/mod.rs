@@ -6,3 +6,4 @@
 
 pub mod parameters;
 pub mod samples;
+pub mod statistics;
