@@ -23,4 +23,5 @@ mod rig_syntax;
 pub mod run;
 pub mod run_store;
 pub mod steps;
+pub mod time_tags;
 pub mod writer;

@@ -34,6 +34,7 @@ use crate::driver::th260::settings::Th260Settings;
 use crate::instrument::{
     AnalogLimits, CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
 };
+use crate::simulated::counter::TAGS;
 use crate::simulated::faults::FaultAt;
 use base::document;
 use base::locate::{InputError, Located};
@@ -278,6 +279,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
                 finest_ps: c.finest_ps,
                 longest: Duration::from_secs(3600),
                 full: u64::from(u32::MAX),
+                tags: (c.driver == Driver::Simulated).then_some(TAGS),
             };
             Some((c.driver.clone(), limits))
         }
@@ -328,18 +330,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         camera.as_ref().map(|(_, c)| c.size),
         projector.as_ref().map(|(_, p)| p.size),
     ];
-    let Believed { cmos, spad, geometry } = match &file.calibration {
-        None => believed,
-        Some(files) => believed.calibrated(path, files.list(), sizes)?,
-    };
+    let files = file.calibration.as_ref().map_or(&[][..], |f| f.list());
+    let Believed { cmos, spad, geometry } = believed.calibrated(path, files, sizes)?;
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
-        return Err(fault(
-            0..0,
-            "`wavelength_nm` is no wavelength".into(),
-            "give nanometres",
-        ));
+        let message = "`wavelength_nm` is no wavelength".into();
+        return Err(fault(0..0, message, "give nanometres"));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(RigPlan {

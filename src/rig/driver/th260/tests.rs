@@ -20,6 +20,7 @@ fn settings() -> CounterSettings {
         bin_ps: 50.0,
         dwell: Duration::from_millis(2),
         offset_ps: 10_010.0,
+        tags: false,
     }
 }
 
