@@ -376,6 +376,7 @@ fn time_tags_have_the_histograms() {
     }
     assert!(photons > 1000, "{photons} photons show nothing");
     // A row of tags that is damaged is noticed, as is one that is lost.
+    said(&["verify"], &[&bench.path("tags.zarr")]);
     let file = bench.path("tags.zarr/time_tags/000003.ptu");
     let mut bytes = std::fs::read(&file).expect("reads");
     let last = bytes.len() - 6;

@@ -4,9 +4,7 @@
 //! what went wrong, if anything; instruments move and shine while they are checked.
 
 pub mod analog_output;
-mod photon_counter;
-
-pub use photon_counter::photon_counter;
+pub mod photon_counter;
 
 use crate::instrument::{
     AreaCamera, CameraSettings, Failure, Fault, GalvoScanner, Instrument, Pattern, PatternProjector,

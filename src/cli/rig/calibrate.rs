@@ -39,7 +39,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let mut samples = vec![];
     for path in &a.runs {
         let run = Run::open(path, None).map_err(Failure::input)?;
-        samples.push(run.sample().map_err(Failure::input)?);
+        samples.extend(run.samples().map_err(Failure::input)?);
     }
     let Some(first) = samples.first() else {
         return Err(Failure::input("give runs of known samples"));

@@ -208,7 +208,7 @@ mod tests {
                 "0.toml:5:1: [projector] was calibrated with 4 × 4",
             ),
             (&torn, [None; 2], "[projector] is no device"),
-            (&still, [None; 2], "`translation` is zero"),
+            (&still, [None; 2], "stand in one place"),
         ];
         for (text, sizes, words) in cases {
             let told = read(&[text], sizes).expect_err("a fault");

@@ -166,6 +166,10 @@ impl Geometry {
             return Err("a pose is no rotation and translation".into());
         };
         let between = to.after(&from.inverse());
+        // Nearer than a nanometre is rounding.
+        if between.translation.norm() < 1e-9 {
+            return Err("camera and projector stand in one place; calibrate them where they are".into());
+        }
         Self::between(lenses.0, lenses.1, between.rotation, between.translation)
     }
 

@@ -11,6 +11,7 @@ mod galvo_file;
 pub mod geometry;
 pub mod image;
 pub mod journal;
+mod known_sample;
 pub mod lab;
 pub mod masks;
 pub mod mueller;

@@ -7,3 +7,6 @@
 pub mod parameters;
 pub mod samples;
 pub mod statistics;
+
+#[cfg(test)]
+mod tests;

@@ -13,6 +13,8 @@ pub struct Statistics {
     pub freedom: usize,
     /// Parameters by their elements' names.
     pub names: Vec<String>,
+    /// At which wavelength, nanometres, where captures of several tell a parameter at each; else `nan`.
+    pub wavelengths_nm: Vec<f64>,
     /// `°`, or nothing.
     pub units: Vec<String>,
     /// What was found, in these units.
@@ -51,6 +53,7 @@ impl Calibrated {
             chi_squared: self.fit.chi_squared,
             freedom: self.fit.freedom,
             names: self.found.iter().map(|f| f.name.clone()).collect(),
+            wavelengths_nm: self.found.iter().map(|f| f.nm.unwrap_or(f64::NAN)).collect(),
             units: self.found.iter().map(|f| f.parameter.unit().to_owned()).collect(),
             values: self.found.iter().map(|f| f.value).collect(),
             sigma: self.found.iter().map(|f| f.sigma.unwrap_or(f64::NAN)).collect(),

@@ -134,10 +134,15 @@ fn stated_errors_are_those_that_are_made() {
     let count = repeats(256);
     let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
     let mut scores = ZScores::default();
-    let mut chi = 0.0;
+    let (mut chi, mut unsettled) = (0.0, 0);
     for (truth, error, zeros, found) in all {
-        assert_eq!((found.dark, found.saturated, found.unsettled), (0, 0, 0));
-        let each = zeros.iter().enumerate();
+        assert_eq!((found.dark, found.saturated), (0, 0));
+        unsettled += found.unsettled;
+        // A capture in some ten thousand does not settle, is said and left out.
+        let each = zeros
+            .iter()
+            .enumerate()
+            .filter(|(p, _)| found.unsettled == 0 || found.zero_ps.at(*p).is_finite());
         scores.add_together(
             "time zero",
             each.map(|(p, want)| (found.zero_ps.at(p) - want, found.sigma_ps.at(p))),
@@ -151,6 +156,10 @@ fn stated_errors_are_those_that_are_made() {
         chi += found.chi_squared / found.freedom as f64 / f64::from(count);
     }
     scores.hold("synchronous diode");
+    assert!(
+        f64::from(count) * 24e-3 >= unsettled as f64,
+        "{unsettled} captures are unsettled"
+    );
     println!("chi-squared over freedom {chi:.4}");
     // Fitted to bins and summed over groups of them, up to three degrees of some fifty stay (Chernoff and Lehmann 1954).
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
