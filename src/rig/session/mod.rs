@@ -18,6 +18,7 @@ pub mod mueller;
 pub mod own_detector;
 pub mod plan;
 pub mod progress;
+mod projector_file;
 pub mod recover;
 pub mod rig_file;
 mod rig_syntax;

@@ -24,10 +24,10 @@
 use super::calibrated::Believed;
 use super::galvo_file;
 use super::geometry::Geometry;
+use super::projector_file;
+pub use super::projector_file::FlashPlan;
 use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
 pub use super::rig_syntax::{Driver, StageFile};
-use crate::driver::dlpc350::flash;
-use crate::driver::dlpc350::projector::Flash;
 use crate::driver::galvo::wiring::Wiring;
 use crate::driver::scpi::table::LaserTable;
 use crate::driver::th260::settings::Th260Settings;
@@ -97,8 +97,8 @@ pub struct RigPlan {
     pub stages: BTreeMap<String, StageFile>,
     /// Driver and limits of the projector.
     pub projector: Option<(Driver, ProjectorLimits)>,
-    /// What the flash of a DLPC350 holds, and its diodes that shine.
-    pub flash: Option<(Flash, u8)>,
+    /// What the flash of a DLPC350 holds, its diodes that shine, and its triggers.
+    pub flash: Option<FlashPlan>,
     /// Of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
     /// Serial number of a camera that is found by it.
@@ -179,34 +179,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     }
     let pixels = |size: [u32; 2]| size.iter().all(|n| (1..=65_536).contains(n));
     let milliseconds = |ms: f64| Duration::try_from_secs_f64(ms / 1e3).ok().filter(|_| ms < 1e6);
-    let projector = match &file.projector {
-        None => None,
+    let (projector, flash) = match &file.projector {
+        None => (None, None),
         Some(p) => {
-            let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
-            let shortest =
-                milliseconds(p.shortest_ms).filter(|_| pixels(p.size) && (1..=8).contains(&p.bits));
-            let shortest =
-                shortest.ok_or_else(|| fault(p.span(), "no projector is like that".into(), help))?;
-            Some((
-                p.driver.clone(),
-                ProjectorLimits {
-                    size: p.size,
-                    patterns: p.patterns,
-                    bits: p.bits,
-                    shortest,
-                },
-            ))
+            let (limits, flash) =
+                projector_file::check(path, p).map_err(|(e, help)| fault(p.span(), e, help))?;
+            (Some((p.driver.clone(), limits)), flash)
         }
-    };
-    let flash = match &file.projector {
-        Some(p) if p.driver == Driver::Dlpc350 => {
-            let beside = |f: &PathBuf| path.parent().unwrap_or(Path::new("")).join(f);
-            let files: Vec<PathBuf> = p.flash.iter().map(beside).collect();
-            let help = "write the plan's patterns by `sunstone rig flash`, and name the images: flash = [\"flash_00.png\"]";
-            let held = flash::load(&files).map_err(|e| fault(p.span(), e, help))?;
-            Some((held, p.leds.iter().fold(0, |all, led| all | *led as u8)))
-        }
-        _ => None,
     };
     let camera = match &file.camera {
         None => None,
@@ -335,8 +314,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
-        let message = "`wavelength_nm` is no wavelength".into();
-        return Err(fault(0..0, message, "give nanometres"));
+        return Err(fault(
+            0..0,
+            "`wavelength_nm` is no wavelength".into(),
+            "give nanometres",
+        ));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(RigPlan {

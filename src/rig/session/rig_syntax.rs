@@ -1,6 +1,7 @@
 //! The syntax of rig files; what it means is in [`super::rig_file`].
 
 use super::geometry::GeometryFile;
+use crate::driver::dlpc350::trigger::Triggers;
 use crate::driver::th260::settings::Th260Settings;
 use crate::instrument::StageLimits;
 use crate::simulated::faults::FaultAt;
@@ -103,6 +104,9 @@ pub(super) struct ProjectorFile {
     /// Diodes that shine, of `dlpc350`.
     #[serde(default = "green")]
     pub(super) leds: Vec<Led>,
+    /// Its triggers, of `dlpc350`.
+    #[serde(default)]
+    pub(super) triggers: Triggers,
 }
 
 /// A diode of a projector.
