@@ -59,6 +59,24 @@ fn dlpc350() {
         ("source flash", Command::Source(Source::Flash)),
         ("trigger vsync", Command::TriggerMode(0)),
         ("trigger internal", Command::TriggerMode(1)),
+        ("trigger from outside", Command::TriggerMode(2)),
+        (
+            "trigger output 1",
+            Command::TriggerOut1 {
+                inverted: true,
+                rise: 0xBB,
+                fall: 0xD5,
+            },
+        ),
+        (
+            "trigger output 2",
+            Command::TriggerOut2 {
+                inverted: false,
+                rise: 0x7F,
+            },
+        ),
+        ("trigger input 1", Command::TriggerIn1(0x7_0203)),
+        ("trigger input 2", Command::TriggerIn2(true)),
         ("stop", Command::Run(Run::Stop)),
         ("pause", Command::Run(Run::Pause)),
         ("start", Command::Run(Run::Start)),

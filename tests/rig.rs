@@ -61,7 +61,12 @@ bin_ps = 25
 laser_power = 0.9
 ";
 
-/// Files of a rig with two plans, and mishaps.
+/// The same scan with every photon kept.
+fn tagged() -> String {
+    SCAN.replace("bin_ps = 25\n", "bin_ps = 25\ntime_tags = true\n")
+}
+
+/// Files of a rig with its plans, and mishaps.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -70,6 +75,7 @@ impl Bench {
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writes");
         write("camera.toml", CAMERA);
         write("scan.toml", SCAN);
+        write("tags.toml", &tagged());
         write("rig.toml", &format!("{RIG}{faults}"));
         write("sound.toml", RIG);
         Self(folder)
@@ -155,13 +161,13 @@ fn kills_lose_nothing() {
     let mut killed = 0;
     let mut left = [0; 3];
     let mut round = 0;
-    for plan in ["camera.toml", "scan.toml"] {
+    for plan in ["camera.toml", "scan.toml", "tags.toml"] {
         let begun = Instant::now();
         assert!(bench.run(plan, "whole.zarr", &["--force"]).status.success());
         let whole_takes = begun.elapsed();
         let whole = bench.content("whole.zarr");
         let mut here = 0;
-        while here < kills.div_ceil(2) {
+        while here < kills.div_ceil(3) {
             let store = format!("{plan}{round}.zarr");
             // Again and again until it comes to its end.
             let mut resumed = 0;
@@ -268,6 +274,10 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("scan.toml", "interlock", "laser", 1, Some("interlock is open")),
     ("scan.toml", "stall", "retarder_3", 3, None),
     ("scan.toml", "clock_back", "counter", 40, None),
+    ("tags.toml", "disk_full", "disk", 33, Some("resume")),
+    ("tags.toml", "dropped_frame", "counter", 9, None),
+    ("tags.toml", "saturation", "counter", 10, None),
+    ("tags.toml", "power_cut", "counter", 30, None),
 ];
 
 /// Every fault ends recovered, or in one clear error with all data safe: resumed on a sound rig, the bytes are the same.
@@ -279,7 +289,7 @@ fn faults_lose_nothing() {
         assert!(sound.run(plan, &store, &[]).status.success());
         sound.content(&store)
     };
-    let (camera, scan) = (whole("camera.toml"), whole("scan.toml"));
+    let whole = ["camera.toml", "scan.toml", "tags.toml"].map(|plan| (plan, whole(plan)));
     println!(
         "{:12} {:14} {:11} {:>4}  outcome",
         "plan", "fault", "instrument", "at"
@@ -323,10 +333,89 @@ fn faults_lose_nothing() {
                 format!("ended and resumed: {last}")
             }
         };
-        let want = if *plan == "camera.toml" { &camera } else { &scan };
-        assert_same(&bench.content("s.zarr"), want, kind);
+        let want = whole.iter().find(|(p, _)| p == plan).expect("a plan");
+        assert_same(&bench.content("s.zarr"), &want.1, kind);
         println!("{plan:12} {kind:14} {instrument:11} {at:>4}  {outcome}");
     }
+}
+
+/// Histograms of time tags are those of a counter that makes them itself, bit for bit; and the kept files, read by
+/// `sunstone ptu`, have them too.
+#[test]
+fn time_tags_have_the_histograms() {
+    let bench = Bench::new("");
+    assert!(bench.run("scan.toml", "counts.zarr", &[]).status.success());
+    assert!(bench.run("tags.toml", "tags.zarr", &[]).status.success());
+    let open = |name: &str| FrameStore::open(&bench.path(name)).expect("a store");
+    let (counts, tags) = (open("counts.zarr"), open("tags.zarr"));
+    let (width, rows) = (5, counts.layout().frames() / 5);
+    let mut photons = 0;
+    for row in 0..rows {
+        let want = counts.read_chunk(row).expect("reads");
+        assert_eq!(tags.read_chunk(row).expect("reads"), want, "row {row}");
+        photons += want.iter().sum::<u32>();
+        let file = bench.path(&format!("tags.zarr/time_tags/{row:06}.ptu"));
+        let out = bench.path(&format!("row{row}.npy"));
+        let words = [
+            "ptu",
+            "histogram",
+            "--pixels",
+            "5,1",
+            "--pixel-marker",
+            "1,2",
+            "--channel",
+            "0",
+        ];
+        said(&words, &[&file, Path::new("-o"), &out]);
+        let (shape, found) = counts_of(&out);
+        let bins = *shape.last().expect("an axis");
+        let frame = want.len() / width;
+        for (x, point) in want.chunks_exact(frame).enumerate() {
+            assert_eq!(&found[x * bins..x * bins + frame], point, "row {row}, point {x}");
+        }
+    }
+    assert!(photons > 1000, "{photons} photons show nothing");
+    // A row of tags that is damaged is noticed, as is one that is lost.
+    said(&["verify"], &[&bench.path("tags.zarr")]);
+    let file = bench.path("tags.zarr/time_tags/000003.ptu");
+    let mut bytes = std::fs::read(&file).expect("reads");
+    let last = bytes.len() - 6;
+    bytes[last] ^= 1;
+    std::fs::write(&file, bytes).expect("writes");
+    let verify = |words: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+        let output = command
+            .arg("verify")
+            .arg(bench.path("tags.zarr"))
+            .output()
+            .expect("runs");
+        assert!(!output.status.success() && text_has(&output, &[words]));
+    };
+    verify("000003.ptu");
+    std::fs::remove_file(&file).expect("removes");
+    verify("000003.ptu");
+    // More bins than a record can tell.
+    let long = tagged().replace("bins = 64", "bins = 40000");
+    std::fs::write(bench.path("long.toml"), long).expect("writes");
+    let output = bench.run("long.toml", "long.zarr", &[]);
+    assert!(text_has(
+        &output,
+        &["long.toml:4:1", "`time_tags` with 40000 bins"]
+    ));
+    assert_eq!(output.status.code(), Some(2));
+}
+
+/// Shape and numbers of an array of unsigned 32-bit integers.
+fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
+    let bytes = std::fs::read(path).expect("reads");
+    let length = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let head = String::from_utf8_lossy(&bytes[10..length]).into_owned();
+    assert!(head.contains("'<u4'"), "{head}");
+    let inside = head.split_once("'shape': (").expect("a shape").1;
+    let inside = inside.split_once(')').expect("its end").0;
+    let shape = inside.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    let words = bytes[length..].as_chunks().0;
+    (shape, words.iter().map(|b| u32::from_le_bytes(*b)).collect())
 }
 
 /// Two sessions on one path, a plan that is another one, a store that is finished: refused in words, nothing touched.
@@ -827,4 +916,87 @@ fn still_frames_calibrate_the_sensor() {
     let believed = &store.attributes()["detector"]["cmos"];
     let gain = believed["gain_e_per_dn"].as_f64().expect("a number");
     assert!((gain - 3.2).abs() < 0.1, "{believed}");
+    one_file_for_all(&bench, &out);
+}
+
+/// The elements go into the file that has the sensor; everything that reads calibrations reads it as it is.
+fn one_file_for_all(bench: &Bench, file: &Path) {
+    let sensor = std::fs::read_to_string(file).expect("reads");
+    for sample in ["air", "mirror"] {
+        let store = format!("{sample}.zarr");
+        assert!(
+            bench
+                .run("camera.toml", &store, &["--sample", sample])
+                .status
+                .success()
+        );
+    }
+    let (air, mirror) = (bench.path("air.zarr"), bench.path("mirror.zarr"));
+    said(&["rig", "calibrate"], &[&air, &mirror, Path::new("-o"), file]);
+    let text = std::fs::read_to_string(file).expect("reads");
+    let (all, before): (toml::Table, toml::Table) =
+        (text.parse().expect("TOML"), sensor.parse().expect("TOML"));
+    assert_eq!(all["radiometric"], before["radiometric"]);
+    assert_eq!(all["detector"], before["detector"]);
+    assert!(
+        all["polarimetric"]["sigma"]
+            .as_array()
+            .is_some_and(|s| s.len() == 8)
+    );
+    // Schemes.
+    said(
+        &["reconstruct", "--scheme"],
+        &[file, &air, Path::new("-o"), &bench.path("m.zarr")],
+    );
+    let ones = bench.path("ones.npy");
+    let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
+    sunstone::store::numpy::save(&ones, &[1, 1, 4, 4], &unit).expect("writes");
+    let example = ["capture", "--scheme", "SCHEME", "--detector", "SCHEME"];
+    let words: Vec<&str> = example
+        .iter()
+        .map(|w| {
+            if *w == "SCHEME" {
+                file.to_str().expect("a name")
+            } else {
+                *w
+            }
+        })
+        .collect();
+    said(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
+    // Plans and rigs; a rig takes one name as it takes a list.
+    let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
+    std::fs::write(bench.path("again.toml"), plan).expect("writes");
+    std::fs::write(
+        bench.path("rig.toml"),
+        format!("calibration = \"sensor.toml\"\n{RIG}"),
+    )
+    .expect("writes");
+    assert!(bench.run("again.toml", "calibrated.zarr", &[]).status.success());
+    let store = Run::open(&bench.path("calibrated.zarr"), None).expect("a run");
+    let gain = store.attributes()["detector"]["cmos"]["gain_e_per_dn"].as_f64();
+    assert_eq!(gain, before["detector"]["cmos"]["gain_e_per_dn"].as_float());
+    // What is no calibration is left as it is.
+    let other = std::fs::read_to_string(bench.path("rig.toml")).expect("reads");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
+    command
+        .args(["rig", "calibrate"])
+        .arg(&air)
+        .arg("-o")
+        .arg(bench.path("rig.toml"));
+    let output = command.output().expect("runs");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text_has(
+        &output,
+        &["rig.toml:1:1", "unknown field `calibration`", "another name"]
+    ));
+    assert_eq!(
+        std::fs::read_to_string(bench.path("rig.toml")).expect("reads"),
+        other
+    );
+}
+
+fn text_has(output: &Output, words: &[&str]) -> bool {
+    let told = text(output);
+    assert!(words.iter().all(|w| told.contains(w)), "{told}");
+    true
 }

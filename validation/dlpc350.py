@@ -48,6 +48,12 @@ def theirs():
         "source flash": lambda d: d.set_pattern_input_source("flash"),
         "trigger vsync": lambda d: d.set_pattern_trigger_mode("vsync"),
         "trigger internal": lambda d: d.set_pattern_trigger_mode(1),
+        "trigger from outside": lambda d: d.set_pattern_trigger_mode(2),
+        # The package does not know these: its generic command makes reports of codes and data as TI's own program has them.
+        "trigger output 1": lambda d: d.command("w", 0, 0x1A, 0x1D, [1, 0xBB, 0xD5]),
+        "trigger output 2": lambda d: d.command("w", 0, 0x1A, 0x1E, [0, 0x7F]),
+        "trigger input 1": lambda d: d.command("w", 0, 0x1A, 0x35, [0x03, 0x02, 0x07, 0x00]),
+        "trigger input 2": lambda d: d.command("w", 0, 0x1A, 0x36, [1]),
         "stop": lambda d: d.pattern_display("stop"),
         "pause": lambda d: d.pattern_display("pause"),
         "start": lambda d: d.pattern_display("start"),

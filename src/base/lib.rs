@@ -3,6 +3,7 @@
 
 #![warn(missing_docs)]
 
+pub mod calibration_file;
 pub mod document;
 pub mod input;
 pub mod journal;

@@ -6,6 +6,7 @@ use super::places;
 use clap::{Args, Subcommand, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use sunstone::base::calibration_file::Part;
 use sunstone::base::whole_file;
 use sunstone::rig::calibrate::geometric::board::Board;
 use sunstone::rig::calibrate::geometric::bundle::Corner;
@@ -69,7 +70,7 @@ struct Target {
     /// Find corners that are far off, and leave them out.
     #[arg(long)]
     robust: bool,
-    /// File to write: .toml, or .json as OpenCV reads it.
+    /// File to write: .toml, into which it is put beside what other calibrations put there, or .json as OpenCV reads it.
     #[arg(short, long, value_name = "CALIB.toml")]
     output: PathBuf,
 }
@@ -220,13 +221,13 @@ impl Target {
     /// Writes what was found, and says how good it is.
     fn write(&self, fit: &Fit, files: Vec<String>) -> Result<(), Failure> {
         let calibration = Calibration::new(fit, files);
-        let text = if self.output.extension().is_some_and(|e| e == "json") {
-            calibration.to_opencv_json()
+        if self.output.extension().is_some_and(|e| e == "json") {
+            whole_file::write(&self.output, calibration.to_opencv_json().as_bytes())
+                .map_err(|e| Failure::failed(format!("{}: {e}", self.output.display())))?;
         } else {
-            calibration.to_toml().map_err(Failure::failed)?
-        };
-        whole_file::write(&self.output, text.as_bytes())
-            .map_err(|e| Failure::failed(format!("{}: {e}", self.output.display())))?;
+            let text = calibration.to_toml().map_err(Failure::failed)?;
+            super::output::calibration(&self.output, Part::Devices, &text)?;
+        }
         for note in &fit.notes {
             eprintln!("note: {note}");
         }

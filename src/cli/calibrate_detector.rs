@@ -5,7 +5,7 @@ use super::places;
 use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use sunstone::base::whole_file;
+use sunstone::base::calibration_file::Part;
 use sunstone::polarimetry::capture::detector::response::FWHM_PER_SIGMA;
 use sunstone::polarimetry::capture::detector::spad::Mode;
 use sunstone::rig::calibrate::radiometric::apply::{self, Radiometry};
@@ -17,12 +17,12 @@ use sunstone::rig::session::image::Run;
 ///
 /// Each run is of a plane perpendicular to the middle of the scan, at the distance that is given for it. Free-running diodes need
 /// histograms of the laser's whole period. Written are `[temporal]`, with a time zero and its error for every point, and what rig
-/// files take as `[detector.spad]` by `calibration = "counter.toml"`.
+/// files take as `[detector.spad]` by `calibration = "calibration.toml"`. Other calibrations in the file stay.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  sunstone calibrate counter plane.zarr --distance 1.5 -o counter.toml
-  sunstone calibrate counter near.zarr far.zarr --distance 0.8,2.4 -o counter.toml         tells the clock's error as well")]
+  sunstone calibrate counter plane.zarr --distance 1.5 -o calibration.toml
+  sunstone calibrate counter near.zarr far.zarr --distance 0.8,2.4 -o calibration.toml         tells the clock's error as well")]
 pub struct Counter {
     /// Runs of planes.
     #[arg(required = true, value_name = "RUN")]
@@ -30,8 +30,8 @@ pub struct Counter {
     /// From the mirrors' pivot to the plane, metres, one for each run.
     #[arg(long, value_name = "METRES", value_delimiter = ',', required = true)]
     distance: Vec<f64>,
-    /// File to write.
-    #[arg(short, long, value_name = "COUNTER.toml")]
+    /// Calibration to put it into, beside what others put there.
+    #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
 }
 
@@ -39,17 +39,17 @@ pub struct Counter {
 ///
 /// The run is of a plan with masks "dark" and "full", exposures up to saturation, and a scheme that repeats one setting, sixteen times or
 /// more. Written are `[radiometric]`, with numbers for every pixel, and what rig files take as `[detector.cmos]` by
-/// `calibration = "sensor.toml"`.
+/// `calibration = "calibration.toml"`. Other calibrations in the file stay.
 #[derive(Args)]
 #[command(after_help = "\
 Example:
-  sunstone calibrate sensor still.zarr -o sensor.toml")]
+  sunstone calibrate sensor still.zarr -o calibration.toml")]
 pub struct Sensor {
     /// Run of dark and lit frames.
     #[arg(value_name = "RUN")]
     run: PathBuf,
-    /// File to write.
-    #[arg(short, long, value_name = "SENSOR.toml")]
+    /// Calibration to put it into, beside what others put there.
+    #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
 }
 
@@ -117,6 +117,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     }
     write(
         &a.output,
+        Part::Counter,
         "temporal",
         toml::Value::try_from(&found),
         &json!({"spad": spad}),
@@ -235,6 +236,7 @@ pub fn sensor(a: &Sensor) -> Result<(), Failure> {
     tell("dark_current_e_s", "dark current", current, None, " e/s", 1.0);
     write(
         &a.output,
+        Part::Sensor,
         "radiometric",
         toml::Value::try_from(&found),
         &json!({"cmos": cmos}),
@@ -271,8 +273,10 @@ fn more(found: &Radiometry) -> String {
     text
 }
 
+/// Puts what was found, under a name, and the detector's table into a calibration's file.
 fn write(
     path: &Path,
+    part: Part,
     name: &str,
     found: Result<toml::Value, toml::ser::Error>,
     detector: &Value,
@@ -283,7 +287,5 @@ fn write(
         "detector".to_owned(),
         toml::Value::try_from(detector).map_err(Failure::failed)?,
     );
-    let head = "# A calibrated detector. [detector] is that of a rig file, which takes it by calibration = \"…\".\n\n";
-    let text = head.to_owned() + &toml::to_string(&all).map_err(Failure::failed)?;
-    whole_file::write(path, text.as_bytes()).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+    super::output::calibration(path, part, &toml::to_string(&all).map_err(Failure::failed)?)
 }

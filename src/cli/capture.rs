@@ -28,7 +28,7 @@ Examples:
   sunstone capture M.npy --scheme drr36.toml --wavelengths 450,550,660 -o I.npy        last axis before 4 x 4: wavelengths
 
 A detector file: the line [cmos] alone is a camera with default settings; some of them are exposure_s, photons_per_unit,
-full_well_e, bit_depth, binning. Above it, demosaic = \"bilinear\" or \"superpixel\" for polarizers on the sensor's pixels.")]
+full_well_e, bit_depth, binning. A calibration's file is one, too. Above it, demosaic = \"bilinear\" or \"superpixel\" for polarizers on the sensor's pixels.")]
 pub struct Arguments {
     #[command(flatten)]
     from: MatrixSource,
@@ -97,7 +97,7 @@ impl NoiseArguments {
         let Some(path) = &self.detector else {
             return Ok(Noise::None);
         };
-        let noise = target.noise_of(file::load(path)?);
+        let noise = target.noise_of(file::load(path, target.is_timed())?);
         noise.map_err(|e| Failure::input(format!("{}: {e}", path.display())))
     }
 }

@@ -1,7 +1,9 @@
-//! Standard output.
+//! Standard output, and the file of a calibration.
 
 use super::failure::Failure;
 use std::io::Write;
+use std::path::Path;
+use sunstone::base::calibration_file::{self, Part, PutError};
 
 /// Writes a text and a line end to standard output. A closed pipe is no error: nobody wants to read on, but files that
 /// are still to be written are.
@@ -12,4 +14,13 @@ pub fn print(text: &str) -> Result<(), Failure> {
         }
         _ => Ok(()),
     }
+}
+
+/// Puts a part into a calibration's file.
+pub fn calibration(path: &Path, part: Part, text: &str) -> Result<(), Failure> {
+    calibration_file::put(path, part, text).map_err(|e| match e {
+        PutError::Input(e) => Failure::Scene(e),
+        PutError::Held(_) => Failure::input(format!("{}: {e}", path.display())),
+        PutError::Io(e) => Failure::failed(format!("{}: {e}", path.display())),
+    })
 }

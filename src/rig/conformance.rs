@@ -4,10 +4,11 @@
 //! what went wrong, if anything; instruments move and shine while they are checked.
 
 pub mod analog_output;
+pub mod photon_counter;
 
 use crate::instrument::{
-    AreaCamera, CameraSettings, CounterSettings, Failure, Fault, GalvoScanner, Instrument, Pattern,
-    PatternProjector, PhotonCounter, PulsedLaser, Region, RotationStage, Trigger, pixels,
+    AreaCamera, CameraSettings, Failure, Fault, GalvoScanner, Instrument, Pattern, PatternProjector,
+    PulsedLaser, Region, RotationStage, Trigger, pixels,
 };
 use std::time::Duration;
 
@@ -391,78 +392,6 @@ pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
         good(laser.emit(false, least, SHORT))
             .and_then(|()| good(laser.state(SHORT)))
             .and_then(|s| want(!s.emitting, || format!("{s:?}"))),
-    );
-    report
-}
-
-/// A photon counter.
-pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
-    let mut report = Report::default();
-    common(counter, &mut report);
-    let limits = counter.limits();
-    let sane = limits.bins > 0 && limits.finest_ps > 0.0 && limits.full > 0;
-    report.check("has limits that can be", want(sane, || format!("{limits:?}")));
-    report.check(
-        "counts nothing before it is set",
-        fails(counter.begin(), Fault::Refused),
-    );
-    let settings = |bins: usize| CounterSettings {
-        bins,
-        bin_ps: limits.finest_ps,
-        dwell: Duration::from_millis(5).min(limits.longest),
-        offset_ps: 0.0,
-    };
-    let mut last = None;
-    for bins in [1, limits.bins.min(100)] {
-        report.check(
-            "counts as many bins as it is set to",
-            good(counter.configure(&settings(bins), SHORT))
-                .and_then(|()| good(counter.begin()))
-                .and_then(|()| good(counter.finish(SHORT)))
-                .and_then(|h| {
-                    let newer = last.is_none_or(|n| h.number > n);
-                    last = Some(h.number);
-                    want(h.counts.len() == bins && newer && h.pulses > 0, || {
-                        format!("{} bins, {h:?}", h.counts.len())
-                    })
-                }),
-        );
-    }
-    report.check(
-        "one acquisition at a time",
-        good(counter.begin()).and_then(|()| {
-            fails(counter.begin(), Fault::Refused)?;
-            good(counter.finish(SHORT)).map(drop)
-        }),
-    );
-    report.check(
-        "has no histogram that was not begun",
-        fails(counter.finish(Duration::from_millis(10)), Fault::Refused),
-    );
-    report.check(
-        "refuses more bins than it has",
-        fails(counter.configure(&settings(limits.bins + 1), SHORT), Fault::Limit),
-    );
-    report.check(
-        "refuses no bins",
-        fails(counter.configure(&settings(0), SHORT), Fault::Limit),
-    );
-    let mut bad = settings(1);
-    bad.bin_ps = f64::NAN;
-    report.check(
-        "refuses bins that are no time",
-        fails(counter.configure(&bad, SHORT), Fault::Limit),
-    );
-    let mut slow = settings(1);
-    slow.dwell = Duration::from_millis(300).min(limits.longest);
-    report.check(
-        "a deadline that is too short is a timeout, and the histogram comes still",
-        good(counter.configure(&slow, SHORT))
-            .and_then(|()| good(counter.begin()))
-            .and_then(|()| {
-                fails(counter.finish(Duration::from_millis(1)), Fault::Timeout)?;
-                good(counter.finish(SHORT)).map(drop)
-            }),
     );
     report
 }

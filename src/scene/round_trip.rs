@@ -279,6 +279,7 @@ impl Choices<'_> {
 
     fn camera(&mut self) -> PinholeFile {
         PinholeFile {
+            calibration: self.some(|c| c.text().into()),
             resolution: [self.whole(), self.whole()].into(),
             fov_x_deg: self.some_number(),
             fov_y_deg: self.some_number(),
@@ -299,6 +300,7 @@ impl Choices<'_> {
         ProjectorFile {
             irradiance: self.spectrum().into(),
             coaxial: self.yes(),
+            calibration: self.some(|c| c.text().into()),
             resolution: self.some(|c| [c.whole(), c.whole()].into()),
             fov_x_deg: self.some_number(),
             fov_y_deg: self.some_number(),

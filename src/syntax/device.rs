@@ -11,7 +11,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PinholeFile {
+    /// A file of `sunstone calibrate`, beside the scene file, whose `[camera]` says everything but aperture; a pose that is given
+    /// here goes before its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Located<String>>,
     /// Width and height in pixels.
+    #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: Located<[u32; 2]>,
     /// Horizontal field of view in degrees (then fy = fx and the principal point is the image centre).
     pub fov_x_deg: Option<Located<f64>>,
@@ -41,6 +46,7 @@ pub struct PinholeFile {
     /// A lens of finite aperture instead of a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
     /// Where it stands.
+    #[serde(default, skip_serializing_if = "is_default")]
     pub pose: Located<PoseFile>,
 }
 
@@ -67,6 +73,9 @@ pub struct ProjectorFile {
     /// Laser through the camera's pixel: pose and pixels are the camera's, the coaxial slice has s' = s.
     #[serde(default, skip_serializing_if = "is_default")]
     pub coaxial: bool,
+    /// As in the camera, of `[projector]` there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Located<String>>,
     /// Width and height in pixels.
     pub resolution: Option<Located<[u32; 2]>>,
     /// As in the camera.
@@ -220,6 +229,13 @@ pub struct PointFile {
     pub horizontal: [f64; 3],
 }
 
+/// That which no file says.
+impl Default for PoseFile {
+    fn default() -> Self {
+        Self::Extrinsics(ExtrinsicsFile::default())
+    }
+}
+
 impl PoseFile {
     /// From a point toward a point, +y up.
     #[must_use]
@@ -247,6 +263,7 @@ impl PinholeFile {
     #[must_use]
     pub fn new(pose: PoseFile) -> Self {
         Self {
+            calibration: None,
             resolution: [0; 2].into(),
             fov_x_deg: None,
             fov_y_deg: None,
@@ -267,6 +284,21 @@ impl PinholeFile {
     #[must_use]
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::new(PoseFile::look_at(origin, target))
+    }
+
+    /// A device as a file of `sunstone calibrate` has it.
+    #[must_use]
+    pub fn calibrated(file: &str) -> Self {
+        Self {
+            calibration: Some(file.to_owned().into()),
+            ..Self::new(PoseFile::default())
+        }
+    }
+
+    /// Whether it says where it stands.
+    #[must_use]
+    pub fn has_pose(&self) -> bool {
+        *self.pose != PoseFile::default()
     }
 
     /// Width and height in pixels.
@@ -347,7 +379,8 @@ impl ProjectorFile {
         Self {
             irradiance: defaults::unit_spectrum(),
             coaxial: false,
-            resolution: Some(device.resolution),
+            resolution: (*device.resolution != [0, 0]).then_some(device.resolution.clone()),
+            calibration: device.calibration.clone(),
             fov_x_deg: device.fov_x_deg,
             fov_y_deg: device.fov_y_deg,
             fx: device.fx,
@@ -359,7 +392,7 @@ impl ProjectorFile {
             opencv: device.opencv,
             fisheye: device.fisheye,
             aperture: device.aperture,
-            pose: Some(device.pose),
+            pose: Some(device.pose).filter(|p| **p != PoseFile::default()),
         }
     }
 
@@ -369,6 +402,7 @@ impl ProjectorFile {
         Self {
             irradiance: defaults::unit_spectrum(),
             coaxial: true,
+            calibration: None,
             resolution: None,
             fov_x_deg: None,
             fov_y_deg: None,

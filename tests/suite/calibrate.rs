@@ -89,18 +89,15 @@ fn photograph(path: &Path, seen: &[(f64, Option<[u32; 2]>)], light: impl Fn([u32
 
 const TARGET: [&str; 6] = ["--columns", "7", "--rows", "6", "--square", "25mm"];
 
-/// The devices of a calibration as the scene that they are.
-fn scene_of(at: &Path, name: &str) {
-    let text = std::fs::read_to_string(at.join(name)).expect("a calibration");
-    let mut table: toml::Table = text.parse().expect("TOML");
-    table.remove("quality");
-    table.remove("covariance");
-    let more = "\n[[slices]]\nname = \"image\"\nprojector = \"ambient\"\n[[emitters]]\nenvironment = { radiance = 1 }\n";
-    std::fs::write(
-        at.join("scene.toml"),
-        toml::to_string(&table).expect("TOML") + more,
-    )
-    .expect("writes");
+/// A scene whose devices are those of a calibration.
+fn scene_of(at: &Path, name: &str, projector: bool) {
+    let device = |kind: &str| format!("[{kind}]\ncalibration = \"{name}\"\n");
+    let mut text = device("camera");
+    if projector {
+        text += &device("projector");
+    }
+    text += "[[slices]]\nname = \"image\"\nprojector = \"ambient\"\n[[emitters]]\nenvironment = { radiance = 1 }\n";
+    std::fs::write(at.join("scene.toml"), text).expect("writes");
     run(at, &["info", "scene.toml"], 0);
 }
 
@@ -145,7 +142,7 @@ fn a_camera_and_a_projector_from_their_images() {
         assert!(off < pixels, "{got:?}: {off}");
     };
     near(&found.camera.device().expect("a camera"), &camera, 1.0);
-    scene_of(at, "camera.toml");
+    scene_of(at, "camera.toml", false);
     // Both.
     for output in ["pair.toml", "pair.json"] {
         let mut arguments = vec![
@@ -167,7 +164,7 @@ fn a_camera_and_a_projector_from_their_images() {
     near(&table.device().expect("a projector"), &projector, 1.0);
     let off = table.pose().expect("a pose").change_from(&between());
     assert!(off.iter().all(|x| x.abs() < 4e-3), "{off:?}");
-    scene_of(at, "pair.toml");
+    scene_of(at, "pair.toml", true);
     run(at, &["import", "pair.json", "-o", "one.toml"], 0);
     let out = run(
         at,

@@ -3,7 +3,7 @@
 use super::super::failure::Failure;
 use super::super::places;
 use std::path::PathBuf;
-use sunstone::base::whole_file;
+use sunstone::base::calibration_file::Part;
 use sunstone::polarimetry::capture::scheme_file;
 use sunstone::rig::calibrate::polarimetric::parameters::Parameter;
 use sunstone::rig::calibrate::polarimetric::samples::{Calibrated, calibrate};
@@ -12,15 +12,15 @@ use sunstone::rig::session::image::Run;
 /// Find what polarizers, retarders, beamsplitter and mirrors truly are, from runs of known samples.
 ///
 /// Fits axis offsets, retardances, extinctions and the rest of a scheme's imperfections to all runs together, prints each with its
-/// standard deviation and what the samples cannot tell, and writes the scheme with them: what `sunstone reconstruct --scheme` and
-/// captures read.
+/// standard deviation and what the samples cannot tell, and writes the scheme with them, with their covariance in `[polarimetric]`:
+/// what `sunstone reconstruct --scheme` and captures read. Other calibrations in the file stay.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   sunstone rig run plan.toml --sample air -o air.zarr
   sunstone rig run plan.toml --sample mirror -o mirror.zarr
-  sunstone rig calibrate air.zarr mirror.zarr -o calibrated.toml
-  sunstone reconstruct night.zarr --scheme calibrated.toml -o mueller.zarr")]
+  sunstone rig calibrate air.zarr mirror.zarr -o calibration.toml
+  sunstone reconstruct night.zarr --scheme calibration.toml -o mueller.zarr")]
 pub struct Arguments {
     /// Runs made with --sample.
     #[arg(required = true, value_name = "RUN")]
@@ -28,18 +28,18 @@ pub struct Arguments {
     /// Imperfections that may differ, by words of their names (axis, retardance, extinction, …). Without it, all.
     #[arg(long, value_delimiter = ',', value_name = "WORDS")]
     free: Vec<String>,
-    /// Scheme to write.
-    #[arg(short, long, value_name = "SCHEME.toml")]
+    /// Calibration to put it into, beside what others put there.
+    #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
-    places::extension(&a.output, "schemes are", &["toml"])?;
+    places::extension(&a.output, "calibrations are", &["toml"])?;
     let mut samples = vec![];
     for path in &a.runs {
         let run = Run::open(path, None).map_err(Failure::input)?;
-        samples.push(run.sample().map_err(Failure::input)?);
+        samples.extend(run.samples().map_err(Failure::input)?);
     }
     let Some(first) = samples.first() else {
         return Err(Failure::input("give runs of known samples"));
@@ -61,9 +61,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .copied()
         .collect();
     let found = calibrate(&samples, &free).map_err(Failure::input)?;
-    let text = scheme_file::to_toml(&found.scheme).map_err(Failure::failed)?;
-    whole_file::write(&a.output, text.as_bytes())
-        .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
+    let scheme = scheme_file::to_toml(&found.scheme).map_err(Failure::failed)?;
+    let beside = found.statistics().to_toml().map_err(Failure::failed)?;
+    super::super::output::calibration(&a.output, Part::Elements, &(scheme + "\n" + &beside))?;
     super::super::output::print(table(&found).trim_end())?;
     super::super::output::print(&a.output.display().to_string())
 }

@@ -67,7 +67,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             reports.push((i.name().to_owned(), conformance::pulsed_laser(i.as_mut())));
         }
         if let Some(i) = &mut rig.counter {
-            reports.push((i.name().to_owned(), conformance::photon_counter(i.as_mut())));
+            reports.push((
+                i.name().to_owned(),
+                conformance::photon_counter::photon_counter(i.as_mut()),
+            ));
         }
         for (name, report) in &reports {
             let good = report.0.len() - report.faults().count();

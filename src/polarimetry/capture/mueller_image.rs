@@ -279,6 +279,12 @@ impl MuellerImage {
         }
     }
 
+    /// Whether it has time bins, so that a photon counter reads it.
+    #[must_use]
+    pub fn is_timed(&self) -> bool {
+        self.bin_ps.is_some()
+    }
+
     /// All captures of a scheme; see [`simulate`].
     ///
     /// # Errors

@@ -18,6 +18,8 @@
 //! …
 //! ```
 //!
+//! A calibration's file ([`base::calibration_file`]) is a scheme, too: its other tables are left aside.
+//!
 //! A CSV table has the columns `polarizer_1,retarder_2,retarder_3,polarizer_4` (degrees), and optionally `retardance_2,
 //! retardance_3`; without `polarizer_4` it is for a polarizer array.
 
@@ -58,8 +60,14 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
         path,
         text: text.into(),
     };
-    let file: SchemeFile = document::parse(path, text, |_| {
-        "`sunstone scheme drr -k 36 -o scheme.toml` writes an example".to_owned()
+    let file: SchemeFile = document::parse(path, text, |message| {
+        let missing = message.contains("missing field `sensor`");
+        let calibration = if missing {
+            "; `sunstone rig calibrate` puts a scheme into a calibration's file"
+        } else {
+            ""
+        };
+        format!("`sunstone scheme drr -k 36 -o scheme.toml` writes an example{calibration}")
     })?;
     let side = |elements: &[Located<ElementFile>], name: &str| -> Result<Vec<Element>, InputError> {
         let all = elements.iter().enumerate();

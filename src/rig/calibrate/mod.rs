@@ -6,3 +6,5 @@ pub mod pixel_map;
 pub mod polarimetric;
 pub mod radiometric;
 pub mod temporal;
+#[cfg(test)]
+mod z_scores;

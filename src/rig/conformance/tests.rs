@@ -35,7 +35,7 @@ fn simulated_instruments_conform() {
         ("laser", pulsed_laser(rig.laser.as_mut().expect("one").as_mut())),
         (
             "counter",
-            photon_counter(rig.counter.as_mut().expect("one").as_mut()),
+            photon_counter::photon_counter(rig.counter.as_mut().expect("one").as_mut()),
         ),
     ];
     for (name, report) in &reports {

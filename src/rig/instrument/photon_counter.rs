@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::identity::Instrument;
+use crate::ptu::record::RecordType;
 use std::time::Duration;
 
 /// What a counter can do.
@@ -15,6 +16,8 @@ pub struct CounterLimits {
     pub longest: Duration,
     /// Counts that a bin holds before it is full.
     pub full: u64,
+    /// Records of its time tags (T3), if it gives any.
+    pub tags: Option<RecordType>,
 }
 
 /// What a counter is set to.
@@ -28,13 +31,18 @@ pub struct CounterSettings {
     pub dwell: Duration,
     /// Added to the sync's time, picoseconds.
     pub offset_ps: f64,
+    /// Give time tags instead of a histogram: every photon with its pulse and its bin.
+    pub tags: bool,
 }
 
 /// What was counted in one acquisition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Histogram {
-    /// Counts by bin.
+    /// Counts by bin; none where time tags were asked for.
     pub counts: Vec<u32>,
+    /// The records of its time tags, of the type of [`CounterLimits::tags`], as the card sent them: syncs count from the begin, a count of
+    /// `dtime` is a bin.
+    pub records: Vec<u32>,
     /// Laser pulses while it counted.
     pub pulses: u64,
     /// The counter's own number of the acquisition.

@@ -98,12 +98,17 @@ impl<W: Write + Seek> Writer<W> {
             .position(|w| w == RECORDS.as_bytes());
         let begin = out.stream_position()?;
         out.write_all(&header)?;
-        Ok(Self {
+        let number_at = begin + name.unwrap_or(0) as u64 + 40;
+        Ok(Self::over(out, description.record, number_at))
+    }
+
+    fn over(out: W, record: RecordType, number_at: u64) -> Self {
+        Self {
             out,
-            record: description.record,
-            number_at: begin + name.unwrap_or(0) as u64 + 40,
+            record,
+            number_at,
             records: 0,
-            period: match description.record.family() {
+            period: match record.family() {
                 Family::PicoT2 => PicoT2::PERIOD,
                 Family::PicoT3 => PicoT3::PERIOD,
                 Family::OldHydraT2 => HydraT2::<true>::PERIOD,
@@ -112,7 +117,7 @@ impl<W: Write + Seek> Writer<W> {
             },
             overflow: 0,
             last: 0,
-        })
+        }
     }
 
     fn put(&mut self, record: u32) -> io::Result<()> {
@@ -227,6 +232,38 @@ impl<W: Write + Seek> Writer<W> {
         self.out.write_all(&self.records.to_le_bytes())?;
         self.out.seek(SeekFrom::End(0))?;
         Ok(self.records)
+    }
+}
+
+/// Records of T2 or T3 in memory, without a file around them: what a card sends.
+#[derive(Debug)]
+pub struct Records(Writer<std::io::Cursor<Vec<u8>>>);
+
+impl Records {
+    /// None yet.
+    #[must_use]
+    pub fn new(record: RecordType) -> Self {
+        Self(Writer::over(std::io::Cursor::new(vec![]), record, 0))
+    }
+
+    /// As [`Writer::photon`].
+    ///
+    /// # Errors
+    /// As [`Writer::photon`].
+    pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
+        self.0.photon(time, dtime, channel)
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn words(self) -> Vec<u32> {
+        let bytes = self.0.out.into_inner();
+        bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| u32::from_le_bytes(*b))
+            .collect()
     }
 }
 

@@ -10,6 +10,7 @@ use crate::driver::dlpc350::hidraw::{DLPC350, HidRaw};
 #[cfg(target_os = "linux")]
 use crate::driver::dlpc350::projector::Dlpc350;
 use crate::driver::dlpc350::projector::Flash;
+use crate::driver::dlpc350::trigger::Triggers;
 use crate::driver::galvo::scanner::AnalogGalvo;
 use crate::driver::galvo::wiring::Wiring;
 use crate::driver::line::SerialLine;
@@ -153,15 +154,19 @@ pub fn scenery(
 }
 
 #[cfg(target_os = "linux")]
-fn dlpc350(flash: Flash, leds: u8, period: Duration) -> Result<Box<dyn PatternProjector>, AssembleError> {
+fn dlpc350(
+    (flash, leds, triggers): (Flash, u8, Triggers),
+    period: Duration,
+) -> Result<Box<dyn PatternProjector>, AssembleError> {
     let told = |e: String| AssembleError(format!("`projector`: {e}; plug it in, and see that it is on"));
     let line = HidRaw::open(DLPC350).map_err(|e| told(e.to_string()))?;
     let projector = Dlpc350::new("projector", Box::new(line), flash, leds, period);
+    let projector = projector.and_then(|p| p.with_triggers(triggers));
     Ok(Box::new(projector.map_err(|e| AssembleError(e.to_string()))?))
 }
 
 #[cfg(not(target_os = "linux"))]
-fn dlpc350(_: Flash, _: u8, _: Duration) -> Result<Box<dyn PatternProjector>, AssembleError> {
+fn dlpc350(_: (Flash, u8, Triggers), _: Duration) -> Result<Box<dyn PatternProjector>, AssembleError> {
     Err(AssembleError(
         "`projector`: a DLPC350 is driven on Linux only; write a HidLine for this system".into(),
     ))
@@ -224,8 +229,8 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
             )));
         }
         Some((Driver::Dlpc350, limits)) => {
-            let (flash, leds) = plan.flash.clone().unwrap_or_default();
-            rig.projector = Some(dlpc350(flash, leds, limits.shortest)?);
+            let settings = plan.flash.clone().unwrap_or_default();
+            rig.projector = Some(dlpc350(settings, limits.shortest)?);
         }
         Some((other, _)) => return missing("projector", other),
     }

@@ -1,48 +1,108 @@
-//! Detectors as calibration found them, in the place of what a rig file says of them.
+//! Detectors, camera and projector as calibration found them, in the place of what a rig file says of them.
 
-use base::document;
-use base::locate::InputError;
+use super::geometry::Geometry;
+use crate::calibrate::geometric::calibration::DeviceTable;
+use base::locate::{InputError, Located};
+use base::{calibration_file, document};
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::spad::Spad;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Detectors with the numbers of `[detector.cmos]` and `[detector.spad]` of calibrations (`sunstone calibrate sensor | counter`),
-/// named beside the rig file at `rig`; later files go before earlier ones.
-///
-/// # Errors
-/// [`InputError`]: a file that is none, or numbers that no detector has.
-pub(super) fn detectors(
-    rig: &Path,
-    files: &[PathBuf],
-    cmos: Cmos,
-    spad: Spad,
-) -> Result<(Cmos, Spad), InputError> {
-    let (mut cmos, mut spad) = (cmos, spad);
-    for file in files {
-        let path = rig.parent().unwrap_or(Path::new("")).join(file);
-        let mend = "make one: sunstone calibrate sensor RUN -o sensor.toml, or counter";
-        let text = document::read(&path, "calibration", mend)?;
-        let all: Value = document::parse(&path, &text, |_| mend.to_owned())?;
-        let wrong = |message: String| InputError {
-            file: path.clone(),
-            text: text.as_str().into(),
-            span: None,
-            message,
-            help: Some(mend.to_owned()),
-        };
-        let found = &all["detector"];
-        if !(found["cmos"].is_object() || found["spad"].is_object()) {
-            return Err(wrong("it has neither [detector.cmos] nor [detector.spad]".into()));
+const MEND: &str = "make one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
+
+/// What is believed of the instruments with which light is read and seen.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Believed {
+    /// The camera's sensor.
+    pub(super) cmos: Cmos,
+    /// The counter's diode.
+    pub(super) spad: Spad,
+    /// How camera and projector see each other.
+    pub(super) geometry: Option<Geometry>,
+}
+
+/// The tables of a calibration's file that rigs take.
+#[derive(Deserialize)]
+struct Document {
+    camera: Option<Located<DeviceTable>>,
+    projector: Option<Located<DeviceTable>>,
+    #[serde(default)]
+    detector: Detectors,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Detectors {
+    cmos: Option<Value>,
+    spad: Option<Value>,
+}
+
+impl Believed {
+    /// The same with what calibrations found, named beside the rig file at `rig`; later files go before earlier ones, and all of
+    /// them before what the rig file says. `sizes` are the pixels of the rig's camera and projector, if it has them.
+    ///
+    /// # Errors
+    /// [`InputError`]: a file that is none, or from which a rig takes nothing; numbers that no detector has; a camera and a
+    /// projector that are not this rig's.
+    pub(super) fn calibrated(
+        self,
+        rig: &Path,
+        files: &[PathBuf],
+        sizes: [Option<[u32; 2]>; 2],
+    ) -> Result<Self, InputError> {
+        let mut out = self;
+        for file in files {
+            let path = rig.parent().unwrap_or(Path::new("")).join(file);
+            let text = document::read(&path, "calibration", MEND)?;
+            let found: Document = calibration_file::parse(&path, &text, MEND)?;
+            let wrong = |span: Option<std::ops::Range<usize>>, message: String, mend: &str| InputError {
+                file: path.clone(),
+                text: text.as_str().into(),
+                span,
+                message,
+                help: Some(mend.to_owned()),
+            };
+            let pair = found.camera.as_ref().zip(found.projector.as_ref());
+            if found.detector.cmos.is_none() && found.detector.spad.is_none() && pair.is_none() {
+                let message =
+                    "it has neither [detector.cmos] nor [detector.spad], nor [camera] with [projector]";
+                return Err(wrong(None, message.into(), MEND));
+            }
+            if let Some(cmos) = &found.detector.cmos {
+                let new = overlaid(&out.cmos, cmos).map_err(|e| e.to_string());
+                let new = new.and_then(|c: Cmos| c.check().map(|()| c).map_err(|e| e.to_string()));
+                out.cmos = new.map_err(|e| wrong(None, format!("[detector.cmos]: {e}"), MEND))?;
+            }
+            if let Some(spad) = &found.detector.spad {
+                let new = overlaid(&out.spad, spad).map_err(|e| e.to_string());
+                let new = new.and_then(|s: Spad| s.check().map(|()| s).map_err(|e| e.to_string()));
+                out.spad = new.map_err(|e| wrong(None, format!("[detector.spad]: {e}"), MEND))?;
+            }
+            if let Some((camera, projector)) = pair {
+                for ((table, size), name) in [camera, projector]
+                    .into_iter()
+                    .zip(sizes)
+                    .zip(["camera", "projector"])
+                {
+                    let [w, h] = table.resolution;
+                    if let Some([x, y]) = size.filter(|s| *s != table.resolution) {
+                        let message = format!(
+                            "[{name}] was calibrated with {w} × {h} pixels, and the rig's has {x} × {y}"
+                        );
+                        let mend = "calibrate with images of the rig's size, or mend `size` in the rig file";
+                        return Err(wrong(Some(table.span()), message, mend));
+                    }
+                }
+                let geometry = Geometry::calibrated(camera, projector);
+                let geometry = geometry.map_err(|e| wrong(Some(camera.span()), e, MEND))?;
+                out.geometry = Some(geometry);
+            }
         }
-        cmos = overlaid(&cmos, &found["cmos"]).map_err(|e| wrong(format!("[detector.cmos]: {e}")))?;
-        spad = overlaid(&spad, &found["spad"]).map_err(|e| wrong(format!("[detector.spad]: {e}")))?;
-        cmos.check().map_err(|e| wrong(format!("[detector.cmos]: {e}")))?;
-        spad.check().map_err(|e| wrong(format!("[detector.spad]: {e}")))?;
+        Ok(out)
     }
-    Ok((cmos, spad))
 }
 
 fn overlaid<T: Serialize + DeserializeOwned>(given: &T, found: &Value) -> Result<T, serde_json::Error> {
@@ -56,50 +116,113 @@ fn overlaid<T: Serialize + DeserializeOwned>(given: &T, found: &Value) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    fn given() -> Believed {
+        Believed {
+            cmos: Cmos {
+                exposure_s: 0.7,
+                ..Cmos::default()
+            },
+            spad: Spad::default(),
+            geometry: None,
+        }
+    }
+
+    const PAIR: &str = "[camera]\nresolution = [8, 6]\nopencv_matrix = [[9, 0, 3.5], [0, 9, 2.5], [0, 0, 1]]\n\
+                        pose.extrinsics = { R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], t = [0, 0, 0] }\n\
+                        [projector]\nresolution = [4, 4]\nopencv_matrix = [[5, 0, 1.5], [0, 5, 1.5], [0, 0, 1]]\n\
+                        fisheye = [0.1, 0, 0, 0]\n\
+                        pose.extrinsics = { R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], t = [0.2, 0, 0] }\n\
+                        [quality]\nviews = 4\n[covariance]\nnames = []\n";
+
+    fn read(texts: &[&str], sizes: [Option<[u32; 2]>; 2]) -> Result<Believed, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut files = vec![];
+        for (i, text) in texts.iter().enumerate() {
+            let name = format!("{i}.toml");
+            std::fs::write(folder.path().join(&name), text).expect("writes");
+            files.push(PathBuf::from(name));
+        }
+        let rig = folder.path().join("rig.toml");
+        given().calibrated(&rig, &files, sizes).map_err(|e| e.to_string())
+    }
 
     #[test]
     fn calibrated_numbers_go_before_given_ones() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let rig = folder.path().join("rig.toml");
-        let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writes");
-        put(
-            "a.toml",
+        let texts = [
             "[radiometric]\nx = 1\n[detector.cmos]\ngain_e_per_dn = 2.5\nread_noise_e = 3\n",
-        );
-        put(
-            "b.toml",
             "[detector.spad]\nirf_fwhm_ps = 61\n[detector.cmos]\nread_noise_e = 4\n",
-        );
-        let given = Cmos {
-            exposure_s: 0.7,
-            ..Cmos::default()
-        };
-        let files = ["a.toml", "b.toml"].map(PathBuf::from);
-        let (cmos, spad) = detectors(&rig, &files, given.clone(), Spad::default()).expect("calibrations");
-        let want = Cmos {
-            gain_e_per_dn: Some(2.5),
-            read_noise_e: 4.0,
-            ..given.clone()
-        };
-        assert_eq!(cmos, want);
-        assert_eq!(
-            spad,
-            Spad {
+        ];
+        let found = read(&texts, [None; 2]).expect("calibrations");
+        let want = Believed {
+            cmos: Cmos {
+                gain_e_per_dn: Some(2.5),
+                read_noise_e: 4.0,
+                ..given().cmos
+            },
+            spad: Spad {
                 irf_fwhm_ps: 61.0,
                 ..Spad::default()
-            }
-        );
-        for (text, words) in [
-            ("x = 1", "neither [detector.cmos]"),
-            ("[detector.cmos]\ngain = 1", "unknown field `gain`"),
-            ("[detector.cmos]\nread_noise_e = -1", "read_noise_e"),
-            ("[detector", "sunstone calibrate sensor"),
-        ] {
-            put("a.toml", text);
-            let told = detectors(&rig, &files, given.clone(), Spad::default())
-                .expect_err("a fault")
-                .to_string();
+            },
+            geometry: None,
+        };
+        assert_eq!(found, want);
+    }
+
+    /// One file of everything: detectors and geometry are taken, the scheme is others'.
+    #[test]
+    fn one_file_has_all() {
+        let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");
+        let found = read(&[&all], [Some([8, 6]), Some([4, 4])]).expect("a calibration");
+        assert_eq!(found.cmos.read_noise_e, 4.0);
+        let geometry = found.geometry.expect("a geometry");
+        // A shift along x alone: epipolar lines are rows.
+        let line = geometry.fundamental * nalgebra::Vector3::new(4.0, 3.0, 1.0);
+        assert!(line[0].abs() < 1e-12 && line[1].abs() > 1e-3);
+    }
+
+    #[test]
+    fn faults_are_told() {
+        let torn = PAIR.replace("[5, 0, 1.5]", "[0, 0, 1.5]");
+        let still = PAIR.replace("t = [0.2, 0, 0]", "t = [0, 0, 0]");
+        let cases = [
+            ("x = 1", [None; 2], "0.toml:1:1: unknown field `x`"),
+            (
+                "sensor = { kind = \"intensity\" }",
+                [None; 2],
+                "neither [detector.cmos]",
+            ),
+            ("[camera]\nresolution = 3", [None; 2], "0.toml:2:14: invalid type"),
+            ("[detector.cmos]\ngain = 1", [None; 2], "unknown field `gain`"),
+            ("[detector.cmos]\nread_noise_e = -1", [None; 2], "read_noise_e"),
+            ("[detector", [None; 2], "sunstone calibrate sensor"),
+            (
+                PAIR,
+                [Some([8, 7]), None],
+                "0.toml:1:1: [camera] was calibrated with 8 × 6 pixels, and the rig's has 8 × 7",
+            ),
+            (
+                PAIR,
+                [None, Some([5, 4])],
+                "0.toml:5:1: [projector] was calibrated with 4 × 4",
+            ),
+            (&torn, [None; 2], "[projector] is no device"),
+            (&still, [None; 2], "stand in one place"),
+        ];
+        for (text, sizes, words) in cases {
+            let told = read(&[text], sizes).expect_err("a fault");
             assert!(told.contains(words), "{text}: {told}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn damage_is_survived(text in "[ -~\n]{0,40}", at in 0_usize..400) {
+            let mut whole = PAIR.to_owned();
+            whole.insert_str(at.min(whole.len()), &text);
+            let _ = read(&[&whole], [Some([8, 6]), None]);
         }
     }
 }

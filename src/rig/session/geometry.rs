@@ -11,9 +11,11 @@
 //! Matrices and distortions are OpenCV's: pixel centres at whole numbers, coefficients k1, k2, p1, p2[, k3[, k4, k5, k6[, s1…s4]]].
 
 use super::masks::Epipolar;
+use crate::calibrate::geometric::calibration::DeviceTable;
 use glam::DVec2;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use optics::distortion::Distortion;
+use optics::distortion::fisheye::Fisheye;
 use optics::distortion::opencv::Opencv;
 use serde::Deserialize;
 
@@ -53,9 +55,18 @@ impl Lens {
                 k.len()
             ));
         }
-        let matrix = Matrix3::from_fn(|i, j| file.matrix[i][j]);
-        let finite = matrix.iter().chain(k).all(|v| v.is_finite());
-        let [[fx, ..], [below, fy, _], last] = file.matrix;
+        if !k.iter().all(|v| v.is_finite()) {
+            return Err(format!(
+                "`{name}.distortion` has a number that is not finite; mend it"
+            ));
+        }
+        Self::of(file.matrix, opencv(k), name)
+    }
+
+    fn of(rows: [[f64; 3]; 3], distortion: Distortion, name: &str) -> Result<Self, String> {
+        let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
+        let finite = matrix.iter().all(|v| v.is_finite());
+        let [[fx, ..], [below, fy, _], last] = rows;
         let shape = fx > 0.0 && fy > 0.0 && below == 0.0 && last == [0.0, 0.0, 1.0];
         let inverse = matrix.try_inverse();
         let (true, true, Some(inverse)) = (finite, shape, inverse) else {
@@ -63,27 +74,23 @@ impl Lens {
                 "`{name}.matrix` is no camera matrix; give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
             ));
         };
-        let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
-        let lens = Opencv {
-            k1: at(0),
-            k2: at(1),
-            p1: at(2),
-            p2: at(3),
-            k3: at(4),
-            k4: at(5),
-            k5: at(6),
-            k6: at(7),
-            s1: at(8),
-            s2: at(9),
-            s3: at(10),
-            s4: at(11),
-            ..Opencv::default()
-        };
         Ok(Self {
             matrix,
             inverse,
-            distortion: lens.into(),
+            distortion,
         })
+    }
+
+    /// Of a calibration.
+    fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
+        let device = table
+            .device()
+            .ok_or_else(|| format!("[{name}] is no device that was calibrated"))?;
+        let distortion = match table.fisheye {
+            Some(k) => Distortion::Fisheye(Fisheye { k }),
+            None => opencv(&device.coefficients),
+        };
+        Self::of(table.opencv_matrix, distortion, name)
     }
 
     /// Pixels (of centres at + 0.5) as a lens without distortion would have them; where there are none, far outside.
@@ -96,6 +103,27 @@ impl Lens {
         let p = self.matrix * Vector3::new(p.x, p.y, 1.0);
         [p[0] + 0.5, p[1] + 0.5]
     }
+}
+
+/// OpenCV's coefficients in its order, those that are left out 0.
+fn opencv(k: &[f64]) -> Distortion {
+    let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
+    Opencv {
+        k1: at(0),
+        k2: at(1),
+        p1: at(2),
+        p2: at(3),
+        k3: at(4),
+        k4: at(5),
+        k5: at(6),
+        k6: at(7),
+        s1: at(8),
+        s2: at(9),
+        s3: at(10),
+        s4: at(11),
+        ..Opencv::default()
+    }
+    .into()
 }
 
 /// A checked geometry.
@@ -122,7 +150,30 @@ impl Geometry {
             (None, Some(r)) => *Rotation3::new(Vector3::from(r)).matrix(),
             _ => return Err("give either `rotation` or `rodrigues`".into()),
         };
-        let t = Vector3::from(file.translation);
+        Self::between(camera, projector, r, Vector3::from(file.translation))
+    }
+
+    /// From the tables of a calibration, in whatever frame these stand.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
+        let lenses = (
+            Lens::calibrated(camera, "camera")?,
+            Lens::calibrated(projector, "projector")?,
+        );
+        let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {
+            return Err("a pose is no rotation and translation".into());
+        };
+        let between = to.after(&from.inverse());
+        // Nearer than a nanometre is rounding.
+        if between.translation.norm() < 1e-9 {
+            return Err("camera and projector stand in one place; calibrate them where they are".into());
+        }
+        Self::between(lenses.0, lenses.1, between.rotation, between.translation)
+    }
+
+    fn between(camera: Lens, projector: Lens, r: Matrix3<f64>, t: Vector3<f64>) -> Result<Self, String> {
         let orthogonal = (r.transpose() * r - Matrix3::identity()).amax() < 1e-3 && r.determinant() > 0.0;
         let apart = t.norm() > 0.0 && t.norm().is_finite();
         if !(orthogonal && apart) {
@@ -153,6 +204,8 @@ impl Geometry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibrate::geometric::device::{Device, Model};
+    use crate::calibrate::geometric::pose::Pose;
 
     fn file(distortion: &str) -> GeometryFile {
         let text = format!(
@@ -183,6 +236,33 @@ mod tests {
             let distance =
                 Vector3::new(partner[0] + 0.5, partner[1] + 0.5, 1.0).dot(&line) / line[0].hypot(line[1]);
             assert!(distance.abs() < 1e-9, "{distance}");
+        }
+    }
+
+    /// The same devices as `sunstone calibrate` writes them, in whatever frame these stand.
+    #[test]
+    fn calibrations_give_the_same_geometry() {
+        let given = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002, 0.0]")).expect("a geometry");
+        let between = Pose::new([0.01, -0.1, 0.02], [0.3, 0.02, 0.05]);
+        for camera in [Pose::default(), Pose::new([0.3, 0.1, -0.4], [1.0, 2.0, 3.0])] {
+            let device = |f: f64, k: &[f64], pose: &Pose| {
+                let model = if k.is_empty() { Model::Pinhole } else { Model::Five };
+                let mut d = Device::pinhole([64, 48], [f, f], [32.0, 24.0], model);
+                d.coefficients = k.to_vec();
+                DeviceTable::new(&d, pose)
+            };
+            let tables = (
+                device(60.0, &[-0.2, 0.05, 0.001, -0.002, 0.0], &camera),
+                device(70.0, &[], &between.after(&camera)),
+            );
+            let found = Geometry::calibrated(&tables.0, &tables.1).expect("a geometry");
+            assert!((found.fundamental - given.fundamental).amax() < 1e-9);
+            assert_eq!(found.camera.distortion, given.camera.distortion);
+            let mut torn = tables.0.clone();
+            torn.pose.extrinsics.rotation[0][0] = 3.0;
+            assert!(Geometry::calibrated(&torn, &tables.1).is_err());
+            // In one place there are no epipolar lines.
+            assert!(Geometry::calibrated(&tables.0, &tables.0).is_err());
         }
     }
 

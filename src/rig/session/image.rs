@@ -1,12 +1,9 @@
 //! From raw frames to intensities: what a sensor's numbers say of the light, mask by mask, and where its elements stood.
 
-use super::rig_file::sample_of;
-use crate::calibrate::polarimetric::samples::Sample;
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::estimate::Estimate;
 use polarimetry::capture::detector::polarizer_array::{Method, demosaic, demosaic_variance};
 use polarimetry::capture::detector::spad::Spad;
-use polarimetry::capture::element::Ray;
 use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::scheme_file;
 use polarimetry::capture::simulate::Layout;
@@ -19,9 +16,6 @@ use store::zarr::frames::FrameStore;
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ImageError(pub String);
-
-/// Points of a scan on each side of its middle that count for a known sample, twice.
-const MIDDLE: usize = 4;
 
 /// A run that is read.
 pub struct Run {
@@ -122,65 +116,6 @@ impl Run {
             }
         }
         Ok(found)
-    }
-
-    /// A run of a known sample, as calibration takes it: the mean over all pixels that were read of every measurement, along
-    /// the axis.
-    ///
-    /// # Errors
-    /// [`ImageError`]: the run is of no known sample, nothing was read.
-    pub fn sample(&self) -> Result<Sample, ImageError> {
-        let path = self.store.path().display();
-        let name = self.store.attributes().get("sample").and_then(Value::as_str);
-        let name = name.ok_or_else(|| {
-            ImageError(format!(
-                "{path}: it is of no known sample; make it with `sunstone rig run PLAN --sample air`"
-            ))
-        })?;
-        let mueller =
-            sample_of(name).ok_or_else(|| ImageError(format!("{path}: no sample is called `{name}`")))?;
-        let mask = self
-            .masks
-            .iter()
-            .find(|m| *m == "full")
-            .or(self.masks.iter().find(|m| *m != "dark"))
-            .ok_or_else(|| ImageError(format!("{path}: it has no lit mask")))?;
-        let seen = self.intensities(mask, Method::Superpixel)?;
-        let pixels = seen.layout.pixels();
-        let per_bin = seen.time.is_some();
-        // Of a scan the points in the middle: mirrors act on others in other directions.
-        let Layout {
-            height, width, times, ..
-        } = seen.layout;
-        let middle = |i: usize, n: usize| !per_bin || (2 * i + 1).abs_diff(n) <= MIDDLE;
-        let counted = |p: usize| {
-            let place = p / times.max(1);
-            middle(place / width.max(1), height) && middle(place % width.max(1), width)
-        };
-        let (mut intensities, mut sigmas) = (vec![], vec![]);
-        let measured = seen.values.chunks_exact(pixels.max(1));
-        for (values, variances) in measured.zip(seen.variances.chunks_exact(pixels.max(1))) {
-            // Of histograms the sum over all bins counts, whose variance is that of all counts.
-            let (mut n, mut sum, mut square) = (0.0, 0.0, 0.0);
-            for (p, (v, s)) in values.iter().zip(variances).enumerate() {
-                if counted(p) && v.is_finite() && s.is_finite() {
-                    n += 1.0;
-                    sum += f64::from(*v);
-                    square += f64::from(*s);
-                }
-            }
-            let n = if per_bin { n / times as f64 } else { n };
-            intensities.push(sum / n);
-            sigmas.push(f64::max(square, 1e-300).sqrt() / n);
-        }
-        Ok(Sample {
-            name: name.to_owned(),
-            mueller: mueller.map(f64::from),
-            scheme: self.scheme.clone(),
-            ray: Ray::axial(self.nm),
-            intensities,
-            sigmas,
-        })
     }
 
     /// Attributes of its store.

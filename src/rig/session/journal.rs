@@ -73,6 +73,9 @@ pub struct FrameRecord {
     /// Laser pulses while photons were counted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<u64>,
+    /// CRC-32C of its time tags, where these are kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tags_crc: Option<u32>,
     /// Temperatures of instruments that know theirs, degrees Celsius; NaN is not written.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub temperatures_c: Vec<(String, f64)>,
@@ -181,6 +184,7 @@ mod tests {
             angles_deg: vec![1.5],
             pointing_deg: None,
             pulses: None,
+            tags_crc: None,
             temperatures_c: vec![],
             number: 3,
             run_s: 0.5,

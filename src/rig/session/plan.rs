@@ -17,12 +17,14 @@
 //! dwell_ms = 42
 //! bins = 400
 //! bin_ps = 25
+//! time_tags = true                          # keep every photon's pulse and bin (.ptu in the store), not histograms alone
 //!
 //! [limits]                                  # all have defaults
 //! retries = 5
 //! laser_power = 0.9                         # wait while it is weaker
 //! ```
 
+use super::time_tags::{RECORD, Scale};
 use crate::instrument::PixelFormat;
 mod syntax;
 
@@ -134,6 +136,8 @@ pub struct ScanWork {
     pub offset_ps: f64,
     /// Pulses a second.
     pub rate_hz: f64,
+    /// The counter's time tags are kept, and histograms made of them.
+    pub time_tags: bool,
 }
 
 /// Reads a plan.
@@ -373,6 +377,16 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
     if !(file.bin_ps > 0.0 && file.bin_ps <= 1e9 && file.offset_ps.abs() <= 1e12) {
         return Err(("`bin_ps` or `offset_ps` is no time".into(), "give picoseconds"));
     }
+    if file.time_tags && file.bins > RECORD.dtimes() {
+        return Err((
+            format!(
+                "`time_tags` with {} bins: records tell {}",
+                file.bins,
+                RECORD.dtimes()
+            ),
+            "take fewer or wider bins, or leave `time_tags` out",
+        ));
+    }
     if !(1.0..=1e10).contains(&file.rate_hz) {
         return Err((
             format!("`rate_hz` is {}", file.rate_hz),
@@ -387,6 +401,7 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
         bin_ps: file.bin_ps,
         offset_ps: file.offset_ps,
         rate_hz: file.rate_hz,
+        time_tags: file.time_tags,
     })
 }
 
@@ -401,6 +416,18 @@ impl Plan {
                 [captures, shots, c.exposures.len() as u64]
             }
             Work::Scan(s) => [captures, u64::from(s.points[1]), u64::from(s.points[0])],
+        }
+    }
+
+    /// What time tags are worth, where they are kept.
+    #[must_use]
+    pub fn time_tags(&self) -> Option<Scale> {
+        match &self.work {
+            Work::Scan(work) if work.time_tags => Some(Scale {
+                bin_ps: work.bin_ps,
+                rate_hz: work.rate_hz,
+            }),
+            _ => None,
         }
     }
 

@@ -13,6 +13,7 @@
 //! size = [64, 64]
 //! [detector.cmos]                    # the sensor as it is believed to be: what readings are made light with
 //! photons_per_unit = 1e6
+//! # calibration = "calibration.toml" at the head of the file: detectors and geometry as `sunstone calibrate` found them
 //! [bench]                            # of simulated instruments
 //! tensor = "spatial.zarr"            # or scene = "…/scene.toml", which is rendered first
 //! slice = "spatial"
@@ -20,19 +21,20 @@
 //! optics = "optics.toml"             # a scheme file with the elements as they are in truth
 //! ```
 
-use super::calibrated;
+use super::calibrated::Believed;
 use super::galvo_file;
 use super::geometry::Geometry;
+use super::projector_file;
+pub use super::projector_file::FlashPlan;
 use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
 pub use super::rig_syntax::{Driver, StageFile};
-use crate::driver::dlpc350::flash;
-use crate::driver::dlpc350::projector::Flash;
 use crate::driver::galvo::wiring::Wiring;
 use crate::driver::scpi::table::LaserTable;
 use crate::driver::th260::settings::Th260Settings;
 use crate::instrument::{
     AnalogLimits, CameraLimits, CounterLimits, GalvoLimits, LaserLimits, PixelFormat, ProjectorLimits,
 };
+use crate::simulated::counter::TAGS;
 use crate::simulated::faults::FaultAt;
 use base::document;
 use base::locate::{InputError, Located};
@@ -95,8 +97,8 @@ pub struct RigPlan {
     pub stages: BTreeMap<String, StageFile>,
     /// Driver and limits of the projector.
     pub projector: Option<(Driver, ProjectorLimits)>,
-    /// What the flash of a DLPC350 holds, and its diodes that shine.
-    pub flash: Option<(Flash, u8)>,
+    /// What the flash of a DLPC350 holds, its diodes that shine, and its triggers.
+    pub flash: Option<FlashPlan>,
     /// Of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
     /// Serial number of a camera that is found by it.
@@ -177,34 +179,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     }
     let pixels = |size: [u32; 2]| size.iter().all(|n| (1..=65_536).contains(n));
     let milliseconds = |ms: f64| Duration::try_from_secs_f64(ms / 1e3).ok().filter(|_| ms < 1e6);
-    let projector = match &file.projector {
-        None => None,
+    let (projector, flash) = match &file.projector {
+        None => (None, None),
         Some(p) => {
-            let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
-            let shortest =
-                milliseconds(p.shortest_ms).filter(|_| pixels(p.size) && (1..=8).contains(&p.bits));
-            let shortest =
-                shortest.ok_or_else(|| fault(p.span(), "no projector is like that".into(), help))?;
-            Some((
-                p.driver.clone(),
-                ProjectorLimits {
-                    size: p.size,
-                    patterns: p.patterns,
-                    bits: p.bits,
-                    shortest,
-                },
-            ))
+            let (limits, flash) =
+                projector_file::check(path, p).map_err(|(e, help)| fault(p.span(), e, help))?;
+            (Some((p.driver.clone(), limits)), flash)
         }
-    };
-    let flash = match &file.projector {
-        Some(p) if p.driver == Driver::Dlpc350 => {
-            let beside = |f: &PathBuf| path.parent().unwrap_or(Path::new("")).join(f);
-            let files: Vec<PathBuf> = p.flash.iter().map(beside).collect();
-            let help = "write the plan's patterns by `sunstone rig flash`, and name the images: flash = [\"flash_00.png\"]";
-            let held = flash::load(&files).map_err(|e| fault(p.span(), e, help))?;
-            Some((held, p.leds.iter().fold(0, |all, led| all | *led as u8)))
-        }
-        _ => None,
     };
     let camera = match &file.camera {
         None => None,
@@ -277,6 +258,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
                 finest_ps: c.finest_ps,
                 longest: Duration::from_secs(3600),
                 full: u64::from(u32::MAX),
+                tags: (c.driver == Driver::Simulated).then_some(TAGS),
             };
             Some((c.driver.clone(), limits))
         }
@@ -322,7 +304,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         }
     }
     // The bench is what it is, whatever is believed of it.
-    let (cmos, spad) = calibrated::detectors(path, &file.calibration, cmos, spad)?;
+    let believed = Believed { cmos, spad, geometry };
+    let sizes = [
+        camera.as_ref().map(|(_, c)| c.size),
+        projector.as_ref().map(|(_, p)| p.size),
+    ];
+    let files = file.calibration.as_ref().map_or(&[][..], |f| f.list());
+    let Believed { cmos, spad, geometry } = believed.calibrated(path, files, sizes)?;
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {

@@ -1,6 +1,7 @@
 //! The syntax of rig files; what it means is in [`super::rig_file`].
 
 use super::geometry::GeometryFile;
+use crate::driver::dlpc350::trigger::Triggers;
 use crate::driver::th260::settings::Th260Settings;
 use crate::instrument::StageLimits;
 use crate::simulated::faults::FaultAt;
@@ -103,6 +104,9 @@ pub(super) struct ProjectorFile {
     /// Diodes that shine, of `dlpc350`.
     #[serde(default = "green")]
     pub(super) leds: Vec<Led>,
+    /// Its triggers, of `dlpc350`.
+    #[serde(default)]
+    pub(super) triggers: Triggers,
 }
 
 /// A diode of a projector.
@@ -284,13 +288,30 @@ fn spatial() -> String {
     "spatial".into()
 }
 
+/// One file, or several of which later ones go before earlier ones.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Files {
+    One(PathBuf),
+    Many(Vec<PathBuf>),
+}
+
+impl Files {
+    pub(super) fn list(&self) -> &[PathBuf] {
+        match self {
+            Self::One(file) => std::slice::from_ref(file),
+            Self::Many(files) => files,
+        }
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RigFile {
     pub(super) name: Option<String>,
-    /// What `sunstone calibrate counter` or `sensor` wrote: detectors as they were found.
+    /// What `sunstone calibrate` wrote: detectors, camera and projector as they were found.
     #[serde(default)]
-    pub(super) calibration: Vec<PathBuf>,
+    pub(super) calibration: Option<Located<Files>>,
     pub(super) wavelength_nm: Option<f64>,
     #[serde(default)]
     pub(super) stages: BTreeMap<String, Located<StageFile>>,

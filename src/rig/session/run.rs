@@ -9,6 +9,7 @@ use super::plan::{ScanWork, Work};
 pub use super::progress::{Outcome, Progress, RunError};
 use super::recover::{Tries, mend};
 use super::steps::{Step, Steps, pointing};
+use super::time_tags::Tags;
 use super::writer::{Recovered, Writer, checksum};
 use crate::instrument::{CameraSettings, CounterSettings, Failure, Fault, pixels};
 use std::collections::BTreeMap;
@@ -20,6 +21,9 @@ use store::zarr::frames::FrameStore;
 const JUMP_S: f64 = 5.0;
 /// How often a condition is looked at.
 const LOOK: Duration = Duration::from_secs(5);
+
+/// A frame: what is known of it, its numbers, its time tags where these are kept.
+type Taken = (FrameRecord, Vec<u32>, Option<Tags>);
 
 /// A session at work.
 struct Session<'a> {
@@ -54,7 +58,8 @@ pub fn run(
     watch: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Outcome, RunError> {
     let first = recovered.frames;
-    let mut writer = Writer::new(store, recovered, rig.disk_full.take())?;
+    let tags = steps.plan.time_tags();
+    let mut writer = Writer::new(store, recovered, tags, rig.disk_full.take())?;
     let wall_s = rig.clock.wall_s();
     writer.event(Event::Begin { frame: first, wall_s })?;
     let within = Duration::from_secs_f64(steps.plan.limits.deadline_s);
@@ -104,7 +109,7 @@ impl Session<'_> {
                 return Err(RunError::Interrupted);
             }
             self.watch_wall()?;
-            let (record, numbers) = self.taken(self.steps.step(n), stop)?;
+            let (record, numbers, tags) = self.taken(self.steps.step(n), stop)?;
             watch(&Progress {
                 done: n + 1,
                 frames,
@@ -112,7 +117,7 @@ impl Session<'_> {
                 elapsed: self.rig.clock.now().saturating_sub(self.begun),
                 retries: self.retries,
             });
-            self.writer.frame(record, numbers)?;
+            self.writer.frame(record, numbers, tags)?;
         }
         Ok(frames - first)
     }
@@ -134,7 +139,7 @@ impl Session<'_> {
     }
 
     /// One frame, tried until it is good.
-    fn taken(&mut self, step: Step, stop: &AtomicBool) -> Result<(FrameRecord, Vec<u32>), RunError> {
+    fn taken(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
         let mut tries = Tries::new(&self.steps.plan.limits);
         loop {
             let failure = match self.attempt(step, stop)? {
@@ -176,11 +181,7 @@ impl Session<'_> {
     }
 
     /// One try at a frame. The outer error ends the run.
-    fn attempt(
-        &mut self,
-        step: Step,
-        stop: &AtomicBool,
-    ) -> Result<Result<(FrameRecord, Vec<u32>), Failure>, RunError> {
+    fn attempt(&mut self, step: Step, stop: &AtomicBool) -> Result<Result<Taken, Failure>, RunError> {
         if let Err(failure) = self.prepare() {
             return Ok(Err(failure));
         }
@@ -323,7 +324,7 @@ impl Session<'_> {
     }
 
     /// One frame, from moving the stages to its numbers.
-    fn frame(&mut self, step: Step) -> Result<(FrameRecord, Vec<u32>), Failure> {
+    fn frame(&mut self, step: Step) -> Result<Taken, Failure> {
         let angles_deg = self.turn(step.capture)?;
         if let Some(tell) = &mut self.rig.on_frame {
             tell(step.frame);
@@ -334,17 +335,19 @@ impl Session<'_> {
             angles_deg,
             pointing_deg: None,
             pulses: None,
+            tags_crc: None,
             temperatures_c: self.temperatures.clone(),
             number: 0,
             run_s: self.run_s(),
             wall_s: self.rig.clock.wall_s(),
         };
-        let numbers = match &self.steps.plan.work {
-            Work::Camera(_) => self.picture(step, &mut record)?,
+        let (numbers, tags) = match &self.steps.plan.work {
+            Work::Camera(_) => (self.picture(step, &mut record)?, None),
             Work::Scan(work) => self.histogram(step, work, &mut record)?,
         };
         record.crc = checksum(&numbers);
-        Ok((record, numbers))
+        record.tags_crc = tags.as_ref().map(Tags::checksum);
+        Ok((record, numbers, tags))
     }
 
     fn picture(&mut self, step: Step, record: &mut FrameRecord) -> Result<Vec<u32>, Failure> {
@@ -418,7 +421,7 @@ impl Session<'_> {
         step: Step,
         work: &ScanWork,
         record: &mut FrameRecord,
-    ) -> Result<Vec<u32>, Failure> {
+    ) -> Result<(Vec<u32>, Option<Tags>), Failure> {
         let galvo = self.rig.galvo.as_mut().ok_or_else(|| absent("galvo"))?;
         let angles = pointing(work, step.third, step.second);
         record.pointing_deg = Some(galvo.point(angles, self.within)?);
@@ -429,12 +432,23 @@ impl Session<'_> {
                 bin_ps: work.bin_ps,
                 dwell: work.dwell,
                 offset_ps: work.offset_ps,
+                tags: work.time_tags,
             };
             counter.configure(&settings, self.within)?;
             self.counter = true;
         }
         counter.begin()?;
-        let histogram = counter.finish(work.dwell + self.within)?;
+        let mut histogram = counter.finish(work.dwell + self.within)?;
+        let tags = match (self.steps.plan.time_tags(), counter.limits().tags) {
+            (Some(scale), Some(record)) => {
+                let torn = |what: String| Failure::new(Fault::Timeout, counter.name(), what);
+                let tags = Tags::new(&histogram.records, record, histogram.pulses).map_err(torn)?;
+                let counts = tags.histogram(work.bins as usize, &scale);
+                histogram.counts = counts.map_err(torn)?;
+                Some(tags)
+            }
+            _ => None,
+        };
         if histogram.counts.len() != work.bins as usize {
             let what = format!("{} bins came instead of {}", histogram.counts.len(), work.bins);
             return Err(Failure::new(Fault::Timeout, counter.name(), what));
@@ -448,7 +462,7 @@ impl Session<'_> {
         }
         record.number = histogram.number;
         record.pulses = Some(histogram.pulses);
-        Ok(histogram.counts)
+        Ok((histogram.counts, tags))
     }
 
     /// Light off, stages stopped; failures are no matter any more.

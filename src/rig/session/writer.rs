@@ -2,9 +2,10 @@
 //!
 //! A frame that is a chunk of the store goes straight there. Small ones (histograms) are first appended to a log of the chunk
 //! that they are part of, and become a chunk when it is full; the log is emptied after that, so that a frame is always in
-//! the one or the other. Frames that wait are synced together.
+//! the one or the other. Frames that wait are synced together. Time tags go the same way beside their histograms, before them.
 
 use super::journal::{Event, FrameRecord, Journal};
+use super::time_tags::{self, Scale, TagLog, Tags};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ const WAITING: usize = 64;
 
 /// What comes to the writer.
 enum Item {
-    Frame(FrameRecord, Vec<u32>),
+    Frame(FrameRecord, Vec<u32>, Option<Tags>),
     Event(Event),
     /// Write all that came and say so.
     Flush(SyncSender<()>),
@@ -46,6 +47,7 @@ struct Work {
     store: FrameStore,
     journal: Journal,
     log: File,
+    tags: Option<TagLog>,
     /// Numbers of the chunk that is not full.
     part: Vec<u32>,
     /// Chunks that the disk need not have yet.
@@ -65,6 +67,8 @@ pub struct Recovered {
     /// Frames that are on disk, from the first on.
     pub frames: u32,
     part: Vec<u32>,
+    /// Time tags of the same frames, where these are kept.
+    tags: Vec<Tags>,
 }
 
 /// Compares a store with its journal, from the first frame on: frames whose numbers are not what the journal says end what
@@ -73,10 +77,17 @@ pub struct Recovered {
 /// # Errors
 /// If the journal cannot be read.
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
-    let crcs = super::journal::frames(store.path(), |r| r.crc)?;
+    let crcs = super::journal::frames(store.path(), |r| (r.crc, r.tags_crc))?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
     let logged = read_log(store.path(), len).unwrap_or_default();
+    let tagged = crcs.iter().any(|(_, tags)| tags.is_some());
+    let logged_tags = if tagged {
+        time_tags::read_log(store.path())
+    } else {
+        vec![]
+    };
     let mut part = vec![];
+    let mut tags = vec![];
     let mut sound = 0;
     while sound < crcs.len() {
         let chunk = sound / per;
@@ -97,12 +108,38 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
                 .find(|(f, _)| *f == n as u32)
                 .map(|(_, d)| &d[..])
         };
+        let row = if tagged {
+            time_tags::read_row(store.path(), chunk, per)
+        } else {
+            None
+        };
+        let tags_of = |n: usize, want: u32| {
+            let of_row = row
+                .as_ref()
+                .and_then(|r| r.get(n - sound))
+                .filter(|t| t.checksum() == want);
+            let logged = || {
+                logged_tags
+                    .iter()
+                    .rev()
+                    .find(|(f, t)| *f == n as u32 && t.checksum() == want)
+            };
+            of_row.or_else(|| logged().map(|(_, t)| t)).cloned()
+        };
         let mut good = sound;
         let mut kept = vec![];
-        for (n, want) in crcs.iter().enumerate().take(end).skip(sound) {
+        let mut kept_tags = vec![];
+        for (n, (want, want_tags)) in crcs.iter().enumerate().take(end).skip(sound) {
             let want = *want;
+            if let Some(want) = want_tags {
+                let Some(found) = tags_of(n, *want) else {
+                    break;
+                };
+                kept_tags.push(found);
+            }
             let found = of_chunk(n).filter(|d| checksum(d) == want);
             let Some(found) = found.or_else(|| of_log(n).filter(|d| checksum(d) == want)) else {
+                kept_tags.truncate(good - sound);
                 break;
             };
             kept.extend_from_slice(found);
@@ -110,11 +147,12 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
         }
         if good < sound + per {
             // Also a full chunk whose file is lost, but whose log is there: it is filled again from the log.
-            (part, sound) = (kept, good);
+            (part, tags, sound) = (kept, kept_tags, good);
             break;
         }
-        if numbers.is_none_or(|numbers| numbers != kept) {
-            (part, sound) = (kept[..(per - 1) * len].to_vec(), good - 1);
+        if numbers.is_none_or(|numbers| numbers != kept) || tagged && row.as_ref() != Some(&kept_tags) {
+            kept_tags.pop();
+            (part, tags, sound) = (kept[..(per - 1) * len].to_vec(), kept_tags, good - 1);
             break;
         }
         sound = good;
@@ -122,6 +160,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     Ok(Recovered {
         frames: sound as u32,
         part,
+        tags,
     })
 }
 
@@ -147,13 +186,14 @@ fn read_log(store: &Path, len: usize) -> io::Result<Vec<(u32, Vec<u32>)>> {
 }
 
 impl Writer {
-    /// Begins to write a store, at the frame behind what was recovered.
+    /// Begins to write a store, at the frame behind what was recovered; with time tags of some scale, or without.
     ///
     /// # Errors
     /// If the file system refuses.
     pub fn new(
         store: FrameStore,
         recovered: Recovered,
+        tags: Option<Scale>,
         disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
     ) -> Result<Self, DiskError> {
         let path = store.path().to_owned();
@@ -169,10 +209,15 @@ impl Writer {
             .write(true)
             .open(path.join(LOG))
             .map_err(failed)?;
+        let tags = tags
+            .map(|scale| TagLog::new(&path, scale))
+            .transpose()
+            .map_err(failed)?;
         let mut work = Work {
             store,
             journal,
             log,
+            tags,
             part: vec![],
             unsynced: vec![],
             disk_full,
@@ -183,6 +228,12 @@ impl Writer {
         work.empty_log().map_err(failed)?;
         for (i, frame) in recovered.part.chunks_exact(len).enumerate() {
             work.append_log((first + i) as u32, frame).map_err(failed)?;
+        }
+        if let Some(log) = &mut work.tags {
+            for (i, tags) in recovered.tags.into_iter().enumerate() {
+                log.append((first + i) as u32, tags).map_err(failed)?;
+            }
+            log.sync().map_err(failed)?;
         }
         work.part = recovered.part;
         let (sender, receiver) = sync_channel(WAITING);
@@ -206,8 +257,13 @@ impl Writer {
     ///
     /// # Errors
     /// [`DiskError`] that an earlier one met.
-    pub fn frame(&mut self, record: FrameRecord, numbers: Vec<u32>) -> Result<(), DiskError> {
-        self.send(Item::Frame(record, numbers))
+    pub fn frame(
+        &mut self,
+        record: FrameRecord,
+        numbers: Vec<u32>,
+        tags: Option<Tags>,
+    ) -> Result<(), DiskError> {
+        self.send(Item::Frame(record, numbers, tags))
     }
 
     /// Notes what happened.
@@ -274,12 +330,12 @@ impl Work {
             match item {
                 Item::Event(event) => events.push(event),
                 Item::Flush(sender) => done.push(sender),
-                Item::Frame(record, numbers) => {
+                Item::Frame(record, numbers, tags) => {
                     if self.disk_full.as_mut().is_some_and(|f| f()) {
                         full = Some(io::Error::from(io::ErrorKind::StorageFull).to_string());
                         break;
                     }
-                    if let Err(e) = self.put(record.frame, numbers) {
+                    if let Err(e) = self.put(record.frame, numbers, tags) {
                         full = Some(e);
                         break;
                     }
@@ -292,15 +348,21 @@ impl Work {
             self.store.sync_chunk(chunk).map_err(io)?;
         }
         self.log.sync_data().map_err(io)?;
+        if let Some(tags) = &self.tags {
+            tags.sync().map_err(io)?;
+        }
         self.journal.append(&events).map_err(io)?;
         drop(done.iter().map(|d| d.send(())).collect::<Vec<_>>());
         full.map_or(Ok(()), Err)
     }
 
-    fn put(&mut self, frame: u32, numbers: Vec<u32>) -> Result<(), String> {
+    fn put(&mut self, frame: u32, numbers: Vec<u32>, tags: Option<Tags>) -> Result<(), String> {
         let layout = self.store.layout();
         let (per, len) = (layout.frames_per_chunk(), layout.frame_len());
         let chunk = frame as usize / per;
+        if let (Some(log), Some(tags)) = (&mut self.tags, tags) {
+            put_tags(log, frame as usize, per, tags).map_err(|e| e.to_string())?;
+        }
         if per == 1 {
             self.store
                 .write_chunk(chunk, &numbers)
@@ -340,11 +402,24 @@ impl Work {
     }
 }
 
-/// Removes the log: all frames are in chunks.
+/// A point's tags, and its row's file with the last of them.
+fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Result<()> {
+    if frame.is_multiple_of(per) {
+        log.empty()?;
+    }
+    log.append(frame as u32, tags)?;
+    if (frame + 1).is_multiple_of(per) {
+        log.finish_row(frame / per)?;
+    }
+    Ok(())
+}
+
+/// Removes the logs: all frames are in chunks.
 ///
 /// # Errors
 /// If the file system refuses.
 pub fn remove_log(store: &Path) -> io::Result<()> {
+    time_tags::remove_log(store)?;
     match std::fs::remove_file(store.join(LOG)) {
         Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
         _ => Ok(()),

@@ -7,10 +7,20 @@ use super::world::{Shared, World};
 use crate::instrument::{
     CounterLimits, CounterSettings, Failure, Fault, Histogram, Identity, Instrument, PhotonCounter,
 };
+use crate::ptu::record::RecordType;
+use crate::ptu::synth::deal;
+use crate::ptu::writer::Records;
+use optics::sampling::stream::Stream;
 use polarimetry::capture::detector::random::stream;
+use polarimetry::capture::detector::spad::Mode;
 use polarimetry::capture::directions::Directions;
 use polarimetry::capture::element::Ray;
 use std::time::Duration;
+
+/// Its time tags are those of PicoQuant's TimeHarp 260 P.
+pub const TAGS: RecordType = RecordType::TimeHarp260PT3;
+/// Tags of one acquisition at most.
+const MOST_TAGS: u64 = 1 << 26;
 
 /// A simulated counter.
 pub struct SimulatedCounter {
@@ -88,6 +98,21 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     Ok((bins, (y * width + x) as u32))
 }
 
+/// Counts by bin as the T3 records of a card. Photons later than `dtime` can say are lost, as they are there.
+fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std::io::Result<Vec<u32>> {
+    let seen = &counts[..counts.len().min(TAGS.dtimes() as usize)];
+    if seen.iter().sum::<u64>() > MOST_TAGS {
+        return Err(std::io::Error::other(
+            "more photons came than its memory holds; count for a shorter time",
+        ));
+    }
+    let mut records = Records::new(TAGS);
+    for stamp in deal(seen, pulses, alone, random) {
+        records.photon(stamp.sync, stamp.bin as u16, 0)?;
+    }
+    Ok(records.words())
+}
+
 impl Instrument for SimulatedCounter {
     fn name(&self) -> &str {
         &self.name
@@ -117,6 +142,12 @@ impl PhotonCounter for SimulatedCounter {
             && settings.dwell > Duration::ZERO
             && settings.dwell <= self.limits.longest
             && settings.offset_ps.is_finite();
+        if settings.tags && self.limits.tags.is_none() {
+            return Err(self.failure(
+                Fault::Limit,
+                "it gives no time tags; leave `time_tags` out of the plan".into(),
+            ));
+        }
         if !fits {
             return Err(self.failure(
                 Fault::Limit,
@@ -138,7 +169,8 @@ impl PhotonCounter for SimulatedCounter {
         let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
         let clock = self.world.clock();
         let begun = clock.now();
-        let counted = self.world.with(|w| -> Result<(Vec<u64>, u64), String> {
+        let full = mishap == Some(Mishap::Saturation);
+        let counted = self.world.with(|w| -> Result<(Vec<u64>, Vec<u32>, u64), String> {
             let (radiance, pixel) = radiance(w, &settings)?;
             let mut diode = w.spad.clone();
             diode.bin_ps = settings.bin_ps;
@@ -153,10 +185,15 @@ impl PhotonCounter for SimulatedCounter {
             let rates = diode.rates(&radiance, w.bench.nm).map_err(|e| e.to_string())?;
             let mut random = stream(w.seed, pixel, w.frame);
             let counts = diode.count(&rates, &mut random).map_err(|e| e.to_string())?;
-            Ok((counts, diode.pulses))
+            if !settings.tags || full {
+                return Ok((counts, vec![], diode.pulses));
+            }
+            // The same counts, whatever mode the card is in: only then are they dealt to pulses.
+            let alone = diode.mode == Mode::Synchronous;
+            let records = tagged(&counts, diode.pulses, alone, &mut random).map_err(|e| e.to_string())?;
+            Ok((vec![], records, diode.pulses))
         });
-        let (counts, pulses) = counted.map_err(|e| self.failure(Fault::Refused, e))?;
-        let full = mishap == Some(Mishap::Saturation);
+        let (counts, records, pulses) = counted.map_err(|e| self.failure(Fault::Refused, e))?;
         let count = |n: u64| {
             if full {
                 u32::MAX
@@ -166,6 +203,7 @@ impl PhotonCounter for SimulatedCounter {
         };
         let histogram = Histogram {
             counts: counts.into_iter().take(settings.bins).map(count).collect(),
+            records,
             pulses,
             number: self.taken,
             timestamp_ns: begun.as_nanos() as u64,

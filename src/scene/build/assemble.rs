@@ -4,7 +4,7 @@ use super::context::{self, Context};
 use super::devices::{pinhole, projector};
 use super::shapes;
 use super::surfaces::Surfaces;
-use super::{file_materials, lights, materials, media, slices};
+use super::{calibrated, file_materials, lights, materials, media, slices};
 use base::locate::{InputError, Located};
 use sha2::Digest;
 use std::collections::BTreeMap;
@@ -48,7 +48,8 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 
 /// Builds a scene from the value that its file holds.
 pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
-    let file = &file_materials::expand(ctx, file)?;
+    let file = file_materials::expand(ctx, file)?;
+    let file = &calibrated::expand(ctx, file)?;
     ctx.hash.update(meaning(file));
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;

@@ -11,6 +11,20 @@ use transport::device::pinhole::{Lens, Pinhole};
 use transport::device::projector::Projector;
 
 pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Result<Pinhole, InputError> {
+    if *p.resolution == [0, 0] && p.resolution.span() == (0..0) {
+        return Err(ctx.error(
+            span,
+            "missing field `resolution`",
+            "give resolution = [width, height], or calibration = \"calibration.toml\"",
+        ));
+    }
+    if !p.has_pose() {
+        return Err(ctx.error(
+            span,
+            "missing field `pose`",
+            "say where it stands: pose.look_at, pose.matrix or pose.extrinsics, or calibration = \"calibration.toml\"",
+        ));
+    }
     let [w, h] = *p.resolution;
     if !(1..=32768).contains(&w) || !(1..=32768).contains(&h) {
         return Err(ctx.error(
@@ -73,15 +87,26 @@ pub(crate) fn projector(
             coaxial: true,
         });
     }
-    let (Some(resolution), Some(pose)) = (p.resolution.clone(), p.pose.clone()) else {
+    if p.resolution.is_none() || p.pose.is_none() {
         return Err(ctx.error(
             span,
             "the projector lacks resolution or pose",
-            "give both, or coaxial = true",
+            "give both, or coaxial = true, or calibration = \"calibration.toml\"",
         ));
-    };
-    let file = PinholeFile {
-        resolution,
+    }
+    let file = pinhole_of(p);
+    Ok(Projector {
+        pinhole: pinhole(ctx, &file, span)?,
+        irradiance,
+        coaxial: false,
+    })
+}
+
+/// A projector as a device like a camera.
+pub(crate) fn pinhole_of(p: &ProjectorFile) -> PinholeFile {
+    PinholeFile {
+        calibration: p.calibration.clone(),
+        resolution: p.resolution.clone().unwrap_or_default(),
         fov_x_deg: p.fov_x_deg.clone(),
         fov_y_deg: p.fov_y_deg.clone(),
         fx: p.fx.clone(),
@@ -93,11 +118,6 @@ pub(crate) fn projector(
         opencv: p.opencv.clone(),
         fisheye: p.fisheye.clone(),
         aperture: p.aperture.clone(),
-        pose,
-    };
-    Ok(Projector {
-        pinhole: pinhole(ctx, &file, span)?,
-        irradiance,
-        coaxial: false,
-    })
+        pose: p.pose.clone().unwrap_or_default(),
+    }
 }

@@ -1,6 +1,7 @@
 //! From the syntax of a scene file to the flat tables of a [`transport::scene::Scene`], checking meaning on the way.
 
 pub(crate) mod assemble;
+pub(crate) mod calibrated;
 pub(crate) mod context;
 pub(crate) mod devices;
 pub(crate) mod file_materials;

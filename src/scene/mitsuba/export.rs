@@ -14,6 +14,7 @@ use super::files::{Contents, WriteError, write};
 use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS, plain};
 use super::xml::{Element, number};
 use crate::build::assemble::settings;
+use crate::build::calibrated;
 use crate::build::context::{Context, read};
 use crate::build::devices::{pinhole, projector};
 use crate::build::file_materials;
@@ -88,7 +89,8 @@ impl Export {
 }
 
 fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
-    let file = &file_materials::expand(ctx, file)?;
+    let file = file_materials::expand(ctx, file)?;
+    let file = &calibrated::expand(ctx, file)?;
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
     let projector = file

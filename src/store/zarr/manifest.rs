@@ -2,7 +2,7 @@
 //!
 //! A text file of a line a file: checksum, size and path below the store, sorted by path, under a head that counts them and
 //! over the checksum of all lines. The checksum of a chunk is the CRC-32C that its file ends with, that of a description
-//! (`zarr.json`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
+//! (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
 
 use super::error::OpenError;
 use base::whole_file;
@@ -30,15 +30,16 @@ pub(super) struct Entry {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
 
-/// Whether a file is a description, whose checksum is of its bytes.
-pub(super) fn is_description(path: &str) -> bool {
-    path.ends_with("zarr.json")
+/// Whether a file is a description or of another format, as photons' time tags are: it ends with no checksum, so that one is made of
+/// its bytes.
+pub(super) fn is_plain(path: &str) -> bool {
+    path.ends_with("zarr.json") || path.ends_with(".ptu")
 }
 
 /// The checksum that a manifest has of a file with these bytes.
 fn checksum(path: &str, bytes: &[u8]) -> u32 {
     match bytes.last_chunk() {
-        Some(seal) if !is_description(path) => u32::from_le_bytes(*seal),
+        Some(seal) if !is_plain(path) => u32::from_le_bytes(*seal),
         _ => crc32c::crc32c(bytes),
     }
 }
@@ -57,7 +58,7 @@ impl Entry {
     fn read(root: &Path, path: &str) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
-        if is_description(path) || size < 4 {
+        if is_plain(path) || size < 4 {
             let mut bytes = Vec::new();
             file.read_to_end(&mut bytes)?;
             return Ok(Self::of(path, &bytes));

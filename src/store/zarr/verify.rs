@@ -66,7 +66,7 @@ fn fault(root: &Path, name: &str, entry: Entry) -> Option<String> {
         return Some(format!("has {} bytes instead of {}", found.size, entry.size));
     }
     // A chunk ends with the checksum of what comes before.
-    let sealed = manifest::is_description(name)
+    let sealed = manifest::is_plain(name)
         || bytes
             .split_last_chunk()
             .is_none_or(|(frame, seal)| crc32c::crc32c(frame) == u32::from_le_bytes(*seal));

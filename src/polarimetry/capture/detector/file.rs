@@ -6,6 +6,8 @@
 //! exposure_s = 0.02
 //! photons_per_unit = 2e6
 //! ```
+//!
+//! A calibration's file ([`base::calibration_file`]) is one too, by its `[detector.cmos]` and `[detector.spad]`.
 
 use super::cmos::Cmos;
 use super::error::{DetectorError, demand, positive};
@@ -14,6 +16,7 @@ use super::spad::Spad;
 use base::document;
 use base::locate::{InputError, Located};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -52,27 +55,65 @@ impl DemosaicFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(dead_code)] // what others read of a calibration has to be allowed, no more
 struct DetectorFile {
     demosaic: Option<Located<DemosaicFile>>,
     cmos: Option<Located<Cmos>>,
     spad: Option<Located<Spad>>,
+    #[serde(default)]
+    detector: Calibrated,
+    #[serde(default)]
+    radiometric: IgnoredAny,
+    #[serde(default)]
+    temporal: IgnoredAny,
+    #[serde(default)]
+    camera: IgnoredAny,
+    #[serde(default)]
+    projector: IgnoredAny,
+    #[serde(default)]
+    quality: IgnoredAny,
+    #[serde(default)]
+    covariance: IgnoredAny,
+    #[serde(default)]
+    polarimetric: IgnoredAny,
+    #[serde(default)]
+    name: IgnoredAny,
+    #[serde(default)]
+    source: IgnoredAny,
+    #[serde(default)]
+    sensor: IgnoredAny,
+    #[serde(default)]
+    coaxial: IgnoredAny,
+    #[serde(default)]
+    generator: IgnoredAny,
+    #[serde(default)]
+    analyzer: IgnoredAny,
 }
 
-/// Reads a detector file.
+/// `[detector]` of a calibration, which may have both.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Calibrated {
+    cmos: Option<Located<Cmos>>,
+    spad: Option<Located<Spad>>,
+}
+
+/// Reads a detector file; of a calibration's two detectors the counter if what it is to read has time bins (`timed`), else the
+/// camera.
 ///
 /// # Errors
 /// [`InputError`] naming file, place and mend.
-pub fn load(path: &Path) -> Result<Detector, InputError> {
+pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
     let mend = "write a file with the line [cmos] or [spad]; all settings have defaults";
     let text = document::read(path, "detector", mend)?;
-    from_toml(path, &text)
+    from_toml(path, &text, timed)
 }
 
 /// A detector from TOML text; `path` is for messages.
 ///
 /// # Errors
 /// As [`load`].
-pub fn from_toml(path: &Path, text: &str) -> Result<Detector, InputError> {
+pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, InputError> {
     let whole: Arc<str> = text.into();
     let error = |span: Option<Range<usize>>, message: String, help: &str| InputError {
         file: path.to_owned(),
@@ -94,7 +135,25 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Detector, InputError> {
             )
         })
     };
-    match (file.cmos, file.spad) {
+    let (own, found) = ((file.cmos, file.spad), (file.detector.cmos, file.detector.spad));
+    let both = [
+        own.0.is_some() || own.1.is_some(),
+        found.0.is_some() || found.1.is_some(),
+    ];
+    if both == [true, true] {
+        return Err(error(
+            None,
+            "there is a detector above [detector], and one in it".to_owned(),
+            "keep one of them",
+        ));
+    }
+    let pair = match found {
+        (Some(_), Some(diode)) if timed => (None, Some(diode)),
+        (Some(camera), Some(_)) => (Some(camera), None),
+        (None, None) => own,
+        one => one,
+    };
+    match pair {
         (Some(camera), None) => {
             checked(camera.span(), camera.check())?;
             let demosaic = file.demosaic.as_ref().and_then(|d| d.method());
@@ -202,7 +261,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn read(text: &str) -> Result<Detector, InputError> {
-        from_toml(Path::new("d.toml"), text)
+        from_toml(Path::new("d.toml"), text, false)
     }
 
     fn fault(text: &str) -> String {
@@ -231,6 +290,22 @@ mod tests {
         }
     }
 
+    /// Of a calibration the detector that fits what is read, whatever else it has.
+    #[test]
+    fn calibrations_are_read() {
+        let both = "[camera]\nresolution = [4, 3]\n[quality]\nviews = 1\n[radiometric]\nx = 1\n[detector.cmos]\nread_noise_e = 3.5\n\
+                    [temporal]\ny = 2\n[detector.spad]\nirf_fwhm_ps = 61\n";
+        let timed = |t| from_toml(Path::new("c.toml"), both, t).expect("a detector");
+        assert!(matches!(timed(false), Detector::Cmos { camera, .. } if camera.read_noise_e == 3.5));
+        assert!(matches!(timed(true), Detector::Spad(d) if d.irf_fwhm_ps == 61.0));
+        let alone = from_toml(Path::new("c.toml"), "[detector.cmos]\ngain_e_per_dn = 2\n", true);
+        assert!(matches!(alone, Ok(Detector::Cmos { .. })));
+        assert!(fault("[detector.cmos]\nread_noise_e = -2").contains("d.toml:2:1: `read_noise_e` is -2"));
+        assert!(fault("[detector.cmos]\n[cmos]").contains("keep one"));
+        assert!(fault("[detector.ccd]").contains("unknown field `ccd`"));
+        assert!(fault("[camera]\nx = 1").contains("neither"));
+    }
+
     #[test]
     fn faults_have_places_and_mends() {
         assert!(fault("[cmos]\nexposure = 1").contains("d.toml:2:1: unknown field `exposure`"));
@@ -245,7 +320,7 @@ mod tests {
         assert!(fault("demosaic = \"bilinear\"\n[spad]").contains("d.toml:1:12"));
         assert!(fault("demosaic = \"bilinear\"\n[cmos]\nbinning = 2").contains("superpixel"));
         assert!(fault("demosaic = \"best\"\n[cmos]").contains("d.toml:1:12"));
-        let missing = load(Path::new("/nowhere/d.toml"))
+        let missing = load(Path::new("/nowhere/d.toml"), false)
             .expect_err("no file")
             .to_string();
         assert!(missing.contains("[cmos]"), "{missing}");

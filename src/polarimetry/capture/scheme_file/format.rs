@@ -5,6 +5,7 @@ use crate::capture::element::{Element, ElementKind, Setting};
 use crate::capture::scheme::Sensor;
 use crate::capture::spectral_value::SpectralValue;
 use base::locate::{InputError, Located};
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
@@ -77,6 +78,7 @@ pub(super) struct SensorFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(dead_code)] // what others read has to be allowed, no more
 pub(super) struct SchemeFile {
     pub(super) name: Option<String>,
     pub(super) sensor: SensorFile,
@@ -86,6 +88,23 @@ pub(super) struct SchemeFile {
     pub(super) generator: Vec<Located<ElementFile>>,
     #[serde(default)]
     pub(super) analyzer: Vec<Located<ElementFile>>,
+    // What others read of a calibration's file.
+    #[serde(default)]
+    polarimetric: IgnoredAny,
+    #[serde(default)]
+    camera: IgnoredAny,
+    #[serde(default)]
+    projector: IgnoredAny,
+    #[serde(default)]
+    quality: IgnoredAny,
+    #[serde(default)]
+    covariance: IgnoredAny,
+    #[serde(default)]
+    radiometric: IgnoredAny,
+    #[serde(default)]
+    temporal: IgnoredAny,
+    #[serde(default)]
+    detector: IgnoredAny,
 }
 
 /// The largest angle in degrees, and number of any kind.

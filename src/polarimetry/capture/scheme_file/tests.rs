@@ -89,6 +89,23 @@ fn faults_have_places_and_mends() {
     );
 }
 
+/// A calibration's file is the scheme that it has; one without is told what is missing.
+#[test]
+fn calibrations_are_schemes() {
+    let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\
+                  [temporal]\n[detector.cmos]\nread_noise_e = 3\n";
+    assert_eq!(
+        toml(&format!("{FULL}{others}")).expect("a scheme"),
+        toml(FULL).expect("a scheme")
+    );
+    let told = fault(others);
+    assert!(
+        told.contains("missing field `sensor`") && told.contains("rig calibrate"),
+        "{told}"
+    );
+    assert!(fault(&format!("{FULL}[cameras]\n")).contains("unknown field `cameras`"));
+}
+
 #[test]
 fn tables_of_angles() {
     let csv = |text: &str| from_csv(Path::new("a.csv"), text);

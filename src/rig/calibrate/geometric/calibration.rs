@@ -4,8 +4,8 @@
 use super::device::{Device, Model};
 use super::fit::Fit;
 use super::pose::Pose;
-use base::document;
 use base::locate::InputError;
+use base::{calibration_file, document};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -13,7 +13,6 @@ use std::path::Path;
 
 /// A calibrated camera, and the projector beside it if there is one. The world is the camera's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// As in a scene file.
     pub camera: DeviceTable,
@@ -232,14 +231,12 @@ impl Calibration {
         }
     }
 
-    /// As TOML, below a comment that says what it is.
+    /// As TOML: [`base::calibration_file::Part::Devices`] of a calibration's file.
     ///
     /// # Errors
     /// If a number cannot be written.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        let head = "# A calibration. [camera] and [projector] are those of a scene file: the world is the camera's frame, metres,\n\
-                    # and opencv_matrix counts pixels as OpenCV does, (0, 0) the centre of the first.\n\n";
-        Ok(head.to_owned() + &toml::to_string(self)?)
+        toml::to_string(self)
     }
 
     /// What `cv::FileStorage` reads as JSON: `camera_matrix` and `distortion_coefficients` of the camera, and the projector's under
@@ -286,14 +283,14 @@ impl Calibration {
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))
     }
 
-    /// Reads what [`Self::to_toml`] writes.
+    /// Reads a calibration's file, whatever else it has.
     ///
     /// # Errors
     /// [`InputError`] if it is no calibration, or one of no device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let mend = "give a calibration as `sunstone calibrate` writes it";
         let text = document::read(path, "calibration", mend)?;
-        let calibration: Self = document::parse(path, &text, |_| mend.to_owned())?;
+        let calibration: Self = calibration_file::parse(path, &text, mend)?;
         let sound = |d: &DeviceTable| d.device().is_some() && d.pose().is_some();
         if sound(&calibration.camera) && calibration.projector.as_ref().is_none_or(sound) {
             return Ok(calibration);

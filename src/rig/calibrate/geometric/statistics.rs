@@ -1,5 +1,6 @@
 //! What fits claim against what they are: z-scores of many repeats, planted faults, degenerate views.
 
+use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
 use super::bundle::Corner;
 use super::device::{Device, Free, Model, project_all};
@@ -105,17 +106,11 @@ fn setups(devices: &[Device]) -> Vec<Setup> {
     devices.iter().map(|d| Setup::new(d.size, d.model)).collect()
 }
 
-/// Sums of squares of z-scores by class of parameters.
+/// Whitened errors by class of parameters.
 #[derive(Default)]
-struct Classes(std::collections::BTreeMap<&'static str, (f64, f64)>);
+struct Classes(ZScores);
 
 impl Classes {
-    fn add(&mut self, class: &'static str, z: f64) {
-        let (sum, n) = self.0.entry(class).or_default();
-        *sum += z * z;
-        *n += 1.0;
-    }
-
     fn score(&mut self, found: &Fit, devices: &[Device], poses: &[Pose], coefficients: bool) {
         let mut first = 0;
         for (d, truth) in devices.iter().enumerate() {
@@ -135,13 +130,14 @@ impl Classes {
             let blocks = [0..2, 2..4, 4..if coefficients { n } else { 4 }];
             for (block, name) in blocks.into_iter().zip(names) {
                 let (at, len) = (block.start, block.len());
-                self.whiten(
+                self.0.add_whitened(
                     name,
                     &off.rows(at, len).into_owned(),
                     &covariance.view((at, at), (len, len)).into_owned(),
                 );
             }
             // What the lens does, as a device of these parameters shows it.
+            let mut seen_there = vec![];
             for (x, y) in [(-0.4, 0.2), (0.1, -0.3), (0.5, 0.4), (0.3, 0.0)] {
                 let p = Vector3::new(x, y, 1.0);
                 let here = &found.devices[d];
@@ -150,15 +146,18 @@ impl Classes {
                 for axis in 0..2 {
                     let slope = DVector::from_iterator(n, seen.by_parameters.iter().map(|v| v[axis]));
                     let variance = (slope.transpose() * &covariance * &slope)[0];
-                    self.add(names[3], off[axis] / variance.sqrt());
+                    seen_there.push((off[axis], variance.sqrt()));
                 }
             }
+            self.0.add_together(names[3], seen_there);
             first += n;
         }
         let halves = |change: [f64; 6], c: &DMatrix<f64>, classes: &mut Self, names: [&'static str; 2]| {
             for (half, name) in names.into_iter().enumerate() {
                 let part = DVector::from_column_slice(&change[3 * half..3 * half + 3]);
-                classes.whiten(name, &part, &c.view((3 * half, 3 * half), (3, 3)).into_owned());
+                classes
+                    .0
+                    .add_whitened(name, &part, &c.view((3 * half, 3 * half), (3, 3)).into_owned());
             }
         };
         for ((got, want), c) in found.poses.iter().zip(poses).zip(&found.pose_covariances) {
@@ -171,58 +170,49 @@ impl Classes {
             halves(change, &c, self, ["projector angles", "projector place"]);
         }
     }
-
-    /// z-scores of combinations that are not correlated: as many, but each by itself.
-    fn whiten(&mut self, class: &'static str, off: &DVector<f64>, covariance: &DMatrix<f64>) {
-        let scale = covariance.diagonal().map(|v| v.sqrt().recip());
-        let d = DMatrix::from_diagonal(&scale);
-        let factor = (&d * covariance * &d).cholesky().expect("a covariance").l();
-        let z = factor
-            .solve_lower_triangular(&off.component_mul(&scale))
-            .expect("of full rank");
-        z.iter().for_each(|z| self.add(class, *z));
-    }
-
-    fn hold(&self, what: &str) {
-        for (class, (sum, n)) in &self.0 {
-            println!("{what}: {class}: variance of z {:.3} of {n}", sum / n);
-        }
-        for (class, (sum, n)) in &self.0 {
-            assert!((0.8..1.25).contains(&(sum / n)), "{what}: {class}: {}", sum / n);
-        }
-    }
 }
 
-fn repeats(devices: &[Device], count: u64, noise: f64, coefficients: bool) -> Classes {
+fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bool) {
     let poses = poses(12);
-    let one = |seed| {
-        let views = views(devices, &poses, [noise, 2.0 * noise], &mut Noise::new(seed));
+    let one = |seed: u32| {
+        let views = views(
+            devices,
+            &poses,
+            [noise, 2.0 * noise],
+            &mut Noise::new(seed.into()),
+        );
         fit(&setups(devices), &views, false).expect("a calibration")
     };
-    let all: Vec<Fit> = (0..count).into_par_iter().map(one).collect();
+    let all: Vec<Fit> = (0..repeats(count)).into_par_iter().map(one).collect();
     let mut classes = Classes::default();
     all.iter()
         .for_each(|found| classes.score(found, devices, &poses, coefficients));
-    classes
+    classes.0.hold(what);
 }
 
-/// 64 repeats have a variance of z known to 0.18 where one parameter alone is in a class: 128 know it to 0.12.
 #[test]
 fn errors_of_cameras_are_what_they_claim() {
-    repeats(&[camera(Model::Five)], 128, 0.05, true).hold("camera, 5 coefficients");
-    repeats(&[camera(Model::Eight)], 64, 0.05, false).hold("camera, 8 coefficients");
+    hold("camera, 5 coefficients", &[camera(Model::Five)], 128, 0.05, true);
+    hold("camera, 8 coefficients", &[camera(Model::Eight)], 64, 0.05, false);
     // The rational model's own numbers are linear in the noise only where that is very small: at 0.05 pixels k1 and k4 slide
     // along each other by 15, with the same image.
-    repeats(&[camera(Model::Eight)], 64, 5e-6, true).hold("camera, 8 coefficients, little noise");
+    hold(
+        "camera, 8 coefficients, little noise",
+        &[camera(Model::Eight)],
+        64,
+        5e-6,
+        true,
+    );
 }
 
 #[test]
 #[ignore = "half a minute; the gate runs it"]
 fn errors_of_projectors_are_what_they_claim() {
     let pair = |model| [camera(model), projector(model)];
-    repeats(&pair(Model::Five), 128, 0.05, true).hold("pair, 5 coefficients");
-    // At 0.05 pixels one in a hundred rational lenses of the projector runs off to infinite coefficients, and is refused.
-    repeats(&pair(Model::Eight), 128, 0.01, false).hold("pair, 8 coefficients");
+    hold("pair, 5 coefficients", &pair(Model::Five), 128, 0.05, true);
+    // At 0.05 pixels one in a hundred rational lenses of the projector runs off to infinite coefficients, and is refused; at 0.01
+    // one in some hundreds. Leaving these out would choose among repeats: there is less noise instead.
+    hold("pair, 8 coefficients", &pair(Model::Eight), 128, 0.002, false);
 }
 
 #[test]

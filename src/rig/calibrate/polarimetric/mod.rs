@@ -6,3 +6,7 @@
 
 pub mod parameters;
 pub mod samples;
+pub mod statistics;
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! The imperfections of a scheme as a list of numbers that have names.
 
 use polarimetry::capture::coaxial::{Arm, Coaxial};
-use polarimetry::capture::element::{Element, ElementKind};
+use polarimetry::capture::element::ElementKind;
 use polarimetry::capture::scheme::{Scheme, Sensor, Side};
 use polarimetry::capture::spectral_value::SpectralValue;
 
@@ -101,7 +101,7 @@ impl Parameter {
         }
     }
 
-    /// Step of its derivatives, in its unit.
+    /// Step of derivatives by its number in a fit ([`Self::to_fit`]).
     #[must_use]
     pub fn step(&self) -> f64 {
         match self {
@@ -110,7 +110,7 @@ impl Parameter {
             }
             Self::Extinction(..) | Self::SensorExtinction => 1e-5,
             Self::Diattenuation(_) => 1e-5,
-            Self::GalvoIndex | Self::GalvoAbsorption => 1e-4,
+            Self::GalvoIndex | Self::GalvoAbsorption => 1e-3,
         }
     }
 
@@ -148,54 +148,95 @@ impl Parameter {
         }
     }
 
+    /// Whether it may be another one at every wavelength: where an axis lies does not depend on it, glass and metal do.
+    #[must_use]
+    pub fn is_spectral(&self) -> bool {
+        !matches!(self, Self::AxisOffset(..) | Self::SensorOffset(_))
+    }
+
+    /// Gives a scheme its values at several wavelengths, rows of [nm, value] in rising order; one is for all of them.
+    pub fn set_table(&self, scheme: &mut Scheme, rows: &[[f64; 2]]) {
+        match rows {
+            [] => {}
+            [[_, value]] => self.set(scheme, *value),
+            _ => self.put(scheme, |factor| {
+                SpectralValue::Table(rows.iter().map(|[nm, v]| [*nm, v * factor]).collect())
+            }),
+        }
+    }
+
     /// Gives a scheme this value; one that depended on the wavelength is then the same at all.
     pub fn set(&self, scheme: &mut Scheme, value: f64) {
-        let element = |scheme: &mut Scheme, side: Side, i: usize, f: &dyn Fn(&mut Element)| {
-            scheme.imperfect(side, i, f);
-        };
-        let same = SpectralValue::Same;
         match *self {
-            Self::AxisOffset(side, i) => element(scheme, side, i, &|e| e.axis_offset = value.to_radians()),
-            Self::Retardance(side, i) => element(scheme, side, i, &|e| {
-                if let ElementKind::Retarder { error, .. } = &mut e.kind {
-                    *error = same(value.to_radians());
-                }
-            }),
-            Self::Extinction(side, i) => element(scheme, side, i, &|e| {
-                if let ElementKind::Polarizer { extinction } = &mut e.kind {
-                    *extinction = same(value);
-                }
-            }),
-            Self::SensorExtinction => {
-                if let Sensor::PolarizerArray { extinction, .. } = &mut scheme.sensor {
-                    *extinction = same(value);
-                }
-            }
+            Self::AxisOffset(side, i) => scheme.imperfect(side, i, |e| e.axis_offset = value.to_radians()),
             Self::SensorOffset(i) => {
                 if let Sensor::PolarizerArray { axis_offsets, .. } = &mut scheme.sensor {
                     axis_offsets[i] = value.to_radians();
                 }
             }
+            _ => self.put(scheme, |factor| SpectralValue::Same(value * factor)),
+        }
+    }
+
+    /// Gives a scheme what may depend on the wavelength; `of` makes it, in its unit over the scheme's.
+    fn put(&self, scheme: &mut Scheme, of: impl Fn(f64) -> SpectralValue) {
+        let plain = || of(1.0);
+        match *self {
+            Self::AxisOffset(..) | Self::SensorOffset(_) => {}
+            Self::Retardance(side, i) => scheme.imperfect(side, i, |e| {
+                if let ElementKind::Retarder { error, .. } = &mut e.kind {
+                    *error = of(1.0_f64.to_radians());
+                }
+            }),
+            Self::Extinction(side, i) => scheme.imperfect(side, i, |e| {
+                if let ElementKind::Polarizer { extinction } = &mut e.kind {
+                    *extinction = plain();
+                }
+            }),
+            Self::SensorExtinction => {
+                if let Sensor::PolarizerArray { extinction, .. } = &mut scheme.sensor {
+                    *extinction = plain();
+                }
+            }
             Self::Diattenuation(t) => {
                 if let Some(c) = &mut scheme.coaxial {
-                    part_mut(c, t).diattenuation = same(value);
+                    part_mut(c, t).diattenuation = plain();
                 }
             }
             Self::ArmRetardance(t) => {
                 if let Some(c) = &mut scheme.coaxial {
-                    part_mut(c, t).retardance_deg = same(value);
+                    part_mut(c, t).retardance_deg = plain();
                 }
             }
             Self::GalvoIndex | Self::GalvoAbsorption => {
                 if let Some(galvo) = scheme.coaxial.as_mut().and_then(|c| c.galvo.as_mut()) {
-                    let of = if *self == Self::GalvoIndex {
+                    let part = if *self == Self::GalvoIndex {
                         &mut galvo.n
                     } else {
                         &mut galvo.k
                     };
-                    *of = same(value);
+                    *part = plain();
                 }
             }
+        }
+    }
+
+    /// The number that a fit moves, for a value. Metals' n and k are above 0 and their logarithms are fitted: on the other side of 0,
+    /// where light would gain, there are other minima.
+    #[must_use]
+    pub fn to_fit(&self, value: f64) -> f64 {
+        match self {
+            Self::GalvoIndex | Self::GalvoAbsorption => value.max(1e-6).ln(),
+            _ => value,
+        }
+    }
+
+    /// The value of a fit's number, and its derivative.
+    #[must_use]
+    pub fn from_fit(&self, number: f64) -> [f64; 2] {
+        match self {
+            Self::GalvoIndex | Self::GalvoAbsorption => [number.exp(); 2],
+            _ => [number, 1.0],
         }
     }
 
@@ -242,6 +283,7 @@ mod tests {
             }
             for (i, p) in all.iter().enumerate() {
                 let want = 0.01 * (i + 1) as f64;
+                assert!((p.from_fit(p.to_fit(want))[0] - want).abs() < 1e-12);
                 assert!(
                     (p.get(&scheme, 550.0) - want).abs() < 1e-12,
                     "{}",

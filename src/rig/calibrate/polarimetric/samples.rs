@@ -5,6 +5,9 @@ use super::parameters::Parameter;
 use polarimetry::capture::design_matrix::DesignMatrix;
 use polarimetry::capture::element::Ray;
 use polarimetry::capture::scheme::Scheme;
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
 
 /// Captures of something that is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +68,8 @@ pub enum CalibrationError {
 pub struct Found {
     /// What.
     pub parameter: Parameter,
+    /// At which wavelength, nanometres, where samples of several tell it at each.
+    pub nm: Option<f64>,
     /// By its element's name.
     pub name: String,
     /// Value, in its unit.
@@ -86,7 +91,71 @@ pub struct Calibrated {
     pub fit: Fit,
 }
 
-/// Fits imperfections to samples; `free` are those that may differ from what the schemes believe.
+/// A number of the fit: an imperfection, at one wavelength or at all of them.
+#[derive(Clone, Copy)]
+struct Unknown {
+    parameter: Parameter,
+    nm: Option<f64>,
+}
+
+/// What a sample should show, for the numbers of the fit that it depends on. Derivatives move one number at a time, and most numbers
+/// are of other samples: the last predictions are kept.
+struct Predictions {
+    own: Vec<usize>,
+    kept: RefCell<VecDeque<Kept>>,
+}
+
+/// Numbers, and what they predict.
+type Kept = (Vec<f64>, Rc<Vec<f64>>);
+
+/// Predictions of a sample that are kept.
+const KEPT: usize = 4;
+
+impl Predictions {
+    fn new(own: Vec<usize>) -> Self {
+        Self {
+            own,
+            kept: RefCell::default(),
+        }
+    }
+
+    fn of(&self, p: &[f64], make: impl FnOnce(&[f64]) -> Vec<f64>) -> Rc<Vec<f64>> {
+        let numbers: Vec<f64> = self.own.iter().map(|i| p[*i]).collect();
+        let mut kept = self.kept.borrow_mut();
+        if let Some((_, known)) = kept.iter().find(|(n, _)| *n == numbers) {
+            return known.clone();
+        }
+        let new = Rc::new(make(&numbers));
+        kept.push_back((numbers, new.clone()));
+        if kept.len() > KEPT {
+            kept.pop_front();
+        }
+        new
+    }
+}
+
+/// The numbers of a fit: what depends on the wavelength once for each at which there are samples.
+fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
+    let mut wavelengths: Vec<f64> = samples.iter().map(|s| s.ray.nm).collect();
+    wavelengths.sort_by(f64::total_cmp);
+    wavelengths.dedup();
+    let several = wavelengths.len() > 1;
+    let each = |parameter: &Parameter| -> Vec<Unknown> {
+        let of = |nm| Unknown {
+            parameter: *parameter,
+            nm,
+        };
+        if several && parameter.is_spectral() {
+            wavelengths.iter().map(|nm| of(Some(*nm))).collect()
+        } else {
+            vec![of(None)]
+        }
+    };
+    free.iter().flat_map(each).collect()
+}
+
+/// Fits imperfections to samples; `free` are those that may differ from what the schemes believe. Axes are those of all
+/// samples; what depends on the wavelength is found at each at which there are samples, all of it together.
 ///
 /// # Errors
 /// [`CalibrationError`].
@@ -121,21 +190,37 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
             });
         }
     }
-    let with = |scheme: &Scheme, p: &[f64]| {
-        let mut scheme = scheme.clone();
-        for (parameter, value) in free.iter().zip(p) {
-            parameter.set(&mut scheme, *value);
-        }
-        scheme
+    let free = unknowns(samples, free);
+    let own = |s: &Sample| -> Vec<usize> {
+        let of = |u: &Unknown| u.nm.is_none_or(|nm| nm == s.ray.nm);
+        (0..free.len()).filter(|i| of(&free[*i])).collect()
     };
-    let predicted =
-        |s: &Sample, p: &[f64]| DesignMatrix::new(&with(&s.scheme, p), &s.ray).intensities(&s.mueller);
-    let mut start: Vec<f64> = free.iter().map(|p| p.get(&first.scheme, first.ray.nm)).collect();
-    let mut steps: Vec<f64> = free.iter().map(Parameter::step).collect();
-    for s in samples {
-        let dark = predicted(s, &start);
+    let predictions: Vec<Predictions> = samples.iter().map(|s| Predictions::new(own(s))).collect();
+    let predicted = |k: usize, p: &[f64]| {
+        let s = &samples[k];
+        predictions[k].of(p, |numbers| {
+            let mut scheme = s.scheme.clone();
+            for (i, value) in predictions[k].own.iter().zip(numbers) {
+                let parameter = free[*i].parameter;
+                parameter.set(&mut scheme, parameter.from_fit(*value)[0]);
+            }
+            DesignMatrix::new(&scheme, &s.ray)
+                .intensities(&s.mueller)
+                .as_slice()
+                .to_vec()
+        })
+    };
+    let believed = |u: &Unknown| {
+        u.parameter
+            .to_fit(u.parameter.get(&first.scheme, u.nm.unwrap_or(first.ray.nm)))
+    };
+    let mut start: Vec<f64> = free.iter().map(believed).collect();
+    let mut steps: Vec<f64> = free.iter().map(|u| u.parameter.step()).collect();
+    let believed = start.clone();
+    for (k, s) in samples.iter().enumerate() {
+        let dark = predicted(k, &believed);
         let (mut of, mut squares) = (0.0, 0.0);
-        for ((i, d), sigma) in s.intensities.iter().zip(&dark).zip(&s.sigmas) {
+        for ((i, d), sigma) in s.intensities.iter().zip(dark.iter()).zip(&s.sigmas) {
             of += i * d / sigma.powi(2);
             squares += d * d / sigma.powi(2);
         }
@@ -147,25 +232,43 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         let mut out = vec![];
         for (k, s) in samples.iter().enumerate() {
             let scale = p[free.len() + k];
-            let clean = predicted(s, p);
-            let all = s.intensities.iter().zip(&clean).zip(&s.sigmas);
+            let clean = predicted(k, p);
+            let all = s.intensities.iter().zip(clean.iter()).zip(&s.sigmas);
             out.extend(all.map(|((i, d), sigma)| (i - scale * d) / sigma));
         }
         out
     };
-    let fit = fit(&start, &steps, &residuals)?;
-    let mut names: Vec<String> = free.iter().map(|p| p.name(&first.scheme)).collect();
+    let mut fit = fit(&start, &steps, &residuals)?;
+    for (i, unknown) in free.iter().enumerate() {
+        let [value, slope] = unknown.parameter.from_fit(fit.values[i]);
+        fit.values[i] = value;
+        fit.covariance.row_mut(i).scale_mut(slope);
+        fit.covariance.column_mut(i).scale_mut(slope);
+    }
+    let named = |u: &Unknown| {
+        let name = u.parameter.name(&first.scheme);
+        u.nm.map_or(name.clone(), |nm| format!("{name} at {nm} nm"))
+    };
+    let mut names: Vec<String> = free.iter().map(named).collect();
     names.extend(samples.iter().map(|s| format!("brightness of {}", s.name)));
     let mut scheme = first.scheme.clone();
-    let mut found = vec![];
-    for (i, parameter) in free.iter().enumerate() {
-        parameter.set(&mut scheme, parameter.possible(fit.values[i]));
+    let mut found: Vec<Found> = vec![];
+    for (i, unknown) in free.iter().enumerate() {
         found.push(Found {
-            parameter: *parameter,
+            parameter: unknown.parameter,
+            nm: unknown.nm,
             name: names[i].clone(),
             value: fit.values[i],
             sigma: fit.sigma(i),
         });
+    }
+    for of in found.chunk_by(|a, b| a.parameter == b.parameter) {
+        let nm = |f: &Found| f.nm.unwrap_or(first.ray.nm);
+        let rows: Vec<[f64; 2]> = of
+            .iter()
+            .map(|f| [nm(f), f.parameter.possible(f.value)])
+            .collect();
+        of[0].parameter.set_table(&mut scheme, &rows);
     }
     Ok(Calibrated {
         scheme,
@@ -173,197 +276,4 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         untold: fit.untold_in_words(&names),
         fit,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use polarimetry::capture::coaxial::{Arm, Coaxial};
-    use polarimetry::capture::detector::random::stream;
-    use polarimetry::capture::spectral_value::SpectralValue;
-    use rand_distr::{Distribution, StandardNormal};
-
-    const AIR: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
-    const MIRROR: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., -1., 0., 0., 0., 0., -1.];
-
-    /// At 0°.
-    const POLARIZER: [f64; 16] = [0.5, 0.5, 0., 0., 0.5, 0.5, 0., 0., 0., 0., 0., 0., 0., 0., 0., 0.];
-
-    fn truth(nominal: &Scheme, seed: u32) -> (Scheme, Vec<f64>) {
-        let mut out = nominal.clone();
-        let all = Parameter::all(nominal);
-        let mut random = stream(11, 0, seed);
-        let mut values = vec![];
-        for p in &all {
-            let z: f64 = StandardNormal.sample(&mut random);
-            let value = match p {
-                Parameter::Extinction(..) | Parameter::SensorExtinction => 2e-3 * z.abs(),
-                Parameter::Diattenuation(_) => 0.05 * z,
-                Parameter::GalvoIndex | Parameter::GalvoAbsorption => {
-                    p.get(nominal, 550.0) * (1.0 + 0.02 * z)
-                }
-                _ => z,
-            };
-            p.set(&mut out, value);
-            values.push(value);
-        }
-        (out, values)
-    }
-
-    fn sample(
-        name: &str,
-        mueller: [f64; 16],
-        nominal: &Scheme,
-        truth: &Scheme,
-        sigma: f64,
-        key: u32,
-    ) -> Sample {
-        let ray = Ray::axial(550.0);
-        let mut random = stream(5, 1, key);
-        let mut noisy = |v: f64| {
-            let z: f64 = StandardNormal.sample(&mut random);
-            0.3 * v + sigma * z
-        };
-        let clean = DesignMatrix::new(truth, &ray).intensities(&mueller);
-        Sample {
-            name: name.into(),
-            mueller,
-            scheme: nominal.clone(),
-            ray,
-            intensities: clean.iter().map(|v| noisy(*v)).collect(),
-            sigmas: vec![sigma; nominal.measurements()],
-        }
-    }
-
-    /// 64 repeats with other truths and other noise: errors over stated sigmas have variance 1 for every parameter
-    /// (0.8 to 1.25 over all of a kind; single ones of 64 scatter by 18 %).
-    #[test]
-    fn stated_errors_are_those_that_are_made() {
-        for array in [false, true] {
-            let nominal = Scheme::quad(24, array).expect("a scheme");
-            let free = Parameter::all(&nominal);
-            let mut squares = vec![0.0; free.len()];
-            let mut chi = 0.0;
-            for repeat in 0..64 {
-                let (real, values) = truth(&nominal, repeat);
-                let samples = [
-                    sample("air", AIR, &nominal, &real, 2e-4, 2 * repeat),
-                    sample("mirror", MIRROR, &nominal, &real, 2e-4, 2 * repeat + 1),
-                    sample("polarizer", POLARIZER, &nominal, &real, 2e-4, 1000 + repeat),
-                ];
-                let found = calibrate(&samples, &free).expect("a calibration");
-                assert!(found.untold.is_empty(), "{:?}", found.untold);
-                for ((sum, f), want) in squares.iter_mut().zip(&found.found).zip(&values) {
-                    *sum += ((f.value - want) / f.sigma.expect("told")).powi(2) / 64.0;
-                }
-                chi += found.fit.chi_squared / found.fit.freedom as f64 / 64.0;
-            }
-            assert!((chi - 1.0).abs() < 0.1, "{chi}");
-            let kind = |p: &Parameter| (p.unit(), std::mem::discriminant(p));
-            for p in &free {
-                let same: Vec<f64> = free
-                    .iter()
-                    .zip(&squares)
-                    .filter(|(q, _)| kind(q) == kind(p))
-                    .map(|(_, s)| *s)
-                    .collect();
-                let mean = same.iter().sum::<f64>() / same.len() as f64;
-                println!("array {array}: {}: variance of z {mean:.3}", p.name(&nominal));
-                // A kind of one parameter has 64 values, whose variance scatters by √(2/64) = 0.18.
-                let bound = if same.len() > 1 { 0.25 } else { 0.53 };
-                assert!((mean - 1.0).abs() < bound, "{}: {mean}", p.name(&nominal));
-            }
-        }
-    }
-
-    #[test]
-    fn air_alone_cannot_tell_a_common_rotation() {
-        let nominal = Scheme::quad(24, false).expect("a scheme");
-        let (real, _) = truth(&nominal, 3);
-        let air = sample("air", AIR, &nominal, &real, 1e-4, 1);
-        let found = calibrate(&[air], &Parameter::all(&nominal)).expect("a calibration");
-        let words = found.untold.join("; ");
-        assert!(
-            words.contains("polarizer_1 axis offset") && words.contains("together"),
-            "{words}"
-        );
-        let told = |name: &str| {
-            found
-                .found
-                .iter()
-                .find(|f| f.name == name)
-                .expect("a parameter")
-                .sigma
-        };
-        assert_eq!(told("retarder_2 axis offset"), None);
-        assert!(told("retarder_2 retardance error").is_some());
-    }
-
-    /// A coaxial rig's beamsplitter is found with a mirror and a plate.
-    #[test]
-    fn a_beamsplitter_is_found() {
-        let mut nominal = Scheme::quad(40, false).expect("a scheme");
-        let arm = || Arm {
-            efficiency: SpectralValue::Same(0.5),
-            diattenuation: SpectralValue::Same(0.0),
-            retardance_deg: SpectralValue::Same(0.0),
-        };
-        nominal.coaxial = Some(Coaxial {
-            transmission: arm(),
-            reflection: arm(),
-            galvo: None,
-        });
-        let free = Parameter::all(&nominal);
-        let (real, values) = truth(&nominal, 8);
-        // A quarter-wave plate at 22.5° passed twice is a half-wave plate before the mirror.
-        let plate = {
-            let h = 0.5_f64.sqrt();
-            [1., 0., 0., 0., 0., h, h, 0., 0., -h, h, 0., 0., 0., 0., 1.0]
-        };
-        let samples = [
-            sample("mirror", MIRROR, &nominal, &real, 1e-4, 3),
-            sample("plate", plate, &nominal, &real, 1e-4, 4),
-        ];
-        let found = calibrate(&samples, &free).expect("a calibration");
-        for (f, want) in found.found.iter().zip(&values) {
-            if let Some(sigma) = f.sigma {
-                assert!(
-                    (f.value - want).abs() < 6.0 * sigma + 1e-9,
-                    "{}: {} {want} {sigma}",
-                    f.name,
-                    f.value
-                );
-            }
-        }
-        println!("{:?}", found.untold);
-    }
-
-    #[test]
-    fn what_cannot_be_calibrated_is_refused() {
-        let nominal = Scheme::drr(9, false).expect("a scheme");
-        let free = Parameter::all(&nominal);
-        assert_eq!(calibrate(&[], &free), Err(CalibrationError::NoSample));
-        let good = sample("air", AIR, &nominal, &nominal, 1e-3, 0);
-        let mut dark = good.clone();
-        dark.intensities.fill(0.0);
-        assert!(matches!(
-            calibrate(&[dark], &free),
-            Err(CalibrationError::Dark { .. })
-        ));
-        let mut short = good.clone();
-        short.intensities.pop();
-        assert!(matches!(
-            calibrate(&[short], &free),
-            Err(CalibrationError::Lengths { .. })
-        ));
-        let mut lost = good.clone();
-        lost.intensities[3] = f64::NAN;
-        assert!(calibrate(&[lost], &free).is_err());
-        let few = Scheme::drr(3, false).expect("a scheme");
-        let three = sample("air", AIR, &few, &few, 1e-3, 0);
-        assert!(matches!(
-            calibrate(&[three], &free),
-            Err(CalibrationError::Fit(FitError::TooFew { .. }))
-        ));
-    }
 }

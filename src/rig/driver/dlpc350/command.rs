@@ -108,6 +108,26 @@ pub enum Command {
     Source(Source),
     /// 0: the video's frames begin sequences; 1: triggers, the controller's own or from outside.
     TriggerMode(u8),
+    /// Output 1, of every pattern: edges in steps of 107.2 ns from 20.05 µs before it, 0 to 213.
+    TriggerOut1 {
+        /// Low while it is active.
+        inverted: bool,
+        /// Rising edge.
+        rise: u8,
+        /// Falling edge.
+        fall: u8,
+    },
+    /// Output 2, of the sequence: its rising edge alone.
+    TriggerOut2 {
+        /// Low while it is active.
+        inverted: bool,
+        /// Rising edge.
+        rise: u8,
+    },
+    /// Delay of input 1, steps of 107.2 ns; 19 bits.
+    TriggerIn1(u32),
+    /// Input 2 goes on at a falling edge; of trigger mode 2 alone.
+    TriggerIn2(bool),
     /// Stops, pauses or starts.
     Run(Run),
     /// Times of every pattern, microseconds: equal, or 230 µs apart.
@@ -151,6 +171,10 @@ impl Command {
             Self::PatternMode(_) => 0x1A1B,
             Self::Source(_) => 0x1A22,
             Self::TriggerMode(_) => 0x1A23,
+            Self::TriggerOut1 { .. } => 0x1A1D,
+            Self::TriggerOut2 { .. } => 0x1A1E,
+            Self::TriggerIn1(_) => 0x1A35,
+            Self::TriggerIn2(_) => 0x1A36,
             Self::Run(_) => 0x1A24,
             Self::Exposure { .. } => 0x1A29,
             Self::Config { .. } => 0x1A31,
@@ -166,7 +190,10 @@ impl Command {
     #[must_use]
     pub fn data(&self) -> Vec<u8> {
         match self {
-            Self::PatternMode(on) => vec![u8::from(*on)],
+            Self::PatternMode(on) | Self::TriggerIn2(on) => vec![u8::from(*on)],
+            Self::TriggerOut1 { inverted, rise, fall } => vec![u8::from(*inverted), *rise, *fall],
+            Self::TriggerOut2 { inverted, rise } => vec![u8::from(*inverted), *rise],
+            Self::TriggerIn1(steps) => (steps & 0x7_FFFF).to_le_bytes().to_vec(),
             Self::Source(Source::Video) | Self::Validate => vec![0],
             Self::Source(Source::Flash) => vec![3],
             Self::Run(run) => vec![*run as u8],

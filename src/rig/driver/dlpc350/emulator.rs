@@ -4,7 +4,7 @@ use super::super::line::LineError;
 use super::command::{Command, Entry, Mailbox, Question};
 use super::hid::{Assembler, HidLine, Message, REPORT};
 use super::projector::SHORTEST_US;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -42,6 +42,8 @@ struct State {
     pattern_mode: bool,
     flash: bool,
     trigger: u8,
+    /// What was told of outputs and inputs, by code.
+    triggers: BTreeMap<u16, Vec<u8>>,
     times: [u32; 2],
     config: [u8; 4],
     mailbox: u8,
@@ -78,6 +80,12 @@ impl Emulator {
         self.state().trouble = trouble;
     }
 
+    /// What it was told of a trigger, by the command's code.
+    #[must_use]
+    pub fn trigger(&self, code: u16) -> Option<Vec<u8>> {
+        self.state().triggers.get(&code).cloned()
+    }
+
     /// What light comes out, if any.
     #[must_use]
     pub fn light(&self) -> Option<Light> {
@@ -103,6 +111,18 @@ impl State {
             0x1A1B => self.pattern_mode = first == 1,
             0x1A22 => self.flash = first == 3,
             0x1A23 => self.trigger = first,
+            0x1A1D if data.len() == 3 && data[1].max(data[2]) <= 0xD5 => {
+                self.triggers.insert(code, data.to_vec());
+            }
+            0x1A1E if data.len() == 2 && data[1] <= 0xD5 => {
+                self.triggers.insert(code, data.to_vec());
+            }
+            0x1A35 if data.len() == 4 && data[3] == 0 && data[2] < 8 => {
+                self.triggers.insert(code, data.to_vec());
+            }
+            0x1A36 if data.len() == 1 => {
+                self.triggers.insert(code, data.to_vec());
+            }
             0x1A24 if first == 2 => {
                 // Only what was found good is started.
                 if self.valid.is_none_or(|v| v & 3 != 0) || self.busy > 0 {

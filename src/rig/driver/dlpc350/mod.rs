@@ -18,3 +18,4 @@ pub mod hidraw;
 pub mod projector;
 #[cfg(test)]
 mod tests;
+pub mod trigger;

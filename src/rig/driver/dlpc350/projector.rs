@@ -1,8 +1,9 @@
 //! The driver: patterns that the flash holds, one at a time.
 
 use super::super::line::LineError;
-use super::command::{Begin, Command, Entry, Mailbox, Question, Run, Source, complaints};
+use super::command::{Command, Entry, Mailbox, Question, Run, Source, complaints};
 use super::hid::{Assembler, HidLine, Message};
+use super::trigger::Triggers;
 use crate::instrument::{Failure, Fault, Identity, Instrument, Pattern, PatternProjector, ProjectorLimits};
 use std::time::{Duration, Instant};
 
@@ -10,6 +11,8 @@ use std::time::{Duration, Instant};
 pub const SIZE: [u32; 2] = [912, 1140];
 /// Shortest time of a pattern of one bit, microseconds (guide, table of pattern mode).
 pub const SHORTEST_US: u32 = 235;
+/// Black after a pattern, microseconds.
+const BLACK_US: u32 = 230;
 /// Images that flash can hold.
 const IMAGES: usize = 64;
 /// Planes of one bit in an image.
@@ -36,6 +39,7 @@ pub struct Dlpc350 {
     flash: Flash,
     period_us: u32,
     leds: u8,
+    triggers: Triggers,
     loaded: Vec<Place>,
 }
 
@@ -78,8 +82,27 @@ impl Dlpc350 {
             flash,
             period_us,
             leds,
+            triggers: Triggers::default(),
             loaded: vec![],
         })
+    }
+
+    /// The same with triggers.
+    ///
+    /// # Errors
+    /// [`Failure`] with limit: times that the controller does not have; an input, which needs 230 µs of black after a pattern, where the
+    /// period leaves none.
+    pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
+        triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
+        if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
+            let what = format!(
+                "a period of {} µs has no {BLACK_US} µs of black, which patterns that are triggered from outside need",
+                self.period_us
+            );
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.triggers = triggers;
+        Ok(self)
     }
 
     fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
@@ -164,18 +187,24 @@ impl Dlpc350 {
 
     /// Sets a sequence of one pattern that repeats, lets the controller check it, and starts it.
     fn run(&mut self, place: Place, until: Instant) -> Result<(), Failure> {
+        let outside = self.triggers.input.is_some();
+        let exposure_us = self.period_us - if outside { BLACK_US } else { 0 };
         let entry = Entry {
-            begin: Begin::Internal,
+            begin: self.triggers.begin(),
             plane: place.plane,
             bits: 1,
             leds: self.leds,
             negative: place.negative,
-            dark_after: false,
+            dark_after: outside,
             fetch: true,
             joined: false,
         };
         // The guide's order: everything is set while the sequence stands, validated last.
-        for command in [
+        let triggers = self
+            .triggers
+            .commands()
+            .map_err(|e| self.failure(Fault::Limit, e))?;
+        let before = [
             Command::Run(Run::Stop),
             Command::PatternMode(true),
             Command::Source(Source::Flash),
@@ -186,8 +215,10 @@ impl Dlpc350 {
                 images: 1,
             },
             Command::TriggerMode(1),
+        ];
+        let after = [
             Command::Exposure {
-                exposure_us: self.period_us,
+                exposure_us,
                 period_us: self.period_us,
             },
             Command::Open(Mailbox::Images),
@@ -200,8 +231,9 @@ impl Dlpc350 {
             Command::Open(Mailbox::Closed),
             Command::Leds(8),
             Command::Validate,
-        ] {
-            self.tell(&command, until)?;
+        ];
+        for command in before.iter().chain(&triggers).chain(&after) {
+            self.tell(command, until)?;
         }
         let bits = loop {
             let bits = self.ask(Question::Validation, 1, until)?[0];

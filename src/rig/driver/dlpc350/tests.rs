@@ -5,6 +5,7 @@ use super::command::{Begin, Command, Entry, Question, Run, complaints};
 use super::emulator::{Emulator, Trouble};
 use super::hid::{Assembler, HidLine, Message, REPORT};
 use super::projector::{Dlpc350, Flash, SIZE};
+use super::trigger::{Edge, Input, Output, Triggers};
 use crate::conformance;
 use crate::instrument::{Fault, Instrument, Pattern, PatternProjector};
 use proptest::prelude::*;
@@ -177,6 +178,98 @@ fn what_no_controller_can_is_refused() {
 }
 
 /// The emulator finds sequences wrong that the guide calls wrong: nothing else would test that the driver asks.
+/// Triggers are set before the sequence is checked, in steps of 107.2 ns: 0xBB is the pattern's begin (TI's own program).
+#[test]
+fn triggers_are_the_guides() {
+    let triggers = Triggers {
+        output_1: Some(Output {
+            active_low: true,
+            rise_us: 0.0,
+            fall_us: 2.787,
+        }),
+        output_2: Some(Output {
+            rise_us: -20.05,
+            ..Output::default()
+        }),
+        input: Some(Input {
+            edge: Edge::Falling,
+            delay_us: 1000.0,
+        }),
+    };
+    let (dmd, emulator) = emulated();
+    let mut dmd = dmd.with_triggers(triggers).expect("triggers");
+    dmd.load(&[stripes(1)], LONG).expect("in flash");
+    dmd.show(0, LONG).expect("shows");
+    assert_eq!(emulator.trigger(0x1A1D), Some(vec![1, 0xBB, 0xD5]));
+    assert_eq!(emulator.trigger(0x1A1E), Some(vec![0, 0]));
+    let steps = (1000.0_f64 / 0.1072).round() as u32;
+    assert_eq!(emulator.trigger(0x1A35), Some(steps.to_le_bytes().to_vec()));
+    let entry = emulator.light().expect("light").entry;
+    assert!(entry.begin == Begin::Falling && entry.dark_after);
+    // An instrument that waits for triggers conforms all the same.
+    let faults: Vec<_> = conformance::pattern_projector(&mut dmd)
+        .faults()
+        .cloned()
+        .collect();
+    assert!(faults.is_empty(), "{faults:?}");
+    let refused = |triggers: Triggers, words: &str| {
+        let told = emulated().0.with_triggers(triggers).err().expect("a fault");
+        assert!(told.fault == Fault::Limit && told.what.contains(words), "{told}");
+    };
+    let output = |rise_us, fall_us| {
+        Some(Output {
+            active_low: false,
+            rise_us,
+            fall_us,
+        })
+    };
+    for us in [-20.2, 2.9, f64::NAN, f64::INFINITY] {
+        let output_1 = output(us, 0.0);
+        refused(
+            Triggers {
+                output_1,
+                ..Triggers::default()
+            },
+            "output_1.rise_us",
+        );
+    }
+    let output_2 = output(0.0, 1.0);
+    refused(
+        Triggers {
+            output_2,
+            ..Triggers::default()
+        },
+        "no falling edge",
+    );
+    for delay_us in [-1.0, 56_300.0, f64::NAN] {
+        let input = Some(Input {
+            edge: Edge::Rising,
+            delay_us,
+        });
+        refused(
+            Triggers {
+                input,
+                ..Triggers::default()
+            },
+            "delay_us",
+        );
+    }
+    let emulator = Emulator::new(1);
+    let fast = Dlpc350::new(
+        "dmd",
+        Box::new(emulator),
+        Flash::default(),
+        1,
+        Duration::from_micros(300),
+    );
+    let input = triggers.input;
+    let told = fast.expect("a projector").with_triggers(Triggers {
+        input,
+        ..Triggers::default()
+    });
+    assert!(told.err().expect("a fault").what.contains("230 µs of black"));
+}
+
 #[test]
 fn wrong_sequences_do_not_start() {
     let mut line = Emulator::new(1);

@@ -66,6 +66,7 @@ impl Th260Counter {
                 finest_ps: f64::NAN,
                 longest: Duration::from_millis(code::LONGEST_MS as u64),
                 full: u64::from(u32::MAX),
+                tags: None,
             },
             binnings: 0,
             measurement: None,
@@ -219,6 +220,7 @@ impl Th260Counter {
         self.taken += 1;
         Ok(Histogram {
             counts,
+            records: vec![],
             pulses: pulses.round() as u64,
             number: self.taken - 1,
             timestamp_ns: begun.duration_since(self.made).as_nanos() as u64,
@@ -264,6 +266,10 @@ impl PhotonCounter for Th260Counter {
     }
 
     fn configure(&mut self, settings: &CounterSettings, _within: Duration) -> Result<(), Failure> {
+        if settings.tags {
+            let what = "its time-tagged mode is not driven; leave `time_tags` out of the plan";
+            return Err(self.failure(Fault::Limit, what));
+        }
         let measurement = Measurement::new(settings, self.limits.finest_ps, self.binnings)
             .map_err(|e| self.failure(Fault::Limit, format!("{e}; mend the plan")))?;
         if self.running.take().is_some() {

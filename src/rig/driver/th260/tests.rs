@@ -20,6 +20,7 @@ fn settings() -> CounterSettings {
         bin_ps: 50.0,
         dwell: Duration::from_millis(2),
         offset_ps: 10_010.0,
+        tags: false,
     }
 }
 
@@ -30,7 +31,7 @@ fn counter(fake: &Fake) -> Th260Counter {
 #[test]
 fn both_boards_conform() {
     for model in ["P", "N"] {
-        let report = conformance::photon_counter(&mut counter(&Fake::new(model)));
+        let report = conformance::photon_counter::photon_counter(&mut counter(&Fake::new(model)));
         println!("TimeHarp 260 {model}: {} checks", report.0.len());
         let faults: Vec<_> = report.faults().collect();
         assert!(faults.is_empty() && report.0.len() >= 14, "{model}: {faults:?}");
@@ -371,7 +372,7 @@ fn a_loaded_library_conforms() {
     assert_eq!(identity.model, "TimeHarp 260 P (930031)");
     assert_eq!(identity.serial, "1234567");
     assert_eq!(identity.firmware, "1.0, TH260Lib 3.1");
-    let report = conformance::photon_counter(&mut board);
+    let report = conformance::photon_counter::photon_counter(&mut board);
     let faults: Vec<_> = report.faults().collect();
     assert!(faults.is_empty(), "{faults:?}");
     board.configure(&settings(), WITHIN).expect("sets");

@@ -69,6 +69,8 @@ pub(super) struct ScanFile {
     pub(super) offset_ps: f64,
     #[serde(default = "ten_megahertz")]
     pub(super) rate_hz: f64,
+    #[serde(default)]
+    pub(super) time_tags: bool,
 }
 
 fn ten_megahertz() -> f64 {

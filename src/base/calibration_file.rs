@@ -1,0 +1,295 @@
+//! The file of a rig's calibration: one TOML document into which every calibration puts its tables, beside those of others.
+//!
+//! | part | keys | who reads them |
+//! |---|---|---|
+//! | elements | `name`, `source`, `sensor`, `coaxial`, `generator`, `analyzer`, `polarimetric` | schemes |
+//! | devices | `camera`, `projector`, `quality`, `covariance` | scenes, rig files |
+//! | sensor | `radiometric`, `detector.cmos` | rig files, captures |
+//! | counter | `temporal`, `detector.spad` | rig files, captures |
+
+use crate::document;
+use crate::locate::InputError;
+use crate::lock::{Lock, LockError};
+use crate::whole_file;
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, IgnoredAny};
+use std::io;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// What one calibration finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Polarizers, retarders, beamsplitter and mirrors: a capture scheme.
+    Elements,
+    /// Camera and projector.
+    Devices,
+    /// A camera's sensor.
+    Sensor,
+    /// A photon counter.
+    Counter,
+}
+
+impl Part {
+    /// In the order of the file: what has no header of its own comes first.
+    pub const ALL: [Self; 4] = [Self::Elements, Self::Devices, Self::Sensor, Self::Counter];
+
+    /// Its keys; the second is that of a table inside of the first.
+    fn keys(self) -> &'static [(&'static str, Option<&'static str>)] {
+        match self {
+            Self::Elements => &[
+                ("name", None),
+                ("source", None),
+                ("sensor", None),
+                ("coaxial", None),
+                ("generator", None),
+                ("analyzer", None),
+                ("polarimetric", None),
+            ],
+            Self::Devices => &[
+                ("camera", None),
+                ("projector", None),
+                ("quality", None),
+                ("covariance", None),
+            ],
+            Self::Sensor => &[("radiometric", None), ("detector", Some("cmos"))],
+            Self::Counter => &[("temporal", None), ("detector", Some("spad"))],
+        }
+    }
+
+    /// What a document has of this part.
+    fn of(self, all: &Table) -> Table {
+        let mut out = Table::new();
+        for (key, inner) in self.keys() {
+            let found = match (all.get(*key), inner) {
+                (Some(Value::Table(t)), Some(inner)) => t.get(*inner).map(|v| {
+                    let mut one = Table::new();
+                    one.insert((*inner).to_owned(), v.clone());
+                    Value::Table(one)
+                }),
+                (found, None) => found.cloned(),
+                _ => None,
+            };
+            if let Some(value) = found {
+                out.insert((*key).to_owned(), value);
+            }
+        }
+        out
+    }
+}
+
+/// Why nothing was written; the file is as it was.
+#[derive(Debug)]
+pub enum PutError {
+    /// There is a file of this name that is no calibration.
+    Input(InputError),
+    /// Another calibration is writing to it: who.
+    Held(String),
+    /// The file system refuses.
+    Io(io::Error),
+}
+
+impl std::fmt::Display for PutError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Input(e) => e.fmt(f),
+            Self::Held(who) => write!(f, "{who} is writing to it; wait, then repeat"),
+            Self::Io(e) => e.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for PutError {}
+
+const HEAD: &str = "# A calibration: `sunstone calibrate` and `sunstone rig calibrate` put their tables here, each beside those of the others.\n\
+                    # [camera] and [projector] are those of scene files (the world is the camera's frame, metres; opencv_matrix counts pixels\n\
+                    # as OpenCV does, (0, 0) the centre of the first), [detector] is that of rig files, and the rest that of schemes.\n\n";
+
+/// Everything that such a file may have, so that what is no calibration is told by its place.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(dead_code)] // only its shape matters
+struct Document {
+    name: IgnoredAny,
+    source: IgnoredAny,
+    sensor: IgnoredAny,
+    coaxial: IgnoredAny,
+    generator: IgnoredAny,
+    analyzer: IgnoredAny,
+    polarimetric: IgnoredAny,
+    camera: IgnoredAny,
+    projector: IgnoredAny,
+    quality: IgnoredAny,
+    covariance: IgnoredAny,
+    radiometric: IgnoredAny,
+    temporal: IgnoredAny,
+    detector: Detectors,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(dead_code)] // as above
+struct Detectors {
+    cmos: IgnoredAny,
+    spad: IgnoredAny,
+}
+
+/// What a reader wants of a calibration's text; tables that no calibration has are refused, those of other readers left aside.
+///
+/// # Errors
+/// [`InputError`] at the place.
+pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, mend: &str) -> Result<T, InputError> {
+    document::parse::<Document>(path, text, |_| mend.to_owned())?;
+    document::parse(path, text, |_| mend.to_owned())
+}
+
+/// The text of a calibration file in which a part is `text` (TOML with that part's keys alone) and the others are those of
+/// `old`, the text of the file at `path`.
+///
+/// # Errors
+/// [`InputError`] if `old` is no calibration: at the place of the first key that none has, or where it is no TOML.
+pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
+    let mend = "it is no calibration, and is left as it is: give another name, or move it away";
+    let known: Table = parse(path, old, mend)?;
+    let mut out = HEAD.to_owned();
+    for of in Part::ALL {
+        let section = if of == part {
+            text.to_owned()
+        } else {
+            let kept = of.of(&known);
+            if kept.is_empty() {
+                continue;
+            }
+            toml::to_string(&kept).map_err(|e| InputError {
+                file: path.to_owned(),
+                text: old.into(),
+                span: None,
+                message: e.to_string(),
+                help: Some(mend.to_owned()),
+            })?
+        };
+        out.push_str(section.trim_end());
+        out.push_str("\n\n");
+    }
+    out.truncate(out.trim_end().len() + 1);
+    Ok(out)
+}
+
+/// Puts a part (TOML text with its keys alone) into the calibration file at `path`, which is made if it is not there; the other
+/// parts stay as they are, but for comments. A reader sees the file before or after, never between.
+///
+/// # Errors
+/// [`PutError`]; the file is as it was.
+pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
+    // Two that read the same file and write it would lose what one of them found.
+    let _lock = Lock::take(path).map_err(|e| match e {
+        LockError::Held(who) => PutError::Held(who),
+        LockError::Io(e) => PutError::Io(e),
+    })?;
+    let old = if path.exists() {
+        document::read(path, "calibration", "give another name").map_err(PutError::Input)?
+    } else {
+        String::new()
+    };
+    let text = merged(path, &old, part, text).map_err(PutError::Input)?;
+    whole_file::write(path, text.as_bytes()).map_err(PutError::Io)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const TEXTS: [(Part, &str); 4] = [
+        (
+            Part::Elements,
+            "name = \"a\"\n[sensor]\nkind = \"intensity\"\n[[generator]]\nkind = \"polarizer\"\nangle_deg = 0.1\n",
+        ),
+        (
+            Part::Devices,
+            "[camera]\nresolution = [4, 3]\n[quality]\nviews = 2\n[covariance]\nrows = [[1.0]]\n",
+        ),
+        (
+            Part::Sensor,
+            "[radiometric]\nx = 1\n[detector.cmos]\ngain_e_per_dn = 2.5\n",
+        ),
+        (
+            Part::Counter,
+            "[temporal]\nz = \"AAAA\"\n[detector.spad]\nirf_fwhm_ps = 61.0\n",
+        ),
+    ];
+
+    fn table(text: &str) -> Table {
+        text.parse().expect("TOML")
+    }
+
+    fn put_all(path: &Path, order: &[usize]) -> String {
+        for k in order {
+            put(path, TEXTS[*k].0, TEXTS[*k].1).expect("writes");
+        }
+        std::fs::read_to_string(path).expect("reads")
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// In any order, some of them twice: every part is the one that was put last, and nothing else is there.
+        #[test]
+        fn parts_come_back(order in prop::collection::vec(0_usize..4, 1..7)) {
+            let folder = tempfile::tempdir().expect("a folder");
+            let all = table(&put_all(&folder.path().join("c.toml"), &order));
+            for (k, (part, text)) in TEXTS.iter().enumerate() {
+                let want = if order.contains(&k) { table(text) } else { Table::new() };
+                prop_assert_eq!(part.of(&all), want);
+            }
+            prop_assert_eq!(std::fs::read_dir(folder.path()).expect("lists").count(), 1);
+        }
+
+        /// Any text: a calibration or a message, and no panic.
+        #[test]
+        fn damage_is_survived(text in "[ -~\n]{0,60}", at in 0_usize..200) {
+            let folder = tempfile::tempdir().expect("a folder");
+            let mut whole = put_all(&folder.path().join("c.toml"), &[0, 1, 2, 3]);
+            let at = (0..=at.min(whole.len())).rev().find(|i| whole.is_char_boundary(*i)).unwrap_or(0);
+            whole.insert_str(at, &text);
+            let _ = merged(Path::new("c.toml"), &whole, Part::Sensor, TEXTS[2].1);
+        }
+    }
+
+    /// The same part replaces what it had found before, all of it.
+    #[test]
+    fn a_part_is_replaced_whole() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("c.toml");
+        put_all(&path, &[0, 1, 2, 3]);
+        put(&path, Part::Devices, "[camera]\nresolution = [8, 6]\n").expect("writes");
+        let all = table(&std::fs::read_to_string(&path).expect("reads"));
+        assert!(!all.contains_key("quality") && all["camera"]["resolution"][0].as_integer() == Some(8));
+        assert!(all.contains_key("temporal") && all["detector"]["cmos"]["gain_e_per_dn"].is_float());
+    }
+
+    /// What is no calibration is told by its place, and left.
+    #[test]
+    fn other_files_are_left() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("c.toml");
+        for (text, words) in [
+            ("[camera]\n[objects]\n", "c.toml:2:2: unknown field `objects`"),
+            ("[detector.emccd]\n", "unknown field `emccd`"),
+            ("[camera]\n[camera]\n", "c.toml:2:"),
+            ("[camera\n", "c.toml:1:"),
+        ] {
+            std::fs::write(&path, text).expect("writes");
+            let told = put(&path, Part::Sensor, TEXTS[2].1)
+                .expect_err("a fault")
+                .to_string();
+            assert!(
+                told.contains(words) && told.contains("another name"),
+                "{text}: {told}"
+            );
+            assert_eq!(std::fs::read_to_string(&path).expect("reads"), text);
+        }
+        let held = Lock::take(&path).expect("free");
+        assert!(matches!(put(&path, Part::Sensor, ""), Err(PutError::Held(_))));
+        drop(held);
+    }
+}

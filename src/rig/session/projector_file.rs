@@ -1,0 +1,86 @@
+//! `[projector]` of a rig file: what it can do, and of a DLPC350 its flash, diodes and triggers.
+
+use super::rig_syntax::{Driver, ProjectorFile};
+use crate::driver::dlpc350::flash;
+use crate::driver::dlpc350::projector::Flash;
+use crate::driver::dlpc350::trigger::Triggers;
+use crate::instrument::ProjectorLimits;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// What the flash of a DLPC350 holds, its diodes that shine, and its triggers.
+pub type FlashPlan = (Flash, u8, Triggers);
+
+/// What is wrong, and the mend.
+type Fault = (String, &'static str);
+
+/// Checks the table of a rig file at `path`, beside which images of the flash are.
+pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {
+    let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
+    let pixels = p.size.iter().all(|n| (1..=65_536).contains(n));
+    let shortest = Duration::try_from_secs_f64(p.shortest_ms / 1e3).ok();
+    let shortest = shortest.filter(|_| p.shortest_ms < 1e6 && pixels && (1..=8).contains(&p.bits));
+    let shortest = shortest.ok_or_else(|| ("no projector is like that".to_owned(), help))?;
+    let limits = ProjectorLimits {
+        size: p.size,
+        patterns: p.patterns,
+        bits: p.bits,
+        shortest,
+    };
+    if p.driver != Driver::Dlpc350 {
+        if p.triggers != Triggers::default() || !p.flash.is_empty() {
+            let what = "`flash` and `triggers` are of a DLPC350";
+            return Err((what.to_owned(), "take them out, or write driver = \"dlpc350\""));
+        }
+        return Ok((limits, None));
+    }
+    let beside = |f: &PathBuf| path.parent().unwrap_or(Path::new("")).join(f);
+    let files: Vec<PathBuf> = p.flash.iter().map(beside).collect();
+    let help =
+        "write the plan's patterns by `sunstone rig flash`, and name the images: flash = [\"flash_00.png\"]";
+    let held = flash::load(&files).map_err(|e| (e, help))?;
+    let triggers = p.triggers.commands();
+    triggers.map_err(|e| (format!("triggers: {e}"), "mend `triggers`, or leave them out"))?;
+    let leds = p.leds.iter().fold(0, |all, led| all | *led as u8);
+    Ok((limits, Some((held, leds, p.triggers))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rig_file::from_toml;
+    use std::path::Path;
+
+    fn read(projector: &str) -> Result<super::super::rig_file::RigPlan, String> {
+        let text = format!("[projector]\nsize = [912, 1140]\n{projector}");
+        from_toml(Path::new("r.toml"), &text).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn triggers_are_read() {
+        let text = "driver = \"dlpc350\"\ntriggers = { output_1 = { rise_us = -1 }, input = { edge = \"rising\" } }\n";
+        let (_, leds, triggers) = read(text).expect("a rig").flash.expect("a flash");
+        assert_eq!(leds, 2);
+        assert!(triggers.input.is_some() && triggers.output_1.is_some_and(|o| o.rise_us == -1.0));
+        for (projector, words) in [
+            (
+                "driver = \"dlpc350\"\ntriggers = { output_1 = { rise_us = -30 } }\n",
+                "output_1.rise_us is -30",
+            ),
+            (
+                "driver = \"dlpc350\"\ntriggers = { output_3 = {} }\n",
+                "r.toml:4:14: unknown field `output_3`",
+            ),
+            (
+                "triggers = { input = { edge = \"rising\" } }\n",
+                "are of a DLPC350",
+            ),
+            (
+                "driver = \"dlpc350\"\ntriggers = { input = { edge = \"up\" } }\n",
+                "unknown variant `up`",
+            ),
+        ] {
+            let told = read(projector).expect_err("a fault");
+            assert!(told.contains(words), "{projector}: {told}");
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! Time tags of a scan: the records of a counter's T3 mode, kept as they came, and the histograms made of them.
+//!
+//! All points of a row are one `.ptu` file in the store, `time_tags/N.ptu`: marker 1 begins a point, marker 2 ends it, and syncs
+//! are counted on from point to point. `sunstone ptu histogram … --pixels WIDTH,1 --pixel-marker 1,2` gives the row's histograms.
+//! Until its row is full, a point's tags are in a log, so that they are always in the one or the other.
+
+use crate::ptu::histogram::{Plan, histogram};
+use crate::ptu::reader::Reader;
+use crate::ptu::record::{Decoder, Event, RecordType};
+use crate::ptu::writer::{self, Description};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Cursor, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// The log of a row that is not full, in the store's folder.
+const LOG: &str = ".session.tags";
+/// The rows' folder in the store.
+const FOLDER: &str = "time_tags";
+/// Markers of a row's file.
+const BEGIN: u8 = 1;
+const END: u8 = 2;
+
+/// Records of what is kept: those of the card whose files PicoQuant's programs read with the largest `dtime`.
+pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
+
+/// What was tagged at one point: the pulses of its dwell, and every photon.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tags {
+    /// Laser pulses.
+    pub pulses: u64,
+    /// Pulse since the dwell's begin, 43 bits; time since the pulse in bins, 15 bits; channel, 6 bits.
+    photons: Vec<u64>,
+}
+
+impl Tags {
+    /// Of the records of one acquisition, whose syncs count from its begin.
+    ///
+    /// # Errors
+    /// In words: tags beyond its pulses or out of their order, and records that mean nothing.
+    pub fn new(records: &[u32], record: RecordType, pulses: u64) -> Result<Self, String> {
+        let mut decoder = Decoder::new(record);
+        let mut photons = vec![];
+        for word in records {
+            match decoder.decode(*word) {
+                Event::Photon { time, dtime, channel } if time < pulses.min(1 << 43) => {
+                    photons.push(time << 21 | u64::from(dtime) << 6 | u64::from(channel & 63));
+                }
+                Event::Photon { time, .. } => {
+                    return Err(format!("a photon came at pulse {time} of {pulses}"));
+                }
+                Event::Unknown { record } => return Err(format!("record {record:#010x} means nothing")),
+                Event::Overflow { .. } | Event::Marker { .. } | Event::Sync { .. } => {}
+            }
+        }
+        if photons
+            .iter()
+            .zip(photons.iter().skip(1))
+            .any(|(a, b)| a >> 21 > b >> 21)
+        {
+            return Err("time tags are out of their order".into());
+        }
+        Ok(Self { pulses, photons })
+    }
+
+    fn each(&self) -> impl Iterator<Item = (u64, u16, u8)> {
+        let split = |w: &u64| (w >> 21, (w >> 6 & 0x7fff) as u16, (w & 63) as u8);
+        self.photons.iter().map(split)
+    }
+
+    /// Counts by bin: what [`histogram`] makes of a file of these tags.
+    ///
+    /// # Errors
+    /// In words: a bin of 2³² − 1 counts.
+    pub fn histogram(&self, bins: usize, scale: &Scale) -> Result<Vec<u32>, String> {
+        let name = Path::new("time tags");
+        let mut bytes = Cursor::new(vec![]);
+        row(&mut bytes, scale, std::slice::from_ref(self)).map_err(|e| e.to_string())?;
+        let length = bytes.get_ref().len() as u64;
+        bytes.set_position(0);
+        let plan = Plan {
+            bin: 1,
+            bins,
+            channels: vec![0],
+            scan: None,
+        };
+        let mut reader = Reader::new(bytes, length, name).map_err(|e| e.to_string())?;
+        let found = histogram(&mut reader, &plan).map_err(|e| e.to_string())?;
+        Ok(found.counts)
+    }
+
+    /// CRC-32C of all of it.
+    #[must_use]
+    pub fn checksum(&self) -> u32 {
+        crc32c::crc32c(&self.bytes())
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let words = std::iter::once(&self.pulses).chain(&self.photons);
+        words.flat_map(|w| w.to_le_bytes()).collect()
+    }
+}
+
+/// What counts of a file are worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Width of a bin, ps.
+    pub bin_ps: f64,
+    /// Pulses a second.
+    pub rate_hz: f64,
+}
+
+impl Scale {
+    fn description(&self) -> Description {
+        Description {
+            record: RECORD,
+            resolution_s: self.bin_ps * 1e-12,
+            global_resolution_s: 1.0 / self.rate_hz,
+            sync_rate: self.rate_hz.round() as i64,
+            tags: vec![],
+        }
+    }
+}
+
+/// Writes a row's file.
+fn row<W: Write + Seek>(out: W, scale: &Scale, points: &[Tags]) -> io::Result<()> {
+    let mut writer = writer::Writer::begin(out, &scale.description())?;
+    fill(&mut writer, points)?;
+    writer.end().map(drop)
+}
+
+fn fill<W: Write + Seek>(writer: &mut writer::Writer<W>, points: &[Tags]) -> io::Result<()> {
+    let mut begin = 0;
+    for point in points {
+        writer.marker(begin, BEGIN)?;
+        for (sync, dtime, channel) in point.each() {
+            writer.photon(begin + sync, dtime, channel)?;
+        }
+        begin += point.pulses;
+        writer.marker(begin, END)?;
+    }
+    Ok(())
+}
+
+fn file_of(store: &Path, row: usize) -> PathBuf {
+    store.join(FOLDER).join(format!("{row:06}.ptu"))
+}
+
+/// The points of a row's file; `None` if it is not there, or not what [`row`] writes.
+#[must_use]
+pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
+    let mut reader = Reader::open(&file_of(store, row)).ok()?;
+    if reader.mismatch().is_some() || reader.record_type() != RECORD {
+        return None;
+    }
+    let mut out: Vec<Tags> = vec![];
+    let (mut begin, mut sound) = (None, true);
+    let read = reader.events(|event| match (event, begin) {
+        (Event::Marker { time, bits: BEGIN }, None) => {
+            begin = Some(time);
+            out.push(Tags {
+                pulses: 0,
+                photons: vec![],
+            });
+        }
+        (Event::Marker { time, bits: END }, Some(from)) => {
+            begin = None;
+            if let Some(last) = out.last_mut() {
+                last.pulses = time - from;
+            }
+        }
+        (Event::Photon { time, dtime, channel }, Some(from)) => {
+            if let Some(last) = out.last_mut() {
+                let word = (time - from) << 21 | u64::from(dtime) << 6 | u64::from(channel & 63);
+                last.photons.push(word);
+            }
+        }
+        (Event::Overflow { .. }, _) => {}
+        _ => sound = false,
+    });
+    (read.is_ok() && sound && begin.is_none() && out.len() == points).then_some(out)
+}
+
+/// Points that wait for their row, in memory and in a log.
+pub(super) struct TagLog {
+    store: PathBuf,
+    scale: Scale,
+    log: File,
+    part: Vec<Tags>,
+}
+
+impl TagLog {
+    /// An empty log in a store, over whatever is there.
+    pub(super) fn new(store: &Path, scale: Scale) -> io::Result<Self> {
+        let folder = store.join(FOLDER);
+        std::fs::create_dir_all(&folder)?;
+        // A group of the store, so that readers of Zarr know what the folder is.
+        let group = "{\n  \"zarr_format\": 3,\n  \"node_type\": \"group\",\n  \"attributes\": {}\n}\n";
+        base::whole_file::write(&folder.join("zarr.json"), group.as_bytes())?;
+        let log = OpenOptions::new()
+            .create(true)
+            .truncate(true)
+            .read(true)
+            .write(true)
+            .open(store.join(LOG))?;
+        Ok(Self {
+            store: store.to_owned(),
+            scale,
+            log,
+            part: vec![],
+        })
+    }
+
+    /// Adds a point.
+    pub(super) fn append(&mut self, frame: u32, tags: Tags) -> io::Result<()> {
+        let body = tags.bytes();
+        let mut bytes = Vec::with_capacity(body.len() + 12);
+        bytes.extend(frame.to_le_bytes());
+        bytes.extend((tags.photons.len() as u32).to_le_bytes());
+        bytes.extend(body);
+        let seal = crc32c::crc32c(&bytes);
+        bytes.extend(seal.to_le_bytes());
+        self.log.write_all(&bytes)?;
+        self.part.push(tags);
+        Ok(())
+    }
+
+    /// Waits until the disk has the log.
+    pub(super) fn sync(&self) -> io::Result<()> {
+        self.log.sync_data()
+    }
+
+    /// Empties the log: a new row begins.
+    pub(super) fn empty(&mut self) -> io::Result<()> {
+        self.part.clear();
+        self.log.set_len(0)?;
+        self.log.rewind()
+    }
+
+    /// Writes the row's file, and waits until the disk has it.
+    pub(super) fn finish_row(&self, number: usize) -> io::Result<()> {
+        let path = file_of(&self.store, number);
+        let description = self.scale.description();
+        writer::write(&path, &description, |w| fill(w, &self.part))?;
+        File::open(&path)?.sync_data()?;
+        // The new name is in the folder.
+        File::open(self.store.join(FOLDER))?.sync_data()
+    }
+}
+
+/// Points of the log, up to the first that is torn.
+#[must_use]
+pub(super) fn read_log(store: &Path) -> Vec<(u32, Tags)> {
+    let mut bytes = vec![];
+    let opened = base::input::open(&store.join(LOG));
+    if opened.and_then(|mut f| f.read_to_end(&mut bytes)).is_err() {
+        return vec![];
+    }
+    let word = |b: &[u8]| b.first_chunk().map(|b| u32::from_le_bytes(*b));
+    let (mut out, mut rest) = (vec![], &bytes[..]);
+    while let (Some(frame), Some(photons)) = (word(rest), rest.get(4..).and_then(word)) {
+        let length = 8 + 8 * (photons as usize + 1);
+        let (Some(body), Some(seal)) = (rest.get(..length), rest.get(length..).and_then(word)) else {
+            break;
+        };
+        if crc32c::crc32c(body) != seal {
+            break;
+        }
+        let words: Vec<u64> = body[8..]
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| u64::from_le_bytes(*b))
+            .collect();
+        let tags = Tags {
+            pulses: words[0],
+            photons: words[1..].to_vec(),
+        };
+        out.push((frame, tags));
+        rest = &rest[length + 4..];
+    }
+    out
+}
+
+/// Removes the log: all rows are files.
+pub(super) fn remove_log(store: &Path) -> io::Result<()> {
+    match std::fs::remove_file(store.join(LOG)) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SCALE: Scale = Scale {
+        bin_ps: 25.0,
+        rate_hz: 1e7,
+    };
+
+    fn point(pulses: u64, photons: &[(u64, u16)]) -> Tags {
+        let mut words: Vec<u64> = photons
+            .iter()
+            .map(|(sync, dtime)| (sync % pulses) << 21 | u64::from(dtime & 0x7fff) << 6)
+            .collect();
+        words.sort_unstable();
+        Tags {
+            pulses,
+            photons: words,
+        }
+    }
+
+    fn points() -> impl Strategy<Value = Vec<Tags>> {
+        let one = (
+            1_u64..200_000,
+            prop::collection::vec((any::<u64>(), any::<u16>()), 0..40),
+        );
+        prop::collection::vec(one.prop_map(|(p, photons)| point(p, &photons)), 1..5)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        /// Rows and logs come back, and a histogram is a count of the tags.
+        #[test]
+        fn tags_come_back(points in points(), cut in 0_usize..2000) {
+            let folder = tempfile::tempdir().expect("a folder");
+            let mut log = TagLog::new(folder.path(), SCALE).expect("a log");
+            for (n, p) in (7..).zip(&points) {
+                log.append(n, p.clone()).expect("writes");
+            }
+            log.finish_row(3).expect("writes");
+            prop_assert_eq!(read_row(folder.path(), 3, points.len()), Some(points.clone()));
+            prop_assert_eq!(read_row(folder.path(), 3, points.len() + 1), None);
+            let logged: Vec<(u32, Tags)> = (7..).zip(points.iter().cloned()).collect();
+            prop_assert_eq!(&read_log(folder.path()), &logged);
+            for p in &points {
+                let mut want = vec![0; 1000];
+                p.each().filter(|(_, d, _)| *d < 1000).for_each(|(_, d, _)| want[usize::from(d)] += 1);
+                prop_assert_eq!(p.histogram(1000, &SCALE).expect("a histogram"), want);
+            }
+            // Torn: what is whole is there, and nothing else.
+            let path = folder.path().join(LOG);
+            let bytes = std::fs::read(&path).expect("reads");
+            std::fs::write(&path, &bytes[..bytes.len().saturating_sub(cut)]).expect("writes");
+            let torn = read_log(folder.path());
+            prop_assert!(logged.starts_with(&torn) && (cut == 0) == (torn.len() == logged.len()));
+            let path = file_of(folder.path(), 3);
+            let bytes = std::fs::read(&path).expect("reads");
+            std::fs::write(&path, &bytes[..bytes.len() - (1 + cut).min(bytes.len())]).expect("writes");
+            prop_assert_eq!(read_row(folder.path(), 3, points.len()), None);
+        }
+
+        /// Any words of a card: tags or a message.
+        #[test]
+        fn any_records_are_survived(words in prop::collection::vec(any::<u32>(), 0..30), pulses in any::<u64>()) {
+            for record in RecordType::ALL {
+                let _ = Tags::new(&words, record, pulses);
+            }
+        }
+    }
+
+    #[test]
+    fn what_no_card_sends_is_refused() {
+        let photon = |sync: u32, dtime: u32| sync | dtime << 10;
+        let told = |words: &[u32], pulses| Tags::new(words, RECORD, pulses).expect_err("a fault");
+        assert!(told(&[photon(5, 1)], 5).contains("pulse 5 of 5"));
+        assert!(told(&[photon(5, 1), photon(4, 1)], 9).contains("order"));
+        assert!(told(&[0xC000_0000], 9).contains("means nothing"));
+        let good = Tags::new(&[photon(5, 1), photon(5, 2)], RECORD, 6).expect("tags");
+        assert_ne!(
+            good.checksum(),
+            Tags {
+                pulses: 7,
+                ..good.clone()
+            }
+            .checksum()
+        );
+    }
+}

@@ -1,0 +1,313 @@
+//! `calibration = "FILE"` of a camera or a projector: its pixels, lens and pose from the file of a calibration.
+
+use super::context::Context;
+use super::devices::{pinhole, pinhole_of};
+use base::calibration_file;
+use base::locate::{InputError, Located};
+use serde::Deserialize;
+use std::ops::Range;
+use syntax::device::{PinholeFile, ProjectorFile};
+use syntax::scene::SceneFile;
+
+const MEND: &str =
+    "name a file of `sunstone calibrate board` or `projector`; paths are relative to the scene file";
+
+/// What such a file has for a scene.
+#[derive(Deserialize)]
+struct Document {
+    camera: Option<Located<PinholeFile>>,
+    projector: Option<Located<ProjectorFile>>,
+}
+
+/// The same scene in which devices that name a calibration are those of it.
+///
+/// The file's own bytes are no part of the scene's meaning: only what it says of these devices is.
+///
+/// # Errors
+/// [`InputError`] at the key if the file cannot be read, has no such device, or is contradicted; in the file if it is wrong.
+pub(crate) fn expand(ctx: &Context, file: SceneFile) -> Result<SceneFile, InputError> {
+    let mut out = file;
+    if out.camera.calibration.is_some() {
+        let span = out.camera.span();
+        let device = camera(ctx, &out.camera)?;
+        out.camera = Located::at(span, device);
+    }
+    if let Some(place) = &out.projector
+        && let Some(key) = &place.calibration
+    {
+        let whole = projector(ctx, place, key)?;
+        out.projector = Some(Located::at(place.span(), whole));
+    }
+    Ok(out)
+}
+
+fn camera(ctx: &Context, given: &PinholeFile) -> Result<PinholeFile, InputError> {
+    let Some(key) = &given.calibration else {
+        return Ok(given.clone());
+    };
+    let (document, within) = read(ctx, key)?;
+    let Some(found) = document.camera else {
+        return Err(ctx.error(key.span(), format!("{} has no [camera]", **key), MEND));
+    };
+    let nested = found.calibration.as_ref().map(Located::span);
+    sound(&within, &found, found.span(), nested)?;
+    overlaid(ctx, key, &found, given)
+}
+
+fn projector(
+    ctx: &Context,
+    given: &ProjectorFile,
+    key: &Located<String>,
+) -> Result<ProjectorFile, InputError> {
+    if given.coaxial {
+        return Err(ctx.error(
+            key.span(),
+            "a coaxial projector takes pose, pixels and lens from the camera",
+            "take calibration out here, and name it in [camera]",
+        ));
+    }
+    let (document, within) = read(ctx, key)?;
+    let Some(found) = document.projector else {
+        return Err(ctx.error(
+            key.span(),
+            format!("{} has no [projector]", **key),
+            "calibrate it together with the camera: sunstone calibrate projector",
+        ));
+    };
+    let nested = found.calibration.as_ref().map(Located::span);
+    let device = pinhole_of(&found);
+    sound(&within, &device, found.span(), nested)?;
+    let device = overlaid(ctx, key, &device, &pinhole_of(given))?;
+    Ok(ProjectorFile {
+        irradiance: given.irradiance.clone(),
+        ..ProjectorFile::new(device)
+    })
+}
+
+/// The tables of a file, and where its own errors point.
+fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), InputError> {
+    let unreadable = |e: &dyn std::fmt::Display| {
+        ctx.error(
+            key.span(),
+            format!("cannot read {}: {e}", ctx.path(key).display()),
+            MEND,
+        )
+    };
+    let bytes = ctx.peek(key, u64::MAX).map_err(|e| unreadable(&e))?;
+    let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
+    let path = ctx.path(key);
+    let document = calibration_file::parse(&path, &text, MEND)?;
+    let wavelengths = Located::nowhere(ctx.listed.nm().to_vec());
+    Ok((document, Context::new(&path, &text, &wavelengths)?))
+}
+
+/// Refuses a device that is none, at its place in its own file.
+fn sound(
+    within: &Context,
+    device: &PinholeFile,
+    span: Range<usize>,
+    nested: Option<Range<usize>>,
+) -> Result<(), InputError> {
+    if let Some(at) = nested {
+        return Err(within.error(
+            at,
+            "a calibration takes nothing from another one",
+            "name that one in the scene",
+        ));
+    }
+    pinhole(within, device, span).map(|_| ())
+}
+
+/// What was found of a device, and what a scene may say beside: where it stands, and its aperture.
+fn overlaid(
+    ctx: &Context,
+    key: &Located<String>,
+    found: &PinholeFile,
+    given: &PinholeFile,
+) -> Result<PinholeFile, InputError> {
+    let lens = [
+        given.fov_x_deg.is_some(),
+        given.fov_y_deg.is_some(),
+        given.fx.is_some(),
+        given.fy.is_some(),
+        given.cx.is_some(),
+        given.cy.is_some(),
+        given.opencv_matrix.is_some(),
+        given.distortion.is_some(),
+        given.opencv.is_some(),
+        given.fisheye.is_some(),
+    ];
+    if lens.contains(&true) {
+        return Err(ctx.error(
+            key.span(),
+            "the lens is given by calibration, and by a key beside it",
+            "beside calibration stand pose, aperture and (of a projector) irradiance alone; take the others out",
+        ));
+    }
+    let (size, own) = (*found.resolution, *given.resolution);
+    if own != [0, 0] && own != size {
+        return Err(ctx.error(
+            key.span(),
+            format!(
+                "the device has {} × {} pixels, and was calibrated with {} × {}",
+                own[0], own[1], size[0], size[1]
+            ),
+            "leave resolution out, or calibrate with images of this size",
+        ));
+    }
+    // From here on messages point to the key.
+    fn here<T: Clone>(key: &Located<String>, value: &Located<T>) -> Located<T> {
+        Located::at(key.span(), (**value).clone())
+    }
+    let placed = given.has_pose();
+    Ok(PinholeFile {
+        calibration: None,
+        resolution: here(key, &found.resolution),
+        fov_x_deg: found.fov_x_deg.as_ref().map(|v| here(key, v)),
+        fov_y_deg: found.fov_y_deg.as_ref().map(|v| here(key, v)),
+        fx: found.fx.as_ref().map(|v| here(key, v)),
+        fy: found.fy.as_ref().map(|v| here(key, v)),
+        cx: found.cx,
+        cy: found.cy,
+        opencv_matrix: found.opencv_matrix.as_ref().map(|v| here(key, v)),
+        distortion: found.distortion.as_ref().map(|v| here(key, v)),
+        opencv: found.opencv.as_ref().map(|v| here(key, v)),
+        fisheye: found.fisheye.as_ref().map(|v| here(key, v)),
+        aperture: given
+            .aperture
+            .clone()
+            .or_else(|| found.aperture.as_ref().map(|v| here(key, v))),
+        pose: if placed {
+            given.pose.clone()
+        } else {
+            here(key, &found.pose)
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::from_text;
+    use proptest::prelude::*;
+    use std::path::Path;
+    use transport::scene::Scene;
+
+    const CAMERA: &str = "resolution = [8, 6]\nopencv_matrix = [[9.5, 0, 3.25], [0, 9.25, 2.5], [0, 0, 1]]\nopencv = [-0.1, 0.02, 0, 0, 0]\n\
+                          pose.extrinsics = { R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], t = [0, 0, 0] }\n";
+    const PROJECTOR: &str = "resolution = [6, 4]\nopencv_matrix = [[7, 0, 2.5], [0, 7, 1.5], [0, 0, 1]]\n\
+                             pose.extrinsics = { R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], t = [0.1, 0.2, 0.3] }\n";
+    const REST: &str = "[quality]\nviews = 3\n[covariance]\nrows = []\n[detector.cmos]\nread_noise_e = 2\n[sensor]\nkind = \"intensity\"\n";
+    const BY_KEY: &str = "[camera]\ncalibration = \"sub/c.toml\"\n[projector]\nirradiance = 2.0\ncalibration = \"sub/c.toml\"\n";
+
+    fn document() -> String {
+        format!("[camera]\n{CAMERA}[projector]\n{PROJECTOR}{REST}")
+    }
+
+    fn scene(text: &str, calibration: &str) -> Result<Scene, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("sub")).expect("a folder");
+        std::fs::write(folder.path().join("sub/c.toml"), calibration).expect("writes");
+        from_text(&folder.path().join("s.toml"), text).map_err(|e| e.to_string())
+    }
+
+    /// A scene that names a calibration is the one into which its tables were copied, to its very hash.
+    #[test]
+    fn tables_by_name_are_those_by_copy() {
+        let copied = format!("[camera]\n{CAMERA}[projector]\nirradiance = 2.0\n{PROJECTOR}");
+        let named = scene(BY_KEY, &document()).expect("a scene");
+        let same = scene(&copied, "").expect("a scene");
+        assert_eq!(named.sha256, same.sha256);
+        let principal = |s: &Scene| s.projector.as_ref().map(|p| p.pinhole.principal);
+        assert_eq!(named.camera.focal, same.camera.focal);
+        assert_eq!(principal(&named), principal(&same));
+        // What else stands in the file is of no matter, what it says of the camera is.
+        let other = document().replace("views = 3", "views = 4");
+        assert_eq!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
+        let other = document().replace("9.25", "9.26");
+        assert_ne!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
+        // A pose of the scene's own goes before the calibration's.
+        let placed = BY_KEY.replace(
+            "[projector]",
+            "pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n[projector]",
+        );
+        assert_eq!(scene(&placed, &document()).expect("a scene").camera.origin.z, 5.0);
+    }
+
+    #[test]
+    fn faults_are_told_where_they_are() {
+        let whole = document();
+        let in_camera = |line: &str| BY_KEY.replace("[projector]", &format!("{line}\n[projector]"));
+        let cases = [
+            (
+                BY_KEY.to_owned(),
+                whole.replace("[camera]", "[photo]"),
+                "c.toml:1:2: unknown field `photo`",
+            ),
+            (
+                BY_KEY.to_owned(),
+                format!("[projector]\n{PROJECTOR}"),
+                "s.toml:2:15: sub/c.toml has no [camera]",
+            ),
+            (
+                BY_KEY.to_owned(),
+                format!("[camera]\n{CAMERA}"),
+                "s.toml:5:15: sub/c.toml has no [projector]",
+            ),
+            (
+                BY_KEY.to_owned(),
+                whole.replace("[0, 9.25, 2.5]", "[1, 9.25, 2.5]"),
+                "c.toml:3:17: opencv_matrix is no camera matrix",
+            ),
+            (
+                BY_KEY.to_owned(),
+                whole.replace("resolution = [8, 6]", "calibration = \"d.toml\""),
+                "c.toml:2:15: a calibration takes nothing",
+            ),
+            (
+                BY_KEY.replace("c.toml", "d.toml"),
+                whole.clone(),
+                "s.toml:2:15: cannot read",
+            ),
+            (
+                in_camera("fov_x_deg = 40"),
+                whole.clone(),
+                "s.toml:2:15: the lens is given by calibration",
+            ),
+            (
+                in_camera("resolution = [8, 7]"),
+                whole.clone(),
+                "s.toml:2:15: the device has 8 × 7 pixels",
+            ),
+            (
+                BY_KEY.replace("irradiance", "coaxial = true\nirradiance"),
+                whole.clone(),
+                "s.toml:6:15: a coaxial projector",
+            ),
+            (
+                "[camera]\nfov_x_deg = 4\n".to_owned(),
+                whole.clone(),
+                "s.toml:1:1: missing field `resolution`",
+            ),
+        ];
+        for (text, calibration, words) in cases {
+            let told = scene(&text, &calibration).err().expect("a fault");
+            assert!(told.contains(words) && told.contains("mend:"), "{words}: {told}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn damage_is_survived(text in "[ -~\n]{0,40}", at in 0_usize..400) {
+            let mut whole = document();
+            whole.insert_str(at.min(whole.len()), &text);
+            let _ = scene(BY_KEY, &whole);
+        }
+
+        /// Names of files that are none.
+        #[test]
+        fn any_name_is_survived(name in "[a-z./ *]{0,12}") {
+            let _ = crate::from_text(Path::new("/nowhere/s.toml"), &format!("[camera]\ncalibration = \"{name}\"\n"));
+        }
+    }
+}
