@@ -6,6 +6,7 @@
 pub mod builder;
 pub mod bvh;
 mod crossings;
+mod departure;
 mod eight;
 mod instance;
 #[cfg(test)]

@@ -12,7 +12,6 @@
 //! A ray leaves from k u max(|p|∞, ¾ of the scene's extent) off the surface, and a line to a surface ends as far off, or k u times
 //! its length where that is more; k is the surface's own. Gaps thinner than that are told ([`crate::render::gaps`]).
 
-use super::bvh::Geometry;
 use super::ray::Surface;
 use glam::{DVec3, Vec3A};
 
@@ -63,29 +62,4 @@ pub(crate) fn met(from: DVec3, dir: Vec3A, surface: &Surface) -> (DVec3, f64) {
     }
     let t = (p - from).dot(ng) / cos;
     (from + dir * t, t * dir.length())
-}
-
-impl Geometry {
-    /// How far off a surface rays leave it, metres.
-    #[inline(always)]
-    #[must_use]
-    pub fn moved(&self, surface: &Surface) -> f32 {
-        (surface.rounding * UNIT) * surface.p.abs().max_element().max(self.least)
-    }
-
-    /// A point just off the surface on the side that `dir` leaves to, so that a ray from there misses the surface itself.
-    #[inline(always)]
-    #[must_use]
-    pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
-        surface.p + surface.ng * self.moved(surface).copysign(surface.ng.dot(dir))
-    }
-
-    /// A point just off the surface on the side that `dir` leaves to, so that a ray to there from `length` metres away misses the
-    /// surface itself.
-    #[inline(always)]
-    #[must_use]
-    pub fn reach(&self, surface: &Surface, dir: Vec3A, length: f32) -> Vec3A {
-        let off = self.moved(surface).max(surface.rounding * UNIT * length);
-        surface.p + surface.ng * off.copysign(surface.ng.dot(dir))
-    }
 }
