@@ -6,6 +6,9 @@ slows the machine slows both (but the number of cores matters: Sunstone takes al
 counts is the median over the rounds. A ratio fails if it is more than 20 % below that of results/ratios.json. One that would
 fail is measured again with more rounds before it does.
 
+Ratios are of a processor: Mitsuba's compiler makes use of AVX-512 where there is any, Sunstone does not, and memory is faster here and
+slower there. The file has those of each processor that they were written on; on another one the least of them count.
+
 - "Mitsuba, full-Mueller": the Cornell box of speed.py by the integrator of mueller_integrator.py, 16 elements over 256 bins of
   time; Sunstone's time is that of the whole command with its files;
 - "mitransient": the same scene by its `transient_path`, Stokes vectors over 256 bins; Sunstone as above (16 elements for 4);
@@ -13,7 +16,7 @@ fail is measured again with more rounds before it does.
 - "muellerkit": Lu-Chipman decomposition, computing alone;
 - "Embree, primary" and "Embree, bounce": nearest hits of rays.py's rays on 708,000 triangles, one thread.
 
-`--write` measures with more rounds and writes the file. `--power` counts our times 1.5-fold in every second round and
+`--write` measures with more rounds and writes those of the processor at hand. `--power` counts our times 1.5-fold in every second round and
 checks that each ratio fails against that of the other rounds, whose noise it therefore has.
 """
 
@@ -229,6 +232,24 @@ class Peer:
         return [other / (own * slowdown) for own, other in self.rounds]
 
 
+def processor():
+    """The processor at hand, and whether it has AVX-512."""
+    from result_file import machine
+
+    flags = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    return machine()["processor"] + (", AVX-512" if "avx512f" in flags else "")
+
+
+def written():
+    """The ratios that count here, by name: those of this processor, or the least of all; and whose they are."""
+    every = json.loads(RESULTS.read_text())
+    if processor() in every:
+        return every[processor()]["ratios"], processor()
+    names = {name for entry in every.values() for name in entry["ratios"]}
+    least = lambda name: min((e["ratios"][name] for e in every.values() if name in e["ratios"]), key=lambda r: r["ratio_median"])
+    return {name: least(name) for name in names}, f"the least of all processors, {processor()} not being among them"
+
+
 def judge(name, peer, committed):
     """Prints a ratio against its floor; true if it is not below."""
     ratio, floor = statistics.median(peer.ratios()), FLOOR * committed["ratio_median"]
@@ -264,7 +285,7 @@ def origin():
 
 
 def write(peers):
-    """The file of what is written down."""
+    """What is written down of this processor."""
     from importlib import metadata
 
     packages = ["mitsuba", "mitransient", "polanalyser", "muellerkit", "embreex"]
@@ -276,7 +297,9 @@ def write(peers):
         entries[name] = {"ratio_median": digits(middle), "ratio_quartiles": [digits(low), digits(high)], "rounds": len(peer.rounds),
                          "ours_s_median": digits(own), "theirs_s_median": digits(other)}
     head = origin() | {"versions": {name: metadata.version(name) for name in packages}}
-    RESULTS.write_text(json.dumps(entries | head, indent=1) + "\n")
+    every = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    every[processor()] = {"ratios": entries} | head
+    RESULTS.write_text(json.dumps(every, indent=1) + "\n")
 
 
 def main():
@@ -289,10 +312,11 @@ def main():
     names = [name for name in PEERS if not options.only or options.only in name]
     if not names or (options.write and options.only):
         sys.exit("no ratio to check" if not names else "all ratios are written together")
-    committed = json.loads(RESULTS.read_text()) if not (options.write or options.power) else {}
+    committed, whose = written() if not (options.write or options.power) else ({}, "")
     good, peers = True, {}
     CACHE.mkdir(parents=True, exist_ok=True)
     if committed:
+        print(f"committed: {whose}")
         print(f"{'':24} {'ratio':>8} {'committed':>10} {'floor':>8} {'rounds':>7}")
     for name in names:
         with tempfile.TemporaryDirectory(dir=CACHE) as folder:
