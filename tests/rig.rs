@@ -922,11 +922,13 @@ fn still_frames_calibrate_the_sensor() {
 /// The elements go into the file that has the sensor; everything that reads calibrations reads it as it is.
 fn one_file_for_all(bench: &Bench, file: &Path) {
     let sensor = std::fs::read_to_string(file).expect("reads");
+    let plan = CAMERA.replace("captures = 6", "captures = 16");
+    std::fs::write(bench.path("full.toml"), plan).expect("writes");
     for sample in ["air", "mirror"] {
         let store = format!("{sample}.zarr");
         assert!(
             bench
-                .run("camera.toml", &store, &["--sample", sample])
+                .run("full.toml", &store, &["--sample", sample])
                 .status
                 .success()
         );
