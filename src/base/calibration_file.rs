@@ -147,7 +147,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, mend: &str) -> Result
 /// `old`, the text of the file at `path`.
 ///
 /// # Errors
-/// [`InputError`] if `old` is no calibration: at the place of the first key that none has, or where it is no TOML.
+/// [`InputError`] if `old` is no calibration: at the place of a key that none has, or where it is no TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
     let mend = "it is no calibration, and is left as it is: give another name, or move it away";
     let known: Table = parse(path, old, mend)?;

@@ -273,7 +273,7 @@ fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
     let found = calibrate(&samples, &Parameter::all(&nominal)).expect("a calibration");
     let words = found.untold.join("; ");
     assert!(
-        words.contains("galvo index at 450 nm") && words.contains("together"),
+        words.contains("galvo absorption at 450 nm") && words.contains("together"),
         "{words}"
     );
 }
