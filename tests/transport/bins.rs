@@ -337,8 +337,8 @@ fn in_a_medium_as_quadrature_says() {
     });
 }
 
-/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². A bin without any
-/// has that of all bins of its pixel.
+/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². No bin's is
+/// less than that of all bins of its pixel: where few samples met weak light alone, their errors know nothing of the rest.
 fn hits(of: &Bins) -> Vec<f64> {
     let inner = of.mean.len() / (SIZE * SIZE) as usize;
     let mut hits = vec![];
