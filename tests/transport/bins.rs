@@ -143,11 +143,12 @@ impl Found {
         }
     }
 
-    /// No bin is 5 sigma off, and those of many hits together are not either: z² has a mean of 1 and, errors being estimated from
+    /// No bin is 5 sigma off (6 in longer runs, of which every few have one of their 100,000 bins with light beyond 5), and those of many hits together are not either: z² has a mean of 1 and, errors being estimated from
     /// as few as [`MANY`] hits, a variance of 3.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
-        self.most < 5.0 && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
+        let most = if samples(1) > 1 { 6.0 } else { 5.0 };
+        self.most < most && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
     }
 }
 
@@ -206,7 +207,7 @@ fn holds(
 ) {
     let found = against(of, spp, start_ps, points, NONE, &see);
     println!("{what}: {found:?}");
-    assert!(found.iter().all(|f| f.agrees()), "{what}: {found:?}");
+    assert!(found.iter().all(Found::agrees), "{what}: {found:?}");
     for fault in [
         Fault {
             ps: BIN_PS / 2.0,
@@ -217,7 +218,7 @@ fn holds(
         let found = against(of, spp, start_ps, points, fault, &see);
         println!("{what}, planted {} ps, {} px: {found:?}", fault.ps, fault.px);
         assert!(
-            !found.iter().all(|f| f.agrees()),
+            !found.iter().all(Found::agrees),
             "{what}: a planted error is not found"
         );
     }
@@ -362,13 +363,13 @@ fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
         ..Found::default()
     };
     let (one, other) = (hits(a), hits(b));
-    for i in 0..a.mean.len() {
+    for (i, one) in one.iter().enumerate() {
         let j = (i + fault) % a.mean.len();
         let [(m, e), (n, f)] = [(a.mean[i], a.error[i]), (b.mean[j], b.error[j])];
         if m == 0.0 && n == 0.0 {
             continue;
         }
-        let sigma = e.hypot(f).hypot(one[i]).hypot(other[j]);
+        let sigma = e.hypot(f).hypot(*one).hypot(other[j]);
         found.add(m - n, sigma, e < m / MANY.sqrt() && f < n / MANY.sqrt());
     }
     found
