@@ -338,25 +338,21 @@ fn in_a_medium_as_quadrature_says() {
     });
 }
 
-/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². No bin's is
-/// less than that of all bins of its pixel: where few samples met weak light alone, their errors know nothing of the rest.
+/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². The most of that in
+/// the bins around: of few hits, all may be weak ones, and their error knows nothing of the rest.
 fn hits(of: &Bins) -> Vec<f64> {
-    let inner = of.mean.len() / (SIZE * SIZE) as usize;
-    let mut hits = vec![];
-    for (means, errors) in of.mean.chunks(inner).zip(of.error.chunks(inner)) {
-        let squares: f64 = errors.iter().map(|e| e * e).sum();
-        let all = squares / means.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        hits.extend(
-            means
-                .iter()
-                .zip(errors)
-                .map(|(m, e)| if *m > 0.0 { e * e / m } else { all }),
-        );
-    }
-    hits
+    const AROUND: usize = 8;
+    let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
+    let n = of.mean.len();
+    let most = |i: usize| {
+        (i.saturating_sub(AROUND)..(i + AROUND + 1).min(n))
+            .map(one)
+            .fold(0.0, f64::max)
+    };
+    (0..n).map(most).collect()
 }
 
-/// Two renders, bin by bin. The error of few hits is widened by that of one more on either side.
+/// Two renders, bin by bin. Each error is at least that of as many hits as the better known mean is worth, and of one.
 fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     let mut found = Found {
         bins: a.mean.len(),
@@ -369,8 +365,13 @@ fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
         if m == 0.0 && n == 0.0 {
             continue;
         }
-        let sigma = e.hypot(f).hypot(*one).hypot(other[j]);
-        found.add(m - n, sigma, e < m / MANY.sqrt() && f < n / MANY.sqrt());
+        let mean = if e * n < f * m { m } else { n };
+        let known = e < m / MANY.sqrt() && f < n / MANY.sqrt();
+        let least = |error: f64, hit: f64| {
+            let few = if known { 0.0 } else { mean * hit + hit * hit };
+            few.max(error * error)
+        };
+        found.add(m - n, (least(e, *one) + least(f, other[j])).sqrt(), known);
     }
     found
 }
