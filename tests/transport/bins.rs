@@ -143,12 +143,11 @@ impl Found {
         }
     }
 
-    /// No bin is 5 sigma off (6 in longer runs, of which every few have one of their 100,000 bins with light beyond 5), and those of many hits together are not either: z² has a mean of 1 and, errors being estimated from
+    /// No bin is 5 sigma off, and those of many hits together are not either: z² has a mean of 1 and, errors being estimated from
     /// as few as [`MANY`] hits, a variance of 3.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
-        let most = if samples(1) > 1 { 6.0 } else { 5.0 };
-        self.most < most && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
+        self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
     }
 }
 
