@@ -84,7 +84,7 @@ fn deviations_in_media_are_as_stated() {
     let fog = FOG
         .replace("[0.4, 0.7, 1.0]", "0.7")
         .replace("[0.1, 0.05, 0.2]", "0.1");
-    let text = box_of(192, 6, &format!("none.null = {{}}\n{fog}phase.rayleigh = {{}}\n"))
+    let text = box_of(256, 6, &format!("none.null = {{}}\n{fog}phase.rayleigh = {{}}\n"))
         + "[[objects]]\nmaterial = \"none\"\ninterior = \"fog\"\n\
            shape.cube = { min = [-0.9, -0.9, -0.9], max = [0.9, 0.9, 0.9] }\n\
            [[objects]]\nmaterial = \"red\"\nshape.sphere = { center = [0.1, -0.2, 0.1], radius = 0.3 }\n";
