@@ -147,7 +147,7 @@ impl Found {
     /// as few as [`MANY`] hits, a variance of 3.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
-        self.most < 5.0 && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
+        self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
     }
 }
 
@@ -206,7 +206,7 @@ fn holds(
 ) {
     let found = against(of, spp, start_ps, points, NONE, &see);
     println!("{what}: {found:?}");
-    assert!(found.iter().all(|f| f.agrees()), "{what}: {found:?}");
+    assert!(found.iter().all(Found::agrees), "{what}: {found:?}");
     for fault in [
         Fault {
             ps: BIN_PS / 2.0,
@@ -217,7 +217,7 @@ fn holds(
         let found = against(of, spp, start_ps, points, fault, &see);
         println!("{what}, planted {} ps, {} px: {found:?}", fault.ps, fault.px);
         assert!(
-            !found.iter().all(|f| f.agrees()),
+            !found.iter().all(Found::agrees),
             "{what}: a planted error is not found"
         );
     }
@@ -337,39 +337,40 @@ fn in_a_medium_as_quadrature_says() {
     });
 }
 
-/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². A bin without any
-/// has that of all bins of its pixel.
+/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². The most of that in
+/// the bins around: of few hits, all may be weak ones, and their error knows nothing of the rest.
 fn hits(of: &Bins) -> Vec<f64> {
-    let inner = of.mean.len() / (SIZE * SIZE) as usize;
-    let mut hits = vec![];
-    for (means, errors) in of.mean.chunks(inner).zip(of.error.chunks(inner)) {
-        let squares: f64 = errors.iter().map(|e| e * e).sum();
-        let all = squares / means.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        hits.extend(
-            means
-                .iter()
-                .zip(errors)
-                .map(|(m, e)| if *m > 0.0 { e * e / m } else { all }),
-        );
-    }
-    hits
+    const AROUND: usize = 8;
+    let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
+    let n = of.mean.len();
+    let most = |i: usize| {
+        (i.saturating_sub(AROUND)..(i + AROUND + 1).min(n))
+            .map(one)
+            .fold(0.0, f64::max)
+    };
+    (0..n).map(most).collect()
 }
 
-/// Two renders, bin by bin. The error of few hits is widened by that of one more on either side.
+/// Two renders, bin by bin. Each error is at least that of as many hits as the better known mean is worth, and of one.
 fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     let mut found = Found {
         bins: a.mean.len(),
         ..Found::default()
     };
     let (one, other) = (hits(a), hits(b));
-    for i in 0..a.mean.len() {
+    for (i, one) in one.iter().enumerate() {
         let j = (i + fault) % a.mean.len();
         let [(m, e), (n, f)] = [(a.mean[i], a.error[i]), (b.mean[j], b.error[j])];
         if m == 0.0 && n == 0.0 {
             continue;
         }
-        let sigma = e.hypot(f).hypot(one[i]).hypot(other[j]);
-        found.add(m - n, sigma, e < m / MANY.sqrt() && f < n / MANY.sqrt());
+        let mean = if e * n < f * m { m } else { n };
+        let known = e < m / MANY.sqrt() && f < n / MANY.sqrt();
+        let least = |error: f64, hit: f64| {
+            let few = if known { 0.0 } else { mean * hit + hit * hit };
+            few.max(error * error)
+        };
+        found.add(m - n, (least(e, *one) + least(f, other[j])).sqrt(), known);
     }
     found
 }

@@ -238,6 +238,37 @@ impl Slab {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
+    /// The same under a pane that reflects and passes light of a cosine by these matrices, from either side; what leaves
+    /// downward is not worked out. Adding, with a layer that sends light on along single directions: between the two, with light U that
+    /// goes up and D = P U that the pane sends back, U = R (1 + w D).
+    pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
+        let panes: Vec<[M; 2]> = self.nodes.iter().map(|(mu, _)| pane(*mu)).collect();
+        let along = |which: usize, weighted: bool| {
+            Square::from_fn(4 * self.nodes.len(), |i, j| {
+                let weight = if weighted { self.nodes[i / 4].1 } else { 1.0 };
+                if i / 4 == j / 4 {
+                    weight * panes[i / 4][which][(i % 4, j % 4)]
+                } else {
+                    0.0
+                }
+            })
+        };
+        let (back, through) = (along(0, true), along(1, false));
+        let modes = self.modes.iter().map(|mode| {
+            let up = mode.reflect.dot(&back).solve_one_minus(mode.reflect.clone());
+            Mode {
+                order: mode.order,
+                reflect: through.dot(&up).dot(&through),
+                transmit: mode.transmit.clone(),
+            }
+        });
+        Self {
+            nodes: self.nodes.clone(),
+            tau: self.tau,
+            modes: modes.collect(),
+        }
+    }
+
     /// Power that leaves up and down (diffuse light and what went straight through) over what enters.
     pub fn shares(&self, mu_in: f64) -> [f64; 2] {
         let zeroth = self.modes.iter().find(|m| m.order == 0).expect("order 0");
