@@ -10,7 +10,7 @@ use syntax::emitter::*;
 use syntax::instance::*;
 use syntax::material::*;
 use syntax::medium::*;
-use syntax::scene::{RenderFile, SceneFile};
+use syntax::scene::{GapsFile, RenderFile, SceneFile};
 use syntax::shape::*;
 use syntax::slice::*;
 use syntax::texture::*;
@@ -728,6 +728,7 @@ impl Choices<'_> {
                 rr_depth: self.whole(),
                 integrator: [Integrator::Path, Integrator::Bidirectional][self.below(2) as usize],
                 manifold: self.some(Self::yes),
+                gaps: [GapsFile::Refuse, GapsFile::Warn][self.below(2) as usize],
                 seed: self.word() >> 1,
                 tile: self.whole().into(),
             },

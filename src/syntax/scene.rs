@@ -86,6 +86,9 @@ pub struct RenderFile {
     /// Look for emitters through smooth interfaces that bend light, such as glass and water; absent: unless `integrator` is
     /// `path`.
     pub manifold: Option<bool>,
+    /// What becomes of scenes in which surfaces touch, or are nearer together than single precision tells.
+    #[serde(skip_serializing_if = "is_default")]
+    pub gaps: GapsFile,
     /// Key of the random streams.
     #[serde(skip_serializing_if = "is_default")]
     pub seed: u64,
@@ -93,6 +96,17 @@ pub struct RenderFile {
     #[serde(skip_serializing_if = "defaults::is_tile")]
     #[schemars(range(min = 1, max = 512))]
     pub tile: Located<u32>,
+}
+
+/// What becomes of scenes in which light is lost in gaps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GapsFile {
+    /// They are refused.
+    #[default]
+    Refuse,
+    /// They are rendered without the light that is lost, and the gap is told.
+    Warn,
 }
 
 impl Default for RenderFile {
@@ -104,6 +118,7 @@ impl Default for RenderFile {
             rr_depth: defaults::rr_depth(),
             integrator: Integrator::Auto,
             manifold: None,
+            gaps: GapsFile::Refuse,
             seed: 0,
             tile: defaults::tile(),
         }

@@ -28,7 +28,18 @@ const NUMBERS: usize = 48;
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
-    let options = ["--seed", seed, "--spp", spp, "--no-figures", "-o", store];
+    // Independent samples, so that errors say what the noise of fewer is.
+    let options = [
+        "--seed",
+        seed,
+        "--spp",
+        spp,
+        "--replicates",
+        spp,
+        "--no-figures",
+        "-o",
+        store,
+    ];
     run(at, &[&["render", "scene.toml"], &options[..]].concat(), 0);
 }
 

@@ -6,6 +6,8 @@ use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
 const SPP: f64 = 32.0;
+/// Groups of samples that are independent.
+const GROUPS: f64 = 16.0;
 
 const SLICES: &str = r#"
 [[slices]]
@@ -38,6 +40,7 @@ fn two_seeds_pool_exactly() {
     let [a, b, ab] =
         ["a.zarr", "b.zarr", "ab.zarr"].map(|p| TensorStore::open(&at.join(p)).expect("a store"));
     assert_eq!(ab.attributes()["samples_per_pixel"], 2.0 * SPP);
+    assert_eq!(ab.attributes()["replicates_per_pixel"], 2.0 * GROUPS);
     assert_eq!(ab.attributes()["seeds"], serde_json::json!([1, 2]));
     assert!(
         ab.read_samples([0, 0], [32, 32])
@@ -64,12 +67,12 @@ fn two_seeds_pool_exactly() {
                 "{slice}: {} not {want}",
                 m[i]
             );
-            // Σ(x - m)² of all samples: that of each half about its mean, and of the means about the common one.
-            let squares =
-                (ea * ea + eb * eb) * SPP * (SPP - 1.0) + SPP * ((ma - want).powi(2) + (mb - want).powi(2));
+            // Σ(x - m)² of all groups: that of each half about its mean, and of the means about the common one.
+            let squares = (ea * ea + eb * eb) * GROUPS * (GROUPS - 1.0)
+                + GROUPS * ((ma - want).powi(2) + (mb - want).powi(2));
             let want = match slice {
                 "coarse" => (ea * ea + eb * eb).sqrt() / 2.0,
-                _ => (squares / (2.0 * SPP * (2.0 * SPP - 1.0))).sqrt(),
+                _ => (squares / (2.0 * GROUPS * (2.0 * GROUPS - 1.0))).sqrt(),
             };
             assert!(
                 (f64::from(e[i]) - want).abs() <= 1e-5 * want,

@@ -131,6 +131,8 @@ fn malus_by_two_brewster_reflections() {
             + &plate(p2, p(0.0, 0.0, -1.0) - toward, 0.02, "glass")
             + &plate(p3, facing, 0.02, "white")
             + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
+        // Each sample by itself, since their spread says how often light came.
+        let text = text.replacen("[render]", &format!("[render]\nreplicates = {SPP}"), 1);
         let r = render_text(&text);
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
         // Screen of radiance 1; both plates pass s alone; Stokes of the s-vector's direction in the camera's frame.

@@ -170,7 +170,8 @@ fn honest(what: &str, scene: &mut Scene, groups: u32, left_out: f64) {
                 );
                 continue;
             }
-            if variation > (0.15 * 0.15 + normal) * error * error {
+            let ever_dark = runs.iter().any(|r| r[1][i] == 0.0);
+            if ever_dark || variation > (0.15 * 0.15 + normal) * error * error {
                 dropped += 1;
                 continue;
             }

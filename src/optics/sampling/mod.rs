@@ -3,6 +3,7 @@
 pub mod beckmann;
 pub mod gamma;
 pub mod microfacet;
+pub mod mix;
 pub mod nets;
 pub mod stream;
 pub mod warp;

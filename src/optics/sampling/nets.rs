@@ -6,7 +6,7 @@
 //! net for each pair of numbers and shifts it by chance once more, digit by digit, so that every number is uniform
 //! and what is estimated has no bias, however few nets there are.
 
-use super::stream::mix;
+use super::mix::mix;
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::array::from_fn;

@@ -5,6 +5,7 @@
 //! independent, every error bar is honest at any count, and renders of different seeds pool exactly. No state is
 //! shared, so the answer does not depend on threads, tiles or resumption.
 
+use super::mix::mix;
 use super::nets::{MOST_BITS, Nets, POINTS, nets};
 use rand_core::{Rng, TryRng};
 use rand_pcg::Pcg32;
@@ -115,15 +116,6 @@ impl Strata {
 #[inline]
 fn unit(raw: u32) -> f32 {
     (raw >> 8) as f32 * (1.0 / 16_777_216.0)
-}
-
-/// SplitMix64's finalizer (Steele, Lea & Flood 2014): a bijection that spreads every input bit over the output.
-#[inline]
-#[must_use]
-pub fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 impl Stream {

@@ -6,7 +6,8 @@
 //! free-running diode's dead time ties neighbours together: its counts are dealt to pulses independently, which
 //! keeps histograms and loses that tie.
 
-use optics::sampling::stream::{Stream, mix};
+use optics::sampling::mix::mix;
+use optics::sampling::stream::Stream;
 use polarimetry::capture::detector::error::DetectorError;
 use polarimetry::capture::detector::spad::{Mode, Spad};
 

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use syntax::Syntax;
 use syntax::device::EmitterFile;
-use syntax::scene::{RenderFile, SceneFile};
+use syntax::scene::{GapsFile, RenderFile, SceneFile};
 use syntax::shape::ObjectFile;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
@@ -109,7 +109,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         ));
     }
     let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
-    let scene = Scene::new(SceneTables {
+    let mut scene = Scene::new(SceneTables {
         name,
         wavelengths: ctx.wavelengths.clone(),
         geometry,
@@ -131,10 +131,14 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         text: ctx.text.to_string(),
         notes: std::mem::take(&mut ctx.notes),
     });
-    match narrowest(&scene) {
-        Some(gap) => Err(too_narrow(ctx, file, &names, &gap)),
-        None => Ok(scene),
+    if let Some(gap) = narrowest(&scene) {
+        let fault = too_narrow(ctx, file, &names, &gap);
+        if file.render.gaps == GapsFile::Refuse {
+            return Err(fault);
+        }
+        scene.notes.push(fault.message);
     }
+    Ok(scene)
 }
 
 /// A gap that single precision does not know, with the objects on both sides as far as they are known.
@@ -169,7 +173,8 @@ fn too_narrow(ctx: &mut Context, file: &SceneFile, names: &BTreeMap<&str, u32>, 
              and light would be lost",
             gap.width, gap.least
         ),
-        "leave more room between the two (or let objects with an interior overlap), or put the scene nearer to the origin",
+        "leave more room between the two (or let objects with an interior overlap), or put the scene nearer to the origin; \
+         `gaps = \"warn\"` in [render] goes without that light",
     )
 }
 

@@ -10,7 +10,7 @@
 //! that the result depends neither on threads nor on how a file is cut.
 
 use super::moments::{MatrixRow, Moments};
-use optics::sampling::stream::mix;
+use optics::sampling::mix::mix;
 
 /// Greatest magnitude of a normalised element: 1, and 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
