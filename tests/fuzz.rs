@@ -97,7 +97,7 @@ fn room() -> String {
     );
     text.push_str("[[emitters]]\npoint = { position = [0, 1.5, 1], intensity = 2 }\n");
     text.push_str(
-        "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [0.3, 0, 0], max = [0.6, 0.4, 0.3] }\n",
+        "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [0.3, 0.01, 0], max = [0.6, 0.4, 0.3] }\n",
     );
     text.push_str("[[objects]]\nmaterial = \"gold\"\nshape.cylinder = { p0 = [0, 0, 0], p1 = [0, 0.5, 0], radius = 0.1, caps = true }\n");
     text.push_str("transform = { scale = [1, 2, 1], rotate_deg = [0, 20, 5], translate = [-0.3, 0, 0.2] }\n");

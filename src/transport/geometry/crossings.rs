@@ -77,9 +77,13 @@ impl Visit for All<'_> {
 }
 
 impl Geometry {
-    /// All hits closer than `tmax`, in no order; of a quadric the nearer one alone, and rims of triangles left out.
+    /// All hits closer than `tmax` (finite, as the ray is; else none), in no order; of a quadric the nearer one alone, and rims of triangles left out.
     #[must_use]
     pub fn crossings(&self, ray: &Ray, tmax: f32) -> Vec<Hit> {
+        // Boxes of a tree are told apart by comparisons, which hold for no NaN.
+        if !(ray.origin.is_finite() && ray.dir.is_finite() && tmax.is_finite()) {
+            return vec![];
+        }
         let mut all = All::new(self, ray, Owner::WORLD);
         self.tree.traverse::<false>(ray, tmax, &mut all);
         all.found.retain(|hit| self.is_inside(hit));
