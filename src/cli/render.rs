@@ -30,7 +30,7 @@ pub struct Arguments {
     /// Samples per camera pixel, instead of the scene's.
     #[arg(long)]
     spp: Option<u32>,
-    /// Least number of independent groups of samples, instead of the scene's: fewer than 16 give less noise, and errors that are
+    /// Least number of independent groups of samples, instead of the scene's: fewer than 32 give less noise, and errors that are
     /// known less well.
     #[arg(long)]
     replicates: Option<u32>,

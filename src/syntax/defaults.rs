@@ -20,7 +20,7 @@ defaults! {
     wavelengths, is_wavelengths: Located<Vec<f64>> =
         Located::nowhere(optics::spectrum::Wavelengths::default().nm().to_vec());
     spp, is_spp: Located<u32> = Located::nowhere(64);
-    replicates, is_replicates: Located<u32> = Located::nowhere(16);
+    replicates, is_replicates: Located<u32> = Located::nowhere(32);
     max_depth, is_max_depth: Located<u32> = Located::nowhere(6);
     rr_depth, is_rr_depth: u32 = 5;
     tile, is_tile: Located<u32> = Located::nowhere(32);

@@ -5,9 +5,9 @@ use std::path::Path;
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
-const SPP: f64 = 32.0;
+const SPP: f64 = 64.0;
 /// Groups of samples that are independent.
-const GROUPS: f64 = 16.0;
+const GROUPS: f64 = 32.0;
 
 const SLICES: &str = r#"
 [[slices]]

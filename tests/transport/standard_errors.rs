@@ -32,18 +32,17 @@ projector = { nonepipolar = { half_width_px = 0.5 } }
 
 /// z = (mean - mean over seeds) / standard error, with the factor √(S/(S-1)) for the mean over seeds holding the seed
 /// itself. An element has enough hits if its standard error hardly varies from seed to seed (by less than 15 %: for n
-/// samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n; what n normal ones vary by, √(½/(n - 1)), is
-/// allowed besides, which counts where they are 16 groups of stratified samples): a handful of bright hits do not make a
+/// samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n): a handful of bright hits do not make a
 /// Gaussian. That choice looks at no deviation, so it cannot favour good ones.
 #[test]
 fn deviations_between_seeds_are_as_stated() {
     room(Integrator::Path, 256);
 }
 
-/// The same of samples that are stratified in 16 groups.
+/// The same of samples that are stratified in 32 groups of 8.
 #[test]
 fn deviations_of_groups_are_as_stated() {
-    room(Integrator::Path, 16);
+    room(Integrator::Path, 32);
 }
 
 /// The same where plain paths and samples of redirected light are added, 16 of these.
@@ -60,7 +59,6 @@ fn room(integrator: Integrator, replicates: u32) {
     honest(
         &format!("mirror room, {integrator:?}, {replicates}"),
         &mut scene,
-        replicates,
         1.0,
     );
 }
@@ -88,7 +86,7 @@ fn box_of(spp: u32, depth: u32, more: &str) -> String {
 /// Paths from both ends: their splats into other pixels, too, are samples of these pixels alone.
 #[test]
 fn deviations_of_bidirectional_paths_are_as_stated() {
-    honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), 256, LEFT_OUT);
+    honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), LEFT_OUT);
 }
 
 /// Light scattered in a medium around a ball, from both ends.
@@ -101,7 +99,7 @@ fn deviations_in_media_are_as_stated() {
         + "[[objects]]\nmaterial = \"none\"\ninterior = \"fog\"\n\
            shape.cube = { min = [-0.9, -0.9, -0.9], max = [0.9, 0.9, 0.9] }\n\
            [[objects]]\nmaterial = \"red\"\nshape.sphere = { center = [0.1, -0.2, 0.1], radius = 0.3 }\n";
-    honest("media", &mut scene_of(&text), 256, LEFT_OUT);
+    honest("media", &mut scene_of(&text), LEFT_OUT);
 }
 
 /// Light that many scatterings polarize: a Rayleigh slab of depth 4, seen from below.
@@ -115,7 +113,7 @@ fn deviations_of_slabs_are_as_stated() {
            [media.m.homogeneous]\nscattering = 1.0\nabsorption = 0.0\nphase.rayleigh = {}\n[materials.b.null]\n\
            [[objects]]\nmaterial = \"b\"\ninterior = \"m\"\nshape.cube = { min = [-40, -40, -4], max = [40, 40, 0] }\n\
            [[slices]]\nname = \"mueller\"\npolarization = \"mueller\"\n";
-    honest("slab", &mut scene_of(&text), 512, LEFT_OUT);
+    honest("slab", &mut scene_of(&text), LEFT_OUT);
 }
 
 /// Ways through glass and over a mirror, looked for and weighed against walks. (Intensities alone: what a mirror polarizes is
@@ -129,13 +127,11 @@ fn deviations_of_manifolds_are_as_stated() {
         + "[[objects]]\nmaterial = \"mirror\"\n\
            shape.rectangle = { corner = [-0.99, -1, -1], u = [0, 0, 2], v = [0, 2, 0] }\n\
            [[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [0, -0.9, 0.3], max = [0.6, 0.2, 0.4] }\n";
-    honest("manifold", &mut scene_of(&text), 256, LEFT_OUT);
+    honest("manifold", &mut scene_of(&text), LEFT_OUT);
 }
 
 /// At most a share `left_out` of the elements with light has too few hits.
-/// `groups`: of how many independent ones errors are estimated.
-fn honest(what: &str, scene: &mut Scene, groups: u32, left_out: f64) {
-    let normal = 0.5 / f64::from(groups - 1);
+fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     let names: Vec<String> = scene.slices.iter().map(|s| s.name.clone()).collect();
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];
     let seeds = std::env::var("SEEDS").map_or(SEEDS, |n| n.parse().expect("a number of seeds"));
@@ -171,7 +167,7 @@ fn honest(what: &str, scene: &mut Scene, groups: u32, left_out: f64) {
                 continue;
             }
             let ever_dark = runs.iter().any(|r| r[1][i] == 0.0);
-            if ever_dark || variation > (0.15 * 0.15 + normal) * error * error {
+            if ever_dark || variation.sqrt() > 0.15 * error {
                 dropped += 1;
                 continue;
             }

@@ -53,7 +53,7 @@ impl Group {
     /// The largest group, up to 64 samples, of which `samples` are at least `replicates` and no part of one.
     #[must_use]
     pub fn of(samples: u32, replicates: u32) -> Self {
-        let fits = |bits: u32| samples % (1 << bits) == 0 && samples >> bits >= replicates;
+        let fits = |bits: u32| samples.is_multiple_of(1 << bits) && samples >> bits >= replicates;
         Self {
             bits: (0..=MOST_BITS).rev().find(|bits| fits(*bits)).unwrap_or(0),
         }
@@ -62,7 +62,7 @@ impl Group {
     /// Its samples.
     #[inline]
     #[must_use]
-    pub fn len(self) -> u32 {
+    pub fn size(self) -> u32 {
         1 << self.bits
     }
 
@@ -151,7 +151,7 @@ impl Stream {
             stream.strata = Strata {
                 nets: nets(group.bits),
                 key: mix(key ^ u64::from(group.number(sample))),
-                index: sample & (group.len() - 1),
+                index: sample & (group.size() - 1),
                 bits: group.bits,
                 next: 0,
                 end: 2,
@@ -246,7 +246,7 @@ mod tests {
 
     /// Numbers of a group's samples: one in each stratum of each number, and of the boxes of each pair.
     fn of_group(group: Group, seed: u64, number: u32) -> Vec<[f32; 20]> {
-        let first = number * group.len();
+        let first = number * group.size();
         let draw = |sample| {
             let mut stream = Stream::stratified(seed, 3, sample, group);
             let mut out = [0.0; 20];
@@ -264,7 +264,7 @@ mod tests {
             }
             out
         };
-        (first..first + group.len()).map(draw).collect()
+        (first..first + group.size()).map(draw).collect()
     }
 
     #[test]
@@ -272,11 +272,11 @@ mod tests {
         for bits in 1..=MOST_BITS {
             let group = Group { bits };
             let samples = of_group(group, 5, 7);
-            let n = group.len() as f32;
+            let n = group.size() as f32;
             let strata = |k: usize| {
                 let mut all: Vec<u32> = samples.iter().map(|s| (s[k] * n) as u32).collect();
                 all.sort_unstable();
-                all.into_iter().eq(0..group.len())
+                all.into_iter().eq(0..group.size())
             };
             assert!((0..9).chain(11..18).all(strata), "{bits}");
             // 0.5 is missed by chance: of 64 independent numbers hardly ever one falls into each stratum.
@@ -336,9 +336,9 @@ mod tests {
         let f = |s: &[f32; 20]| f64::from((1.0 + s[0]) * (1.0 + s[1] * s[1]) + s[2] * s[11]);
         let exact = 1.5 * 4.0 / 3.0 + 0.25;
         let of = |group: Group| {
-            let groups = 6400 / group.len();
+            let groups = 6400 / group.size();
             let n = f64::from(groups);
-            let mean = |g| of_group(group, 2, g).iter().map(&f).sum::<f64>() / f64::from(group.len());
+            let mean = |g| of_group(group, 2, g).iter().map(&f).sum::<f64>() / f64::from(group.size());
             let means: Vec<f64> = (0..groups).map(mean).collect();
             let all = means.iter().sum::<f64>() / n;
             let variance = means.iter().map(|m| (m - all).powi(2)).sum::<f64>() / (n - 1.0) / n;
@@ -352,7 +352,7 @@ mod tests {
 
     #[test]
     fn groups_fit_into_the_samples() {
-        let of = |samples, replicates| Group::of(samples, replicates).len();
+        let of = |samples, replicates| Group::of(samples, replicates).size();
         assert_eq!([of(1, 16), of(31, 16), of(32, 16), of(64, 16)], [1, 1, 2, 4]);
         assert_eq!(
             [of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)],

@@ -101,7 +101,7 @@ impl<'a> Cpu<'a> {
                 }
                 let counted = Counted {
                     samples: counted,
-                    groups: counted.min(count / group.len()),
+                    groups: counted.min(count / group.size()),
                 };
                 accumulator.end_pass(x, y, counted);
                 all.get_or_insert(counted.samples);

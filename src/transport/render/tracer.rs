@@ -61,7 +61,7 @@ pub(super) fn replicates(scene: &Scene) -> u32 {
     if needs_walks(scene) {
         settings.spp
     } else {
-        settings.spp / settings.group().len()
+        settings.spp / settings.group().size()
     }
 }
 
