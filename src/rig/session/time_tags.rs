@@ -145,7 +145,7 @@ fn file_of(store: &Path, row: usize) -> PathBuf {
     store.join(FOLDER).join(format!("{row:06}.ptu"))
 }
 
-/// The points of a row's file; `None` if it is not there, or not what [`row`] writes.
+/// The points of a row's file; `None` if it is not there, or not what `row` writes.
 #[must_use]
 pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     let mut reader = Reader::open(&file_of(store, row)).ok()?;
