@@ -1,8 +1,8 @@
 //! Gaps behind sheets and interfaces that are thinner than single precision can tell: a ray that leaves the one surface may start
 //! beyond the other and never meet it, and rays from afar may meet the two in either order. Scenes with such gaps are refused.
 //!
-//! With δ the way that rays start off a surface and k its rounding ([`crate::geometry::rounding`]), light is safe from surface A to
-//! B where the gap is wider than 3 δ_A + δ_B (twice δ_A are the shots of [`super::manifold`]), and rays from across the scene tell
+//! With δ the way that rays start off a surface and k its rounding (`geometry::rounding`), light is safe from surface A to
+//! B where the gap is wider than 3 δ_A + δ_B (twice δ_A are the shots of `manifold`), and rays from across the scene tell
 //! the two apart where it is wider than (k_A + k_B) u times the scene's extent.
 
 use crate::device::pinhole::Pinhole;
