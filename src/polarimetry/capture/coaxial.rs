@@ -48,6 +48,27 @@ pub struct Coaxial {
 }
 
 impl Coaxial {
+    /// Share of unpolarized light that comes out and back along the axis.
+    fn brightness(&self, nm: f64) -> f64 {
+        let axis = Ray::axial(nm);
+        self.outward(&axis)[(0, 0)] * self.inward(&axis)[(0, 0)]
+    }
+
+    /// Makes out of these optics, some of whose parts are others than those of `before`, some that are as bright along the axis, by
+    /// the transmitting arm's efficiency: captures that do not tell brightness leave it what it was believed to be.
+    pub fn keep_brightness(&mut self, before: &Self, wavelengths: &[f64]) {
+        let efficiency = |nm: f64| {
+            let as_before = before.brightness(nm) / self.brightness(nm);
+            (self.transmission.efficiency.at(nm) * as_before).min(1.0)
+        };
+        let rows: Vec<[f64; 2]> = wavelengths.iter().map(|nm| [*nm, efficiency(*nm)]).collect();
+        self.transmission.efficiency = match rows[..] {
+            [] => return,
+            [[_, value]] => SpectralValue::Same(value),
+            _ => SpectralValue::Table(rows),
+        };
+    }
+
     /// B_t.
     #[must_use]
     pub fn transmission(&self, nm: f64) -> Mueller {

@@ -134,11 +134,17 @@ impl Predictions {
     }
 }
 
-/// The numbers of a fit: what depends on the wavelength once for each at which there are samples.
-fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
+/// Those of the samples, rising.
+fn wavelengths(samples: &[Sample]) -> Vec<f64> {
     let mut wavelengths: Vec<f64> = samples.iter().map(|s| s.ray.nm).collect();
     wavelengths.sort_by(f64::total_cmp);
     wavelengths.dedup();
+    wavelengths
+}
+
+/// The numbers of a fit: what depends on the wavelength once for each at which there are samples.
+fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
+    let wavelengths = wavelengths(samples);
     let several = wavelengths.len() > 1;
     let each = |parameter: &Parameter| -> Vec<Unknown> {
         let of = |nm| Unknown {
@@ -269,6 +275,10 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
             .map(|f| [nm(f), f.parameter.possible(f.value)])
             .collect();
         of[0].parameter.set_table(&mut scheme, &rows);
+    }
+    if let (Some(now), Some(before)) = (&mut scheme.coaxial, &first.scheme.coaxial) {
+        // The brightness of every sample is a number of the fit.
+        now.keep_brightness(before, &wavelengths(samples));
     }
     Ok(Calibrated {
         scheme,

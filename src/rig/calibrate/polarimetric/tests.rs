@@ -262,6 +262,18 @@ fn dispersion_is_found_with_its_errors() {
         );
     }
     assert!(is.k.at(660.0) > 1.2 * is.k.at(450.0));
+    // Samples of unknown brightness leave that of the optics what it was believed to be; the mirrors alone say another.
+    let believed = nominal.coaxial.as_ref().expect("coaxial optics");
+    let optics = found.scheme.coaxial.as_ref().expect("coaxial optics");
+    for nm in WAVELENGTHS {
+        let axis = Ray::axial(nm);
+        let both = |c: &Coaxial| c.outward(&axis)[(0, 0)] * c.inward(&axis)[(0, 0)];
+        assert!((both(optics) / both(believed) - 1.0).abs() < 1e-5);
+        assert!(
+            (optics.transmission.efficiency.at(nm) / believed.transmission.efficiency.at(nm) - 1.0).abs()
+                > 1e-3
+        );
+    }
 }
 
 /// Along one direction mirrors and beamsplitter act together alone, and that is said.
