@@ -144,14 +144,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ("replicates", a.replicates, &mut settings.replicates),
     ];
     for (name, given, setting) in counts {
-        if given.is_some_and(|n| !(1..=1 << 30).contains(&n)) {
-            let given = given.unwrap_or(0);
-            return Err(Failure::input(format!(
-                "--{name} is {given}; give 1 to {}",
-                1 << 30
-            )));
+        let Some(n) = given else { continue };
+        if !(1..=1 << 30).contains(&n) {
+            return Err(Failure::input(format!("--{name} is {n}; give 1 to {}", 1 << 30)));
         }
-        *setting = given.unwrap_or(*setting);
+        *setting = n;
     }
     scene.settings.seed = a.seed.unwrap_or(scene.settings.seed);
     if let Some(integrator) = a.integrator {

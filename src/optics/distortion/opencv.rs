@@ -39,6 +39,27 @@ pub struct Opencv {
 }
 
 impl Opencv {
+    /// The lens of OpenCV's list, k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt: those that are left out are 0.
+    #[must_use]
+    pub fn from_list(list: &[f64]) -> Self {
+        let at = |i: usize| list.get(i).copied().unwrap_or(0.0);
+        Self {
+            k1: at(0),
+            k2: at(1),
+            p1: at(2),
+            p2: at(3),
+            k3: at(4),
+            k4: at(5),
+            k5: at(6),
+            k6: at(7),
+            s1: at(8),
+            s2: at(9),
+            s3: at(10),
+            s4: at(11),
+            ..Self::default()
+        }
+    }
+
     /// Ideal normalized coordinates → distorted ones.
     #[inline]
     #[must_use]

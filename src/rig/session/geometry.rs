@@ -60,7 +60,7 @@ impl Lens {
                 "`{name}.distortion` has a number that is not finite; mend it"
             ));
         }
-        Self::of(file.matrix, opencv(k), name)
+        Self::of(file.matrix, Opencv::from_list(k).into(), name)
     }
 
     fn of(rows: [[f64; 3]; 3], distortion: Distortion, name: &str) -> Result<Self, String> {
@@ -88,7 +88,7 @@ impl Lens {
             .ok_or_else(|| format!("[{name}] is no device that was calibrated"))?;
         let distortion = match table.fisheye {
             Some(k) => Distortion::Fisheye(Fisheye { k }),
-            None => opencv(&device.coefficients),
+            None => Opencv::from_list(&device.coefficients).into(),
         };
         Self::of(table.opencv_matrix, distortion, name)
     }
@@ -103,27 +103,6 @@ impl Lens {
         let p = self.matrix * Vector3::new(p.x, p.y, 1.0);
         [p[0] + 0.5, p[1] + 0.5]
     }
-}
-
-/// OpenCV's coefficients in its order, those that are left out 0.
-fn opencv(k: &[f64]) -> Distortion {
-    let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
-    Opencv {
-        k1: at(0),
-        k2: at(1),
-        p1: at(2),
-        p2: at(3),
-        k3: at(4),
-        k4: at(5),
-        k5: at(6),
-        k6: at(7),
-        s1: at(8),
-        s2: at(9),
-        s3: at(10),
-        s4: at(11),
-        ..Opencv::default()
-    }
-    .into()
 }
 
 /// A checked geometry.

@@ -77,12 +77,13 @@ impl<'a> Cpu<'a> {
             }
             let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
             let mut all = None;
-            for Pass { kind, count, group } in prepared.passes(scene) {
+            for pass in prepared.passes(scene) {
+                let Pass { count, group, .. } = pass;
                 let mut counted = 0;
                 for first in (0..count).step_by(BATCH) {
                     let samples = first..(first + BATCH as u32).min(count);
                     let (rays, lists, elements) =
-                        tracer.trace(scene, prepared, kind, [x, y], samples.clone());
+                        tracer.trace(scene, prepared, pass, [x, y], samples.clone());
                     accumulator.tile.record.rays += u64::from(rays);
                     let all_finite = finite(elements);
                     for (sample, list) in samples.zip(lists) {

@@ -22,7 +22,7 @@ use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{perpendicular, perpendiculars};
-use optics::sampling::stream::Stream;
+use optics::sampling::stream::{Group, Stream};
 use optics::sampling::warp;
 use optics::spectrum::Spectral;
 use std::ops::Range;
@@ -65,29 +65,50 @@ struct Rows {
 
 impl Paths {
     /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
-    /// random point of the pixel, and leaves what they bring in `lists` and `elements`.
+    /// random point of the pixel, stratified over its `group`, and leaves what they bring in `lists` and `elements`.
     ///
     /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the number of rays
     /// traced.
     #[inline]
-    pub fn trace(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+    pub fn trace(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+    ) -> u32 {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if scene.geometry.avx2() {
             // SAFETY: the processor was asked when the geometry was built.
-            return unsafe { self.trace_avx2(scene, views, [x, y], samples) };
+            return unsafe { self.trace_avx2(scene, views, [x, y], samples, group) };
         }
-        self.trace_any(scene, views, [x, y], samples)
+        self.trace_any(scene, views, [x, y], samples, group)
     }
 
     /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
-    fn trace_avx2(&mut self, scene: &Scene, views: &Views, pixel: [u32; 2], samples: Range<u32>) -> u32 {
-        self.trace_any(scene, views, pixel, samples)
+    fn trace_avx2(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        pixel: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+    ) -> u32 {
+        self.trace_any(scene, views, pixel, samples, group)
     }
 
     #[inline(always)]
-    fn trace_any(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+    fn trace_any(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+    ) -> u32 {
         let count = samples.len().min(BATCH);
         let pixel = y * scene.camera.resolution[0] + x;
         self.lists.resize_with(count, Vec::new);
@@ -95,7 +116,7 @@ impl Paths {
             list.clear();
         }
         self.elements.clear();
-        let cells = self.start(scene, views, [x, y], samples);
+        let cells = self.start(scene, views, [x, y], samples, group);
         let mut alive: ArrayVec<u8, BATCH> = (0..count as u8).collect();
         let mut rows = Rows {
             points: many::zero(),
@@ -200,9 +221,15 @@ impl Paths {
 
     /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
     #[inline(always)]
-    fn start(&mut self, scene: &Scene, views: &Views, [x, y]: [u32; 2], samples: Range<u32>) -> [u32; BATCH] {
+    fn start(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+    ) -> [u32; BATCH] {
         let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
-        let group = scene.settings.group();
         let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
         let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
         for (n, sample) in samples.take(BATCH).enumerate() {

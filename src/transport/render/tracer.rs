@@ -148,13 +148,13 @@ impl Tracer {
         &mut self,
         scene: &Scene,
         prepared: &Prepared,
-        pass: PassKind,
+        pass: Pass,
         pixel: [u32; 2],
         samples: Range<u32>,
     ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
-        match (pass, &prepared.paths, &prepared.walks) {
+        match (pass.kind, &prepared.paths, &prepared.walks) {
             (PassKind::Paths, Some(views), _) => {
-                let rays = self.paths.trace(scene, views, pixel, samples);
+                let rays = self.paths.trace(scene, views, pixel, samples, pass.group);
                 (rays, &mut self.paths.lists, &self.paths.elements)
             }
             (PassKind::Walks, _, Some(plan)) => {

@@ -50,21 +50,7 @@ impl Model {
                 k: [at(0), at(1), at(2), at(3)],
             }),
             // Not `from`, which makes `None` of zeros: its derivatives are wanted there.
-            Self::Five | Self::Eight | Self::Twelve => Distortion::Opencv(Opencv {
-                k1: at(0),
-                k2: at(1),
-                p1: at(2),
-                p2: at(3),
-                k3: at(4),
-                k4: at(5),
-                k5: at(6),
-                k6: at(7),
-                s1: at(8),
-                s2: at(9),
-                s3: at(10),
-                s4: at(11),
-                ..Opencv::default()
-            }),
+            Self::Five | Self::Eight | Self::Twelve => Distortion::Opencv(Opencv::from_list(k)),
         }
     }
 }

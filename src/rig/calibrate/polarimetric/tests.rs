@@ -138,14 +138,18 @@ fn air_alone_cannot_tell_a_common_rotation() {
     assert!(told("retarder_2 retardance error").is_some());
 }
 
-/// A coaxial rig whose every part is another one at every wavelength.
-fn dispersive() -> Scheme {
-    let mut nominal = Scheme::quad(16, false).expect("a scheme");
-    let arm = || Arm {
+/// Half of a beamsplitter that does nothing else.
+fn arm() -> Arm {
+    Arm {
         efficiency: SpectralValue::Same(0.5),
         diattenuation: SpectralValue::Same(0.0),
         retardance_deg: SpectralValue::Same(0.0),
-    };
+    }
+}
+
+/// A coaxial rig whose every part is another one at every wavelength.
+fn dispersive() -> Scheme {
+    let mut nominal = Scheme::quad(16, false).expect("a scheme");
     // Protected silver, as it is believed to be.
     nominal.coaxial = Some(Coaxial {
         transmission: arm(),
@@ -294,11 +298,6 @@ fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
 #[test]
 fn a_beamsplitter_is_found() {
     let mut nominal = Scheme::quad(40, false).expect("a scheme");
-    let arm = || Arm {
-        efficiency: SpectralValue::Same(0.5),
-        diattenuation: SpectralValue::Same(0.0),
-        retardance_deg: SpectralValue::Same(0.0),
-    };
     nominal.coaxial = Some(Coaxial {
         transmission: arm(),
         reflection: arm(),
