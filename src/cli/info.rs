@@ -13,6 +13,7 @@ use sunstone::transport::device::pinhole::Pinhole;
 use sunstone::transport::light::distant::Across;
 use sunstone::transport::light::profile::Profile;
 use sunstone::transport::render::coverage::missing;
+use sunstone::transport::render::strategies::strategies;
 use sunstone::transport::scene::Scene;
 
 /// Show what a store holds (provenance, slices with their axes, light, errors, and overflow), or what a scene file
@@ -96,6 +97,7 @@ fn scene(scene: &Scene) -> String {
         .why_integrator()
         .map_or(String::new(), |why| format!(" ({why})"));
     line("integrator", format!("{}{why}", s.integrator.name()));
+    line("strategies", strategies(scene).to_string());
     line("manifold", s.manifold.to_string());
     line("max_depth", s.max_depth.to_string());
     line("samples_per_pixel", s.spp.to_string());

@@ -19,6 +19,8 @@ mod lit;
 
 pub mod scene;
 
+pub mod strategy;
+
 pub mod accumulate;
 
 pub mod render;

@@ -8,6 +8,7 @@ use crate::light::Lights;
 use crate::material::Materials;
 use crate::medium::Media;
 use crate::medium::nesting::Boundary;
+use crate::strategy::Strategies;
 use optics::sampling::stream::Group;
 use optics::spectrum::Wavelengths;
 use schemars::JsonSchema;
@@ -104,6 +105,8 @@ pub struct Settings {
     /// Traces bidirectional paths by one strategy alone, unweighted: so many points from the light and from the camera,
     /// both ends counted. For tests; paths that it cannot make are missing.
     pub strategy: Option<[u32; 2]>,
+    /// Strategies that are used where they have something to find. For tests: paths that no other makes are missing without one.
+    pub strategies: Strategies,
     /// Key of the random streams.
     pub seed: u64,
     /// Edge of a square tile in camera pixels.

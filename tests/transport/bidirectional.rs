@@ -44,7 +44,7 @@ pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> R
 
 /// Asserts that two renders agree in every element of every slice within five standard errors, and that enough of
 /// the elements say something: their errors are below `share` of the largest value. Returns the largest deviation.
-fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32 {
+pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32 {
     let mut most = 0.0_f32;
     for slice in ["m", "t", "p"] {
         let (x, y): (Tensor, Tensor) = (a.mean(slice), b.mean(slice));

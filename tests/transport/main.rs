@@ -36,6 +36,7 @@ mod slab;
 mod specular;
 mod stand_ins;
 mod standard_errors;
+mod strategies;
 mod textures;
 mod thin_plates;
 mod wishes;

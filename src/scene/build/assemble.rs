@@ -19,6 +19,7 @@ use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::ray::Ray;
 use transport::render::gaps::{Gap, narrowest};
 use transport::scene::{Integrator, Scene, SceneTables, Settings};
+use transport::strategy::Strategies;
 
 /// Reads the text of a scene file.
 ///
@@ -266,6 +267,7 @@ pub(crate) fn settings(ctx: &Context, file: &SceneFile) -> Result<Settings, Inpu
         integrator: r.integrator,
         manifold: r.manifold.unwrap_or(r.integrator != Integrator::Path),
         strategy: None,
+        strategies: Strategies::ALL,
         seed: r.seed,
         tile: ctx.number(&r.tile, "tile", 1..=512)?,
     })

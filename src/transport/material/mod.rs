@@ -424,6 +424,19 @@ impl Materials {
         (0..self.list.len()).any(|id| self.is_interface(id as u32))
     }
 
+    /// True if the material is a rough interface.
+    #[inline]
+    #[must_use]
+    pub fn is_rough_interface(&self, id: u32) -> bool {
+        matches!(self.list[id as usize], Material::RoughDielectric(_))
+    }
+
+    /// True if some material is a rough interface.
+    #[must_use]
+    pub fn any_rough_interface(&self) -> bool {
+        (0..self.list.len()).any(|id| self.is_rough_interface(id as u32))
+    }
+
     /// True if some smooth interface sends wavelengths different ways.
     #[must_use]
     pub fn any_disperses(&self) -> bool {

@@ -25,10 +25,12 @@ use super::roulette::Roulette;
 use super::spill::Spill;
 use super::splats::{Counts, Splat, Splats, WalkNumber};
 use super::state::From;
+use super::strategies::strategies;
 use super::walk::{First, Limits, Walk};
 use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
 use crate::material::Lanes;
 use crate::scene::{Integrator, Scene};
+use crate::strategy::Strategy;
 use glam::{DVec2, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::spectrum::{Spectral, max_lane};
@@ -101,8 +103,7 @@ impl Plan {
         stop: &impl Fn() -> bool,
     ) -> Option<Self> {
         let [w, h] = scene.camera.resolution;
-        let manifold = scene.settings.manifold && scene.settings.strategy.is_none();
-        let mirrors = manifold && scene.settings.integrator.walks_from_light();
+        let strategies = strategies(scene);
         let redirected = scene.settings.integrator == Integrator::Caustics;
         let (emission, seed) = (Emission::new(scene), scene.settings.seed);
         let guide = apparent::find(scene, &emission);
@@ -116,9 +117,12 @@ impl Plan {
                 },
                 redirected: false,
                 walks: if redirected { (w * h).div_ceil(2) } else { w * h },
-                manifold: manifold && scene.materials.any_interface(),
-                mirrors: if mirrors {
-                    Mirrors::new(&scene.geometry, &scene.materials)
+                strategies,
+                mirrors: if [Strategy::FlatMirrors, Strategy::CurvedMirrors]
+                    .iter()
+                    .any(|s| strategies.has(*s))
+                {
+                    Mirrors::new(&scene.geometry, &scene.materials).only(strategies)
                 } else {
                     Mirrors::default()
                 },
@@ -192,7 +196,7 @@ impl Plan {
     /// Whether walks from the light are seen by the camera.
     fn has_splats(&self, scene: &Scene) -> bool {
         scene.settings.strategy.is_none_or(|[_, t]| t == 1)
-            && scene.settings.integrator.walks_from_light()
+            && self.setup.strategies.has(Strategy::LightTracing)
             && self.setup.emission.count() > 0
     }
 
@@ -267,6 +271,7 @@ impl Walks {
         out: &mut Contributions,
     ) -> u32 {
         let pixel = y * scene.camera.resolution[0] + x;
+        let strategies = plan.setup.strategies;
         let mut stream = Stream::new(plan.seed, pixel, sample);
         let ends = Ends::draw(scene, &mut stream);
         let [jx, jy] = stream.uniform2().map(f64::from);
@@ -312,7 +317,12 @@ impl Walks {
             if !point.connects(scene) || !wanted(scene, 1, t) {
                 continue;
             }
-            for source in (0..plan.setup.emission.count()).filter(|_| all) {
+            let sources = 0..plan.setup.emission.count();
+            let inside = strategies.has(Strategy::RoughInterface);
+            // Lines out of particles end at rough interfaces.
+            let shut = inside && joiner.join_through_rough(camera, out);
+            let next_event = all && !shut && strategies.has(Strategy::NextEvent);
+            for source in sources.clone().filter(|_| next_event) {
                 let lit = plan.setup.emission.pixel(scene, &ends, source, point.surface.p);
                 let coaxial = t == 2 && ends.coaxial;
                 let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
@@ -321,7 +331,12 @@ impl Walks {
                 if coaxial && lit != NO_PIXEL {
                     lit = pixel;
                 }
-                if let Some(emitter) = plan.setup.emission.emitter(scene, &ends, source, point.surface.p) {
+                if let Some(mut emitter) = plan.setup.emission.emitter(scene, &ends, source, point.surface.p)
+                {
+                    if inside {
+                        let share = joiner.share_of_walk(&camera[t - 2], point, emitter.surface.p);
+                        emitter.chain.scale(Spectral::splat(share));
+                    }
                     let sender = Sender { source, pixel: lit };
                     joiner.join(camera, &[emitter], sender, None, out);
                 }
@@ -331,8 +346,8 @@ impl Walks {
             }
             let alone = !plan.setup.mirrors.is_empty() && !joiner.reached(camera);
             let over_flats = alone || plan.setup.mirrors.flats_weigh();
-            for source in 0..plan.setup.emission.count() {
-                if plan.setup.manifold {
+            for source in sources {
+                if strategies.has(Strategy::SmoothInterfaces) {
                     joiner.join_by_manifold(camera, source, out);
                 }
                 if over_flats {
@@ -344,13 +359,14 @@ impl Walks {
             }
         }
         rays += joiner.rays;
-        if scene.settings.integrator == Integrator::Path {
+        if !strategies.walk_from_light() {
             return rays;
         }
         // Over the samples, any walk starts anywhere.
         let number = WalkNumber { sample, walk: pixel };
         let goes_on = |first: &Point| all || !first.is_lambert(scene);
-        if self.camera.points.get(1).is_some_and(goes_on)
+        if strategies.has(Strategy::VertexConnection)
+            && self.camera.points.get(1).is_some_and(goes_on)
             && let Some(begun) = self.light_walk(scene, plan, number, usize::MAX)
         {
             rays += self.light.rays;
@@ -450,7 +466,7 @@ impl Walks {
                 joiner.splat(light, sender, 1.0, out);
                 keep(&mut joiner, pixel, None, 1.0, out);
             }
-            if plan.setup.manifold {
+            if plan.setup.strategies.has(Strategy::SmoothInterfaces) {
                 joiner.views_by_manifold(light, |joiner, pixel, way, takers| {
                     let once = Takers {
                         factor: 1.0,

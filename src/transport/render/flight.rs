@@ -27,6 +27,8 @@ pub(super) struct Flight {
     pub depth: Spectral,
     pub nest: Nest,
     pub hero: Hero,
+    /// False if it goes straight on to the next surface, dimmed by media.
+    pub draws: bool,
 }
 
 /// The wavelength that draws all distances and directions of a walk in media, and how likely each living one would have
@@ -109,6 +111,7 @@ impl Flight {
             },
             end: from,
             depth: Spectral::ZERO,
+            draws: true,
             nest: end.nest,
             hero: if scene.filled {
                 Hero::draw(all, stream)
@@ -158,7 +161,9 @@ impl Flight {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
             // Most ways through dense media end before any surface, which then need not be looked for.
-            let free = inside.and_then(|id| self.free_path(scene, id, stream));
+            let free = inside
+                .filter(|_| self.draws)
+                .and_then(|id| self.free_path(scene, id, stream));
             let reach = free.map_or(f32::INFINITY, |length| {
                 length * (1.0 + REACH) + scene.geometry.skin()
             });

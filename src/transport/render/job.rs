@@ -1,5 +1,6 @@
 //! What a render of a scene is, for the sink that takes it: layouts of its slices, and provenance.
 
+use super::strategies::strategies;
 use super::tracer::replicates;
 use crate::accumulate::SlicePlan;
 use crate::device::distortion::Distortion;
@@ -61,6 +62,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     if let Some(why) = scene.why_integrator() {
         put("integrator_because", json!(why));
     }
+    put("strategies", json!(strategies(scene).names()));
     put("tile", json!(scene.settings.tile));
     put("wavelengths_nm", json!(scene.wavelengths.nm()));
     put("camera", pose(&scene.camera));

@@ -13,6 +13,7 @@ use crate::accumulate::Contributions;
 use crate::geometry::rounding::END_GAP;
 use crate::material::NO_CRYSTAL;
 use crate::scene::Scene;
+use crate::strategy::Strategies;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -28,8 +29,8 @@ pub(super) struct Setup {
     pub redirected: bool,
     /// Walks from the light per sample.
     pub walks: u32,
-    /// Emitters and the camera are looked for through interfaces.
-    pub manifold: bool,
+    /// What is tried.
+    pub strategies: Strategies,
     /// Over which emitters are looked for.
     pub mirrors: Mirrors,
     /// Where walks turn to in media.
@@ -143,7 +144,7 @@ impl<'a> Joiner<'a> {
             setup,
             ends,
             scratch,
-            weighs: scene.settings.integrator.walks_from_light() && scene.settings.strategy.is_none(),
+            weighs: setup.strategies.walk_from_light() && scene.settings.strategy.is_none(),
             rays: 0,
         }
     }
@@ -341,6 +342,7 @@ impl<'a> Joiner<'a> {
         let tries = Tries {
             light: self.setup.emission.chance(source),
             splats: self.setup.walks as f32,
+            strategies: self.setup.strategies,
         };
         let [camera, light] = &self.scratch.densities;
         power_heuristic(light, camera, tries)

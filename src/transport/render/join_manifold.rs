@@ -11,6 +11,7 @@ use super::route::Route;
 use super::state::Beam;
 use crate::accumulate::Contributions;
 use crate::material::Lanes;
+use crate::strategy::Strategy;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -403,7 +404,7 @@ impl Joiner<'_> {
         start: impl Fn(&Self, Vec3A) -> f32,
     ) -> Option<(usize, f32)> {
         let over_flats = side == LIGHT && self.setup.mirrors.flats_weigh();
-        if !(self.setup.manifold || over_flats) {
+        if !(self.setup.strategies.has(Strategy::SmoothInterfaces) || over_flats) {
             return None;
         }
         let first = behind(walk)?;

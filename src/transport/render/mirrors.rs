@@ -14,6 +14,7 @@ use super::mirrors_copied::{Copied, area, ends, point_on};
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Owner, Ray, Surface};
 use crate::material::Materials;
+use crate::strategy::{Strategies, Strategy};
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
@@ -182,6 +183,18 @@ impl Mirrors {
             flat.radius = 0.5 * (hi - lo).length();
         }
         out
+    }
+
+    /// Those over which a render looks for ways.
+    pub fn only(mut self, strategies: Strategies) -> Self {
+        if !strategies.has(Strategy::FlatMirrors) {
+            self.flats.clear();
+        }
+        if !strategies.has(Strategy::CurvedMirrors) {
+            self.curved.clear();
+            self.copied = Copied::default();
+        }
+        self
     }
 
     /// The group of what is hit, a number that no seed has for all but mirrors.

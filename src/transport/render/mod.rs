@@ -24,6 +24,7 @@ mod mirrors_copied;
 mod path;
 mod point;
 mod polarized;
+mod rough_exit;
 mod roulette;
 mod route;
 pub mod schedule;
@@ -31,6 +32,7 @@ mod sheets;
 mod spill;
 mod splats;
 mod state;
+pub mod strategies;
 #[cfg(test)]
 mod tests;
 mod tiles;

@@ -20,6 +20,7 @@ use crate::material::{Material, Materials};
 use crate::medium::Media;
 use crate::medium::nesting::Boundary;
 use crate::scene::{Integrator, Scene, SceneTables, Settings};
+use crate::strategy::Strategies;
 use glam::{Affine3A, DVec2, Mat3A, Quat, Vec3, Vec3A};
 use optics::sampling::microfacet::{Distribution, Masking};
 use optics::spectrum::{Spectral, Wavelengths};
@@ -118,6 +119,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
             integrator,
             manifold: integrator != Integrator::Path,
             strategy: None,
+            strategies: Strategies::ALL,
             seed: 7,
             tile: 8,
         },

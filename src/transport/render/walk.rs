@@ -292,24 +292,7 @@ impl Walk {
             .points
             .last()
             .filter(|_| *interactions < limits.interactions)?;
-        let state = &flight.state;
-        let mut point = Point {
-            site,
-            surface,
-            at: state.from,
-            back: -state.ray.dir,
-            chain: state.chain,
-            frame: state.frame,
-            optical_m: state.optical_m,
-            filling: state.filling,
-            nest: flight.nest,
-            lanes: state.lanes,
-            interactions: *interactions,
-            delta: false,
-            forward: 0.0,
-            reverse: 0.0,
-            spread: 0.0,
-        };
+        let mut point = Point::landed(flight, site, surface, *interactions);
         let distance2 = (surface.p - before.surface.p)
             .length_squared()
             .max(f32::MIN_POSITIVE);

@@ -6,6 +6,8 @@
 //! the path: where the camera takes point i over from the light, p changes by its density from the camera over that from
 //! the light.
 
+use crate::strategy::{Strategies, Strategy};
+
 /// A point of a path, from one of its ends.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Densities {
@@ -23,12 +25,21 @@ pub(super) struct Tries {
     pub light: f32,
     /// Walks from the light per camera pixel and sample, all of which are connected to the camera's pinhole.
     pub splats: f32,
+    pub strategies: Strategies,
 }
 
 impl Tries {
     /// Of the strategy with `s` points from the light and `t` from the camera. An emitter alone is connected to always.
     #[inline]
     fn of(self, s: usize, t: usize) -> f64 {
+        let strategy = match (s, t) {
+            (1, _) => Strategy::NextEvent,
+            (_, 1) => Strategy::LightTracing,
+            _ => Strategy::VertexConnection,
+        };
+        if !self.strategies.has(strategy) {
+            return 0.0;
+        }
         let light = if s > 1 { f64::from(self.light) } else { 1.0 };
         let splats = if t == 1 { f64::from(self.splats) } else { 1.0 };
         light * splats
@@ -83,6 +94,7 @@ mod tests {
             let tries = Tries {
                 light: 0.3,
                 splats: 50.0,
+                strategies: Strategies::ALL,
             };
             let (mut sum, mut count) = (0.0, 0);
             for s in 1..=inner + 1 {

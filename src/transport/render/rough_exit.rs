@@ -1,0 +1,187 @@
+//! Next-event estimation through rough interfaces, from inside a medium.
+//!
+//! Light that leaves a stone toward a pinhole comes, inside, from a narrow cone: a rough interface of index n bends light
+//! that goes out by n times as much as light that comes in, so that facets which lie within α of the normal take light from
+//! within some α/3 alone, a hundredth of all directions and less. A walk that comes to the surface from a particle by the phase
+//! function's choice meets that cone rarely, and then brings a hundred times the mean. So from a particle near the surface
+//! a direction is drawn as the interface would refract light of the emitter: where the straight line to the emitter leaves the
+//! medium, facets are drawn as the emitter sees them. The light then takes what surface there is along that direction,
+//! and goes on by a straight line from there. The two ways of making a path are weighed by the balance heuristic (Veach
+//! 1997, sect. 9.2): of densities per steradian at the particle, p of the walk (the phase function times what the medium
+//! lets through) and q of this estimate,
+//!
+//! > f/p · p/(p + q) and f/q · q/(p + q).
+//!
+//! (For smooth interfaces the cone is a single direction, which [`super::manifold`] finds.)
+
+use super::emission::Sender;
+use super::flight::{Flight, Hero, Landing, mean_transmittance};
+use super::join::Joiner;
+use super::point::{Point, Site};
+use super::state::{From, State};
+use crate::accumulate::Contributions;
+use crate::geometry::ray::{Ray, Surface};
+use crate::scene::Scene;
+use glam::Vec3A;
+use optics::spectrum::Spectral;
+
+/// Optical depth up to which a surface is looked for. Beyond, walks find what little is left.
+const REACH: f32 = 5.0;
+
+/// Where the straight line from a particle to an emitter leaves the medium.
+struct Exit {
+    surface: Surface,
+    /// Direction to the emitter from there.
+    out: Vec3A,
+}
+
+impl Exit {
+    /// From a particle at `p` in a medium; `None` where no rough interface is near.
+    fn find(scene: &Scene, id: u32, p: Vec3A, to: Vec3A) -> Option<Self> {
+        let dir = (to - p).try_normalize()?;
+        let extinction = scene.media.list[id as usize].extinction().to_array();
+        let clearest = extinction[..scene.wavelengths.count()]
+            .iter()
+            .fold(f32::INFINITY, |a, b| a.min(*b));
+        let ray = Ray { origin: p, dir };
+        let hit = scene.geometry.intersect(&ray, REACH / clearest)?;
+        let surface = scene.geometry.surface(&ray, &hit);
+        if !scene.materials.is_rough_interface(surface.material) {
+            return None;
+        }
+        let out = (to - surface.p).try_normalize()?;
+        // Only out of what is closed.
+        (surface.ng.dot(out) > 0.0).then_some(Self { surface, out })
+    }
+
+    /// Density per steradian with which the direction `wi` into the medium is drawn.
+    fn density(&self, scene: &Scene, wi: Vec3A) -> f32 {
+        if self.surface.ng.dot(wi) >= 0.0 {
+            return 0.0;
+        }
+        let s = &self.surface;
+        scene.materials.pdf(s.material, s, self.out, wi)
+    }
+}
+
+/// True if light comes from `to` to what is inside by a point of a rough interface.
+fn leaves(y: &Point, to: Vec3A) -> bool {
+    y.surface.ng.dot(to - y.surface.p) > 0.0 && y.surface.ng.dot(y.back) < 0.0
+}
+
+/// Density per steradian with which a walk goes on from a particle of medium `id` toward `y`, and comes so far.
+fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
+    let scene = joiner.scene;
+    let length = (y.surface.p - z.surface.p).length();
+    let depth = scene.media.list[id as usize].extinction() * Spectral::splat(length);
+    let density = z.density(scene, &joiner.setup.guide, From::Camera, z.back, -y.back);
+    density * mean_transmittance(scene, depth)
+}
+
+impl Joiner<'_> {
+    /// The share that the walk has of a path on which light of an emitter comes in by the surface point `y`, the next after `z`.
+    pub fn share_of_walk(&mut self, z: &Point, y: &Point, to: Vec3A) -> f32 {
+        let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
+            return 1.0;
+        };
+        if !leaves(y, to) {
+            return 1.0;
+        }
+        self.rays += 1;
+        let drawn =
+            Exit::find(self.scene, id, z.surface.p, to).map_or(0.0, |exit| exit.density(self.scene, y.back));
+        if drawn == 0.0 {
+            return 1.0;
+        }
+        let own = walks(self, z, id, y);
+        own / (own + drawn)
+    }
+
+    /// Connects a particle at the end of a walk from the camera to all emitters through the rough interface near it, and appends
+    /// what that brings; true if such an interface is between it and every one.
+    pub fn join_through_rough(&mut self, camera: &[Point], out: &mut Contributions) -> bool {
+        let (scene, emission) = (self.scene, &self.setup.emission);
+        let Some(z) = camera.last() else {
+            return false;
+        };
+        let Site::Volume(id) = z.site else {
+            return false;
+        };
+        let mut all = true;
+        for source in 0..emission.count() {
+            let to = emission.position(scene, self.ends[0], source);
+            self.rays += 1;
+            match Exit::find(scene, id, z.surface.p, to) {
+                Some(exit) => self.join_by(&exit, z, id, source, out),
+                None => all = false,
+            }
+        }
+        all
+    }
+
+    /// Connects a particle of medium `id` to an emitter.
+    fn join_by(&mut self, exit: &Exit, z: &Point, id: u32, source: usize, out: &mut Contributions) {
+        let (scene, emission) = (self.scene, &self.setup.emission);
+        let (s, mut lanes) = (&exit.surface, scene.lanes());
+        let Some(drawn) = scene
+            .materials
+            .sample(s.material, s, exit.out, &mut lanes, self.stream)
+        else {
+            return;
+        };
+        let density = exit.density(scene, drawn.wi);
+        if drawn.delta || density <= 0.0 {
+            return;
+        }
+        let dir = -drawn.wi;
+        let Some(y) = self.fly(z, id, dir) else {
+            return;
+        };
+        let Some(pixel) = emission.pixel(scene, self.ends[0], source, y.surface.p) else {
+            return;
+        };
+        let Some(mut emitter) = emission.emitter(scene, self.ends[0], source, y.surface.p) else {
+            return;
+        };
+        if !leaves(&y, emitter.surface.p) {
+            return;
+        }
+        let own = walks(self, z, id, &y);
+        emitter.chain.scale(Spectral::splat(1.0 / (own + density)));
+        self.join(&[y], &[emitter], Sender { source, pixel }, None, out);
+    }
+
+    /// Flies from a particle straight on to the next surface that light notices.
+    fn fly(&mut self, z: &Point, id: u32, dir: Vec3A) -> Option<Point> {
+        let scene = self.scene;
+        let came = Ray {
+            origin: z.surface.p,
+            dir: -z.back,
+        };
+        let mut flight = Flight {
+            state: State {
+                ray: came,
+                from: z.at,
+                chain: z.chain,
+                frame: z.frame,
+                optical_m: z.optical_m,
+                filling: z.filling,
+                lanes: z.lanes,
+            },
+            end: From::Camera,
+            depth: Spectral::ZERO,
+            nest: z.nest,
+            hero: Hero::only(z.lanes),
+            draws: false,
+        };
+        flight.push(&scene.media.eval(id, z.back, dir));
+        flight.state.ray.dir = dir;
+        flight.settle();
+        match flight.fly(scene, self.stream, &mut self.rays) {
+            Landing::At(Site::Surface, surface) => {
+                Some(Point::landed(&flight, Site::Surface, surface, z.interactions + 1))
+            }
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! By which strategies a scene is rendered.
+
+use super::glints::reflectance;
+use crate::scene::{Integrator, Scene};
+use crate::strategy::{Strategies, Strategy};
+
+/// Those of the scene's integrator for which there is something in the scene.
+#[must_use]
+pub fn strategies(scene: &Scene) -> Strategies {
+    let (settings, materials) = (&scene.settings, &scene.materials);
+    let both = settings.integrator.walks_from_light();
+    // Beside one that is asked for alone there are no others.
+    let alone = settings.strategy.is_some();
+    let bent = settings.manifold && !alone;
+    let mirrors = (0..materials.list.len() as u32).any(|id| reflectance(materials, id) > 0.0);
+    let over = both && bent && mirrors;
+    let inside = settings.integrator == Integrator::Path && scene.filled && !alone;
+    Strategies::NONE
+        .with(Strategy::NextEvent, true)
+        .with(
+            Strategy::RoughInterface,
+            inside && materials.any_rough_interface(),
+        )
+        .with(Strategy::SmoothInterfaces, bent && materials.any_interface())
+        .with(Strategy::FlatMirrors, over)
+        .with(Strategy::CurvedMirrors, over)
+        .with(Strategy::LightTracing, both)
+        .with(Strategy::VertexConnection, both)
+        .both(settings.strategies)
+}
