@@ -7,7 +7,11 @@ takes. A pixel is lit if the bidirectional render finds at least 1 % of the imag
 An integrator that does not find all light never gets there, however small its errors: the lit pixels' light together must
 be the bidirectional image's within 2 % (and five standard errors), and the median pixel's within 10 %, or "never" is said.
 
-    python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60] [--record]
+A render's own errors say nothing of light that it has not met yet. So each scene is also rendered as shipped (integrator "auto") with
+several seeds, and their true deviations from each other are its error: the squares of a pixel's deviations from the mean of all seeds,
+over the squared mean, averaged over seeds (their number less one), wavelengths and 2 × 2 pixels; then the median over the lit blocks.
+
+    python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60] [--seeds 4] [--only-seeds] [--record]
 
 With --record, which wants all scenes, the numbers go to results/convergence.json (result_file.py).
 """
@@ -32,7 +36,7 @@ SCENES = ["disco_ball", "milky_tank", "coins_mirror", "sss_statue", "crystals", 
 GOAL = 0.05
 
 
-def render(scene, integrator, spp, folder):
+def render(scene, integrator, spp, folder, seed=1):
     """The mean and relative error of every pixel and wavelength, and the seconds they took."""
     text = scene.read_text()
     text = re.sub(r"(?m)^integrator *=.*\n", "", text)
@@ -44,7 +48,8 @@ def render(scene, integrator, spp, folder):
     try:
         store = folder / f"{integrator}-{spp}.zarr"
         subprocess.run(
-            [environment.sunstone(), "render", file, "--spp", str(spp), "--slices", "conventional", "-o", store, "--force"],
+            [environment.sunstone(), "render", file, "--spp", str(spp), "--seed", str(seed)]
+            + ["--slices", "conventional", "-o", store, "--force"],
             check=True,
             capture_output=True,
         )
@@ -54,6 +59,39 @@ def render(scene, integrator, spp, folder):
     image = group["conventional"]
     mean, error = (np.asarray(image[name]).squeeze() for name in ("mean", "std_error"))
     return mean, error, group.attrs["wall_time_s"]
+
+
+def spread(images):
+    """The relative error of a pixel of one of several renders, in the median over lit blocks of 2 x 2 pixels."""
+    images = np.asarray(images, dtype=np.float64)
+    mean = images.mean(axis=0)
+    variance = ((images - mean) ** 2).sum(axis=0) / (len(images) - 1)
+    image = mean.mean(axis=-1)
+    lit = image > 0.01 * np.percentile(image, 99)
+    relative = np.where(lit[..., None], variance / np.maximum(mean, 1e-30) ** 2, np.nan).mean(axis=-1)
+    h, w = relative.shape
+    blocks = relative[: h // 2 * 2, : w // 2 * 2].reshape(h // 2, 2, w // 2, 2).mean(axis=(1, 3))
+    return float(np.sqrt(np.nanmedian(blocks)))
+
+
+def by_seeds(scene, seconds, seeds, folder):
+    """Seconds to the goal as shipped, by the true deviations of seeds."""
+    *_, spp = measure(scene, "auto", seconds, folder)
+    renders = [render(scene, "auto", spp, folder, seed) for seed in range(1, seeds + 1)]
+    took = float(np.mean([r[2] for r in renders]))
+    error = spread([r[0] for r in renders])
+    return dict(spp=spp, took_s=took, true_error=error, seconds_to_goal=took * (error / GOAL) ** 2)
+
+
+def check_spread():
+    """Of renders of known error the spread is that error, and twice it is found."""
+    rng = np.random.default_rng(1)
+    truth = rng.uniform(0.5, 2.0, (64, 64, 1))
+    for error in (0.03, 0.06):
+        renders = [truth * (1 + error * rng.standard_normal((64, 64, 3))) for _ in range(4)]
+        found = spread(renders)
+        if abs(found / error - 1) > 0.05:
+            sys.exit(f"renders of error {error} are said to have {found}")
 
 
 def measure(scene, integrator, seconds, folder):
@@ -70,11 +108,25 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scenes", nargs="+", default=SCENES)
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--only-seeds", action="store_true", help="true deviations of seeds alone")
     parser.add_argument("--record", action="store_true", help="write results/convergence.json")
     options = parser.parse_args()
-    if options.record and set(options.scenes) != set(SCENES):
-        sys.exit("--record wants all scenes")
-    rows = []
+    if options.record and (set(options.scenes) != set(SCENES) or options.only_seeds):
+        sys.exit("--record wants all scenes and both measures")
+    check_spread()
+    rows, true = [], {}
+    for name in options.scenes:
+        with tempfile.TemporaryDirectory() as temporary:
+            row = by_seeds(ROOT / "scenes" / name / "scene.toml", options.seconds, options.seeds, Path(temporary))
+        true[name] = row
+        print(
+            f"{name:14} as shipped, {options.seeds} seeds of {row['spp']} samples: {row['took_s']:.1f} s, true error "
+            f"{row['true_error']:.4f}, {GOAL:.0%} after {row['seconds_to_goal']:.1f} s",
+            flush=True,
+        )
+    if options.only_seeds:
+        return
     print(f"time until the median lit pixel is known to {GOAL:.0%} (128 x 128 pixels, all cores)")
     print(f"{'scene':14} {'integrator':14} {'spp':>6} {'took s':>8} {'error':>8} {'to goal s':>10} {'light found':>12}")
     for name in options.scenes:
@@ -109,7 +161,7 @@ def main():
                 print(f"{'':14} bidirectional takes {found['bidirectional'] / found['path']:.2f} of path's time")
     if options.record:
         measures = [*result_file.TRACER, "validation/convergence.py", *(f"scenes/{name}" for name in SCENES)]
-        result_file.write("convergence", __file__, measures, numbers(rows), rows=rows)
+        result_file.write("convergence", __file__, measures, numbers(rows, true), rows=rows, seeds=true)
 
 
 def plain(value):
@@ -118,13 +170,16 @@ def plain(value):
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def numbers(rows):
+def numbers(rows, true):
     """What goes to the result file."""
     out = {"goal": result_file.once(GOAL, "", "a setting")}
     for row in rows:
         key = f"{row['scene']}_{row['integrator']}"
         out[key] = result_file.once(row["seconds_to_goal"], "s", f"from one run of {row['took_s']:.0f} s; null: never")
         out[f"{key}_light"] = result_file.once(row["share_of_all_light"], "of the light that is found", "one run")
+    for name, row in true.items():
+        key = f"{name}_true"
+        out[key] = result_file.once(row["seconds_to_goal"], "s", f"as shipped, by true deviations of seeds of {row['took_s']:.0f} s")
     return out
 
 
