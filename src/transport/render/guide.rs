@@ -50,6 +50,11 @@ impl Guide {
         }
     }
 
+    /// True if walks of both sides turn in some medium.
+    pub fn turns_both(&self) -> bool {
+        self.targets.iter().any(|t| t.iter().all(|side| !side.is_empty()))
+    }
+
     /// Targets of a walk in a medium.
     #[inline]
     fn targets(&self, id: u32, from: From) -> &[Vec3A] {

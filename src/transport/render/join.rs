@@ -29,6 +29,8 @@ pub(super) struct Setup {
     pub redirected: bool,
     /// Walks from the light per sample.
     pub walks: u32,
+    /// The share of samples in which walks from both ends are connected.
+    pub connections: f32,
     /// What is tried.
     pub strategies: Strategies,
     /// Over which emitters are looked for.
@@ -206,9 +208,16 @@ impl<'a> Joiner<'a> {
             }
         }
         let Some(factor) = factor.or_else(|| {
-            let last = last.as_ref().map_or(1.0, |scatter| max_lane(scatter.m00()));
-            let expected = chain.max_m00() * y.chain.max_m00() * last / distance2;
-            self.setup.roulette.spin(expected, self.stream)
+            let lets = last.as_ref().map_or(1.0, |scatter| max_lane(scatter.m00()));
+            let expected = chain.max_m00() * y.chain.max_m00() * lets / distance2;
+            // Two walks are not connected in every sample.
+            let often = if inner(z) + inner(y) == 2 {
+                self.setup.connections
+            } else {
+                1.0
+            };
+            let factor = self.setup.roulette.spin(expected / often, self.stream)?;
+            Some(factor / often)
         }) else {
             return;
         };
@@ -342,6 +351,7 @@ impl<'a> Joiner<'a> {
         let tries = Tries {
             light: self.setup.emission.chance(source),
             splats: self.setup.walks as f32,
+            connections: self.setup.connections,
             strategies: self.setup.strategies,
         };
         let [camera, light] = &self.scratch.densities;

@@ -45,8 +45,8 @@ impl Takers {
 const LIGHT: usize = 1;
 
 /// Particles from which ways over flat mirrors are looked for. Such ways are many and bring little of what comes to a particle, which
-/// walks from the light find as well.
-const PARTICLES: f32 = 0.125;
+/// walks from the light find as well: with 1/8 the milky tank took 1.3 times as long for the same error.
+const PARTICLES: f32 = 1.0 / 64.0;
 
 /// The chance that ways over flat mirrors are looked for from a point.
 #[inline]

@@ -25,6 +25,8 @@ pub(super) struct Tries {
     pub light: f32,
     /// Walks from the light per camera pixel and sample, all of which are connected to the camera's pinhole.
     pub splats: f32,
+    /// The share of samples in which walks from both ends are connected.
+    pub connections: f32,
     pub strategies: Strategies,
 }
 
@@ -41,8 +43,12 @@ impl Tries {
             return 0.0;
         }
         let light = if s > 1 { f64::from(self.light) } else { 1.0 };
-        let splats = if t == 1 { f64::from(self.splats) } else { 1.0 };
-        light * splats
+        let times = match strategy {
+            Strategy::LightTracing => f64::from(self.splats),
+            Strategy::VertexConnection => f64::from(self.connections),
+            _ => 1.0,
+        };
+        light * times
     }
 }
 
@@ -94,6 +100,7 @@ mod tests {
             let tries = Tries {
                 light: 0.3,
                 splats: 50.0,
+                connections: 0.2,
                 strategies: Strategies::ALL,
             };
             let (mut sum, mut count) = (0.0, 0);
