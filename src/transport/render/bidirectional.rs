@@ -336,10 +336,10 @@ impl Walks {
                     joiner.join_by_manifold(camera, source, out);
                 }
                 if over_flats {
-                    joiner.join_over_flats(camera, source, out);
+                    joiner.join_over_flats(camera, source, alone, out);
                 }
                 if alone {
-                    joiner.join_over_curved(camera, source, out);
+                    joiner.join_alone(camera, source, out);
                 }
             }
         }

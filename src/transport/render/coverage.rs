@@ -48,17 +48,10 @@ pub fn missing(scene: &Scene) -> Vec<String> {
         });
     }
     if both && lit.any() {
-        let seen = meets(scene, &scene.camera);
-        if !scene.settings.manifold && seen.any() {
+        if !scene.settings.manifold && meets(scene, &scene.camera).any() {
             out.push(
                 "surfaces that are lit and seen over mirrors or through smooth interfaces, without a second rough surface or a \
                  medium in between, stay dark; set manifold = true"
-                    .to_owned(),
-            );
-        } else if lit.split > 0.0 && seen.split + seen.mirror > 0.0 {
-            out.push(
-                "surfaces that are lit through crystals with split = true and seen through such crystals or in mirrors, without \
-                 a second rough surface or a medium in between, stay dark: no connection leads through both"
                     .to_owned(),
             );
         }

@@ -5,15 +5,19 @@
 //! both ends are points. [`super::manifold`] finds the way if it knows about where to start.
 //!
 //! - Flat mirrors: all that lie in one plane are a group. The end's image says where light for a point is reflected, so
-//!   every group, and every pair of them, is asked for its one way.
+//!   every group, and every pair of them, is asked for its one way; and rows of three and more, where no other strategy finds
+//!   their light.
 //! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
+//! - Several in a row, one of them curved, and curved glass: the same, with starts that follow a ray ([`super::traced`]).
 
 use super::glints::{Glints, reflectance};
 use super::mirrors_copied::{Copied, area, ends, point_on};
+use super::route::INTERFACES;
 use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Owner, Ray, Surface};
 use crate::material::Materials;
+use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
@@ -37,6 +41,15 @@ const MOST_FLATS: usize = 2048;
 
 /// Up to so many planes, light may take two of them.
 const MOST_IN_PAIRS: usize = 64;
+
+/// Light may take three planes in a row or more while there are up to so many such rows.
+const MOST_ROWS: usize = 1024;
+
+/// What curved glass throws, over what a mirror would that sends all light all ways alike: into a cone of about π.
+const PASSED: f32 = 4.0;
+
+/// Share of random points that are taken for their image in a flat mirror.
+const IMAGED: f32 = 0.25;
 
 /// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
 const SAME_PLANE: f32 = 1e-4;
@@ -65,6 +78,17 @@ struct Flat {
     radius: f32,
 }
 
+/// An end and its images in one flat mirror after the other, with their groups.
+type Images = ArrayVec<(u32, Vec3A), { INTERFACES + 1 }>;
+
+impl Seed {
+    /// True on curved mirrors.
+    #[inline]
+    pub fn is_curved(self) -> bool {
+        self.group == CURVED
+    }
+}
+
 /// The mirrors of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Mirrors {
@@ -73,14 +97,17 @@ pub(super) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Curved mirrors besides those, of groups with many copies.
     copied: Copied,
-    /// What curved mirrors throw, about.
+    /// What curved mirrors throw, about, and what they do together with what passes through curved glass.
     pub glints: Glints,
+    pub bright: Glints,
     /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
     groups: HashMap<Key, u32>,
     /// Interfaces may move the point of reflection.
     bent: bool,
     /// Some interface sends wavelengths different ways.
     pub disperses: bool,
+    /// Some crystal has double images.
+    pub splits: bool,
 }
 
 impl Flat {
@@ -113,6 +140,7 @@ impl Mirrors {
         let mut out = Self {
             bent: materials.any_interface(),
             disperses: materials.any_disperses(),
+            splits: materials.any_splits(),
             ..Self::default()
         };
         let mirrors: Vec<f32> = (0..materials.list.len() as u32)
@@ -126,13 +154,14 @@ impl Mirrors {
             all.retain(|(key, _)| key.1 == Owner::WORLD);
         }
         let mut planes = HashMap::new();
-        let mut pieces: Vec<(Key, Outline, u32, f32)> = vec![];
+        let mut pieces: Vec<(Key, Outline, u32, [f32; 2])> = vec![];
         for (key, outline) in all {
             let (surface, flat) = primitive(geometry, key, &outline);
             if !is_mirror(&surface) {
                 continue;
             }
-            let group = if flat {
+            // Under normal maps flat ones are as good as curved.
+            let group = if flat && !materials.is_turned(surface.material) {
                 let d = surface.ng.dot(surface.p);
                 let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
                 let key = key.map(|v| (v / SAME_PLANE).round() as i64);
@@ -148,7 +177,13 @@ impl Mirrors {
             } else {
                 CURVED
             };
-            pieces.push((key, outline, group, reflectance(&surface)));
+            let mirrored = reflectance(&surface);
+            let all = if materials.is_interface(surface.material) {
+                PASSED
+            } else {
+                mirrored
+            };
+            pieces.push((key, outline, group, [mirrored, all]));
         }
         if out.flats.len() > MOST_FLATS {
             out.flats.clear();
@@ -165,10 +200,13 @@ impl Mirrors {
             }
         }
         let curved = pieces.iter().filter(|p| p.2 == CURVED);
-        out.glints = if listed {
-            Glints::new(curved.map(|(_, o, _, share)| (o, ends(o).into(), *share)))
+        let thrown = curved.map(|(_, o, _, share)| (o, ends(o).into(), *share));
+        (out.glints, out.bright) = if listed {
+            let all = thrown.clone().map(|(o, ends, share)| (o, ends, share[1]));
+            let mirrored = thrown.map(|(o, ends, share)| (o, ends, share[0]));
+            (Glints::new(mirrored), Glints::new(all))
         } else {
-            Glints::unknown()
+            (Glints::unknown(), Glints::unknown())
         };
         let mut bounds = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); out.flats.len()];
         for (_, outline, group, _) in &pieces {
@@ -189,6 +227,13 @@ impl Mirrors {
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
         of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
+    }
+
+    /// The point of a mirror that is hit; `None` on all else.
+    #[inline]
+    pub fn seed(&self, hit: &Hit, point: Vec3A) -> Option<Seed> {
+        let group = self.group(hit);
+        (group != NONE).then_some(Seed { group, point })
     }
 
     /// True if there are none.
@@ -235,6 +280,73 @@ impl Mirrors {
                 }
             }
         }
+    }
+
+    /// Most flat mirrors in a row that light may take.
+    fn longest_row(&self) -> usize {
+        let next = self.flats.len().saturating_sub(1);
+        let mut rows = self.flats.len();
+        (1..=INTERFACES)
+            .take_while(|n| {
+                rows = if *n > 1 { rows * next } else { rows };
+                *n <= 2 || rows <= MOST_ROWS
+            })
+            .count()
+    }
+
+    /// Calls back with the flat mirrors, three to `most` in a row, that light between a point and an end at `to` may take, from
+    /// the point on. They are fewer where they are many, so that they never take long.
+    pub fn flat_rows(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
+        let most = most.min(self.longest_row());
+        if self.flats.len() > 1 && most > 2 {
+            self.add_rows(from, &mut ArrayVec::from_iter([(NONE, to)]), most, f);
+        }
+    }
+
+    /// The same of all that end with given mirrors, from the end on: the last image of the end that each made, which is first.
+    fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
+        let Some((last, image)) = images.last().copied() else {
+            return;
+        };
+        for (group, flat) in (0..).zip(&self.flats) {
+            if group == last {
+                continue;
+            }
+            images.push((group, flat.image(image)));
+            if images.len() > 3
+                && let Some(seeds) = self.row(from, images)
+            {
+                f(&seeds);
+            }
+            if images.len() <= most {
+                self.add_rows(from, images, most, f);
+            }
+            images.pop();
+        }
+    }
+
+    /// Where light from a point is reflected on its way over a row of flat mirrors; `None` if it misses one.
+    fn row(&self, mut from: Vec3A, images: &Images) -> Option<ArrayVec<Seed, INTERFACES>> {
+        let mut seeds = ArrayVec::new();
+        for pair in images.windows(2).rev() {
+            let ([(_, image), (group, _)], flat) = ([pair[0], pair[1]], self.flats.get(pair[1].0 as usize)?);
+            from = flat.reflects(from, image, self.bent)?;
+            seeds.push(Seed { group, point: from });
+        }
+        Some(seeds)
+    }
+
+    /// A random point of the curved mirrors, or its image in one flat mirror or more: what light may be sent to from any point,
+    /// straight or over those.
+    pub fn aim(&self, stream: &mut Stream) -> Option<Vec3A> {
+        let mut point = self.draw(stream)?.point;
+        if !self.flats.is_empty() {
+            while stream.uniform() < IMAGED {
+                let i = (stream.uniform() * self.flats.len() as f32) as usize;
+                point = self.flats[i.min(self.flats.len() - 1)].image(point);
+            }
+        }
+        Some(point)
     }
 
     /// A random point of the curved mirrors, if there are any.
