@@ -274,11 +274,9 @@ fn a_mirror_under_a_normal_map() {
             )
             .replace(
                 "[[slices]]\nname = \"m\"",
-                &format!(
-                    "[[objects]]\nmaterial = \"wavy\"\n\
-                     shape.rectangle = {{ corner = [-0.9, 1, -0.5], u = [1.8, 0, 0], v = [0, 0, 1.8] }}\n\
-                     [[slices]]\nname = \"m\""
-                ),
+                "[[objects]]\nmaterial = \"wavy\"\n\
+                 shape.rectangle = { corner = [-0.9, 1, -0.5], u = [1.8, 0, 0], v = [0, 0, 1.8] }\n\
+                 [[slices]]\nname = \"m\"",
             )
             .replace(
                 "glass.dielectric.ior = 1.5\n",

@@ -43,7 +43,7 @@ impl Joiner<'_> {
             let seed = setup.mirrors.draw(joiner.stream)?;
             joiner.way_over(z, &[seed], Goal { to, lane })
         };
-        self.join_by_chance(camera, source, factor, draw, out);
+        self.join_by_chance(camera, source, factor, draw, |_, _| Some(1.0), out);
     }
 
     /// By every other way that something curved has a part in: through curved glass, but for the way that
@@ -66,12 +66,19 @@ impl Joiner<'_> {
             let start = z.line(scene, dir);
             let traced = Traced::follow(scene, &setup.mirrors, &start, goal, bends as usize, joiner.stream)?;
             let way = manifold::find_along(scene, start, &traced.route(&setup.mirrors), dir, goal)?;
-            let wanted = !first
-                || z.scatter(scene, z.back, way.dir).is_some()
-                    && !joiner.is_expected(z, &way, &traced.over, goal);
-            wanted.then_some(way)
+            (!first || !joiner.is_expected(z, &way, &traced.over, goal)).then_some(way)
         };
-        self.join_by_chance(camera, source, factor, draw, out);
+        // Long rows of curved mirrors have ways without number, most of which bring next to nothing.
+        let decide = |joiner: &mut Self, way: &Way| {
+            let scattered = z.scatter(scene, z.back, way.dir)?;
+            let (intensity, _) = setup
+                .emission
+                .intensity(scene, joiner.ends[0], source, way.emitted);
+            let arrives = max_lane(intensity) * way.passes() / way.spread;
+            let brings = z.chain.max_m00() * max_lane(scattered.m00()) * arrives;
+            setup.roulette.spin(brings, joiner.stream)
+        };
+        self.join_by_chance(camera, source, factor, draw, decide, out);
     }
 
     /// True if a way from a point over some mirrors is found from its straight start.
@@ -91,13 +98,15 @@ impl Joiner<'_> {
     }
 
     /// Connects the last point of a walk from the camera to an emitter by ways that are drawn, for a wavelength; `draw` is told
-    /// whether it is the first time, or whether the way that it gave is waited for again.
+    /// whether it is the first time, or whether the way that it gave is waited for again. `decide` says of a way how many times it
+    /// counts, if it is followed at all.
     fn join_by_chance(
         &mut self,
         camera: &[Point],
         source: usize,
         factor: f32,
         mut draw: impl FnMut(&mut Self, usize, bool) -> Option<Way>,
+        decide: impl Fn(&mut Self, &Way) -> Option<f32>,
         out: &mut Contributions,
     ) {
         let Some(z) = camera.last() else {
@@ -105,6 +114,7 @@ impl Joiner<'_> {
         };
         let mut found = |joiner: &mut Self, lane| {
             let way = draw(joiner, lane, true)?;
+            let factor = factor * decide(joiner, &way)?;
             let again = |_: &u32| draw(joiner, lane, false).is_some_and(|w| w.is(&way));
             let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
             Some((way, factor * tries as f32))

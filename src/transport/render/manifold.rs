@@ -30,6 +30,7 @@ use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{basis, perpendicular};
 use optics::polarization::scatter::Scatter;
+use optics::spectrum::max_lane;
 
 /// Steps of Newton's method.
 const STEPS: usize = 24;
@@ -377,6 +378,11 @@ impl Way {
     #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
+    }
+
+    /// What interfaces and mirrors let through of unpolarized light, about.
+    pub fn passes(&self) -> f32 {
+        self.bends.iter().map(|b| max_lane(b.scatter.m00())).product()
     }
 
     /// True if it goes over mirrors.
