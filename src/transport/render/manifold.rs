@@ -21,7 +21,7 @@
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
 use super::route::{INTERFACES, MOST_SURFACES, Route, passes};
-use super::turned::Turned;
+use super::turned::{Turned, reflected};
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lobe};
 use crate::scene::Scene;
@@ -40,10 +40,6 @@ const NEAR: f32 = 5e-6;
 
 /// Ways whose cosine is nearer 1 than this are one: a milliradian.
 const SAME: f32 = 5e-7;
-
-/// A mirror's direction whose cosine with the geometric one is less than 1 minus this was turned by something whose
-/// derivatives are not known; rounding stays ten times below.
-const TURNED: f32 = 1e-6;
 
 /// Shots start this many times as far off their surface as other rays: they leave along the ray and not along the normal, and a
 /// point on the ray is rounded across the surface too.
@@ -117,18 +113,6 @@ struct Shot {
     miss: Vec3A,
     slopes: [Vec3A; 2],
     length: f32,
-}
-
-/// The direction of light along `dir` after a mirror, in a delta lobe that geometry agrees on.
-#[inline]
-pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
-    let materials = &scene.materials;
-    let found = materials.specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
-    if materials.is_turned(surface.material) {
-        return Some(found.wi);
-    }
-    let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
-    (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
 }
 
 /// The way from the start of a line along a route to a goal; it is looked for along the line, or from the first point on a

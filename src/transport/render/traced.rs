@@ -7,9 +7,10 @@
 //! Near a way every ray takes what the way takes with some probability, so that each way is found by a share of all starts.
 
 use super::bridge::Start;
-use super::manifold::{Goal, reflected};
+use super::manifold::Goal;
 use super::mirrors::{Mirrors, Seed};
 use super::route::{INTERFACES, Legs, MOST_SURFACES, Route, passes};
+use super::turned::reflected;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use optics::sampling::stream::Stream;

@@ -1,11 +1,16 @@
-//! Mirrors under normal maps: the normal that light is reflected about, and how it turns along the surface.
+//! Where mirrors send light; and of those under normal maps the normal that it is reflected about, and how that turns along the
+//! surface.
 //!
 //! No formula has its derivative: differences of the normal between points near by stand for it, a fraction of a texel apart.
 
-use super::manifold::reflected;
 use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::Lobe;
 use crate::scene::Scene;
 use glam::{Mat3A, Vec3A};
+
+/// A mirror's direction whose cosine with the geometric one is less than 1 minus this was turned by something whose
+/// derivatives are not known; rounding stays ten times below.
+const TURNED: f32 = 1e-6;
 
 /// How far to look to either side, as a share of a triangle, and as a sine along a quadric. Images have up to some thousands of
 /// texels to a side.
@@ -15,6 +20,18 @@ const STEP: f32 = 1e-4;
 pub(super) struct Turned {
     pub normal: Vec3A,
     pub bend: Mat3A,
+}
+
+/// The direction of light along `dir` after a mirror, in a delta lobe that geometry agrees on.
+#[inline]
+pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
+    let materials = &scene.materials;
+    let found = materials.specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
+    if materials.is_turned(surface.material) {
+        return Some(found.wi);
+    }
+    let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
+    (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
 }
 
 /// The normal about which light along `dir` is reflected.
