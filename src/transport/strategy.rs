@@ -14,7 +14,7 @@ pub enum Strategy {
     SmoothInterfaces,
     /// The same over flat mirrors.
     FlatMirrors,
-    /// The same over curved mirrors.
+    /// The same over curved mirrors, by further ways through curved glass, and through crystals with double images.
     CurvedMirrors,
     /// A walk from the light is connected to the camera.
     LightTracing,
@@ -46,7 +46,7 @@ impl Strategy {
             Self::RoughInterface => "next event through rough interfaces",
             Self::SmoothInterfaces => "manifolds through interfaces",
             Self::FlatMirrors => "manifolds over flat mirrors",
-            Self::CurvedMirrors => "manifolds over curved mirrors",
+            Self::CurvedMirrors => "manifolds over curved mirrors and through curved glass",
             Self::LightTracing => "light tracing",
             Self::VertexConnection => "vertex connection",
         }

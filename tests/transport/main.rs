@@ -28,6 +28,7 @@ mod mirrors;
 mod optics;
 mod projector_sheets;
 mod published_slabs;
+mod rows;
 mod scales;
 mod scattering;
 mod sheets;

@@ -9,9 +9,9 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T, Wavelength};
 use sunstone::transport::scene::Integrator;
 
 /// A plane by its normal and distance from the origin.
-type Plane = (DVec3, f64);
+pub type Plane = (DVec3, f64);
 
-fn image((n, d): Plane, p: DVec3) -> DVec3 {
+pub fn image((n, d): Plane, p: DVec3) -> DVec3 {
     p - n * (2.0 * (n.dot(p) - d))
 }
 
@@ -28,7 +28,7 @@ fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
 }
 
 /// What a mirror does to light from `point` to the camera, which comes from direction `-d_out`; its length.
-fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
+pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     let to = image(plane, point) - camera.origin;
     let d_out = -to.normalize();
     let d_in = image((plane.0, 0.0), d_out);
@@ -89,7 +89,7 @@ fn floor() -> String {
 }
 
 /// All light of so many bounces comes within a bin of these times.
-fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
+pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     let t = r.mean("t").select(Bounces, bounces);
     let mut seen = vec![false; times_ps.len()];
     for i in (0..60000).filter(|i| t.at(&[(T, *i)]) > 0.0) {
@@ -148,6 +148,102 @@ fn two_mirrors_are_images_of_images() {
     let got = mueller(&r.mean("m"), &[(Bounces, 4)]);
     assert_close(&got, &want, 1e-4, "over two mirrors");
     comes_at(&r, 4, &ways.map(|(_, there)| (there + back) / C));
+}
+
+/// Three and four in a row, and a third mirror across: every order counts, and none but those that light can take.
+#[test]
+fn rows_of_mirrors_are_images_of_images() {
+    let (right, left, back) = ((-DVec3::X, -1.5), (DVec3::X, -1.5), (DVec3::Y, -1.0));
+    let point = DVec3::new(0.3, 0.1, -0.5);
+    let lamp = Device::look_at([0.1, 0.2, 1.2], DVec3::new(0.1, 0.2, 0.0), [64, 64], 4.0);
+    let camera = seen_in(right, DVec3::new(0.0, 0.7, 0.5), point);
+    let text = text(&camera, &lamp, 20_000, 7, &floor())
+        + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
+        + &plate(DVec3::X * -1.5, DVec3::X, 1.4, "gold")
+        + &plate(DVec3::Y * -1.0, DVec3::Y, 1.45, "gold");
+    let r = render(&text);
+    let (view, there) = to_camera(&camera, right, point);
+    for count in [3, 4] {
+        // All rows of mirrors of which no neighbours are the same.
+        let mut rows = vec![vec![]];
+        for _ in 0..count {
+            let longer = |row: &Vec<Plane>| {
+                [right, left, back]
+                    .into_iter()
+                    .filter(|p| row.last().is_none_or(|q| q.0 != p.0))
+                    .map(|p| [row.clone(), vec![p]].concat())
+                    .collect::<Vec<_>>()
+            };
+            rows = rows.iter().flat_map(longer).collect();
+        }
+        rows.retain(|row| meets_all(&lamp, row, point));
+        let lit: Vec<(M, f64)> = rows
+            .iter()
+            .map(|row| from_lamp(&lamp, row, point, DVec3::Z))
+            .collect();
+        let want = view * wall() * lit.iter().map(|l| l.0).sum::<M>();
+        let of = |t| mueller(&t, &[(Bounces, count + 2)]);
+        let (got, error) = (of(r.mean("m")), of(r.std_error("m")));
+        println!(
+            "{count}: {} rows, {} ± {}, {}",
+            lit.len(),
+            got[(0, 0)],
+            error[(0, 0)],
+            want[(0, 0)]
+        );
+        assert_eq!(lit.len(), 4);
+        for (i, want) in want.iter().enumerate() {
+            assert!(
+                (got[i] - want).abs() < 5.0 * error[i] + 2e-4 * want.abs() + 1e-7,
+                "{got} is not {want}"
+            );
+        }
+        let times: Vec<f64> = lit.iter().map(|(_, way)| (way + there) / C).collect();
+        comes_at(&r, count + 2, &times);
+        // A row less would be noticed.
+        for (part, _) in &lit {
+            let part = (view * wall() * part)[(0, 0)];
+            assert!(part > 5.0 * error[(0, 0)] + 1e-3 * want[(0, 0)], "{part}");
+        }
+    }
+}
+
+/// True if light from the lamp meets these mirrors, of half width 1.4 to 1.45 about the axes, one after the other on its way
+/// to a point, and nothing else before.
+fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
+    let images: Vec<DVec3> = row
+        .iter()
+        .scan(lamp.origin, |p, plane| {
+            *p = image(*plane, *p);
+            Some(*p)
+        })
+        .collect();
+    let mut at = point;
+    for (plane, from) in row.iter().zip(&images).rev() {
+        let to = *from - at;
+        let t = (plane.1 - plane.0.dot(at)) / plane.0.dot(to);
+        if !(0.0..1.0).contains(&t) {
+            return false;
+        }
+        at += to * t;
+        let half = if plane.0.y == 1.0 { 1.45 } else { 1.4 };
+        let off = (at - plane.0 * plane.1).abs();
+        if off.max_element() > half || at.z < -0.5 {
+            return false;
+        }
+    }
+    // The planes make a room whose walls stand in no one's way: what is met on the true side is met first, if it is inside.
+    let mut at = point;
+    for (plane, from) in row.iter().zip(&images).rev() {
+        let to = *from - at;
+        at += to * ((plane.1 - plane.0.dot(at)) / plane.0.dot(to));
+        if at.x.abs() > 1.5 + 1e-9 || at.y < -1.0 - 1e-9 {
+            return false;
+        }
+    }
+    // It starts within the lamp's image: the last point is where the lamp's light comes first.
+    let ([u, v], _) = lamp.project(at);
+    (0.0..64.0).contains(&u) && (0.0..64.0).contains(&v)
 }
 
 /// A pane of glass between lamp and mirror bends light on its way there.

@@ -171,11 +171,17 @@ impl Crystal {
         } else {
             lanes.nth(0)
         };
+        let lobes = self.entered(at, wo, lane, weight);
+        choose(&lobes, 1.0 - reflectance, *lanes, stream)
+    }
+
+    /// The lobes of the ordinary and the extraordinary wave in the crystal, whose light leaves along `wo` outside.
+    fn entered(&self, at: &Surface, wo: Vec3A, lane: usize, weight: Spectral) -> [Option<Specular>; 2] {
         let (optics, n, s) = (self.optics(lane), at.ns, s_vector(at.ns, wo));
         let cos = n.dot(wo);
         // Tangential parts of index vectors of the path's own direction of travel, away from the camera.
         let t = (n * cos - wo) * optics.outside;
-        let lobes = optics.refracted(t, -n).map(|wave| {
+        optics.refracted(t, -n).map(|wave| {
             let wave = wave.filter(|w| at.ng.dot(w.ray) < 0.0)?;
             let eta = Spectral::splat(wave.k.length() / optics.outside);
             let block = fresnel::dielectric(cos, eta)
@@ -191,8 +197,17 @@ impl Crystal {
                 },
                 filling: Some(Filling::clear(wave.k.dot(wave.ray))),
             })
-        });
-        choose(&lobes, 1.0 - reflectance, *lanes, stream)
+        })
+    }
+
+    /// The lobe of light that passes the face on a wave, 0 for the ordinary and 1 for the extraordinary one, at one wavelength;
+    /// inside, light that leaves along `wo` must be on that wave. For a crystal that splits light.
+    #[must_use]
+    pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
+        if at.ng.dot(wo) > 0.0 {
+            return self.entered(at, wo, lane, Spectral::ONE)[wave & 1];
+        }
+        self.left(at, wo, lane, wave & 1)?[0]
     }
 
     fn sample_from_inside(
@@ -202,9 +217,15 @@ impl Crystal {
         lanes: Lanes,
         stream: &mut Stream,
     ) -> Option<Sampled> {
-        let (optics, n) = (self.optics(lanes.nth(0)), at.ns);
         let guess = usize::from(stream.uniform() < 0.5);
-        let from = optics.along(-wo)[guess];
+        let lobes = self.left(at, wo, lanes.nth(0), guess)?;
+        choose(&lobes, 0.5, lanes, stream)
+    }
+
+    /// The lobes of light that leaves along `wo` inside, on a wave: from outside, and from the two waves that the face reflects.
+    fn left(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<[Option<Specular>; 3]> {
+        let (optics, n) = (self.optics(lane), at.ns);
+        let from = optics.along(-wo)[wave];
         let near = from.k.length();
         let normal = from.k.dot(n);
         if normal <= 0.0 {
@@ -246,7 +267,7 @@ impl Crystal {
         });
         let inward = |lobe: Option<Specular>| lobe.filter(|l| at.ng.dot(l.wi) < 0.0);
         let outward = |lobe: Option<Specular>| lobe.filter(|l| at.ng.dot(l.wi) > 0.0);
-        choose(&[outward(through), inward(o), inward(e)], 0.5, lanes, stream)
+        Some([outward(through), inward(o), inward(e)])
     }
 }
 

@@ -16,6 +16,7 @@ pub mod diffuse;
 pub mod double_refraction;
 pub mod facets;
 pub mod filling;
+mod interfaces;
 pub mod lanes;
 pub mod lobe;
 pub mod measured;
@@ -391,63 +392,6 @@ impl Materials {
     #[must_use]
     pub fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
-    }
-
-    /// True if the material is a smooth interface that bends light.
-    #[inline]
-    #[must_use]
-    pub fn is_interface(&self, id: u32) -> bool {
-        self.interface(id).is_some()
-    }
-
-    /// The faces of a smooth interface that sends light of one wavelength a single way.
-    #[inline]
-    fn interface(&self, id: u32) -> Option<&dielectric::Dielectric> {
-        match &self.list[id as usize] {
-            Material::Dielectric(m) => Some(m),
-            Material::Crystal(m) if !m.split => Some(&m.faces),
-            _ => None,
-        }
-    }
-
-    /// Where light comes from through a smooth interface, of wavelength `lane`, that leaves along `wo`, and the index on the
-    /// side of `wo` over that on the other; `None` under total reflection, and for all other materials.
-    #[inline]
-    #[must_use]
-    pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
-        self.interface(id)?.refracted(at, wo, lane)
-    }
-
-    /// True if some material is a smooth interface that bends light.
-    #[must_use]
-    pub fn any_interface(&self) -> bool {
-        (0..self.list.len()).any(|id| self.is_interface(id as u32))
-    }
-
-    /// True if the material is a rough interface.
-    #[inline]
-    #[must_use]
-    pub fn is_rough_interface(&self, id: u32) -> bool {
-        matches!(self.list[id as usize], Material::RoughDielectric(_))
-    }
-
-    /// True if some material is a rough interface.
-    #[must_use]
-    pub fn any_rough_interface(&self) -> bool {
-        (0..self.list.len()).any(|id| self.is_rough_interface(id as u32))
-    }
-
-    /// True if some smooth interface sends wavelengths different ways.
-    #[must_use]
-    pub fn any_disperses(&self) -> bool {
-        (0..self.list.len()).any(|id| self.disperses(id as u32))
-    }
-
-    /// True if the material's interface sends wavelengths different ways.
-    #[inline]
-    #[must_use]
-    pub fn disperses(&self, id: u32) -> bool {
-        self.interface(id).is_some_and(|m| m.dispersive)
     }
 
     /// True if the material is a crystal.

@@ -15,23 +15,19 @@
 use super::apparent;
 use super::emission::{Emission, Ends, Sender};
 use super::environment::{self, Met};
-use super::join::{Joiner, Scratch, Setup, behind, most};
-use super::join_manifold::Takers;
-use super::light_walk::{Begun, light_walk};
-use super::manifold::Way;
+use super::join::{Joiner, Scratch, Setup, most};
 use super::mirrors::Mirrors;
 use super::point::Point;
 use super::roulette::Roulette;
 use super::spill::Spill;
-use super::splats::{Counts, Splat, Splats, WalkNumber};
+use super::splats::{Counts, Splats, WalkNumber};
 use super::state::From;
 use super::strategies::strategies;
 use super::walk::{First, Limits, Walk};
 use crate::accumulate::{Contribution, Contributions, NO_PIXEL};
-use crate::material::Lanes;
 use crate::scene::{Integrator, Scene};
 use crate::strategy::Strategy;
-use glam::{DVec2, Vec3A};
+use glam::DVec2;
 use optics::sampling::stream::Stream;
 use optics::spectrum::{Spectral, max_lane};
 use rayon::prelude::*;
@@ -63,9 +59,9 @@ pub(super) fn samples(scene: &Scene) -> u32 {
 
 /// What a render by walks works out beforehand.
 pub struct Plan {
-    setup: Setup,
+    pub(super) setup: Setup,
     /// Key of the random streams.
-    seed: u64,
+    pub(super) seed: u64,
     /// Of the part of the image that is rendered.
     splats: Splats,
     /// Of all parts, where there are several.
@@ -84,8 +80,8 @@ pub(super) struct Parts<F> {
 #[derive(Default)]
 pub struct Walks {
     camera: Walk,
-    light: Walk,
-    scratch: Scratch,
+    pub(super) light: Walk,
+    pub(super) scratch: Scratch,
     /// What each sample brings, in order, and the Mueller elements of all.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
@@ -93,7 +89,7 @@ pub struct Walks {
 
 /// True if connections of `s` points from the light to `t` from the camera are asked for.
 #[inline]
-fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
+pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
     match scene.settings.strategy {
         Some([a, b]) => [a as usize, b as usize] == [s, t],
         None => true,
@@ -199,7 +195,7 @@ impl Plan {
     }
 
     /// Points that a walk from the light must have, its end counted, before others connect to it.
-    fn first(&self) -> usize {
+    pub(super) fn first(&self) -> usize {
         if self.setup.redirected { 3 } else { 2 }
     }
 
@@ -244,7 +240,7 @@ impl Plan {
 
 /// The intensity of all contributions in the brightest lane.
 #[inline]
-fn brings(out: &Contributions) -> f32 {
+pub(super) fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
     max_lane(intensities.fold(Spectral::ZERO, |a, b| a + b))
 }
@@ -361,10 +357,10 @@ impl Walks {
                     joiner.join_by_manifold(camera, source, out);
                 }
                 if over_flats {
-                    joiner.join_over_flats(camera, source, out);
+                    joiner.join_over_flats(camera, source, alone, out);
                 }
                 if alone {
-                    joiner.join_over_curved(camera, source, out);
+                    joiner.join_alone(camera, source, out);
                 }
             }
         }
@@ -406,123 +402,5 @@ impl Walks {
             rays += self.splat(scene, plan, splat, out);
         }
         rays
-    }
-
-    /// Makes a walk from the light up to a point, and leaves it in `light`; `None` if the scene has no sources.
-    fn light_walk(&mut self, scene: &Scene, plan: &Plan, number: WalkNumber, point: usize) -> Option<Begun> {
-        self.scratch.seen[1] = None;
-        light_walk(&mut self.light, scene, &plan.setup, plan.seed, number, point)
-    }
-
-    /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
-    fn look(
-        &mut self,
-        scene: &Scene,
-        plan: &Plan,
-        number: WalkNumber,
-        out: &mut Contributions,
-        found: &mut dyn FnMut(u32, Splat),
-    ) {
-        let Some(Begun {
-            ends,
-            sender,
-            mut stream,
-        }) = self.light_walk(scene, plan, number, usize::MAX)
-        else {
-            return;
-        };
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
-        let weighs = std::mem::take(&mut joiner.weighs);
-        for s in plan.first()..=self.light.points.len() {
-            let light = &self.light.points[..s];
-            let point = &light[s - 1];
-            if !point.connects(scene) || !wanted(scene, s, 1) {
-                continue;
-            }
-            let mut keep =
-                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, factor, out: &mut Contributions| {
-                    let brings = brings(out);
-                    out.list.clear();
-                    out.elements.clear();
-                    // Nothing comes where something is in the way.
-                    if brings == 0.0 {
-                        return;
-                    }
-                    let Some(kept) = plan.setup.roulette.spin(brings * factor, joiner.stream) else {
-                        return;
-                    };
-                    if weighs {
-                        joiner.seen_through(light, sender.source);
-                    }
-                    let seen = joiner.scratch.seen[1].and_then(|(_, density)| density);
-                    let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, lanes)| {
-                        (way.dir, way.count() as u8, lanes.mask)
-                    });
-                    found(
-                        pixel,
-                        Splat {
-                            walk: number,
-                            seen: seen.unwrap_or(f32::NAN),
-                            factor: factor * kept,
-                            dir: dir.to_array(),
-                            point: (s - 1) as u16,
-                            interfaces,
-                            lanes,
-                        },
-                    );
-                };
-            if let Some(mut pixel) = ends.camera.pixel(point.surface.p) {
-                if s == 2 && ends.coaxial && sender.pixel != NO_PIXEL {
-                    pixel = sender.pixel;
-                }
-                joiner.splat(light, sender, 1.0, out);
-                keep(&mut joiner, pixel, None, 1.0, out);
-            }
-            if plan.setup.strategies.has(Strategy::SmoothInterfaces) {
-                joiner.views_by_manifold(light, |joiner, pixel, way, takers| {
-                    let once = Takers {
-                        factor: 1.0,
-                        ..takers
-                    };
-                    joiner.splat_way(light, sender, way, once, out);
-                    keep(joiner, pixel, Some((way, takers.lanes)), takers.factor, out);
-                });
-            }
-        }
-    }
-
-    /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
-    fn splat(&mut self, scene: &Scene, plan: &Plan, splat: &Splat, out: &mut Contributions) -> u32 {
-        let last = usize::from(splat.point);
-        let Some(Begun {
-            ends,
-            sender,
-            mut stream,
-        }) = self.light_walk(scene, plan, splat.walk, last)
-        else {
-            return 0;
-        };
-        let Some(light) = self.light.points.get(..=last) else {
-            return 0;
-        };
-        let known = (!splat.seen.is_nan()).then_some(splat.seen);
-        self.scratch.seen[1] = behind(light).map(|first| (first, known));
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
-        if splat.interfaces == 0 {
-            joiner.splat(light, sender, splat.factor, out);
-        } else {
-            let lanes = Lanes { mask: splat.lanes };
-            let (interfaces, lane) = (usize::from(splat.interfaces), lanes.nth(0));
-            let dir = Vec3A::from_array(splat.dir);
-            if let Some(way) = joiner.known_view(&light[last], dir, interfaces, lane) {
-                let takers = Takers {
-                    lanes,
-                    lane,
-                    factor: splat.factor,
-                };
-                joiner.splat_way(light, sender, &way, takers, out);
-            }
-        }
-        joiner.rays + self.light.rays
     }
 }

@@ -3,7 +3,7 @@
 //! Projector and camera are points, so light that leaves one of them by a single direction (over a mirror, through smooth
 //! glass) reaches a given point of a surface by chance never. Paths from the camera miss what the projector sends that
 //! way; paths from both ends miss what is bent on both sides of a single rough surface, but for what manifold connections
-//! find through interfaces and over mirrors.
+//! find through interfaces and crystals and over mirrors.
 
 use crate::lit::meets;
 use crate::scene::Scene;
@@ -47,21 +47,12 @@ pub fn missing(scene: &Scene) -> Vec<String> {
             )
         });
     }
-    if both && lit.any() {
-        let seen = meets(scene, &scene.camera);
-        if !scene.settings.manifold && seen.any() {
-            out.push(
-                "surfaces that are lit and seen over mirrors or through smooth interfaces, without a second rough surface or a \
-                 medium in between, stay dark; set manifold = true"
-                    .to_owned(),
-            );
-        } else if lit.split > 0.0 && seen.split + seen.mirror > 0.0 {
-            out.push(
-                "surfaces that are lit through crystals with split = true and seen through such crystals or in mirrors, without \
-                 a second rough surface or a medium in between, stay dark: no connection leads through both"
-                    .to_owned(),
-            );
-        }
+    if both && lit.any() && !scene.settings.manifold && meets(scene, &scene.camera).any() {
+        out.push(
+            "surfaces that are lit and seen over mirrors or through smooth interfaces, without a second rough surface or a medium \
+             in between, stay dark; set manifold = true"
+                .to_owned(),
+        );
     }
     out
 }

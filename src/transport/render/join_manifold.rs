@@ -1,5 +1,5 @@
 //! Connections through smooth interfaces and over mirrors of a walk from the camera to an emitter ([`super::manifold`]); those of
-//! a walk from the light to the camera are [`super::view_manifold`].
+//! a walk from the light to the camera are [`super::view_manifold`], those that are found by chance [`super::join_curved`].
 
 use super::bridge::{Allowed, Start};
 use super::flight::mean_transmittance;
@@ -8,6 +8,7 @@ use super::manifold::{self, Goal, Way};
 use super::mirrors::Seed;
 use super::point::{Point, Site};
 use super::route::Route;
+use super::split_way::{Choice, SplitSearch};
 use super::state::Beam;
 use crate::accumulate::Contributions;
 use crate::material::Lanes;
@@ -32,7 +33,7 @@ pub(super) struct Takers {
 impl Takers {
     /// One wavelength.
     #[inline]
-    fn only(lane: usize, factor: f32) -> Self {
+    pub fn only(lane: usize, factor: f32) -> Self {
         Self {
             lanes: Lanes { mask: 1 << lane },
             lane,
@@ -64,9 +65,6 @@ fn tries(point: &Point, way: &Way) -> f32 {
     if way.reflects() { flats_chance(point) } else { 1.0 }
 }
 
-/// Most starts that a way over curved mirrors is looked for again from, should rounding hide it.
-const MOST_TRIES: u32 = 1 << 16;
-
 impl Joiner<'_> {
     /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
     pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
@@ -90,6 +88,25 @@ impl Joiner<'_> {
         );
     }
 
+    /// Connects the last point of a walk from the camera to an emitter through crystals with double images; it must not be
+    /// [`Self::reached`] otherwise.
+    pub fn join_through_crystals(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let (Some(z), scene) = (camera.last(), self.scene) else {
+            return;
+        };
+        let to = self.setup.emission.position(scene, self.ends[0], source);
+        let search = self
+            .straight(z, to)
+            .and_then(|start| SplitSearch::straight(scene, start, to));
+        for waves in search.iter().flat_map(SplitSearch::waves) {
+            self.each_way(
+                z,
+                |_, lane| Some((search.as_ref()?.find(Choice { lane, waves })?, 1.0)),
+                |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
+            );
+        }
+    }
+
     /// True if a path over the last point of a walk from the camera and mirrors to an emitter is made in other ways: by
     /// connections of two walks, or by ways through interfaces to the camera.
     #[inline]
@@ -100,9 +117,10 @@ impl Joiner<'_> {
     }
 
     /// Connects the last point of a walk from the camera to an emitter over flat mirrors, and appends what that brings. Unless
-    /// there are so few that other strategies reckon with it ([`Mirrors::flats_weigh`]), it must not be [`Self::reached`] otherwise:
-    /// paths that are get no share of their weight here.
-    pub fn join_over_flats(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+    /// there are so few that other strategies reckon with it ([`Mirrors::flats_weigh`]), it must be `alone`, not
+    /// [`Self::reached`] otherwise: paths that are get no share of their weight here. Over three and more they are looked for where it is
+    /// alone.
+    pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
         };
@@ -112,7 +130,7 @@ impl Joiner<'_> {
             return;
         }
         let to = setup.emission.position(scene, self.ends[0], source);
-        setup.mirrors.flat_ways(z.surface.p, to, |seeds| {
+        let mut take = |seeds: &[Seed]| {
             let Some((start, route, factor)) = self.spin_over(z, source, to, seeds) else {
                 return;
             };
@@ -122,7 +140,12 @@ impl Joiner<'_> {
                 |_, lane| Some((manifold::find(scene, start, &route, Goal { to, lane })?, factor)),
                 |joiner, way, takers| joiner.join_way(camera, source, way, takers, out),
             );
-        });
+        };
+        setup.mirrors.flat_ways(z.surface.p, to, &mut take);
+        if alone {
+            let most = most(scene).saturating_sub(z.interactions + 1) as usize;
+            setup.mirrors.flat_rows(z.surface.p, to, most, &mut take);
+        }
     }
 
     /// The start of a way from a point over mirrors, looked for from points of them, and its route.
@@ -144,7 +167,7 @@ impl Joiner<'_> {
     }
 
     /// The way from a point over mirrors, looked for from points of them.
-    fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
+    pub fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
         let (start, route) = self.route_over(z, seeds, goal.to, goal.lane)?;
         manifold::find(self.scene, start, &route, goal)
     }
@@ -167,7 +190,10 @@ impl Joiner<'_> {
         let emitted = (last.point - to).try_normalize()?;
         let scattered = z.scatter(scene, z.back, dir);
         let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, emitted);
-        let between = (last.point - first.point).length();
+        let between: f32 = seeds
+            .windows(2)
+            .map(|pair| (pair[1].point - pair[0].point).length())
+            .sum();
         let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
         let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
             / (length * length);
@@ -185,58 +211,6 @@ impl Joiner<'_> {
             .roulette
             .spin_unsure(expected * factor * route.passes, self.stream)?;
         Some((start, route, factor * again))
-    }
-
-    /// The same over curved mirrors; it must not be [`Self::reached`] otherwise.
-    pub fn join_over_curved(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
-        let Some(z) = camera.last() else {
-            return;
-        };
-        let (setup, scene) = (self.setup, self.scene);
-        let to = setup.emission.position(scene, self.ends[0], source);
-        let Some(factor) = self.spin_glints(z, source, to) else {
-            return;
-        };
-        let draw = |joiner: &mut Self, lane| {
-            let seed = setup.mirrors.draw(joiner.stream)?;
-            joiner.way_over(z, &[seed], Goal { to, lane })
-        };
-        let found_by_chance = |joiner: &mut Self, lane| {
-            let way = draw(joiner, lane)?;
-            let again = |_: &u32| draw(joiner, lane).is_some_and(|w| w.is(&way));
-            let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
-            Some((way, factor * tries as f32))
-        };
-        if !setup.mirrors.disperses {
-            self.each_way(z, found_by_chance, |joiner, way, takers| {
-                joiner.join_way(camera, source, way, takers, out);
-            });
-            return;
-        }
-        // Where one wavelength finds nothing by chance, others may.
-        for k in 0..z.lanes.count() {
-            let lane = z.lanes.nth(k);
-            if let Some((way, tries)) = found_by_chance(self, lane) {
-                self.join_way(camera, source, &way, Takers::only(lane, tries), out);
-            }
-        }
-    }
-
-    /// Roulette on the search for ways over curved mirrors from a point to an emitter at `to`.
-    fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A) -> Option<f32> {
-        let (scene, setup) = (self.scene, self.setup);
-        let glints = &setup.mirrors.glints;
-        if setup.mirrors.is_flat() {
-            return None;
-        }
-        let toward = |p: Vec3A| (glints.centre() - p).normalize_or(Vec3A::Z);
-        let scattered = z.scatter(scene, z.back, toward(z.surface.p));
-        let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, toward(to));
-        let expected = z.chain.max_m00()
-            * scattered.map_or(0.0, |s| max_lane(s.m00()))
-            * max_lane(intensity)
-            * glints.thrown(to, z.surface.p);
-        setup.roulette.spin_rough(expected, self.stream)
     }
 
     /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
@@ -303,14 +277,14 @@ impl Joiner<'_> {
 
     /// The way from a point to an end at `to` through interfaces.
     #[inline]
-    fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
+    pub fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
         let start = self.straight(p, to)?;
         let route = Route::straight(self.scene, &start, to)?;
         manifold::find(self.scene, start, &route, Goal { to, lane })
     }
 
     /// Appends what a way brings to its takers.
-    fn join_way(
+    pub fn join_way(
         &mut self,
         camera: &[Point],
         source: usize,

@@ -12,14 +12,16 @@
 //! the squared indices. The density with which a walk from the light would have come the same way is
 //! p(ω_L) (n_x/n_L)² / J per area across.
 //!
-//! A start finds at most one of the ways that a curved interface may have. What is found depends on the point alone, so
-//! [`super::weight`] can ask of any path whether it would have been found.
+//! A straight start finds at most one of the ways that a curved interface may have. What is found depends on the point alone,
+//! so [`super::weight`] can ask of any path whether it would have been found; the other ways are looked for at random
+//! ([`super::join_curved`]).
 //!
 //! A way may also go over [`super::mirrors`], where it starts at a given point of each; J is the same.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
 use super::route::{INTERFACES, MOST_SURFACES, Route, passes};
+use super::turned::{Turned, reflected};
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lobe};
 use crate::scene::Scene;
@@ -28,6 +30,7 @@ use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{basis, perpendicular};
 use optics::polarization::scatter::Scatter;
+use optics::spectrum::max_lane;
 
 /// Steps of Newton's method.
 const STEPS: usize = 24;
@@ -37,10 +40,6 @@ const NEAR: f32 = 5e-6;
 
 /// Ways whose cosine is nearer 1 than this are one: a milliradian.
 const SAME: f32 = 5e-7;
-
-/// A mirror's direction whose cosine with the geometric one is less than 1 minus this was turned by a normal map, whose
-/// derivatives are not known; rounding stays ten times below.
-const TURNED: f32 = 1e-6;
 
 /// Shots start this many times as far off their surface as other rays: they leave along the ray and not along the normal, and a
 /// point on the ray is rounded across the surface too.
@@ -58,14 +57,14 @@ const CUT: f32 = 0.4;
 const CUTS: usize = 6;
 
 /// Where the way is bent.
-struct Bend {
-    surface: Surface,
+pub(super) struct Bend {
+    pub surface: Surface,
     /// Directions before and after, away from x.
-    before: Vec3A,
-    after: Vec3A,
-    lobe: Lobe,
-    scatter: Scatter,
-    filling: Option<Filling>,
+    pub before: Vec3A,
+    pub after: Vec3A,
+    pub lobe: Lobe,
+    pub scatter: Scatter,
+    pub filling: Option<Filling>,
 }
 
 /// A way from a point to an emitter.
@@ -116,17 +115,6 @@ struct Shot {
     length: f32,
 }
 
-/// The direction of light along `dir` after a mirror, in a delta lobe that shading and geometry agree on.
-#[inline]
-fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
-    let found = scene
-        .materials
-        .specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
-    let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
-    // Normal maps turn it by what is not known here.
-    (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
-}
-
 /// The way from the start of a line along a route to a goal; it is looked for along the line, or from the first point on a
 /// mirror.
 pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Way> {
@@ -134,6 +122,11 @@ pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Op
         Some(seed) => (seed.point - start.from).try_normalize()?,
         None => start.ray.dir,
     };
+    find_along(scene, start, route, dir, goal)
+}
+
+/// The same, looked for along a direction.
+pub(super) fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
     let search = Search {
         scene,
         start,
@@ -239,11 +232,16 @@ impl Search<'_> {
                 } else {
                     scene.materials.refracted(id, &surface, -dir, lane)?
                 };
-                let bend = scene.geometry.bend(&hit, &surface);
-                let (n, bend) = if dir.dot(surface.ng) > 0.0 {
-                    (-surface.ns, bend * -1.0)
+                let (n, bend) = if mirror && scene.materials.is_turned(id) {
+                    let turned = Turned::at(scene, &ray, &hit, &surface, lane)?;
+                    (turned.normal, turned.bend)
                 } else {
-                    (surface.ns, bend)
+                    let bend = scene.geometry.bend(&hit, &surface);
+                    if dir.dot(surface.ng) > 0.0 {
+                        (-surface.ns, bend * -1.0)
+                    } else {
+                        (surface.ns, bend)
+                    }
                 };
                 let (cos, cos_far) = (dir.dot(n), after.dot(n));
                 let pull = ratio * cos - cos_far;
@@ -325,15 +323,7 @@ impl Search<'_> {
             }
         })?;
         let (_, spread) = newton(dir, &shot)?;
-        let last = bends.last()?;
-        Some(Way {
-            dir,
-            emitted: -last.after,
-            first: last.surface.p,
-            spread,
-            bends,
-            start: self.start,
-        })
+        Way::known(self.start, dir, spread, bends)
     }
 }
 
@@ -349,6 +339,19 @@ pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal
 }
 
 impl Way {
+    /// That leaves a start along `dir`, and is bent so.
+    pub fn known(start: Start, dir: Vec3A, spread: f32, bends: ArrayVec<Bend, INTERFACES>) -> Option<Self> {
+        let last = bends.last()?;
+        Some(Self {
+            dir,
+            emitted: -last.after,
+            first: last.surface.p,
+            spread,
+            bends,
+            start,
+        })
+    }
+
     /// Number of interfaces and mirrors.
     #[inline]
     pub fn count(&self) -> usize {
@@ -359,6 +362,11 @@ impl Way {
     #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
+    }
+
+    /// What interfaces and mirrors let through of unpolarized light, about.
+    pub fn passes(&self) -> f32 {
+        self.bends.iter().map(|b| max_lane(b.scatter.m00())).product()
     }
 
     /// True if it goes over mirrors.
@@ -426,6 +434,8 @@ impl Way {
                 sheets: allowed.sheets - sheets,
                 ..allowed
             };
+            // Origin and end are off their surfaces: along the way's own direction a line would end in the surface now and then.
+            start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = bridge(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;
             sheets += line.sheets;

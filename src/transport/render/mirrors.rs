@@ -5,9 +5,11 @@
 //! both ends are points. [`super::manifold`] finds the way if it knows about where to start.
 //!
 //! - Flat mirrors: all that lie in one plane are a group. The end's image says where light for a point is reflected, so
-//!   every group, and every pair of them, is asked for its one way.
+//!   every group, and every pair of them, is asked for its one way; and rows of three and more, where no other strategy finds
+//!   their light.
 //! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
 //!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
+//! - Several in a row, one of them curved, and curved glass: the same, with starts that follow a ray ([`super::traced`]).
 
 use super::glints::{Glints, reflectance};
 use super::mirrors_copied::{Copied, area, ends, point_on};
@@ -15,6 +17,7 @@ use crate::geometry::bvh::{Geometry, Outline};
 use crate::geometry::ray::{Hit, Owner, Ray, Surface};
 use crate::material::Materials;
 use crate::strategy::{Strategies, Strategy};
+use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
@@ -38,6 +41,18 @@ const MOST_FLATS: usize = 2048;
 
 /// Up to so many planes, light may take two of them.
 const MOST_IN_PAIRS: usize = 64;
+
+/// Most planes in a row.
+const MOST_IN_ROW: usize = 8;
+
+/// Light may take three planes in a row or more while there are up to so many such rows.
+const MOST_ROWS: usize = 1024;
+
+/// What curved glass throws, over what a mirror would that sends all light all ways alike: into a cone of about π.
+const PASSED: f32 = 4.0;
+
+/// Share of random points that are taken for their image in a flat mirror.
+const IMAGED: f32 = 0.25;
 
 /// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
 const SAME_PLANE: f32 = 1e-4;
@@ -66,6 +81,17 @@ struct Flat {
     radius: f32,
 }
 
+/// An end and its images in one flat mirror after the other, with their groups.
+type Images = ArrayVec<(u32, Vec3A), { MOST_IN_ROW + 1 }>;
+
+impl Seed {
+    /// True on curved mirrors.
+    #[inline]
+    pub fn is_curved(self) -> bool {
+        self.group == CURVED
+    }
+}
+
 /// The mirrors of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Mirrors {
@@ -74,14 +100,17 @@ pub(super) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Curved mirrors besides those, of groups with many copies.
     copied: Copied,
-    /// What curved mirrors throw, about.
+    /// What curved mirrors throw, about, and what they do together with what passes through curved glass.
     pub glints: Glints,
+    pub bright: Glints,
     /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
     groups: HashMap<Key, u32>,
     /// Interfaces may move the point of reflection.
     bent: bool,
     /// Some interface sends wavelengths different ways.
     pub disperses: bool,
+    /// Some crystal has double images.
+    pub splits: bool,
 }
 
 impl Flat {
@@ -114,6 +143,7 @@ impl Mirrors {
         let mut out = Self {
             bent: materials.any_interface(),
             disperses: materials.any_disperses(),
+            splits: materials.any_splits(),
             ..Self::default()
         };
         let mirrors: Vec<f32> = (0..materials.list.len() as u32)
@@ -127,13 +157,14 @@ impl Mirrors {
             all.retain(|(key, _)| key.1 == Owner::WORLD);
         }
         let mut planes = HashMap::new();
-        let mut pieces: Vec<(Key, Outline, u32, f32)> = vec![];
+        let mut pieces: Vec<(Key, Outline, u32, [f32; 2])> = vec![];
         for (key, outline) in all {
             let (surface, flat) = primitive(geometry, key, &outline);
             if !is_mirror(&surface) {
                 continue;
             }
-            let group = if flat {
+            // Under normal maps flat ones are as good as curved.
+            let group = if flat && !materials.is_turned(surface.material) {
                 let d = surface.ng.dot(surface.p);
                 let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
                 let key = key.map(|v| (v / SAME_PLANE).round() as i64);
@@ -149,7 +180,13 @@ impl Mirrors {
             } else {
                 CURVED
             };
-            pieces.push((key, outline, group, reflectance(&surface)));
+            let mirrored = reflectance(&surface);
+            let all = if materials.is_interface(surface.material) {
+                PASSED
+            } else {
+                mirrored
+            };
+            pieces.push((key, outline, group, [mirrored, all]));
         }
         if out.flats.len() > MOST_FLATS {
             out.flats.clear();
@@ -166,10 +203,13 @@ impl Mirrors {
             }
         }
         let curved = pieces.iter().filter(|p| p.2 == CURVED);
-        out.glints = if listed {
-            Glints::new(curved.map(|(_, o, _, share)| (o, ends(o).into(), *share)))
+        let thrown = curved.map(|(_, o, _, share)| (o, ends(o).into(), *share));
+        (out.glints, out.bright) = if listed {
+            let all = thrown.clone().map(|(o, ends, share)| (o, ends, share[1]));
+            let mirrored = thrown.map(|(o, ends, share)| (o, ends, share[0]));
+            (Glints::new(mirrored), Glints::new(all))
         } else {
-            Glints::unknown()
+            (Glints::unknown(), Glints::unknown())
         };
         let mut bounds = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); out.flats.len()];
         for (_, outline, group, _) in &pieces {
@@ -193,6 +233,7 @@ impl Mirrors {
         if !strategies.has(Strategy::CurvedMirrors) {
             self.curved.clear();
             self.copied = Copied::default();
+            self.splits = false;
         }
         self
     }
@@ -202,6 +243,13 @@ impl Mirrors {
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
         of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
+    }
+
+    /// The point of a mirror that is hit; `None` on all else.
+    #[inline]
+    pub fn seed(&self, hit: &Hit, point: Vec3A) -> Option<Seed> {
+        let group = self.group(hit);
+        (group != NONE).then_some(Seed { group, point })
     }
 
     /// True if there are none.
@@ -248,6 +296,73 @@ impl Mirrors {
                 }
             }
         }
+    }
+
+    /// Most flat mirrors in a row that light may take.
+    fn longest_row(&self) -> usize {
+        let next = self.flats.len().saturating_sub(1);
+        let mut rows = self.flats.len();
+        (1..=MOST_IN_ROW)
+            .take_while(|n| {
+                rows = if *n > 1 { rows * next } else { rows };
+                *n <= 2 || rows <= MOST_ROWS
+            })
+            .count()
+    }
+
+    /// Calls back with the flat mirrors, three to `most` in a row, that light between a point and an end at `to` may take, from
+    /// the point on. They are fewer where they are many, so that they never take long.
+    pub fn flat_rows(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
+        let most = most.min(self.longest_row());
+        if self.flats.len() > 1 && most > 2 {
+            self.add_rows(from, &mut ArrayVec::from_iter([(NONE, to)]), most, f);
+        }
+    }
+
+    /// The same of all that end with given mirrors, from the end on: the last image of the end that each made, which is first.
+    fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
+        let Some((last, image)) = images.last().copied() else {
+            return;
+        };
+        for (group, flat) in (0..).zip(&self.flats) {
+            if group == last {
+                continue;
+            }
+            images.push((group, flat.image(image)));
+            if images.len() > 3
+                && let Some(seeds) = self.row(from, images)
+            {
+                f(&seeds);
+            }
+            if images.len() <= most {
+                self.add_rows(from, images, most, f);
+            }
+            images.pop();
+        }
+    }
+
+    /// Where light from a point is reflected on its way over a row of flat mirrors; `None` if it misses one.
+    fn row(&self, mut from: Vec3A, images: &Images) -> Option<ArrayVec<Seed, MOST_IN_ROW>> {
+        let mut seeds = ArrayVec::new();
+        for pair in images.windows(2).rev() {
+            let ([(_, image), (group, _)], flat) = ([pair[0], pair[1]], self.flats.get(pair[1].0 as usize)?);
+            from = flat.reflects(from, image, self.bent)?;
+            seeds.push(Seed { group, point: from });
+        }
+        Some(seeds)
+    }
+
+    /// A random point of the curved mirrors, or its image in one flat mirror or more: what light may be sent to from any point,
+    /// straight or over those.
+    pub fn aim(&self, stream: &mut Stream) -> Option<Vec3A> {
+        let mut point = self.draw(stream)?.point;
+        if !self.flats.is_empty() {
+            while stream.uniform() < IMAGED {
+                let i = (stream.uniform() * self.flats.len() as f32) as usize;
+                point = self.flats[i.min(self.flats.len() - 1)].image(point);
+            }
+        }
+        Some(point)
     }
 
     /// A random point of the curved mirrors, if there are any.
@@ -342,157 +457,4 @@ fn primitive(geometry: &Geometry, (leaf, owner): Key, outline: &Outline) -> (Sur
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::builder::GeometryBuilder;
-    use crate::geometry::mesh::Mesh;
-    use crate::geometry::quadric::{Quadric, QuadricKind};
-    use crate::material::Material;
-    use crate::material::conductor::Conductor;
-    use crate::material::diffuse::Diffuse;
-    use crate::material::facets::Roughness;
-    use crate::material::rough_conductor::RoughConductor;
-    use crate::material::texture::{Scalar, Spectrum};
-    use glam::{Affine3A, Vec3};
-    use optics::sampling::microfacet::{Distribution, Masking};
-    use optics::spectrum::Spectral;
-
-    const WHITE: u32 = 0;
-    const GOLD: u32 = 1;
-    const MATT: u32 = 2;
-
-    /// Things to put into a scene.
-    enum Shape {
-        Rectangle(u32, [[f32; 3]; 3]),
-        Ball(f32, f32),
-    }
-
-    fn rectangle(material: u32, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> Shape {
-        Shape::Rectangle(material, [corner, u, v])
-    }
-
-    fn mirrors(shapes: &[Shape]) -> Mirrors {
-        let (n, k) = (Spectral::splat(0.4242), Spectral::splat(2.4721));
-        let roughness = Roughness {
-            distribution: Distribution::Ggx,
-            masking: Masking::default(),
-            alpha: Scalar::uniform(0.2),
-        };
-        let materials = Materials {
-            list: vec![
-                Material::Diffuse(Diffuse {
-                    albedo: Spectrum::uniform(Spectral::splat(0.5)),
-                }),
-                Material::Conductor(Conductor { n, k }),
-                Material::RoughConductor(RoughConductor { n, k, roughness }),
-            ],
-            ..Materials::default()
-        };
-        let mut geometry = GeometryBuilder::default();
-        for shape in shapes {
-            match shape {
-                Shape::Rectangle(material, place) => {
-                    let [corner, u, v] = place.map(Vec3A::from_array);
-                    let mut square = Mesh::rectangle();
-                    let axes = Mat3A::from_cols(u / 2.0, v / 2.0, u.cross(v));
-                    square.transform(&Affine3A {
-                        matrix3: axes,
-                        translation: corner + (u + v) / 2.0,
-                    });
-                    geometry.mesh(&square, *material);
-                }
-                Shape::Ball(x, radius) => {
-                    let place = Affine3A {
-                        matrix3: Mat3A::from_diagonal(Vec3::splat(*radius)),
-                        translation: Vec3A::new(*x, 0.0, 0.0),
-                    };
-                    geometry.quadric(Quadric::new(QuadricKind::Sphere, place, GOLD));
-                }
-            }
-        }
-        Mirrors::new(&geometry.build(), &materials)
-    }
-
-    /// Pieces of one plane are one mirror, whichever side they face; what scatters or is rough is none.
-    #[test]
-    fn a_plane_is_one_mirror() {
-        let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-        let all = [
-            rectangle(GOLD, [0.0; 3], x, y),
-            rectangle(GOLD, [1.5, 0.0, 0.0], x, y),
-            rectangle(GOLD, [0.0, 0.0, 0.3], x, y),
-            rectangle(WHITE, [0.0, 0.0, 0.6], x, y),
-            rectangle(MATT, [0.0, 0.0, 0.9], x, y),
-        ];
-        let mirrors = mirrors(&all);
-        assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (2, 0));
-        let wide = mirrors.flats.iter().filter(|f| f.radius > 1.2).count();
-        assert_eq!(wide, 1);
-    }
-
-    /// The way over a flat mirror has equal angles; there is none to the other side, or beside the mirror.
-    #[test]
-    fn flat_ways_are_images() {
-        let all = [rectangle(
-            GOLD,
-            [-1.0, -1.0, 0.0],
-            [2.0, 0.0, 0.0],
-            [0.0, 2.0, 0.0],
-        )];
-        let mirrors = mirrors(&all);
-        let ways = |a: [f32; 3], b: [f32; 3]| {
-            let mut found = vec![];
-            mirrors.flat_ways(Vec3A::from_array(a), Vec3A::from_array(b), |seeds| {
-                found.push(seeds[0].point);
-            });
-            found
-        };
-        let found = ways([-0.3, 0.2, 1.0], [0.6, 0.2, 2.0]);
-        assert_eq!(found.len(), 1);
-        assert!(found[0].distance(Vec3A::new(0.0, 0.2, 0.0)) < 1e-6, "{found:?}");
-        assert!(ways([-0.3, 0.2, 1.0], [0.6, 0.2, -2.0]).is_empty());
-        assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
-    }
-
-    /// Two mirrors at a right angle: the light may take both, in one order from most places.
-    #[test]
-    fn pairs_are_images_of_images() {
-        let all = [
-            rectangle(GOLD, [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-            rectangle(GOLD, [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
-        ];
-        let mirrors = mirrors(&all);
-        let (a, b) = (Vec3A::new(1.0, 0.1, 0.5), Vec3A::new(0.5, 0.1, 1.2));
-        let mut pairs = 0;
-        mirrors.flat_ways(a, b, |seeds| {
-            if let [p, q] = seeds {
-                pairs += 1;
-                let [p, q] = [p.point, q.point];
-                // Each reflection turns about its mirror's normal.
-                for (before, after, at) in [((p - a), (q - p), p), ((q - p), (b - q), q)] {
-                    let n = if at.z.abs() < 1e-6 { Vec3A::Z } else { Vec3A::X };
-                    let (before, after) = (before.normalize(), after.normalize());
-                    assert!((before - n * (2.0 * before.dot(n)) - after).length() < 1e-5);
-                }
-            }
-        });
-        assert_eq!(pairs, 1);
-    }
-
-    /// Random points lie on curved mirrors, each surface by its area.
-    #[test]
-    fn seeds_cover_curved_mirrors() {
-        let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);
-        assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (0, 2));
-        let (mut stream, n, mut large) = (Stream::new(1, 0, 0), 20_000, 0);
-        for _ in 0..n {
-            let p = mirrors.draw(&mut stream).expect("a mirror").point;
-            let on = |x: f32, radius: f32| (p.distance(Vec3A::new(x, 0.0, 0.0)) - radius).abs() < 1e-5;
-            large += u32::from(on(0.0, 1.0));
-            assert!(on(0.0, 1.0) || on(4.0, 0.5), "{p}");
-        }
-        // Four fifths, within 5 sigma of a binomial.
-        let (share, sigma) = (f64::from(large) / f64::from(n), (0.16 / f64::from(n)).sqrt());
-        assert!((share - 0.8).abs() < 5.0 * sigma, "{share}");
-    }
-}
+mod tests;

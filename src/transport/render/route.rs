@@ -20,10 +20,13 @@ const BEFORE: f32 = 1e-4;
 /// Surfaces that a line or a shot may meet, sheets and null boundaries included: one that grazes forever must end.
 pub(super) const MOST_SURFACES: usize = 64;
 
+/// Numbers of interfaces before each mirror, and after the last.
+pub(super) type Legs = ArrayVec<usize, { INTERFACES + 1 }>;
+
 /// What bends a way: interfaces and mirrors, in the order in which it comes to them.
 pub(super) struct Route<'a> {
     /// Interfaces before each mirror, and after the last.
-    pub through: ArrayVec<usize, 3>,
+    pub through: Legs,
     pub over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
     /// What media and mirrors let through of light that takes it as if it were straight in between, about.
@@ -64,6 +67,17 @@ impl<'a> Route<'a> {
             through: ArrayVec::from_iter([count]),
             over: &[],
             mirrors: None,
+            passes: 1.0,
+        }
+    }
+
+    /// Over points of mirrors, and through interfaces in between.
+    #[inline]
+    pub fn known(mirrors: &'a Mirrors, through: Legs, over: &'a [Seed]) -> Self {
+        Self {
+            through,
+            over,
+            mirrors: Some(mirrors),
             passes: 1.0,
         }
     }

@@ -115,9 +115,14 @@ fn onward(
         return Some((sampled, density));
     }
     sampled.scatter = sampled.scatter.reversed();
-    if !sampled.delta {
-        // Shading normals are not the same from both sides.
-        let (shading_in, shading_out) = (s.ns.dot(back).abs(), s.ns.dot(sampled.wi).abs());
+    if !materials.is_crystal(id) {
+        // Shading normals are not the same from both sides (Veach 1997, sect. 5.3).
+        let (shading_in, shading_out) = if sampled.delta && sampled.filling.is_none() {
+            // Mirrors turn their own normals.
+            (1.0, 1.0)
+        } else {
+            (s.ns.dot(back).abs(), s.ns.dot(sampled.wi).abs())
+        };
         let factor = shading_in * cos_out / (cos_in * shading_out).max(f32::MIN_POSITIVE);
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(factor));
     }

@@ -1,0 +1,152 @@
+//! Connections over curved mirrors and through curved glass, which have any number of ways: found by chance, and counted by
+//! the reciprocal of the chance (Zeltner, Georgiev & Jakob 2020).
+//!
+//! A way that is found from a share p of all random starts counts 1/p times, and the number of starts until it is found again
+//! is, in the mean, 1/p. They are made where no other strategy finds the path, so that each has all of its weight.
+
+use super::glints::Glints;
+use super::join::{Joiner, most};
+use super::join_manifold::Takers;
+use super::manifold::{self, Goal, Way};
+use super::mirrors::Seed;
+use super::point::Point;
+use super::traced::Traced;
+use crate::accumulate::Contributions;
+use glam::Vec3A;
+use optics::spectrum::max_lane;
+
+/// Most starts that a way is looked for again from, should rounding hide it.
+const MOST_TRIES: u32 = 1 << 16;
+
+impl Joiner<'_> {
+    /// Connects the last point of a walk from the camera to an emitter by all ways that no other strategy reckons with, those that
+    /// are found by chance and through crystals, and appends what that brings; it must not be [`Self::reached`] otherwise.
+    pub fn join_alone(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        if self.setup.mirrors.splits {
+            self.join_through_crystals(camera, source, out);
+        }
+        self.join_over_one(camera, source, out);
+        self.join_through(camera, source, out);
+    }
+
+    /// Over one curved mirror.
+    fn join_over_one(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let setup = self.setup;
+        let to = setup.emission.position(self.scene, self.ends[0], source);
+        let Some(factor) = self.spin_glints(z, source, to, &setup.mirrors.glints) else {
+            return;
+        };
+        let draw = |joiner: &mut Self, lane, _: bool| {
+            let seed = setup.mirrors.draw(joiner.stream)?;
+            joiner.way_over(z, &[seed], Goal { to, lane })
+        };
+        self.join_by_chance(camera, source, factor, draw, |_, _| Some(1.0), out);
+    }
+
+    /// By every other way that something curved has a part in: through curved glass, but for the way that
+    /// [`Self::join_by_manifold`] finds, and over several mirrors.
+    fn join_through(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let (scene, setup) = (self.scene, self.setup);
+        let Some(bends) = most(scene).checked_sub(z.interactions + 1).filter(|n| *n > 0) else {
+            return;
+        };
+        let to = setup.emission.position(scene, self.ends[0], source);
+        let Some(factor) = self.spin_glints(z, source, to, &setup.mirrors.bright) else {
+            return;
+        };
+        let draw = |joiner: &mut Self, lane, first: bool| {
+            let goal = Goal { to, lane };
+            let dir = (setup.mirrors.aim(joiner.stream)? - z.surface.p).try_normalize()?;
+            let start = z.line(scene, dir);
+            let traced = Traced::follow(scene, &setup.mirrors, &start, goal, bends as usize, joiner.stream)?;
+            let way = manifold::find_along(scene, start, &traced.route(&setup.mirrors), dir, goal)?;
+            (!first || !joiner.is_expected(z, &way, &traced.over, goal)).then_some(way)
+        };
+        // Long rows of curved mirrors have ways without number, most of which bring next to nothing.
+        let decide = |joiner: &mut Self, way: &Way| {
+            let scattered = z.scatter(scene, z.back, way.dir)?;
+            let (intensity, _) = setup
+                .emission
+                .intensity(scene, joiner.ends[0], source, way.emitted);
+            let arrives = max_lane(intensity) * way.passes() / way.spread;
+            let brings = z.chain.max_m00() * max_lane(scattered.m00()) * arrives;
+            setup.roulette.spin(brings, joiner.stream)
+        };
+        self.join_by_chance(camera, source, factor, draw, decide, out);
+    }
+
+    /// True if a way from a point over some mirrors is found from its straight start.
+    fn is_expected(&self, z: &Point, way: &Way, over: &[Seed], goal: Goal) -> bool {
+        if over.iter().any(|s| s.is_curved()) {
+            return false;
+        }
+        if over.is_empty() {
+            return self.way(z, goal.to, goal.lane).is_some_and(|w| w.is(way));
+        }
+        let mut is = false;
+        self.setup.mirrors.flat_ways(z.surface.p, goal.to, |seeds| {
+            let same = seeds.iter().map(|s| s.group).eq(over.iter().map(|s| s.group));
+            is |= same && self.way_over(z, seeds, goal).is_some_and(|w| w.is(way));
+        });
+        is
+    }
+
+    /// Connects the last point of a walk from the camera to an emitter by ways that are drawn, for a wavelength; `draw` is told
+    /// whether it is the first time, or whether the way that it gave is waited for again. `decide` says of a way how many times it
+    /// counts, if it is followed at all.
+    fn join_by_chance(
+        &mut self,
+        camera: &[Point],
+        source: usize,
+        factor: f32,
+        mut draw: impl FnMut(&mut Self, usize, bool) -> Option<Way>,
+        decide: impl Fn(&mut Self, &Way) -> Option<f32>,
+        out: &mut Contributions,
+    ) {
+        let Some(z) = camera.last() else {
+            return;
+        };
+        let mut found = |joiner: &mut Self, lane| {
+            let way = draw(joiner, lane, true)?;
+            let factor = factor * decide(joiner, &way)?;
+            let again = |_: &u32| draw(joiner, lane, false).is_some_and(|w| w.is(&way));
+            let tries = (1..=MOST_TRIES).find(again).unwrap_or(MOST_TRIES);
+            Some((way, factor * tries as f32))
+        };
+        if !self.setup.mirrors.disperses {
+            self.each_way(z, found, |joiner, way, takers| {
+                joiner.join_way(camera, source, way, takers, out);
+            });
+            return;
+        }
+        // Where one wavelength finds nothing by chance, others may.
+        for k in 0..z.lanes.count() {
+            let lane = z.lanes.nth(k);
+            if let Some((way, tries)) = found(self, lane) {
+                self.join_way(camera, source, &way, Takers::only(lane, tries), out);
+            }
+        }
+    }
+
+    /// Roulette on the search for ways over curved surfaces, that throw about so much, from a point to an emitter at `to`.
+    fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
+        let (scene, setup) = (self.scene, self.setup);
+        if setup.mirrors.is_flat() {
+            return None;
+        }
+        let toward = |p: Vec3A| (glints.centre() - p).normalize_or(Vec3A::Z);
+        let scattered = z.scatter(scene, z.back, toward(z.surface.p));
+        let (intensity, _) = setup.emission.intensity(scene, self.ends[0], source, toward(to));
+        let expected = z.chain.max_m00()
+            * scattered.map_or(0.0, |s| max_lane(s.m00()))
+            * max_lane(intensity)
+            * glints.thrown(to, z.surface.p);
+        setup.roulette.spin_rough(expected, self.stream)
+    }
+}

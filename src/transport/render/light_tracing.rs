@@ -1,0 +1,148 @@
+//! Light tracing: points of walks from the light that the camera sees, straight or through interfaces.
+//!
+//! They are found once for a part of the image ([`super::splats`]), as numbers of walks and points: the walks are made again for the
+//! pixel that sees them.
+
+use super::bidirectional::{Plan, Walks, brings, wanted};
+use super::join::{Joiner, behind};
+use super::join_manifold::Takers;
+use super::light_walk::{Begun, light_walk};
+use super::manifold::Way;
+use super::splats::{Splat, WalkNumber};
+use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::material::Lanes;
+use crate::scene::Scene;
+use crate::strategy::Strategy;
+use glam::Vec3A;
+
+impl Walks {
+    /// Makes a walk from the light up to a point, and leaves it in `light`; `None` if the scene has no sources.
+    pub(super) fn light_walk(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        point: usize,
+    ) -> Option<Begun> {
+        self.scratch.seen[1] = None;
+        light_walk(&mut self.light, scene, &plan.setup, plan.seed, number, point)
+    }
+
+    /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
+    pub(super) fn look(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        number: WalkNumber,
+        out: &mut Contributions,
+        found: &mut dyn FnMut(u32, Splat),
+    ) {
+        let Some(Begun {
+            ends,
+            sender,
+            mut stream,
+        }) = self.light_walk(scene, plan, number, usize::MAX)
+        else {
+            return;
+        };
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
+        let weighs = std::mem::take(&mut joiner.weighs);
+        for s in plan.first()..=self.light.points.len() {
+            let light = &self.light.points[..s];
+            let point = &light[s - 1];
+            if !point.connects(scene) || !wanted(scene, s, 1) {
+                continue;
+            }
+            let mut keep =
+                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, factor, out: &mut Contributions| {
+                    let brings = brings(out);
+                    out.list.clear();
+                    out.elements.clear();
+                    // Nothing comes where something is in the way.
+                    if brings == 0.0 {
+                        return;
+                    }
+                    let Some(kept) = plan.setup.roulette.spin(brings * factor, joiner.stream) else {
+                        return;
+                    };
+                    if weighs {
+                        joiner.seen_through(light, sender.source);
+                    }
+                    let seen = joiner.scratch.seen[1].and_then(|(_, density)| density);
+                    let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, lanes)| {
+                        (way.dir, way.count() as u8, lanes.mask)
+                    });
+                    found(
+                        pixel,
+                        Splat {
+                            walk: number,
+                            seen: seen.unwrap_or(f32::NAN),
+                            factor: factor * kept,
+                            dir: dir.to_array(),
+                            point: (s - 1) as u16,
+                            interfaces,
+                            lanes,
+                        },
+                    );
+                };
+            if let Some(mut pixel) = ends.camera.pixel(point.surface.p) {
+                if s == 2 && ends.coaxial && sender.pixel != NO_PIXEL {
+                    pixel = sender.pixel;
+                }
+                joiner.splat(light, sender, 1.0, out);
+                keep(&mut joiner, pixel, None, 1.0, out);
+            }
+            if plan.setup.strategies.has(Strategy::SmoothInterfaces) {
+                joiner.views_by_manifold(light, |joiner, pixel, way, takers| {
+                    let once = Takers {
+                        factor: 1.0,
+                        ..takers
+                    };
+                    joiner.splat_way(light, sender, way, once, out);
+                    keep(joiner, pixel, Some((way, takers.lanes)), takers.factor, out);
+                });
+            }
+        }
+    }
+
+    /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
+    pub(super) fn splat(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        splat: &Splat,
+        out: &mut Contributions,
+    ) -> u32 {
+        let last = usize::from(splat.point);
+        let Some(Begun {
+            ends,
+            sender,
+            mut stream,
+        }) = self.light_walk(scene, plan, splat.walk, last)
+        else {
+            return 0;
+        };
+        let Some(light) = self.light.points.get(..=last) else {
+            return 0;
+        };
+        let known = (!splat.seen.is_nan()).then_some(splat.seen);
+        self.scratch.seen[1] = behind(light).map(|first| (first, known));
+        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
+        if splat.interfaces == 0 {
+            joiner.splat(light, sender, splat.factor, out);
+        } else {
+            let lanes = Lanes { mask: splat.lanes };
+            let (interfaces, lane) = (usize::from(splat.interfaces), lanes.nth(0));
+            let dir = Vec3A::from_array(splat.dir);
+            if let Some(way) = joiner.known_view(&light[last], dir, interfaces, lane) {
+                let takers = Takers {
+                    lanes,
+                    lane,
+                    factor: splat.factor,
+                };
+                joiner.splat_way(light, sender, &way, takers, out);
+            }
+        }
+        joiner.rays + self.light.rays
+    }
+}

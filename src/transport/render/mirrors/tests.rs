@@ -1,0 +1,154 @@
+//! Where ways over mirrors are looked for.
+
+use super::*;
+use crate::geometry::builder::GeometryBuilder;
+use crate::geometry::mesh::Mesh;
+use crate::geometry::quadric::{Quadric, QuadricKind};
+use crate::material::Material;
+use crate::material::conductor::Conductor;
+use crate::material::diffuse::Diffuse;
+use crate::material::facets::Roughness;
+use crate::material::rough_conductor::RoughConductor;
+use crate::material::texture::{Scalar, Spectrum};
+use glam::{Affine3A, Vec3};
+use optics::sampling::microfacet::{Distribution, Masking};
+use optics::spectrum::Spectral;
+
+const WHITE: u32 = 0;
+const GOLD: u32 = 1;
+const MATT: u32 = 2;
+
+/// Things to put into a scene.
+enum Shape {
+    Rectangle(u32, [[f32; 3]; 3]),
+    Ball(f32, f32),
+}
+
+fn rectangle(material: u32, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> Shape {
+    Shape::Rectangle(material, [corner, u, v])
+}
+
+fn mirrors(shapes: &[Shape]) -> Mirrors {
+    let (n, k) = (Spectral::splat(0.4242), Spectral::splat(2.4721));
+    let roughness = Roughness {
+        distribution: Distribution::Ggx,
+        masking: Masking::default(),
+        alpha: Scalar::uniform(0.2),
+    };
+    let materials = Materials {
+        list: vec![
+            Material::Diffuse(Diffuse {
+                albedo: Spectrum::uniform(Spectral::splat(0.5)),
+            }),
+            Material::Conductor(Conductor { n, k }),
+            Material::RoughConductor(RoughConductor { n, k, roughness }),
+        ],
+        ..Materials::default()
+    };
+    let mut geometry = GeometryBuilder::default();
+    for shape in shapes {
+        match shape {
+            Shape::Rectangle(material, place) => {
+                let [corner, u, v] = place.map(Vec3A::from_array);
+                let mut square = Mesh::rectangle();
+                let axes = Mat3A::from_cols(u / 2.0, v / 2.0, u.cross(v));
+                square.transform(&Affine3A {
+                    matrix3: axes,
+                    translation: corner + (u + v) / 2.0,
+                });
+                geometry.mesh(&square, *material);
+            }
+            Shape::Ball(x, radius) => {
+                let place = Affine3A {
+                    matrix3: Mat3A::from_diagonal(Vec3::splat(*radius)),
+                    translation: Vec3A::new(*x, 0.0, 0.0),
+                };
+                geometry.quadric(Quadric::new(QuadricKind::Sphere, place, GOLD));
+            }
+        }
+    }
+    Mirrors::new(&geometry.build(), &materials)
+}
+
+/// Pieces of one plane are one mirror, whichever side they face; what scatters or is rough is none.
+#[test]
+fn a_plane_is_one_mirror() {
+    let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let all = [
+        rectangle(GOLD, [0.0; 3], x, y),
+        rectangle(GOLD, [1.5, 0.0, 0.0], x, y),
+        rectangle(GOLD, [0.0, 0.0, 0.3], x, y),
+        rectangle(WHITE, [0.0, 0.0, 0.6], x, y),
+        rectangle(MATT, [0.0, 0.0, 0.9], x, y),
+    ];
+    let mirrors = mirrors(&all);
+    assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (2, 0));
+    let wide = mirrors.flats.iter().filter(|f| f.radius > 1.2).count();
+    assert_eq!(wide, 1);
+}
+
+/// The way over a flat mirror has equal angles; there is none to the other side, or beside the mirror.
+#[test]
+fn flat_ways_are_images() {
+    let all = [rectangle(
+        GOLD,
+        [-1.0, -1.0, 0.0],
+        [2.0, 0.0, 0.0],
+        [0.0, 2.0, 0.0],
+    )];
+    let mirrors = mirrors(&all);
+    let ways = |a: [f32; 3], b: [f32; 3]| {
+        let mut found = vec![];
+        mirrors.flat_ways(Vec3A::from_array(a), Vec3A::from_array(b), |seeds| {
+            found.push(seeds[0].point);
+        });
+        found
+    };
+    let found = ways([-0.3, 0.2, 1.0], [0.6, 0.2, 2.0]);
+    assert_eq!(found.len(), 1);
+    assert!(found[0].distance(Vec3A::new(0.0, 0.2, 0.0)) < 1e-6, "{found:?}");
+    assert!(ways([-0.3, 0.2, 1.0], [0.6, 0.2, -2.0]).is_empty());
+    assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
+}
+
+/// Two mirrors at a right angle: the light may take both, in one order from most places.
+#[test]
+fn pairs_are_images_of_images() {
+    let all = [
+        rectangle(GOLD, [0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
+        rectangle(GOLD, [0.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
+    ];
+    let mirrors = mirrors(&all);
+    let (a, b) = (Vec3A::new(1.0, 0.1, 0.5), Vec3A::new(0.5, 0.1, 1.2));
+    let mut pairs = 0;
+    mirrors.flat_ways(a, b, |seeds| {
+        if let [p, q] = seeds {
+            pairs += 1;
+            let [p, q] = [p.point, q.point];
+            // Each reflection turns about its mirror's normal.
+            for (before, after, at) in [((p - a), (q - p), p), ((q - p), (b - q), q)] {
+                let n = if at.z.abs() < 1e-6 { Vec3A::Z } else { Vec3A::X };
+                let (before, after) = (before.normalize(), after.normalize());
+                assert!((before - n * (2.0 * before.dot(n)) - after).length() < 1e-5);
+            }
+        }
+    });
+    assert_eq!(pairs, 1);
+}
+
+/// Random points lie on curved mirrors, each surface by its area.
+#[test]
+fn seeds_cover_curved_mirrors() {
+    let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);
+    assert_eq!((mirrors.flats.len(), mirrors.curved.len()), (0, 2));
+    let (mut stream, n, mut large) = (Stream::new(1, 0, 0), 20_000, 0);
+    for _ in 0..n {
+        let p = mirrors.draw(&mut stream).expect("a mirror").point;
+        let on = |x: f32, radius: f32| (p.distance(Vec3A::new(x, 0.0, 0.0)) - radius).abs() < 1e-5;
+        large += u32::from(on(0.0, 1.0));
+        assert!(on(0.0, 1.0) || on(4.0, 0.5), "{p}");
+    }
+    // Four fifths, within 5 sigma of a binomial.
+    let (share, sigma) = (f64::from(large) / f64::from(n), (0.16 / f64::from(n)).sqrt());
+    assert!((share - 0.8).abs() < 5.0 * sigma, "{share}");
+}

@@ -1,0 +1,199 @@
+//! Ways through crystals with double images to a pinhole: looked for like [`super::manifold`]'s, from the straight line, for
+//! every choice of the wave that each crystal is passed on.
+//!
+//! How ordinary and extraordinary rays turn with the direction they come from is left to differences of rays near by.
+
+use super::bridge::Start;
+use super::manifold::{Bend, Way};
+use super::route::{INTERFACES, MOST_SURFACES, passes};
+use crate::geometry::ray::{Ray, Surface};
+use crate::material::{Lobe, Specular};
+use crate::medium::nesting::Nest;
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+use optics::polarization::frame::basis;
+
+/// Most crystals on a way: each has two waves.
+const CRYSTALS: u32 = 4;
+
+/// Steps of Newton's method; crystals shift light and bend it little, so that few are needed.
+const STEPS: usize = 12;
+
+/// A ray is at the emitter when it passes it this near, relative to its length.
+const NEAR: f32 = 5e-6;
+
+/// By how much directions differ for differences, radians: much more than rounding, and so little that ways stay straight.
+const STEP: f32 = 1e-3;
+
+/// Longest step, radians.
+const LEAP: f32 = 0.3;
+
+/// What a way is looked for by.
+pub(super) struct SplitSearch<'a> {
+    scene: &'a Scene,
+    start: Start,
+    to: Vec3A,
+    /// Surfaces that bend it, and crystals among them.
+    bends: usize,
+    crystals: u32,
+}
+
+/// The wavelength of a way, and the waves on which it passes crystals, the next one in the lowest bit: 1 for the extraordinary one.
+#[derive(Clone, Copy)]
+pub(super) struct Choice {
+    pub lane: usize,
+    pub waves: u32,
+}
+
+/// A ray's end.
+struct Shot {
+    miss: Vec3A,
+    dir: Vec3A,
+    length: f32,
+}
+
+impl<'a> SplitSearch<'a> {
+    /// Along the straight line from a start to a goal; `None` if it passes no crystal with double images, or something stands in it.
+    pub fn straight(scene: &'a Scene, start: Start, to: Vec3A) -> Option<Self> {
+        let (mut bends, mut crystals, mut inside) = (0, 0, false);
+        let (mut ray, mut nest) = (start.ray, start.nest);
+        for _ in 0..MOST_SURFACES {
+            let length = (to - ray.origin).length();
+            let Some(hit) = scene.geometry.intersect(&ray, length) else {
+                let all = crystals > 0 && crystals <= CRYSTALS && bends <= INTERFACES && !inside;
+                return all.then_some(Self {
+                    scene,
+                    start,
+                    to,
+                    bends,
+                    crystals,
+                });
+            };
+            let surface = scene.geometry.surface(&ray, &hit);
+            let id = surface.material;
+            let enters = surface.ng.dot(ray.dir) < 0.0;
+            if scene.materials.splits(id) {
+                // Only whole crystals, one after the other.
+                if inside == enters {
+                    return None;
+                }
+                inside = enters;
+                crystals += u32::from(enters);
+                bends += 1;
+            } else if !passes(scene, &nest, &surface, ray.dir) {
+                if inside || !scene.materials.is_interface(id) {
+                    return None;
+                }
+                bends += 1;
+            }
+            nest.cross(&scene.boundaries, id, enters);
+            ray.origin = scene.geometry.leave(&surface, ray.dir);
+        }
+        None
+    }
+
+    /// All choices of waves.
+    pub fn waves(&self) -> std::ops::Range<u32> {
+        0..1 << self.crystals
+    }
+
+    /// The delta lobe that a way takes from a surface on.
+    fn lobe(&self, surface: &Surface, dir: Vec3A, Choice { lane, waves }: Choice) -> Option<Specular> {
+        let materials = &self.scene.materials;
+        if materials.splits(surface.material) {
+            return materials.passed(surface.material, surface, -dir, lane, (waves & 1) as usize);
+        }
+        materials
+            .is_interface(surface.material)
+            .then(|| materials.specular(surface.material, surface, -dir, Lobe::Transmitted, lane))?
+    }
+
+    /// Shoots a ray through all that bends it and on to where it passes the goal; calls back with each bend.
+    fn shoot(&self, mut dir: Vec3A, mut choice: Choice, mut bent: impl FnMut(Bend)) -> Option<Shot> {
+        let scene = self.scene;
+        let (mut nest, mut from): (Nest, Vec3A) = (self.start.nest, self.start.from);
+        let mut origin = self.start.ray.origin;
+        let (mut left, mut length) = (self.bends, 0.0);
+        for _ in 0..MOST_SURFACES {
+            if left == 0 {
+                let way = (self.to - from).dot(dir);
+                return (way > 0.0).then(|| Shot {
+                    miss: from + dir * way - self.to,
+                    dir,
+                    length: length + way,
+                });
+            }
+            let ray = Ray { origin, dir };
+            let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
+            let surface = scene.geometry.surface(&ray, &hit);
+            let id = surface.material;
+            let enters = surface.ng.dot(dir) < 0.0;
+            length += (surface.p - from).length();
+            let splits = scene.materials.splits(id);
+            if splits || !passes(scene, &nest, &surface, dir) {
+                let lobe = self.lobe(&surface, dir, choice)?;
+                bent(Bend {
+                    surface,
+                    before: dir,
+                    after: lobe.wi,
+                    lobe: Lobe::Transmitted,
+                    scatter: lobe.scatter,
+                    filling: lobe.filling,
+                });
+                dir = lobe.wi;
+                left -= 1;
+                // A crystal's wave ends where it is left.
+                choice.waves >>= u32::from(splits && !enters);
+            }
+            nest.cross(&scene.boundaries, id, enters);
+            origin = scene.geometry.leave(&surface, dir);
+            from = surface.p;
+        }
+        None
+    }
+
+    /// The step of Newton's method from a direction, and J.
+    fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
+        let (across, q) = (basis(dir), basis(shot.dir));
+        let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
+        let slope = |axis: Vec3A| {
+            let ends = [STEP, -STEP].map(|step| {
+                let turned = (dir + axis * step).normalize();
+                self.shoot(turned, choice, |_| ())
+                    .map(|s| self.crossing(&s, shot.dir))
+            });
+            Some(at((ends[0]? - ends[1]?) / (2.0 * STEP)))
+        };
+        let ([a, c], [b, d], [x, y]) = (slope(across.x_axis)?, slope(across.y_axis)?, at(shot.miss));
+        let det = a * d - b * c;
+        if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+            return None;
+        }
+        let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
+        Some((step, det.abs()))
+    }
+
+    /// Where a ray crosses the plane through the goal that another one meets head-on, from the goal.
+    fn crossing(&self, shot: &Shot, n: Vec3A) -> Vec3A {
+        shot.miss - shot.dir * (shot.miss.dot(n) / shot.dir.dot(n))
+    }
+
+    /// The way with a choice of waves.
+    pub fn find(&self, choice: Choice) -> Option<Way> {
+        let mut dir = self.start.ray.dir;
+        let mut shot = self.shoot(dir, choice, |_| ())?;
+        for _ in 0..STEPS {
+            let near = shot.miss.length() < NEAR * shot.length;
+            let (step, spread) = self.newton(dir, choice, &shot)?;
+            if near {
+                let mut bends = ArrayVec::new();
+                self.shoot(dir, choice, |bend| bends.push(bend))?;
+                return Way::known(self.start, dir, spread, bends);
+            }
+            dir = (dir + step * (LEAP / step.length()).min(1.0)).normalize();
+            shot = self.shoot(dir, choice, |_| ())?;
+        }
+        None
+    }
+}

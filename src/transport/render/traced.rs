@@ -1,0 +1,116 @@
+//! Starts of ways over several mirrors and through curved glass: a ray that is followed.
+//!
+//! Which surfaces light takes from a point to an end, and how often glass bends it, no straight line says. A ray that sets out
+//! toward a random point of the curved surfaces, and takes one of the ways on at each surface that it meets, does: on a leg
+//! that passes the end before the next surface, it has come by what the way may come by.
+//!
+//! Near a way every ray takes what the way takes with some probability, so that each way is found by a share of all starts.
+
+use super::bridge::Start;
+use super::manifold::Goal;
+use super::mirrors::{Mirrors, Seed};
+use super::route::{INTERFACES, Legs, MOST_SURFACES, Route, passes};
+use super::turned::reflected;
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use optics::sampling::stream::Stream;
+
+/// Share of rays that glass reflects, of those that could pass.
+const REFLECTED: f32 = 0.125;
+
+/// Where a ray has been.
+#[derive(Clone, Default)]
+pub(super) struct Traced {
+    through: Legs,
+    pub over: ArrayVec<Seed, INTERFACES>,
+    /// True if something on its way is curved.
+    curved: bool,
+}
+
+impl Traced {
+    /// Bends so far.
+    #[inline]
+    fn bends(&self) -> usize {
+        self.over.len() + self.through.iter().sum::<usize>()
+    }
+
+    /// True if its way is not looked for otherwise as a whole: over one curved mirror, or over flat ones alone.
+    #[inline]
+    fn is_wanted(&self) -> bool {
+        let curved = self.over.iter().any(|s| s.is_curved());
+        match self.over.len() {
+            0 => self.curved,
+            1 => self.curved && !curved,
+            2 => self.curved,
+            _ => curved,
+        }
+    }
+
+    /// Its route.
+    #[inline]
+    pub fn route<'a>(&'a self, mirrors: &'a Mirrors) -> Route<'a> {
+        Route::known(mirrors, self.through.clone(), &self.over)
+    }
+
+    /// Follows a ray from its start up to `most` bends, and chooses one of the legs on which it passes the goal.
+    pub fn follow(
+        scene: &Scene,
+        mirrors: &Mirrors,
+        start: &Start,
+        goal: Goal,
+        most: usize,
+        stream: &mut Stream,
+    ) -> Option<Self> {
+        let (mut ray, mut nest) = (start.ray, start.nest);
+        let mut traced = Self {
+            through: Legs::from_iter([0]),
+            ..Self::default()
+        };
+        let (mut chosen, mut legs) = (None, 0);
+        for _ in 0..MOST_SURFACES {
+            let hit = scene.geometry.intersect(&ray, f32::INFINITY);
+            let way = (goal.to - ray.origin).dot(ray.dir);
+            if way > 0.0 && hit.is_none_or(|h| way < h.t) && traced.is_wanted() {
+                legs += 1;
+                // Each of so many with the same probability.
+                if legs == 1 || stream.uniform() * (legs as f32) < 1.0 {
+                    chosen = Some(traced.clone());
+                }
+            }
+            let Some(hit) = hit else {
+                break;
+            };
+            let surface = scene.geometry.surface(&ray, &hit);
+            let id = surface.material;
+            let mut dir = ray.dir;
+            if passes(scene, &nest, &surface, dir) {
+                nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+            } else {
+                if traced.bends() >= most.min(INTERFACES) {
+                    break;
+                }
+                let seed = mirrors.seed(&hit, surface.p);
+                let mut refracted = scene.materials.refracted(id, &surface, -dir, goal.lane);
+                if refracted.is_some() && seed.is_some() && stream.uniform() < REFLECTED {
+                    refracted = None;
+                }
+                traced.curved |= seed.is_some_and(Seed::is_curved);
+                if let Some((after, _)) = refracted {
+                    nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
+                    *traced.through.last_mut()? += 1;
+                    dir = after;
+                } else {
+                    let Some((seed, after)) = seed.zip(reflected(scene, &surface, dir, goal.lane)) else {
+                        break;
+                    };
+                    traced.over.push(seed);
+                    traced.through.push(0);
+                    dir = after;
+                }
+            }
+            ray.origin = scene.geometry.leave(&surface, dir);
+            ray.dir = dir;
+        }
+        chosen
+    }
+}

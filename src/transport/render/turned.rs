@@ -1,0 +1,78 @@
+//! Where mirrors send light; and of those under normal maps the normal that it is reflected about, and how that turns along the
+//! surface.
+//!
+//! No formula has its derivative: differences of the normal between points near by stand for it, a fraction of a texel apart.
+
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::material::Lobe;
+use crate::scene::Scene;
+use glam::{Mat3A, Vec3A};
+
+/// A mirror's direction whose cosine with the geometric one is less than 1 minus this was turned by something whose
+/// derivatives are not known; rounding stays ten times below.
+const TURNED: f32 = 1e-6;
+
+/// How far to look to either side, as a share of a triangle, and as a sine along a quadric. Images have up to some thousands of
+/// texels to a side.
+const STEP: f32 = 1e-4;
+
+/// A mirror's normal at a point, toward where light comes from, and its derivative by the position.
+pub(super) struct Turned {
+    pub normal: Vec3A,
+    pub bend: Mat3A,
+}
+
+/// The direction of light along `dir` after a mirror, in a delta lobe that geometry agrees on.
+#[inline]
+pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
+    let materials = &scene.materials;
+    let found = materials.specular(surface.material, surface, -dir, Lobe::Reflected, lane)?;
+    if materials.is_turned(surface.material) {
+        return Some(found.wi);
+    }
+    let mirrored = dir - surface.ns * (2.0 * dir.dot(surface.ns));
+    (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
+}
+
+/// The normal about which light along `dir` is reflected.
+#[inline]
+fn normal(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
+    (reflected(scene, surface, dir, lane)? - dir).try_normalize()
+}
+
+impl Turned {
+    /// Where a ray hits a mirror.
+    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, surface: &Surface, lane: usize) -> Option<Self> {
+        let own = normal(scene, surface, ray.dir, lane)?;
+        let axes = surface.tangent_frame();
+        // Barycentric coordinates move points of triangles, and the ray moves those of quadrics.
+        let near = |k: usize, step: f32| {
+            let along = [axes.x_axis, axes.y_axis][k] * (step * hit.t);
+            let moved = Ray {
+                origin: ray.origin + along,
+                dir: ray.dir,
+            };
+            let mut hit = *hit;
+            *[&mut hit.u, &mut hit.v][k] += step;
+            let surface = scene.geometry.surface(&moved, &hit);
+            Some((surface.p, normal(scene, &surface, ray.dir, lane)?))
+        };
+        let slope = |k: usize| {
+            let ((p, n), (q, m)) = (near(k, STEP)?, near(k, -STEP)?);
+            Some((p - q, n - m))
+        };
+        let ([u, du], [v, dv]) = (slope(0)?.into(), slope(1)?.into());
+        // The linear map that takes u to du, v to dv, and what is across the surface to nothing.
+        let across = u.cross(v);
+        let area2 = across.length_squared();
+        if area2 <= 0.0 {
+            return None;
+        }
+        let (a, b) = (v.cross(across) / area2, across.cross(u) / area2);
+        let column = |k: usize| du * a[k] + dv * b[k];
+        Some(Self {
+            normal: own,
+            bend: Mat3A::from_cols(column(0), column(1), column(2)),
+        })
+    }
+}

@@ -1,0 +1,336 @@
+//! Light that takes several mirrors in a row, or curved glass by any of its ways, to a wall that is seen in a mirror: against
+//! rays traced in f64, and against walks from the light to the same wall seen straight.
+
+use crate::manifold::{ALBEDO, Meridian, transmission};
+use crate::mirrors::{Plane, comes_at, image, to_camera};
+use crate::optics::{C, Device, GOLD, GOLD_KEYS, amplitudes, head, mueller, plate};
+use crate::support::{Rendered, render_scene, scene_of};
+use glam::DVec3;
+use std::f64::consts::PI;
+use sunstone::tensor::axes::AxisKind::Bounces;
+use sunstone::transport::scene::Integrator;
+
+/// The mirror that walls are seen in: so small that no light takes it to the wall.
+const VIEW: Plane = (DVec3::NEG_X, -1.5);
+
+/// A camera that sees a point in that mirror through one pixel, and the mirror.
+fn seen(origin: DVec3, point: DVec3, focal: f64, half: f64) -> (Device, String) {
+    let to = image(VIEW, point);
+    let camera = Device::look_at(origin.to_array(), to, [1, 1], focal);
+    let at = origin + (to - origin) * ((1.5 - origin.x) / (to.x - origin.x));
+    (camera, plate(at, DVec3::NEG_X, half, "gold"))
+}
+
+fn scene(camera: &Device, lamp: &Device, spp: u32, depth: u32, objects: &str) -> String {
+    head(spp, depth, 5)
+        + &camera.keys("camera")
+        + &lamp.keys("projector")
+        + &format!(
+            "[materials]\nwhite.diffuse.albedo = {ALBEDO}\ngold.conductor = {{ {GOLD_KEYS} }}\n\
+             glass.dielectric.ior = 1.5\n\
+             calcite.crystal = {{ n_o = 1.66127, n_e = 1.4875, axis = [0.6, 0.3, 0.8], split = true }}\n"
+        )
+        + objects
+        + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
+           [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 1, bins = 60000 }\n"
+}
+
+fn render(text: &str) -> Rendered {
+    let mut scene = scene_of(text);
+    scene.settings.integrator = Integrator::Bidirectional;
+    scene.settings.manifold = true;
+    render_scene(&scene)
+}
+
+/// M00 of so many bounces and its standard error.
+fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
+    let of = |t| mueller(&t, &[(Bounces, bounces)])[(0, 0)];
+    (of(r.mean("m")), of(r.std_error("m")))
+}
+
+/// Radiance and optical length of every way that a ray in the plane of an axis, which starts at an angle to it, takes to `rho`
+/// beside it (`Meridian::rho` counts with its sign), for a lamp that looks along the axis.
+fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64)> {
+    let n = 20_001;
+    let angle = |i: usize| widest * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
+    let miss = |theta: f64| trace(theta).rho - rho;
+    let mut out = vec![];
+    for i in 1..n {
+        let (mut lo, mut hi) = (angle(i - 1), angle(i));
+        let (a, b) = (miss(lo), miss(hi));
+        if !(a * b < 0.0 && (a - b).abs() < 1.0) {
+            continue;
+        }
+        for _ in 0..100 {
+            let mid = 0.5 * (lo + hi);
+            if miss(mid) * a > 0.0 {
+                lo = mid;
+            } else {
+                hi = mid;
+            }
+        }
+        let (theta, ray, h) = (lo, trace(lo), 1e-6);
+        let slope = (trace(theta + h).rho - trace(theta - h).rho) / (2.0 * h);
+        let e = (theta.sin() / (rho * slope)).abs() * theta.cos().powi(-3);
+        out.push((ALBEDO / PI * e * ray.passed[0], ray.optical));
+    }
+    out
+}
+
+/// A ray from height 1 through a ball of glass of radius 0.25 about the origin, and on to height `wall`.
+fn through_ball(theta: f64, wall: f64) -> Meridian {
+    let (n, radius): (f64, f64) = (1.5, 0.25);
+    let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
+    let (mut optical, mut passed) = (0.0, [1.0, 0.0]);
+    for (index, far, side) in [(1.0, n, 1.0), (n, 1.0, -1.0)] {
+        let b = p[0] * d[0] + p[1] * d[1];
+        let disc = b * b - (p[0] * p[0] + p[1] * p[1] - radius * radius);
+        if disc < 0.0 {
+            let (rho, optical) = (f64::NAN, 0.0);
+            return Meridian { rho, optical, passed };
+        }
+        let t = -b - side * disc.sqrt();
+        p = [p[0] + t * d[0], p[1] + t * d[1]];
+        optical += index * t;
+        let normal = p.map(|v| side * v / radius);
+        let cos = -(d[0] * normal[0] + d[1] * normal[1]);
+        let eta = index / far;
+        let cos_far = (1.0 - eta * eta * (1.0 - cos * cos)).sqrt();
+        d = [0, 1].map(|k| eta * d[k] + (eta * cos - cos_far) * normal[k]);
+        let [a, b] = transmission(if index == 1.0 { cos } else { cos_far }, n);
+        passed = [passed[0] * a + passed[1] * b, passed[0] * b + passed[1] * a];
+    }
+    let t = (wall - p[1]) / d[1];
+    Meridian {
+        rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN },
+        optical: optical + t,
+        passed,
+    }
+}
+
+/// A ball of glass throws a lamp's light on a wall before its focus three ways, and behind it upside down. Without any one of
+/// the ways the sum would be wrong.
+#[test]
+fn every_way_through_a_ball_is_found() {
+    for (wall, rho, count, spp) in [
+        (-0.42, 0.008, 3, 300_000),
+        (-1.0, 0.2, 1, 120_000),
+        (-1.0, 0.55, 1, 120_000),
+    ] {
+        // The straight line to the last misses the ball. But for that, the lamp is so narrow that all its light meets the ball.
+        let beside = rho > 0.5;
+        let lamp = Device::look_at(
+            [0.0, 0.0, 1.0],
+            DVec3::ZERO,
+            [64, 64],
+            if beside { 100.0 } else { 190.0 },
+        );
+        let point = DVec3::new(0.6 * rho, 0.8 * rho, wall);
+        let (camera, mirror) = seen(DVec3::new(0.3, -0.9, 0.2 + wall), point, 1e7, 0.05);
+        let objects = plate(DVec3::new(0.0, 0.0, wall), DVec3::Z, 1.4, "white")
+            + &mirror
+            + "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, 0], radius = 0.25 }\n";
+        let r = render(&scene(&camera, &lamp, spp, 5, &objects));
+        let (view, back) = to_camera(&camera, VIEW, point);
+        let ways = ways(|theta| through_ball(theta, wall), rho, 0.26);
+        assert_eq!(ways.len(), count, "{ways:?}");
+        let want: f64 = ways.iter().map(|w| w.0 * view[(0, 0)]).sum();
+        let (got, error) = m00(&r, 4);
+        println!("{wall} {rho}: {got:.5} ± {error:.5}, {want:.5} by {ways:?}");
+        assert!(error < 0.03 * want, "{error} of {want}");
+        assert!(
+            (got - want).abs() < 5.0 * error + 1e-4 * want,
+            "{got} ± {error} is not {want}"
+        );
+        for way in &ways {
+            let part = way.0 * view[(0, 0)];
+            assert!(
+                (got - want + part).abs() > 5.0 * error,
+                "a way less is not noticed"
+            );
+        }
+        let times: Vec<f64> = ways.iter().map(|w| (w.1 + back) / C).collect();
+        if !beside {
+            comes_at(&r, 4, &times);
+        }
+    }
+}
+
+/// A mirror ball throws light on a flat mirror, and that on a wall: as on the wall's image.
+#[test]
+fn a_ball_and_a_flat_mirror_in_a_row() {
+    let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
+    let left: Plane = (DVec3::X, -1.5);
+    let point = DVec3::new(-0.5, 0.0, 1.4);
+    let (camera, mirror) = seen(DVec3::new(0.2, -0.5, 1.0), point, 1e7, 0.05);
+    let objects = plate(DVec3::new(0.0, 0.0, 1.4), -DVec3::Z, 1.4, "white")
+        + &mirror
+        + &plate(DVec3::X * -1.5, DVec3::X, 1.4, "gold")
+        + "[[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0, 0, 0], radius = 0.3 }\n";
+    let r = render(&scene(&camera, &lamp, 120_000, 5, &objects));
+    let trace = |theta: f64| {
+        let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
+        let t = b - (b * b - (1.0 - 0.09)).sqrt();
+        let n = [t * d[0] / 0.3, (1.0 + t * d[1]) / 0.3];
+        let cos = -(d[0] * n[0] + d[1] * n[1]);
+        let up = [d[0] + 2.0 * cos * n[0], d[1] + 2.0 * cos * n[1]];
+        let s = (1.4 - 0.3 * n[1]) / up[1];
+        // All is in one plane.
+        let halves = |cos: f64| {
+            let [s, p] = amplitudes(cos, GOLD).map(|r| r.norm_sqr());
+            [(s + p) / 2.0, (s - p) / 2.0]
+        };
+        let ([a, b], [c, d]) = (halves(cos), halves(up[0].abs()));
+        Meridian {
+            rho: if up[1] > 0.0 {
+                0.3 * n[0] + s * up[0]
+            } else {
+                f64::NAN
+            },
+            optical: t + s,
+            passed: [a * c + b * d, a * d + b * c],
+        }
+    };
+    let rho = image(left, point).x;
+    let ways = ways(trace, rho, 0.304);
+    assert_eq!(ways.len(), 1);
+    let (view, back) = to_camera(&camera, VIEW, point);
+    let want = ways[0].0 * view[(0, 0)];
+    let (got, error) = m00(&r, 4);
+    println!("{got:.6} ± {error:.6}, {want:.6}");
+    assert!(error < 0.03 * want, "{error} of {want}");
+    assert!((got - want).abs() < 5.0 * error, "{got} ± {error} is not {want}");
+    comes_at(&r, 4, &[(ways[0].1 + back) / C]);
+}
+
+/// What walks from the light bring to a piece of wall that is seen straight, and what ways that are looked for bring to it seen
+/// in the mirror, over what the mirror reflects.
+fn both(
+    objects: &str,
+    lamp: &Device,
+    origin: DVec3,
+    point: DVec3,
+    bounces: usize,
+    spp: [u32; 2],
+) -> [(f64, f64); 2] {
+    let focal = 8.0;
+    let (camera, mirror) = seen(origin, point, focal, 0.2);
+    let straight = Device::look_at(image(VIEW, origin).to_array(), point, [1, 1], focal);
+    let of = |camera: &Device, spp, objects: &str, bounces| {
+        let r = render(&scene(camera, lamp, spp, bounces as u32 + 1, objects));
+        m00(&r, bounces)
+    };
+    let seen = of(&straight, spp[0], objects, bounces);
+    let (view, _) = to_camera(&camera, VIEW, point);
+    let mirrored = of(&camera, spp[1], &(objects.to_owned() + &mirror), bounces + 1);
+    let over = |(mean, error): (f64, f64)| (mean / view[(0, 0)], error / view[(0, 0)]);
+    let pair = [seen, over(mirrored)];
+    println!("straight {:?}, in the mirror {:?}", pair[0], pair[1]);
+    pair
+}
+
+/// The two agree, and are known well enough that a part of `share` would be missed.
+fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
+    let sigma = x.hypot(y);
+    assert!((a - b).abs() < 5.0 * sigma, "{a} ± {x}, {b} ± {y}");
+    assert!(5.0 * sigma < share * a, "{a} ± {sigma} is too little known");
+}
+
+/// Two mirror balls, one after the other.
+#[test]
+fn two_balls_in_a_row() {
+    let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::new(0.1, 0.0, 0.0), [64, 64], 140.0);
+    let objects = plate(DVec3::new(0.0, 0.0, 1.4), -DVec3::Z, 1.4, "white")
+        + "[[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0, 0, 0], radius = 0.3 }\n\
+           [[objects]]\nmaterial = \"gold\"\nshape.sphere = { center = [0.7, 0, 0.2], radius = 0.3 }\n";
+    let (origin, point) = (DVec3::new(0.0, -0.6, -1.0), DVec3::new(0.3, 0.3, 1.4));
+    agree(both(&objects, &lamp, origin, point, 3, [3_000_000, 200_000]), 0.3);
+}
+
+/// A wavy mirror, whose waves are a normal map, throws a point's light on a wall as it does that of a small shining ball, which
+/// paths from the camera come upon by chance; and otherwise than a flat one.
+#[test]
+fn a_mirror_under_a_normal_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("waves.png");
+    // Tilts of up to 0.1 at random.
+    let mut state = 7_u32;
+    let mut tilt = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (127.5 + 12.75 * (f64::from(state >> 8) / f64::from(1 << 23) - 1.0)).round() as u8
+    };
+    let waves = image::RgbImage::from_fn(6, 6, |_, _| image::Rgb([tilt(), tilt(), 254]));
+    waves.save(&file).expect("an image");
+    let (at, radius) = (DVec3::new(-0.2, -0.3, 0.6), 0.1_f64);
+    let point = DVec3::new(0.2, -0.2, -0.5);
+    let (camera, mirror) = seen(DVec3::new(0.4, -1.0, 0.2), point, 20.0, 0.2);
+    let objects = plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white") + &mirror;
+    let dark = Device::look_at([0.0, 0.0, -9.0], DVec3::Z * -10.0, [1, 1], 1.0);
+    let straight = Device::look_at([0.4, -1.0, 0.2], point, [1, 1], 2.0);
+    let of = |camera: &Device, light: &str, strength: f64, integrator, spp| {
+        let text = scene(camera, &dark, spp, 4, &objects)
+            .replace(
+                "[materials]\n",
+                &format!("{light}[materials]\nblack.diffuse.albedo = 0\n"),
+            )
+            .replace(
+                "[[slices]]\nname = \"m\"",
+                "[[objects]]\nmaterial = \"wavy\"\n\
+                 shape.rectangle = { corner = [-0.9, 1, -0.5], u = [1.8, 0, 0], v = [0, 0, 1.8] }\n\
+                 [[slices]]\nname = \"m\"",
+            )
+            .replace(
+                "glass.dielectric.ior = 1.5\n",
+                &format!(
+                    "glass.dielectric.ior = 1.5\n\
+                     wavy.normal_map = {{ material = \"gold\", image = {file:?}, strength = {strength} }}\n"
+                ),
+            );
+        let mut scene = scene_of(&text);
+        scene.set_integrator(integrator);
+        scene.settings.manifold = true;
+        // One more if the camera sees the wall in a mirror.
+        m00(
+            &render_scene(&scene),
+            if camera.origin == straight.origin && camera.forward == straight.forward {
+                2
+            } else {
+                3
+            },
+        )
+    };
+    let dot = format!(
+        "[[emitters]]\npoint = {{ position = {:?}, intensity = 1 }}\n",
+        at.to_array()
+    );
+    let ball = format!(
+        "[[objects]]\nmaterial = \"black\"\nshape.sphere = {{ center = {:?}, radius = {radius} }}\n\
+         emission = {{ radiance = {:?} }}\n",
+        at.to_array(),
+        1.0 / (PI * radius * radius)
+    );
+    let found = of(&camera, &dot, 1.0, Integrator::Bidirectional, 60_000);
+    let flat = of(&camera, &dot, 0.0, Integrator::Bidirectional, 20_000);
+    let met = of(&camera, &ball, 1.0, Integrator::Path, 6_000_000);
+    println!("by ways {found:?}, by chance {met:?}, flat {flat:?}");
+    agree([met, found], 0.2);
+    assert!(
+        (found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1),
+        "waves do nothing"
+    );
+    // The same wall seen straight: walks from the light find it.
+    let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 1_000_000);
+    let met = of(&straight, &ball, 1.0, Integrator::Path, 3_000_000);
+    println!("by walks {found:?}, by chance {met:?}");
+    agree([met, found], 0.2);
+}
+
+/// Calcite between lamp and wall, whose two rays part ways: both are followed, from their one end to the other.
+#[test]
+fn a_crystal_with_double_images() {
+    let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
+    let objects = plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
+        + "[[objects]]\nmaterial = \"calcite\"\nshape.cube = { min = [-0.5, -0.5, 0.1], max = [0.5, 0.5, 0.3] }\n";
+    let (origin, point) = (DVec3::new(0.0, -0.9, -0.1), DVec3::new(0.15, 0.1, -0.5));
+    agree(both(&objects, &lamp, origin, point, 3, [1_000_000, 60_000]), 0.05);
+}
