@@ -10,6 +10,7 @@ mod crystals;
 mod direct;
 mod double_images;
 mod doubling;
+mod doubt;
 mod energy;
 mod frames;
 mod glass;

@@ -6,6 +6,7 @@
 
 pub mod plan;
 mod tile_values;
+mod totals;
 
 use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
@@ -13,6 +14,8 @@ use plan::DROPPED;
 pub use plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
 use tensor::sink::{SampleCounts, Sink, TileRecord};
 use tile_values::{KeyMap, Scratch, TileValues};
+pub use totals::Counted;
+use totals::TotalSums;
 use wide::f64x4;
 
 /// Cells of a pixel are looked up in a plain table up to this many possible cells.
@@ -65,6 +68,8 @@ struct PixelSums {
     cells: Vec<Cell>,
     /// Elements of all cells, those that can be non-zero alone.
     sums: Vec<Sums>,
+    /// Of all cells together.
+    total: TotalSums,
 }
 
 #[inline]
@@ -90,6 +95,7 @@ impl PixelSums {
             },
             cells: Vec::new(),
             sums: Vec::new(),
+            total: TotalSums::default(),
         }
     }
 
@@ -181,6 +187,8 @@ impl PixelSums {
                 });
             tile.add(key, cell.extent, finished);
         }
+        let total = self.total.finish(n, plan.wavelengths);
+        tile.add_total(local, total / (pixels * pixels));
         self.clear();
     }
 
@@ -197,15 +205,6 @@ impl PixelSums {
         self.cells.clear();
         self.sums.clear();
     }
-}
-
-/// Samples of a pixel that count (those without light included), and their groups that are independent of each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Counted {
-    /// Samples.
-    pub samples: u32,
-    /// Groups: as many as samples, unless these are stratified.
-    pub groups: u32,
 }
 
 /// The finished values of all slices over one tile: what a back end makes of it.
@@ -315,6 +314,7 @@ impl<'a> TileAccumulator<'a> {
         let pixel = self.pixel;
         for k in &self.keeping {
             let (plan, sums) = (&self.plans[*k], &mut self.sums[*k]);
+            let mut total = Spectral::ZERO;
             for c in list {
                 if let Some((cell, weight)) = plan.cell(c, pixel) {
                     let (extent, values) = if plan.elements == 1 {
@@ -324,8 +324,10 @@ impl<'a> TileAccumulator<'a> {
                         (c.extent, c.of(elements))
                     };
                     sums.add(cell, group, extent, values, weight);
+                    total += values[0] * Spectral::splat(weight);
                 }
             }
+            sums.total.add(group, total);
         }
     }
 
