@@ -31,6 +31,7 @@ mod projector_sheets;
 mod published_slabs;
 mod scales;
 mod scattering;
+mod selected;
 mod sheets;
 mod shipped;
 mod slab;

@@ -27,6 +27,7 @@ mod polarized;
 mod roulette;
 mod route;
 pub mod schedule;
+mod selected;
 mod sheets;
 mod spill;
 mod splats;
