@@ -58,8 +58,11 @@ fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
     [Field::Mean, Field::StdError].map(|f| arrays.get(slice, f).expect("the field"))
 }
 
+/// Indices along some axes.
+type Index = Vec<(AxisKind, usize)>;
+
 /// Which s' a few-s' slice keeps of camera pixel (x, y): column and row, and the index along its own axes.
-fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Vec<(AxisKind, usize)>)> {
+fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],
         "block" => (0..4)
@@ -98,12 +101,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
             for ([u, v], own) in kept(slice, [x, y]) {
                 let place = |more: &[(AxisKind, usize)]| {
                     let pixel = [(Y, y), (X, x)];
-                    pixel
-                        .iter()
-                        .chain(more)
-                        .chain(&index)
-                        .copied()
-                        .collect::<Vec<_>>()
+                    pixel.iter().chain(more).chain(&index).copied().collect::<Index>()
                 };
                 let places = [place(&[(V, v), (U, u)]), place(&own)];
                 for (k, tensors) in [all, few].into_iter().enumerate() {
