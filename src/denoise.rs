@@ -15,7 +15,7 @@ use store::alike::Alike;
 use store::denoised::ATTRIBUTE;
 use store::merge::MergeError;
 use store::zarr::{AccessError, CreateError, OpenError, StoredSlice, TensorStore};
-use tensor::axes::{Axis, AxisKind};
+use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
@@ -111,7 +111,14 @@ pub fn denoise_in_bands(
     }
     let layouts: Vec<_> = slices
         .iter()
-        .map(|all| (all[0].layout().clone(), all[0].attributes().clone()))
+        .map(|all| {
+            // Of what is mixed from several pixels nothing is known of totals.
+            let layout = SliceLayout {
+                totals: false,
+                ..all[0].layout().clone()
+            };
+            (layout, all[0].attributes().clone())
+        })
         .collect();
     let mut attributes = alike.attributes();
     attributes.insert(ATTRIBUTE.into(), mark(&stores, &slices));
@@ -161,7 +168,7 @@ fn is_image(slice: &StoredSlice) -> bool {
 
 /// Copies a slice as it is.
 fn copy(from: &StoredSlice, to: &StoredSlice) -> Result<(), DenoiseError> {
-    for field in Field::ALL.into_iter().filter(|f| from.has(*f)) {
+    for field in Field::ALL.into_iter().filter(|f| from.has(*f) && to.has(*f)) {
         for (start, shape) in from.chunks(field)? {
             to.write(field, &start, &shape, &from.read(field, &start, &shape)?)?;
         }

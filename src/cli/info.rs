@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use sunstone::optics::spectrum::Spectral;
 use sunstone::store::denoised::ATTRIBUTE;
+use sunstone::store::doubt;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
@@ -211,6 +212,15 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
             out,
             "\n  time {start}..{end} ps in bins of {bin} ps; overflow Σ M00 {:.6e} ({share:.3} % of all light)",
             outside.iter().sum::<f64>()
+        );
+    }
+    if let Some(doubt) = doubt::of(slice).map_err(Failure::input)? {
+        let _ = write!(
+            out,
+            "\n  error bars that cannot be trusted yet: {} of {} lit pixels ({:.1} %)",
+            doubt.doubtful,
+            doubt.lit,
+            100.0 * doubt.share()
         );
     }
     Ok(out)

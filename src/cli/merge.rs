@@ -4,6 +4,8 @@ use super::failure::Failure;
 use super::places;
 use std::path::PathBuf;
 use sunstone::store::merge::{Options, merge};
+use sunstone::store::zarr::TensorStore;
+use sunstone::tensor::field::Field;
 
 /// Pool renders of the same scene with different seeds into one, exactly.
 ///
@@ -32,5 +34,26 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         partial: a.partial,
     };
     merge(&a.inputs, &a.output, options).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
+    note_dropped(a)?;
     super::output::print(&a.output.display().to_string())
+}
+
+/// Says what the inputs of earlier versions do not have.
+fn note_dropped(a: &Arguments) -> Result<(), Failure> {
+    for input in &a.inputs {
+        let store = TensorStore::open_partial(input).map_err(Failure::input)?;
+        let has = |name: &String| {
+            let slice = store.slice(name).map_err(Failure::input)?;
+            Ok(slice.has(Field::TotalStdError))
+        };
+        let all = store.slice_names().iter().map(has);
+        if !all.collect::<Result<Vec<bool>, Failure>>()?.contains(&false) {
+            continue;
+        }
+        eprintln!(
+            "note: {} has no errors of totals, so that the result has none: what error bars cannot be trusted yet is not told",
+            input.display()
+        );
+    }
+    Ok(())
 }

@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 use sunstone::figure::listed;
 use sunstone::figure::spec::Figure;
 use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
+use sunstone::store::doubt;
 use sunstone::store::sink::is_finished;
+use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::coverage::missing;
 use sunstone::transport::scene::{Integrator, Scene};
 
@@ -220,19 +222,36 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         super::output::print(&format!("{store}: was complete already"))?;
     } else {
         super::output::print(&format!(
-            "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded",
+            "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
             scene.slices.len(),
             scene.settings.spp,
             summary.wall_s,
             summary.samples as f64 / summary.wall_s / 1e6,
             summary.rays as f64 / summary.wall_s / 1e6,
             summary.discarded,
+            in_doubt(&target.path)?,
         ))?;
     }
     if !a.no_figures {
         super::figure::draw_all(&target.path, None)?;
     }
     Ok(())
+}
+
+/// Slice by slice, the share of lit pixels whose error bar cannot be trusted yet.
+fn in_doubt(path: &Path) -> Result<String, Failure> {
+    let store = TensorStore::open(path).map_err(Failure::failed)?;
+    let mut shares = vec![];
+    for name in store.slice_names() {
+        let slice = store.slice(name).map_err(Failure::failed)?;
+        if let Some(doubt) = doubt::of(&slice).map_err(Failure::failed)? {
+            shares.push(format!("{name} {:.1} %", 100.0 * doubt.share()));
+        }
+    }
+    Ok(format!(
+        ", error bars not to be trusted yet: {}",
+        shares.join(", ")
+    ))
 }
 
 /// Threads that may be asked for, for each that the machine can run at once.

@@ -4,6 +4,7 @@
 
 pub mod alike;
 pub mod denoised;
+pub mod doubt;
 pub mod exr;
 pub mod merge;
 pub mod numpy;

@@ -7,14 +7,20 @@
 //!
 //! Samples that are stratified together are one: N is then the number of such groups (`replicates_per_pixel`).
 //!
+//! Errors of totals (`total_std_error`) are pooled likewise, by the totals of the means; they are dropped where an input, of an earlier
+//! version, has none.
+//!
 //! Sums are in f64; what remains is the rounding of the stored f32 values.
 //!
 //! Where an element averages several pixels, its samples are not alike and only their means are known:
 //! m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 
 mod error;
+mod pool;
+mod totals;
 
 pub use error::MergeError;
+use pool::Pool;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -93,21 +99,20 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     let layouts: Vec<_> = slices
         .iter()
         .map(|s| {
-            (
-                s.parts[0].slice.layout().clone(),
-                s.parts[0].slice.attributes().clone(),
-            )
+            let layout = SliceLayout {
+                totals: s.parts.iter().all(|p| p.slice.layout().totals),
+                ..s.parts[0].slice.layout().clone()
+            };
+            (layout, s.parts[0].slice.attributes().clone())
         })
         .collect();
     let grid = common_grid(&inputs);
     let attributes = merged_attributes(&inputs);
     let fill = |merged: &TensorStore| {
         for parts in &slices {
-            merge_slice(
-                parts,
-                &merged.slice(parts.parts[0].slice.name())?,
-                options.partial,
-            )?;
+            let slice = merged.slice(parts.parts[0].slice.name())?;
+            merge_slice(parts, &slice, options.partial)?;
+            merge_totals(parts, &slice, options.partial)?;
         }
         merge_samples(&inputs, merged)?;
         Ok(merged.finish()?)
@@ -390,43 +395,38 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
     Ok(())
 }
 
-/// Samples of one element, joined input by input.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pool {
-    n: f64,
-    mean: f64,
-    /// Alike samples: sum of squared deviations from the mean. Otherwise: Σ N²e².
-    spread: f64,
-    /// Standard error as stored, kept for an element that only one input has sampled.
-    only: Option<f64>,
-}
-
-impl Pool {
-    fn add(&mut self, n: f64, mean: f64, std_error: f64, alike: bool) {
-        if n <= 0.0 {
-            return;
-        }
-        self.only = (self.n == 0.0).then_some(std_error);
-        let total = self.n + n;
-        let difference = mean - self.mean;
-        if alike {
-            self.spread +=
-                std_error * std_error * n * (n - 1.0) + difference * difference * self.n * n / total;
-        } else {
-            self.spread += (n * std_error).powi(2);
-        }
-        self.mean += difference * n / total;
-        self.n = total;
+/// Writes the errors of the totals of all samples, where the merged slice keeps them.
+fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
+    let field = Field::TotalStdError;
+    if !merged.has(field) {
+        return Ok(());
     }
-
-    fn std_error(&self, alike: bool) -> f64 {
-        match self.only {
-            Some(only) => only,
-            None if self.n == 0.0 => 0.0,
-            None if alike => (self.spread / (self.n * (self.n - 1.0))).sqrt(),
-            None => self.spread.sqrt() / self.n,
+    let [_, width] = merged.field_layout(field)?.shape()[..] else {
+        return Ok(());
+    };
+    let means = parts.parts.iter().map(|part| totals::means(&part.slice));
+    let means = means.collect::<Result<Vec<_>, _>>()?;
+    for (start, shape) in merged.chunks(field)? {
+        let mut pools = vec![Pool::default(); shape.iter().product::<u64>() as usize];
+        for (part, means) in parts.parts.iter().zip(&means) {
+            let errors = part.slice.read(field, &start, &shape)?;
+            let counts = element_counts(part, &start, &shape)?;
+            let per_count = pools.len() / counts.len().max(1);
+            let rows = start[0]..start[0] + shape[0];
+            let elements = rows.flat_map(|y| (start[1]..start[1] + shape[1]).map(move |x| y * width + x));
+            for (i, (pool, element)) in pools.iter_mut().zip(elements).enumerate() {
+                let n = counts[i / per_count] / part.input.group;
+                pool.add(n, means[element as usize], f64::from(errors[i]), parts.alike);
+            }
         }
+        let error = |pool: &Pool| match pool.n {
+            0.0 if partial => f32::NAN,
+            _ => pool.std_error(parts.alike) as f32,
+        };
+        let errors: Vec<f32> = pools.iter().map(error).collect();
+        merged.write(field, &start, &shape, &errors)?;
     }
+    Ok(())
 }
 
 /// Number of samples of every camera element (y, x) of a region, row-major; one number if the slice has no camera

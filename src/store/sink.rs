@@ -307,6 +307,7 @@ mod tests {
                     name: "image".into(),
                     axes: vec![axis(AxisKind::Y, 2), axis(AxisKind::X, columns)],
                     time: None,
+                    totals: false,
                 },
                 attributes: Map::new(),
             }],

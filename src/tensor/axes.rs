@@ -181,6 +181,8 @@ pub struct SliceLayout {
     pub axes: Vec<Axis>,
     /// For a slice with a time axis: first edge and bin width in picoseconds.
     pub time: Option<(f64, f64)>,
+    /// Whether the errors of camera elements' totals are kept too ([`crate::field::Field::TotalStdError`]): renders keep them.
+    pub totals: bool,
 }
 
 fn indices(n: u32) -> Vec<f64> {
@@ -297,6 +299,7 @@ impl SliceLayout {
             name: slice.name.clone(),
             axes,
             time,
+            totals: true,
         }
     }
 
@@ -328,6 +331,20 @@ impl SliceLayout {
             name: self.name.clone(),
             axes,
             time: None,
+            totals: false,
+        }
+    }
+
+    /// The layout of what there is one of a camera element: the axes `y` and `x`. Keeps the name.
+    #[must_use]
+    pub fn camera_alone(&self) -> Self {
+        let mut axes = self.axes.clone();
+        axes.retain(|a| matches!(a.kind, AxisKind::Y | AxisKind::X));
+        Self {
+            name: self.name.clone(),
+            axes,
+            time: None,
+            totals: false,
         }
     }
 }

@@ -13,11 +13,20 @@ pub enum Field {
     Overflow,
     /// Standard error of [`Field::Overflow`].
     OverflowStdError,
+    /// Standard error of a camera element's total: M00 summed over all else that the slice keeps, light outside the time bins
+    /// included, the mean over wavelengths (axes `y`, `x` alone).
+    TotalStdError,
 }
 
 impl Field {
     /// All fields.
-    pub const ALL: [Self; 4] = [Self::Mean, Self::StdError, Self::Overflow, Self::OverflowStdError];
+    pub const ALL: [Self; 5] = [
+        Self::Mean,
+        Self::StdError,
+        Self::Overflow,
+        Self::OverflowStdError,
+        Self::TotalStdError,
+    ];
 
     /// Name of the array in the store.
     #[must_use]
@@ -27,6 +36,7 @@ impl Field {
             Self::StdError => "std_error",
             Self::Overflow => "overflow",
             Self::OverflowStdError => "overflow_std_error",
+            Self::TotalStdError => "total_std_error",
         }
     }
 
@@ -38,6 +48,9 @@ impl Field {
             Self::StdError => "standard error of the light transport",
             Self::Overflow => "light transport outside the time bins",
             Self::OverflowStdError => "standard error of the light transport outside the time bins",
+            Self::TotalStdError => {
+                "standard error of M00 summed over all axes but y and x, mean over wavelengths"
+            }
         }
     }
 
@@ -47,6 +60,7 @@ impl Field {
         match self {
             Self::Mean | Self::StdError => Some(slice.clone()),
             Self::Overflow | Self::OverflowStdError => slice.time.map(|_| slice.without_time()),
+            Self::TotalStdError => slice.totals.then(|| slice.camera_alone()),
         }
     }
 }

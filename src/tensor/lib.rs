@@ -6,6 +6,7 @@
 
 pub mod array;
 pub mod axes;
+pub mod doubt;
 pub mod field;
 pub mod memory;
 pub mod number;

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 /// Keeps every field of every slice of a render as an array.
 #[derive(Debug, Default)]
 pub struct Arrays {
-    slices: Vec<[Option<Mutex<Tensor>>; 4]>,
+    slices: Vec<[Option<Mutex<Tensor>>; Field::ALL.len()]>,
     names: Vec<String>,
     samples: Mutex<Vec<u32>>,
     camera: [u32; 2],
@@ -126,6 +126,7 @@ mod tests {
             name: "s".into(),
             axes: vec![axis(AxisKind::Y, 2), axis(AxisKind::X, 3), axis(AxisKind::T, 2)],
             time: Some((-0.5, 1.0)),
+            totals: false,
         };
         Job {
             slices: vec![JobSlice {

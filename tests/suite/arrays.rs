@@ -53,5 +53,57 @@ fn arrays_and_stores_agree_in_every_field() {
             fields += 1;
         }
     }
-    assert_eq!(fields, 4 * 2 + 2 * 2);
+    assert_eq!(fields, 4 * 3 + 2 * 2);
+}
+
+/// Whatever a slice tells apart of the light of a pixel, its total is the same, and so is that total's error.
+#[test]
+fn errors_of_totals_do_not_depend_on_what_is_told_apart() {
+    let slices = r#"
+[[slices]]
+name = "photo"
+[[slices]]
+name = "mueller"
+polarization = "mueller"
+bounces = true
+[[slices]]
+name = "flight"
+time = { start_ps = 12000, bin_ps = 500, bins = 6 }
+split_first_bounce = true
+[[slices]]
+name = "ss"
+projector = "all"
+[[slices]]
+name = "coarse"
+camera = { binned = 3 }
+"#;
+    let scene = scene(&mirror_room(18, 16, 6, 9, slices));
+    let mut arrays = Arrays::default();
+    schedule::render(&scene, &[], &mut arrays, &Unwatched).expect("memory takes all");
+    let get = |slice, field| arrays.get(slice, field).expect("the field").data;
+    let errors = get("photo", Field::TotalStdError);
+    assert!(errors.iter().filter(|e| **e > 0.0).count() > 200);
+    for slice in ["mueller", "flight", "ss"] {
+        for (a, b) in errors.iter().zip(get(slice, Field::TotalStdError)) {
+            assert!((a - b).abs() <= 1e-5 * a, "{slice}: {b}, not {a}");
+        }
+    }
+    // The error of a mean over wavelengths is at most the mean of their errors.
+    for (total, each) in errors.iter().zip(get("photo", Field::StdError).chunks_exact(3)) {
+        let bound = each.iter().sum::<f32>() / 3.0;
+        assert!(
+            *total <= 1.00001 * bound && *total >= 0.3 * bound,
+            "{total}, {each:?}"
+        );
+    }
+    // Pixels are independent: 9 of them in a box.
+    let coarse = get("coarse", Field::TotalStdError);
+    for (i, binned) in coarse.iter().enumerate() {
+        let box_of = (0..9).map(|k| (i / 6 * 3 + k / 3) * 18 + i % 6 * 3 + k % 3);
+        let want = box_of.map(|k| f64::from(errors[k]).powi(2)).sum::<f64>().sqrt() / 9.0;
+        assert!(
+            (f64::from(*binned) - want).abs() <= 1e-5 * want,
+            "{binned}, not {want}"
+        );
+    }
 }

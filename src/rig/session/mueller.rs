@@ -190,6 +190,7 @@ pub fn write_store(
             name: image.name.clone(),
             axes,
             time: image.time,
+            totals: false,
         };
         (layout, slice)
     };

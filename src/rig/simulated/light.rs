@@ -329,6 +329,7 @@ mod tests {
                 axis(AxisKind::StokesIn, 4),
             ],
             time: None,
+            totals: false,
         };
         let folder = tempfile::tempdir().expect("a folder");
         for denoised in [false, true] {

@@ -76,6 +76,20 @@ fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool)
         slice.write(mean, &zero, &shape, &m).unwrap();
         slice.write(error, &zero, &shape, &e).unwrap();
     }
+    // 15 elements of 3 bins and 2 wavelengths, and as many of the overflow.
+    let totals: Vec<f32> = (0..15)
+        .map(|element| {
+            let of = |s| {
+                let inside: f64 = (0..6).map(|i| value(6 * element + i, s)).sum();
+                let outside: f64 = (0..2).map(|i| value(1000 + 2 * element + i, s)).sum();
+                (inside + outside) / 2.0
+            };
+            statistics(&(from..from + n).map(of).collect::<Vec<f64>>()).1
+        })
+        .collect();
+    slice
+        .write(Field::TotalStdError, &[0, 0], &[3, 5], &totals)
+        .unwrap();
     if counted {
         store.write_samples([0, 0], [3, 5], &[n as u32; 15]).unwrap();
     }
@@ -104,6 +118,9 @@ fn parts_merge_to_the_whole() {
             for (x, y) in a.data.iter().zip(&b.data) {
                 let tolerance = if matches!(field, Field::Mean | Field::Overflow) {
                     2e-7
+                } else if field == Field::TotalStdError {
+                    // Means of totals are sums of rounded ones.
+                    1e-5
                 } else {
                     1e-6
                 };
@@ -119,6 +136,33 @@ fn parts_merge_to_the_whole() {
         if counted {
             assert_eq!(merged.read_samples([0, 0], [3, 5]).unwrap(), [17; 15]);
         }
+    }
+}
+
+/// Stores of earlier versions have no errors of totals, and neither have what they are merged to.
+#[test]
+fn what_one_input_lacks_is_dropped() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    part(&at("a"), 1, 0, 4, "a", true);
+    part(&at("b"), 2, 4, 4, "a", true);
+    std::fs::remove_dir_all(at("b").join("s/total_std_error")).unwrap();
+    crate::zarr::reseal(&at("b"));
+    let slice = |name: &str| TensorStore::open(&at(name)).unwrap().slice("s").unwrap();
+    assert!(slice("a").has(Field::TotalStdError) && !slice("b").has(Field::TotalStdError));
+    for (first, second, out) in [("a", "b", "ab"), ("b", "a", "ba")] {
+        merge(&[at(first), at(second)], &at(out), Options::default()).unwrap();
+        let merged = slice(out);
+        assert!(!merged.has(Field::TotalStdError));
+        assert!(
+            merged
+                .read_all(Field::Mean)
+                .unwrap()
+                .data
+                .iter()
+                .all(|v| *v > 0.0)
+        );
+        assert_eq!(crate::doubt::of(&merged).unwrap(), None);
     }
 }
 

@@ -42,6 +42,7 @@ fn stored(dir: &std::path::Path, projector: ProjectorSelect, polarization: Polar
         split_first_bounce: true,
     };
     let mut layout = SliceLayout::new(&slice, &extents);
+    layout.totals = false;
     for axis in layout.axes.iter_mut().filter(|a| "vut".contains(a.kind.name())) {
         axis.chunk = axis.chunk.div_ceil(2);
     }
@@ -59,7 +60,7 @@ fn stored(dir: &std::path::Path, projector: ProjectorSelect, polarization: Polar
     .unwrap();
     let slice = store.slice("full").unwrap();
     let mut random = rand_pcg::Pcg32::seed_from_u64(5);
-    for field in Field::ALL {
+    for field in Field::ALL.into_iter().filter(|f| slice.has(*f)) {
         let shape = slice.field_layout(field).unwrap().shape();
         let n = shape.iter().product::<u64>() as usize;
         let values: Vec<f32> = (0..n)

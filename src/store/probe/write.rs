@@ -94,6 +94,7 @@ impl ProbeResult {
             name: self.mean.name.clone(),
             axes: self.mean.axes.clone(),
             time,
+            totals: false,
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Layout of the directory (Zarr v3 core specification; conventions of `xarray` for names and coordinates):
 //! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/` and, where time is
-//! resolved, `NAME/{overflow,overflow_std_error}/`, beside one coordinate array per axis. Each group carries
+//! resolved, `NAME/{overflow,overflow_std_error}/` and, of renders, `NAME/total_std_error/`, beside one coordinate array per axis. Each group carries
 //! `consolidated_metadata` in the inline form that zarr-python 3 writes, so that readers open it with one read.
 
 use std::path::Path;
@@ -268,6 +268,12 @@ pub(super) fn read_layout(
         name: slice.to_owned(),
         axes,
         time: start.zip(bin),
+        // Stores of earlier versions have none.
+        totals: storage
+            .root()
+            .join(slice)
+            .join(Field::TotalStdError.name())
+            .is_dir(),
     };
     match check::time_fault(&layout) {
         Some(reason) => Err(damaged(reason)),

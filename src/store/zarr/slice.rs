@@ -1,4 +1,4 @@
-//! One stored slice: four fields of f32 over named axes.
+//! One stored slice: fields of f32 over named axes.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,7 +24,7 @@ struct Inner {
     path: PathBuf,
     layout: SliceLayout,
     attributes: Map<String, Value>,
-    fields: [Option<(SliceLayout, ChunkedArray<f32>)>; 4],
+    fields: [Option<(SliceLayout, ChunkedArray<f32>)>; Field::ALL.len()],
     values: Values,
 }
 
@@ -59,7 +59,7 @@ impl StoredSlice {
         if let Some(reason) = fault {
             return Err(damaged(reason));
         }
-        let mut fields = [const { None }; 4];
+        let mut fields = [const { None }; Field::ALL.len()];
         for field in Field::ALL {
             let Some(expected) = field.layout_in(&layout) else {
                 continue;

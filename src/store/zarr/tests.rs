@@ -379,6 +379,7 @@ fn consolidated_metadata_lists_every_array() {
             "timed",
             "timed/mean",
             "timed/overflow_std_error",
+            "timed/total_std_error",
             "steady/stokes_in",
         ] {
             assert!(all.contains_key(key), "{key}");
@@ -394,7 +395,7 @@ fn consolidated_metadata_lists_every_array() {
                 .as_object()
                 .unwrap()
                 .len(),
-            13
+            14
         );
     };
     check();

@@ -5,14 +5,19 @@
 //! the cells of one pixel (sparse, in f64), then the finished values of one tile (sparse, in f32).
 
 pub mod plan;
+mod selected;
 mod tile_values;
+mod totals;
 
 use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
-use plan::DROPPED;
 pub use plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
+use plan::{DROPPED, EVERY};
+pub use selected::Selected;
 use tensor::sink::{SampleCounts, Sink, TileRecord};
 use tile_values::{KeyMap, Scratch, TileValues};
+pub use totals::Counted;
+use totals::TotalSums;
 use wide::f64x4;
 
 /// Cells of a pixel are looked up in a plain table up to this many possible cells.
@@ -65,6 +70,8 @@ struct PixelSums {
     cells: Vec<Cell>,
     /// Elements of all cells, those that can be non-zero alone.
     sums: Vec<Sums>,
+    /// Of all cells together.
+    total: TotalSums,
 }
 
 #[inline]
@@ -90,6 +97,7 @@ impl PixelSums {
             },
             cells: Vec::new(),
             sums: Vec::new(),
+            total: TotalSums::default(),
         }
     }
 
@@ -104,7 +112,7 @@ impl PixelSums {
         cell.extent = larger;
     }
 
-    #[inline]
+    #[inline(always)]
     fn add(&mut self, key: u64, group: u32, extent: Extent, values: &[Spectral], weight: f32) {
         let w = Spectral::splat(weight);
         let entry = match &mut self.index {
@@ -181,6 +189,8 @@ impl PixelSums {
                 });
             tile.add(key, cell.extent, finished);
         }
+        let total = self.total.finish(n, plan.wavelengths);
+        tile.add_total(local, total / (pixels * pixels));
         self.clear();
     }
 
@@ -197,15 +207,6 @@ impl PixelSums {
         self.cells.clear();
         self.sums.clear();
     }
-}
-
-/// Samples of a pixel that count (those without light included), and their groups that are independent of each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Counted {
-    /// Samples.
-    pub samples: u32,
-    /// Groups: as many as samples, unless these are stratified.
-    pub groups: u32,
 }
 
 /// The finished values of all slices over one tile: what a back end makes of it.
@@ -249,6 +250,8 @@ pub struct TileAccumulator<'a> {
     /// The current camera pixel, row-major, and the slices that keep it.
     pixel: u32,
     keeping: Vec<usize>,
+    /// Whether slices have paths of their own.
+    aimed: bool,
 }
 
 impl<'a> TileAccumulator<'a> {
@@ -269,6 +272,7 @@ impl<'a> TileAccumulator<'a> {
             },
             pixel: 0,
             keeping: Vec::new(),
+            aimed: plans.iter().any(|p| p.selected().is_some()),
         }
     }
 
@@ -312,11 +316,33 @@ impl<'a> TileAccumulator<'a> {
     /// the group number `group`; groups come one after the other.
     #[inline]
     pub fn add_sample(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
+        if self.aimed {
+            self.add_aimed(group, list, elements);
+        } else {
+            self.add_to::<false>(group, list, elements);
+        }
+    }
+
+    #[inline(never)]
+    fn add_aimed(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
+        self.add_to::<true>(group, list, elements);
+    }
+
+    /// [`Self::add_sample`]; `AIMED` if some contributions are for one slice alone.
+    #[inline(always)]
+    fn add_to<const AIMED: bool>(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         let pixel = self.pixel;
         for k in &self.keeping {
             let (plan, sums) = (&self.plans[*k], &mut self.sums[*k]);
+            let mut total = Spectral::ZERO;
             for c in list {
-                if let Some((cell, weight)) = plan.cell(c, pixel) {
+                if AIMED && c.slice != EVERY && c.slice != *k as u32 {
+                    continue;
+                }
+                if let Some((cell, mut weight)) = plan.cell(c, pixel) {
+                    if AIMED {
+                        weight *= plan.share(c);
+                    }
                     let (extent, values) = if plan.elements == 1 {
                         // The matrix is asked for its intensity alone.
                         (Extent { rows: 1, cols: 1 }, &c.of(elements)[..1])
@@ -324,8 +350,10 @@ impl<'a> TileAccumulator<'a> {
                         (c.extent, c.of(elements))
                     };
                     sums.add(cell, group, extent, values, weight);
+                    total += values[0] * Spectral::splat(weight);
                 }
             }
+            sums.total.add(group, total);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Which element of a slice a path contribution belongs to, worked out once a render.
 
+use super::selected::Selected;
 use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
 use tensor::axes::{AxisKind, Extents, SliceLayout};
@@ -20,6 +21,11 @@ pub struct Contribution {
     pub epipolar_px: f32,
     /// Surface interactions.
     pub bounces: u32,
+    /// The one slice that it is for, made by drawing one of its s', or [`EVERY`].
+    pub slice: u32,
+    /// How much denser such drawing would make the path, of an s' that is drawn for sure, than what made paths for all slices; 0
+    /// where it cannot.
+    pub rival: f32,
 }
 
 /// Where the contributions of one camera sample are put.
@@ -42,6 +48,8 @@ impl Contributions<'_> {
             pixel,
             epipolar_px: 0.0,
             bounces,
+            slice: EVERY,
+            rival: 0.0,
         });
     }
 }
@@ -58,12 +66,17 @@ impl Contribution {
 /// [`Contribution::pixel`] of light that comes from no projector pixel.
 pub const NO_PIXEL: u32 = u32::MAX;
 
+/// [`Contribution::slice`] of light for all slices.
+pub(super) const EVERY: u32 = u32::MAX;
+
 /// Marks a row or column that a slice does not keep.
 pub(super) const DROPPED: u32 = u32::MAX;
 
 /// How a slice maps contributions to elements: precomputed once a render, shared by all threads.
 pub struct SlicePlan {
     slice: Slice,
+    /// Its projector pixels, where they are few.
+    selected: Option<Selected>,
     pub(super) layout: SliceLayout,
     /// Camera row and column → index along `y`, `x`, or [`DROPPED`].
     pub(super) camera: [Vec<u32>; 2],
@@ -147,6 +160,7 @@ impl SlicePlan {
         let inner = resolved * bins * bounces * components;
         Self {
             slice: slice.clone(),
+            selected: Selected::of(slice, extents),
             camera,
             per_index,
             projector,
@@ -193,6 +207,28 @@ impl SlicePlan {
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
+    /// The projector pixels that the slice keeps, if they are few enough to draw from.
+    #[must_use]
+    pub fn selected(&self) -> Option<&Selected> {
+        self.selected.as_ref()
+    }
+
+    /// The slice's share of a contribution that both chance and a drawn s' can make: the balance heuristic.
+    #[inline]
+    pub(super) fn share(&self, c: &Contribution) -> f32 {
+        match &self.selected {
+            Some(selected) if c.rival > 0.0 => {
+                let rival = selected.chance(c.pixel) * c.rival;
+                if c.slice == EVERY {
+                    1.0 / (1.0 + rival)
+                } else {
+                    1.0 / (1.0 + 1.0 / rival)
+                }
+            }
+            _ => 1.0,
+        }
+    }
+
     /// True if the slice asks for [`Contribution::epipolar_px`].
     #[must_use]
     pub fn needs_epipolar(&self) -> bool {
@@ -212,7 +248,7 @@ impl SlicePlan {
 
     /// Cell (row-major over v, u, t, bounces, component; then overflow cells) and weight of a contribution to camera
     /// pixel number `camera_pixel`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn cell(&self, c: &Contribution, camera_pixel: u32) -> Option<(u64, f32)> {
         let mut weight = 1.0;
         let mut cell = 0_u64;

@@ -101,6 +101,8 @@ pub(super) struct TileValues {
     shape: [u64; 2],
     entries: Vec<Entry>,
     values: Vec<Finished>,
+    /// Variances of the mean of the totals, of every camera element.
+    totals: Vec<f64>,
     /// Entries by key, where several pixels share one (binned cameras), or several passes.
     shared: Option<KeyMap>,
 }
@@ -113,6 +115,7 @@ impl TileValues {
             shape: [0; 2],
             entries: Vec::new(),
             values: Vec::new(),
+            totals: Vec::new(),
             shared: (plan.pixels_per_element() > 1 || passes > 1).then(KeyMap::default),
         }
     }
@@ -123,6 +126,8 @@ impl TileValues {
         (self.start, self.shape) = (start, shape);
         self.entries.clear();
         self.values.clear();
+        self.totals.clear();
+        self.totals.resize((shape[0] * shape[1]) as usize, 0.0);
         if let Some(map) = &mut self.shared {
             map.clear();
         }
@@ -147,6 +152,12 @@ impl TileValues {
         }
         self.entries.push(Entry { key, first, extent });
         self.values.extend(finished);
+    }
+
+    /// Adds the variance of a total to that of camera element number `local`.
+    #[inline]
+    pub(super) fn add_total(&mut self, local: u64, variance: f64) {
+        self.totals[local as usize] += variance;
     }
 
     fn merge(&mut self, entry: usize, extent: Extent, finished: impl Iterator<Item = Finished>) {
@@ -194,7 +205,23 @@ impl TileValues {
             };
             self.put_part(&outside, sink, scratch)?;
         }
-        Ok(())
+        self.put_totals(number, sink)
+    }
+
+    /// Gives the errors of the totals to a sink.
+    fn put_totals<S: Sink>(&self, number: usize, sink: &S) -> Result<(), S::Error> {
+        let data: Vec<f32> = self.totals.iter().map(|v| v.sqrt() as f32).collect();
+        if data.is_empty() {
+            return Ok(());
+        }
+        sink.put(&Piece {
+            slice: number,
+            field: Field::TotalStdError,
+            start: &self.start,
+            shape: &self.shape,
+            data: &data,
+            touched: &vec![u64::MAX; data.len().div_ceil(STRETCH).div_ceil(64)],
+        })
     }
 
     /// Gives a part of the slice to a sink, chunk by chunk.

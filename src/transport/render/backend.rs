@@ -4,6 +4,7 @@
 //! on scene, seed and sample count alone, so neither threads nor interruptions change a bit.
 
 use super::path::BATCH;
+use super::selected::Aim;
 use super::tiles;
 use super::tracer::{Pass, Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
 use crate::accumulate::{Counted, NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
@@ -65,17 +66,28 @@ impl<'a> Cpu<'a> {
         }
     }
 
+    /// The slices of a camera pixel for which s' are drawn.
+    fn aims(&self, x: u32, y: u32) -> impl Iterator<Item = Aim<'_>> {
+        (0..).zip(self.plans).filter_map(move |(slice, plan)| {
+            let selected = plan.selected()?;
+            plan.camera_index(x, y).map(|_| Aim { slice, selected })
+        })
+    }
+
     fn tile(&self, prepared: &Prepared, tile: u32, accumulator: &mut TileAccumulator, tracer: &mut Tracer) {
         let begun = Instant::now();
         let scene = self.scene;
         let pixels = tiles::pixels(scene, tile);
         let (columns, rows) = (&pixels.x, &pixels.y);
         accumulator.begin_tile(tile, [columns.start, rows.start], [columns.end, rows.end]);
+        let mut aims = Vec::new();
         for (x, y) in rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))) {
             if !accumulator.begin_pixel(x, y) {
                 continue;
             }
             let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
+            aims.clear();
+            aims.extend(self.aims(x, y));
             let mut all = None;
             for pass in prepared.passes(scene) {
                 let Pass { count, group, .. } = pass;
@@ -83,7 +95,7 @@ impl<'a> Cpu<'a> {
                 for first in (0..count).step_by(BATCH) {
                     let samples = first..(first + BATCH as u32).min(count);
                     let (rays, lists, elements) =
-                        tracer.trace(scene, prepared, pass, [x, y], samples.clone());
+                        tracer.trace(scene, prepared, pass, [x, y], samples.clone(), &aims);
                     accumulator.tile.record.rays += u64::from(rays);
                     let all_finite = finite(elements);
                     for (sample, list) in samples.zip(lists) {

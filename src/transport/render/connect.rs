@@ -75,6 +75,15 @@ pub(super) struct LitAt<'a, const N: usize> {
     pub place: usize,
 }
 
+impl<const N: usize> LitAt<'_, N> {
+    /// Direction to the projector, and how far it is.
+    #[inline]
+    pub fn toward(&self) -> (Vec3A, f32) {
+        let at = &self.lit.at;
+        (many::get(&at.wi, self.place), at.distance[self.place])
+    }
+}
+
 /// Connects a surface point to the projector, from which it gets what `lit` says, and to every point emitter; returns the
 /// rays traced.
 #[inline(always)]
@@ -113,6 +122,18 @@ pub(super) fn connect_all<const N: usize>(
         rays += connect_points(scene, state, at, out);
     }
     rays
+}
+
+/// Connects a surface point along a line that is known to be free.
+#[inline(never)]
+pub(super) fn connect_known(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    to: &Connection,
+    out: &mut Contributions,
+) {
+    connect(scene, state, at, to, Some(true), out);
 }
 
 /// Connects a surface point to every point emitter; returns the rays traced.

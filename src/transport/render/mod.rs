@@ -30,6 +30,7 @@ mod rough_exit;
 mod roulette;
 mod route;
 pub mod schedule;
+mod selected;
 mod sheets;
 mod spill;
 mod splats;

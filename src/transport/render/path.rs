@@ -9,17 +9,17 @@
 use super::connect::{Lit, LitAt, Vertex, connect_all, connect_lights};
 use super::environment::{self, Chosen, Met};
 use super::roulette::{Odds, survives};
+use super::selected::{self, Aim, Came, LitPoint};
 use super::state::{Beam, State};
 use super::views::Views;
 use crate::accumulate::{Contribution, Contributions};
-use crate::geometry::many;
-use crate::geometry::many::Many;
+use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::met;
-use crate::material::{Filling, Lanes, facing};
+use crate::material::{Filling, facing};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
-use glam::{DVec3, Vec3A};
+use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{perpendicular, perpendiculars};
 use optics::sampling::stream::{Group, Stream};
@@ -43,6 +43,8 @@ struct Path {
     surface: Surface,
     /// How the current ray was chosen; kept where there is something to meet by chance.
     chosen: Chosen,
+    /// Density of its direction per steradian, kept where slices have paths of their own; 0 where they make no such.
+    density: f32,
 }
 
 /// Some paths of one camera pixel, traced in step.
@@ -52,6 +54,8 @@ pub struct Paths {
     /// What each brings, in order, and the Mueller elements of all.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
+    /// What the s' drawn for slices light, of each.
+    points: Vec<Vec<LitPoint>>,
 }
 
 /// What is worked out for all living paths at once: a row's entry belongs to the path at that place among them.
@@ -65,10 +69,9 @@ struct Rows {
 
 impl Paths {
     /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
-    /// random point of the pixel, stratified over its `group`, and leaves what they bring in `lists` and `elements`.
+    /// random point of the pixel, stratified over its `group`, and leaves what they bring in `lists` and `elements`, `aims` included.
     ///
-    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the number of rays
-    /// traced.
+    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the rays traced.
     #[inline]
     pub fn trace(
         &mut self,
@@ -77,46 +80,68 @@ impl Paths {
         [x, y]: [u32; 2],
         samples: Range<u32>,
         group: Group,
+        aims: &[Aim],
     ) -> u32 {
-        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-        if scene.geometry.avx2() {
-            // SAFETY: the processor was asked when the geometry was built.
-            return unsafe { self.trace_avx2(scene, views, [x, y], samples, group) };
+        if aims.is_empty() {
+            self.trace_for::<false>(scene, views, [x, y], samples, group, aims)
+        } else {
+            self.trace_for::<true>(scene, views, [x, y], samples, group, aims)
         }
-        self.trace_any(scene, views, [x, y], samples, group)
     }
 
-    /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    #[target_feature(enable = "avx2")]
-    fn trace_avx2(
+    #[inline]
+    fn trace_for<const AIMED: bool>(
         &mut self,
         scene: &Scene,
         views: &Views,
         pixel: [u32; 2],
         samples: Range<u32>,
         group: Group,
+        aims: &[Aim],
     ) -> u32 {
-        self.trace_any(scene, views, pixel, samples, group)
+        #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+        if scene.geometry.avx2() {
+            // SAFETY: the processor was asked when the geometry was built.
+            return unsafe { self.trace_avx2::<AIMED>(scene, views, pixel, samples, group, aims) };
+        }
+        self.trace_any::<AIMED>(scene, views, pixel, samples, group, aims)
+    }
+
+    /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    #[target_feature(enable = "avx2")]
+    fn trace_avx2<const AIMED: bool>(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        pixel: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+        aims: &[Aim],
+    ) -> u32 {
+        self.trace_any::<AIMED>(scene, views, pixel, samples, group, aims)
     }
 
     #[inline(always)]
-    fn trace_any(
+    fn trace_any<const AIMED: bool>(
         &mut self,
         scene: &Scene,
         views: &Views,
         [x, y]: [u32; 2],
         samples: Range<u32>,
         group: Group,
+        aims: &[Aim],
     ) -> u32 {
         let count = samples.len().min(BATCH);
         let pixel = y * scene.camera.resolution[0] + x;
         self.lists.resize_with(count, Vec::new);
-        for list in &mut self.lists {
-            list.clear();
-        }
+        self.lists.iter_mut().for_each(Vec::clear);
         self.elements.clear();
-        let cells = self.start(scene, views, [x, y], samples, group);
+        let cells = self.start(scene, views, [x, y], samples.clone(), group);
+        let mut rays = 0;
+        if AIMED {
+            rays += selected::draw_all(scene, aims, pixel, samples, &mut self.points);
+        }
         let mut alive: ArrayVec<u8, BATCH> = (0..count as u8).collect();
         let mut rows = Rows {
             points: many::zero(),
@@ -126,7 +151,6 @@ impl Paths {
         let last = scene.settings.max_depth - 1;
         let (shines, glows) = (!scene.lights.is_empty(), !scene.lights.areas.is_empty());
         let meets = scene.environment.is_some() || !scene.lights.is_dark();
-        let mut rays = 0;
         for bounces in 0..=last {
             for i in &alive {
                 let path = &mut self.paths[*i as usize];
@@ -202,11 +226,29 @@ impl Paths {
                     elements: &mut self.elements,
                 };
                 let lit = lit.as_ref().map(|lit| LitAt { lit, place: n });
+                let before = out.list.len();
                 rays += path.connect(scene, views, bounces, lit, &mut out);
+                if AIMED && let Some(hit) = path.hit {
+                    let z = Vertex {
+                        hit,
+                        surface: &path.surface,
+                        wo: -path.state.ray.dir,
+                        bounces: bounces + 1,
+                    };
+                    let came = Came {
+                        density: path.density,
+                        lit: lit.map(|lit| lit.toward()),
+                        before,
+                    };
+                    rays +=
+                        selected::connect(scene, &path.state, &z, came, &self.points[i as usize], &mut out);
+                }
                 if shines {
                     rays += path.connect_lights(scene, bounces, &mut out);
                 }
-                if goes_on && path.scatter(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n))) {
+                if goes_on
+                    && path.scatter::<AIMED>(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n)))
+                {
                     alive[kept] = i;
                     kept += 1;
                 }
@@ -257,6 +299,7 @@ impl Paths {
             state.lanes = lanes;
             path.stream = stream;
             path.chosen = Chosen::alone(camera.origin);
+            path.density = 0.0;
         }
         match &views.camera {
             Some(view) => view.cells_toward(&dirs),
@@ -269,22 +312,12 @@ impl Default for Path {
     /// None yet.
     fn default() -> Self {
         Self {
-            state: State {
-                ray: Ray {
-                    origin: Vec3A::ZERO,
-                    dir: Vec3A::Z,
-                },
-                from: DVec3::ZERO,
-                chain: Chain::start(Spectral::ZERO),
-                frame: Vec3A::X,
-                optical_m: 0.0,
-                filling: Filling::VACUUM,
-                lanes: Lanes::first(0),
-            },
+            state: State::default(),
             stream: Stream::new(0, 0, 0),
             hit: None,
             surface: Surface::default(),
             chosen: Chosen::alone(Vec3A::ZERO),
+            density: 0.0,
         }
     }
 }
@@ -410,7 +443,12 @@ impl Path {
     /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. Where it goes
     /// on from a Lambert surface, it is along `diffuse`, in frame `frame`.
     #[inline(always)]
-    fn scatter(&mut self, scene: &Scene, bounces: u32, [diffuse, frame]: [Vec3A; 2]) -> bool {
+    fn scatter<const AIMED: bool>(
+        &mut self,
+        scene: &Scene,
+        bounces: u32,
+        [diffuse, frame]: [Vec3A; 2],
+    ) -> bool {
         let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
         let (materials, id, wo) = (&scene.materials, surface.material, -state.ray.dir);
         let mut delta = false;
@@ -449,6 +487,13 @@ impl Path {
         };
         if !scene.lights.is_dark() {
             self.choose(scene, wo, wi, delta);
+        }
+        if AIMED {
+            self.density = if delta {
+                0.0
+            } else {
+                scene.materials.pdf(id, &self.surface, wo, wi)
+            };
         }
         true
     }

@@ -6,6 +6,7 @@ use crate::scene::Scene;
 use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
+use optics::spectrum::Spectral;
 
 /// Which end a walk starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +47,24 @@ pub(super) struct State {
 pub(super) struct Beam {
     pub travel: Vec3A,
     pub frame: Vec3A,
+}
+
+impl Default for State {
+    /// Of no path yet.
+    fn default() -> Self {
+        Self {
+            ray: Ray {
+                origin: Vec3A::ZERO,
+                dir: Vec3A::Z,
+            },
+            from: DVec3::ZERO,
+            chain: Chain::start(Spectral::ZERO),
+            frame: Vec3A::X,
+            optical_m: 0.0,
+            filling: Filling::VACUUM,
+            lanes: Lanes::first(0),
+        }
+    }
 }
 
 impl State {

@@ -3,6 +3,7 @@
 
 use super::bidirectional::{Parts, Plan, Walks, samples};
 use super::path::Paths;
+use super::selected::Aim;
 use super::spill::NO_PART;
 use super::tiles;
 use super::views::Views;
@@ -143,7 +144,8 @@ impl Prepared {
 }
 
 impl Tracer {
-    /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements.
+    /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements;
+    /// plain paths also aim at what slices ask for.
     pub fn trace(
         &mut self,
         scene: &Scene,
@@ -151,10 +153,11 @@ impl Tracer {
         pass: Pass,
         pixel: [u32; 2],
         samples: Range<u32>,
+        aims: &[Aim],
     ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
         match (pass.kind, &prepared.paths, &prepared.walks) {
             (PassKind::Paths, Some(views), _) => {
-                let rays = self.paths.trace(scene, views, pixel, samples, pass.group);
+                let rays = self.paths.trace(scene, views, pixel, samples, pass.group, aims);
                 (rays, &mut self.paths.lists, &self.paths.elements)
             }
             (PassKind::Walks, _, Some(plan)) => {

@@ -1,0 +1,40 @@
+//! The samples of one element, pooled (the equations are those of [`crate::merge`]).
+
+/// Samples of one element, joined input by input.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pool {
+    pub n: f64,
+    pub mean: f64,
+    /// Alike samples: sum of squared deviations from the mean. Otherwise: Σ N²e².
+    spread: f64,
+    /// Standard error as stored, kept for an element that only one input has sampled.
+    only: Option<f64>,
+}
+
+impl Pool {
+    pub fn add(&mut self, n: f64, mean: f64, std_error: f64, alike: bool) {
+        if n <= 0.0 {
+            return;
+        }
+        self.only = (self.n == 0.0).then_some(std_error);
+        let total = self.n + n;
+        let difference = mean - self.mean;
+        if alike {
+            self.spread +=
+                std_error * std_error * n * (n - 1.0) + difference * difference * self.n * n / total;
+        } else {
+            self.spread += (n * std_error).powi(2);
+        }
+        self.mean += difference * n / total;
+        self.n = total;
+    }
+
+    pub fn std_error(&self, alike: bool) -> f64 {
+        match self.only {
+            Some(only) => only,
+            None if self.n == 0.0 => 0.0,
+            None if alike => (self.spread / (self.n * (self.n - 1.0))).sqrt(),
+            None => self.spread.sqrt() / self.n,
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! The variance of a pixel's total: of M00 summed over all that a slice keeps of the pixel (light outside the time window too),
+//! the mean over wavelengths.
+//!
+//! Elements of one pixel are made of the same samples, so that the errors of their sum cannot be told from theirs.
+
+use optics::spectrum::Spectral;
+
+/// Samples of a pixel that count (those without light included), and their groups that are independent of each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counted {
+    /// Samples.
+    pub samples: u32,
+    /// Groups: as many as samples, unless these are stratified.
+    pub groups: u32,
+}
+
+/// Sums of the totals of one pixel's groups of samples, and of their squares.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TotalSums {
+    pending: Spectral,
+    /// Group of samples whose light is pending.
+    group: u32,
+    sum: f64,
+    square: f64,
+}
+
+impl TotalSums {
+    /// Adds what a sample of a group brings; groups come one after the other.
+    #[inline(always)]
+    pub fn add(&mut self, group: u32, total: Spectral) {
+        if group != self.group {
+            self.fold();
+            self.group = group;
+        }
+        self.pending += total;
+    }
+
+    #[inline]
+    fn fold(&mut self) {
+        let total = f64::from(self.pending.reduce_add());
+        self.sum += total;
+        self.square += total * total;
+        self.pending = Spectral::ZERO;
+    }
+
+    /// The variance of the mean over the pixel's samples, of values at so many wavelengths; NaN of a single group. Begins anew.
+    pub fn finish(&mut self, n: Counted, wavelengths: usize) -> f64 {
+        self.fold();
+        let Self { sum, square, .. } = std::mem::take(self);
+        let groups = f64::from(n.groups);
+        let spread = (square - sum * sum / groups).max(0.0);
+        let samples = f64::from(n.samples) * wavelengths as f64;
+        // Groups' sums add up to that of the samples.
+        spread * groups / (groups - 1.0) / (samples * samples)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Groups of two samples at two wavelengths, of which one group is dark: variance of the mean of 0, 1, 2, 5 is 4.667/4.
+    #[test]
+    fn the_variance_is_that_of_groups() {
+        let mut sums = TotalSums::default();
+        for (group, total) in [(1, 1.0), (2, 2.0), (3, 5.0)] {
+            for share in [1.5, 0.5] {
+                let value = total * share;
+                sums.add(group, Spectral::new([0.5 * value, 1.5 * value, 0.0, 0.0]));
+            }
+        }
+        let counted = |samples, groups| Counted { samples, groups };
+        let variance = sums.finish(counted(8, 4), 2);
+        assert!((variance - 14.0 / 12.0).abs() < 1e-12, "{variance}");
+        assert_eq!(sums.finish(counted(8, 4), 2), 0.0);
+        sums.add(0, Spectral::splat(1.0));
+        assert!(sums.finish(counted(8, 1), 2).is_nan());
+    }
+}

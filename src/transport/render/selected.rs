@@ -1,0 +1,252 @@
+//! Paths for slices that keep few projector pixels s' for a camera pixel, as coaxial ones (s' = s): by chance alone, hardly any
+//! indirect light has such an s'.
+//!
+//! A pixel s' of those is drawn, and where its ray meets the first surface, y, is lit by it. Every point z of the camera's path is
+//! connected to y: there light goes on as if the path had been scattered toward it, with the density per steradian at z
+//!
+//! > p = c · ρ · (cos θ'/d'²) · r²/cos θ,
+//!
+//! c being the chance of s', ρ the projector's pixels per steradian, d' and θ' distance and angle at which y gets its light, r
+//! and θ those of z as y sees it. A path that comes from z to y by scattering, with density q, is the same path: the two share
+//! it by the balance heuristic (Veach & Guibas 1995), q/(q + p) and p/(q + p), for such a slice alone. All other slices, and
+//! paths that only chance can make (over mirrors, through sheets), are as without.
+
+use super::connect::{Vertex, connect_known};
+use super::sheets::Connection;
+use super::state::State;
+use crate::accumulate::{Contributions, NO_PIXEL, Selected};
+use crate::device::projector::Projector;
+use crate::geometry::ray::{Hit, Ray, Surface};
+use crate::geometry::rounding::{END_GAP, met};
+use crate::light::filter::Polarized;
+use crate::scene::Scene;
+use glam::{DVec2, DVec3, Vec3A};
+use optics::polarization::frame::perpendicular;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+use std::ops::Range;
+
+/// Tells the streams of drawn s' from those of paths.
+const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
+
+/// A slice that keeps few projector pixels for the current camera pixel.
+#[derive(Clone, Copy)]
+pub(super) struct Aim<'a> {
+    /// Its number.
+    pub slice: u32,
+    pub selected: &'a Selected,
+}
+
+/// A surface point that a drawn projector pixel lights.
+pub(super) struct LitPoint {
+    /// Number of the slice.
+    slice: u32,
+    pixel: u32,
+    hit: Hit,
+    surface: Surface,
+    /// Where it truly is.
+    at: DVec3,
+    /// Direction to the projector, and how far it is.
+    wi: Vec3A,
+    distance: f32,
+    irradiance: Spectral,
+    /// Chance of the pixel, and the density per area for a chance of 1.
+    chance: f32,
+    per_area: f32,
+}
+
+/// Density per area at a point with normal `ng` that a pixel drawn for sure lights along -`wi` from so far away.
+#[inline]
+fn per_area(projector: &Projector, ng: Vec3A, wi: Vec3A, distance: f32) -> f32 {
+    projector.pinhole.pixels_per_steradian(-wi) * ng.dot(wi).abs() / (distance * distance)
+}
+
+/// Draws for each of some samples of a camera pixel; returns the rays traced.
+pub(super) fn draw_all(
+    scene: &Scene,
+    aims: &[Aim],
+    camera_pixel: u32,
+    samples: Range<u32>,
+    points: &mut Vec<Vec<LitPoint>>,
+) -> u32 {
+    if points.len() < samples.len() {
+        points.resize_with(samples.len(), Vec::new);
+    }
+    samples
+        .zip(points)
+        .map(|(sample, points)| {
+            points.clear();
+            draw(scene, aims, [camera_pixel, sample], points)
+        })
+        .sum()
+}
+
+/// How a path came to a surface point z, and what the projector's own pinhole has made of it.
+pub(super) struct Came {
+    /// Density of its last direction per steradian, 0 if there was no other.
+    pub density: f32,
+    /// Direction to the projector, and how far it is.
+    pub lit: Option<(Vec3A, f32)>,
+    /// Contributions before.
+    pub before: usize,
+}
+
+impl Came {
+    /// Notes on what was made of `z` how much denser the same would be made from an s' that is drawn for sure: p/(c q).
+    fn note_rivals(&self, scene: &Scene, z: &Vertex, out: &mut Contributions) {
+        let (Some(projector), Some((wi, far))) = (&scene.projector, self.lit) else {
+            return;
+        };
+        if self.density > 0.0 {
+            let ng = z.surface.ng;
+            let density = per_area(projector, ng, wi, far) * z.hit.t * z.hit.t / ng.dot(z.wo).abs();
+            for made in &mut out.list[self.before..] {
+                // Those through sheets have more interactions.
+                if made.pixel != NO_PIXEL && made.bounces == z.bounces {
+                    made.rival = density / self.density;
+                }
+            }
+        }
+    }
+}
+
+/// Connects a point of the camera's path, which is at `state`, to what drawn s' light; returns the rays traced.
+#[inline(never)]
+pub(super) fn connect(
+    scene: &Scene,
+    state: &State,
+    z: &Vertex,
+    came: Came,
+    points: &[LitPoint],
+    out: &mut Contributions,
+) -> u32 {
+    came.note_rivals(scene, z, out);
+    let ends = z.bounces + 1 >= scene.settings.max_depth;
+    if ends || !scene.materials.has_extended_lobe(z.surface.material) {
+        return 0;
+    }
+    points.iter().map(|y| y.connect(scene, state, z, out)).sum()
+}
+
+/// Draws an s' of each slice for a sample of a camera pixel, and appends what it lights, where that scatters light into more than
+/// one direction; returns the rays traced.
+fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &mut Vec<LitPoint>) -> u32 {
+    let Some(projector) = &scene.projector else {
+        return 0;
+    };
+    let (pinhole, mut rays) = (&projector.pinhole, 0);
+    let mut stream = Stream::new(scene.settings.seed ^ SEED, camera_pixel, sample);
+    for aim in aims {
+        let pixel = aim.selected.draw(camera_pixel, &mut stream);
+        let [jx, jy] = stream.uniform2();
+        let width = pinhole.resolution[0];
+        let corner = DVec2::new(f64::from(pixel % width), f64::from(pixel / width));
+        let ray = Ray {
+            origin: pinhole.origin,
+            dir: pinhole.direction(corner + DVec2::new(f64::from(jx), f64::from(jy))),
+        };
+        rays += 1;
+        let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
+            continue;
+        };
+        let surface = scene.geometry.surface(&ray, &hit);
+        if !scene.materials.has_extended_lobe(surface.material) {
+            continue;
+        }
+        let (at, length) = met(pinhole.origin.as_dvec3(), ray.dir, &surface);
+        let distance = length as f32;
+        // 1/(z² cos θ), as `Projector::arrivals` has it.
+        let cos = ray.dir.dot(pinhole.axes.z_axis);
+        let factor = 1.0 / (distance * distance * cos * cos * cos);
+        points.push(LitPoint {
+            slice: aim.slice,
+            pixel,
+            per_area: per_area(projector, surface.ng, -ray.dir, distance),
+            hit,
+            surface,
+            at,
+            wi: -ray.dir,
+            distance,
+            irradiance: projector.irradiance * Spectral::splat(factor),
+            chance: aim.selected.chance(pixel),
+        });
+    }
+    rays
+}
+
+impl LitPoint {
+    /// Connects a point of the camera's path, which is at `state`, to this one; returns the rays traced.
+    fn connect(&self, scene: &Scene, state: &State, z: &Vertex, out: &mut Contributions) -> u32 {
+        let Some(projector) = &scene.projector else {
+            return 0;
+        };
+        let (id, y) = (z.surface.material, &self.surface);
+        let way = y.p - z.surface.p;
+        let length = way.length();
+        let dir = way * length.recip();
+        let origin = scene.geometry.leave(z.surface, dir);
+        let line = scene.geometry.reach(y, -dir, length) - origin;
+        // Of one plane, as far as rounding knows (or of one point, and no number).
+        let apart = |ng: Vec3A| ng.dot(line) * ng.dot(dir) > 0.0;
+        if !(apart(z.surface.ng) && apart(y.ng)) {
+            return 0;
+        }
+        let density = self.per_area * length * length / y.ng.dot(dir).abs();
+        let share = 1.0 / (self.chance * density);
+        if !(share > 0.0 && share.is_finite()) {
+            return 0;
+        }
+        let Some(scatter) = scene.materials.eval(id, z.surface, z.wo, dir) else {
+            return 0;
+        };
+        let far = line.length();
+        let ray = Ray {
+            origin,
+            dir: line * far.recip(),
+        };
+        if scene.geometry.occluded(&ray, far * (1.0 - END_GAP)) {
+            return 1;
+        }
+        let through = z.surface.ng.dot(z.wo) * z.surface.ng.dot(dir) < 0.0;
+        let beyond = through.then(|| scene.materials.beyond(id, z.surface, z.wo, state.lanes));
+        let mut on = State {
+            ray: Ray { origin, dir },
+            filling: beyond.flatten().unwrap_or(state.filling),
+            ..*state
+        };
+        let frame = on.chain.push(&scatter, z.wo, on.frame);
+        on.frame = frame.unwrap_or_else(|| perpendicular(dir));
+        on.chain.scale(Spectral::splat(share));
+        if let Some(crossed) = on.crossed(scene, y) {
+            on.frame = on.chain.push(&crossed, -dir, on.frame).unwrap_or(on.frame);
+        }
+        on.optical_m += f64::from(on.filling.index) * on.from.distance(self.at);
+        on.from = self.at;
+        let at = Vertex {
+            hit: self.hit,
+            surface: y,
+            wo: -dir,
+            bounces: z.bounces + 1,
+        };
+        let to = Connection {
+            wi: self.wi,
+            position: projector.pinhole.origin,
+            distance: self.distance,
+            irradiance: self.irradiance,
+            polarized: Polarized {
+                axis: projector.pinhole.axes.x_axis,
+                filter: None,
+            },
+            pixel: self.pixel,
+            start_m: 0.0,
+        };
+        let before = out.list.len();
+        connect_known(scene, &on, &at, &to, out);
+        let chance = scene.materials.pdf(id, z.surface, z.wo, dir);
+        for made in &mut out.list[before..] {
+            made.slice = self.slice;
+            made.rival = density / chance;
+        }
+        1
+    }
+}

@@ -1,0 +1,174 @@
+//! Slices that keep few s' for a camera pixel have paths of their own, which bring what chance brings, and known far better.
+
+use crate::support::{mirror_room, scene_of};
+use sunstone::tensor::array::Tensor;
+use sunstone::tensor::axes::AxisKind::{self, Bounces, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
+use sunstone::tensor::field::Field;
+use sunstone::tensor::memory::Arrays;
+use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::scene::Integrator;
+
+/// Camera and projector pixels in a row, samples a camera pixel.
+const SIZE: usize = 16;
+const SPP: u32 = 512;
+
+/// All s' apart: by chance alone.
+const ALL: &str = r#"
+[[slices]]
+name = "matrices"
+projector = "all"
+polarization = "mueller"
+bounces = true
+[[slices]]
+name = "flight"
+projector = "all"
+time = { start_ps = 12000, bin_ps = 1500, bins = 8 }
+"#;
+
+/// The same of few s'.
+const FEW: &str = r#"
+[[slices]]
+name = "coaxial"
+projector = "coaxial"
+polarization = "mueller"
+bounces = true
+[[slices]]
+name = "block"
+projector = { block = [6, 7, 2, 2] }
+time = { start_ps = 12000, bin_ps = 1500, bins = 8 }
+[[slices]]
+name = "strip"
+projector = { block = [9, 4, 1, 4] }
+polarization = "mueller"
+bounces = true
+"#;
+
+fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
+    let mut scene = scene_of(&mirror_room(SIZE as u32, SIZE as u32, spp, 8, slices));
+    scene.set_integrator(Integrator::Path);
+    (scene.settings.seed, scene.settings.replicates) = (seed, spp);
+    let mut arrays = Arrays::default();
+    let summary = render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    assert_eq!(summary.discarded, 0);
+    arrays
+}
+
+/// Means and standard errors of a slice.
+fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
+    [Field::Mean, Field::StdError].map(|f| arrays.get(slice, f).expect("the field"))
+}
+
+/// Indices along some axes.
+type Index = Vec<(AxisKind, usize)>;
+
+/// Which s' a few-s' slice keeps of camera pixel (x, y): column and row, and the index along its own axes.
+fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
+    match slice {
+        "coaxial" => vec![([x, y], vec![])],
+        "block" => (0..4)
+            .map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)]))
+            .collect(),
+        _ => (0..4).map(|v| ([9, 4 + v], vec![(V, v), (U, 0)])).collect(),
+    }
+}
+
+/// Most that the error by chance of an intensity may be of it: of fewer hits, errors are not known.
+const KNOWN: f64 = 0.15;
+
+/// Least error of an element, in those of the intensity.
+const LEAST_ERROR: f64 = 0.1;
+
+/// Least number of elements that are compared.
+const LEAST: u32 = 6;
+
+/// Compares the sums over the image of each element, direct light left out where it is told apart: by how many errors they
+/// differ at most if the second is `factor` times as large, and the mean ratio of variances of the intensity.
+fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f64; 2] {
+    let rest: Vec<AxisKind> = [T, Bounces, StokesOut, StokesIn, Wavelength].into();
+    let lengths: Vec<usize> = rest.iter().map(|k| few[0].extent(*k)).collect();
+    let (mut worst, mut ratio, mut count, mut elements) = (0.0_f64, 0.0, 0.0, 0);
+    let (mut known, mut of_intensity) = (vec![], vec![0.0; lengths[4]]);
+    for number in 0..lengths.iter().product::<usize>() {
+        let mut index = vec![];
+        let mut left = number;
+        for (kind, length) in rest.iter().zip(&lengths).rev() {
+            index.push((*kind, left % length));
+            left /= length;
+        }
+        let direct = index.iter().any(|(kind, i)| *kind == Bounces && *i < 2) && lengths[1] > 1;
+        let (mut sums, mut squares) = ([0.0; 2], [0.0; 2]);
+        for (x, y) in (0..SIZE * SIZE).map(|i| (i % SIZE, i / SIZE)) {
+            for ([u, v], own) in kept(slice, [x, y]) {
+                let place = |more: &[(AxisKind, usize)]| {
+                    let pixel = [(Y, y), (X, x)];
+                    pixel.iter().chain(more).chain(&index).copied().collect::<Index>()
+                };
+                let places = [place(&[(V, v), (U, u)]), place(&own)];
+                for (k, tensors) in [all, few].into_iter().enumerate() {
+                    sums[k] += f64::from(tensors[0].at(&places[k]));
+                    squares[k] += f64::from(tensors[1].at(&places[k])).powi(2);
+                }
+            }
+        }
+        // A matrix counts if its intensities, which come first, are known at all wavelengths.
+        let first = index
+            .iter()
+            .all(|(kind, i)| !matches!(kind, StokesOut | StokesIn) || *i == 0);
+        let matrix = number / (lengths[2] * lengths[3] * lengths[4]);
+        if first {
+            known.resize(matrix + 1, true);
+            known[matrix] &= squares[0].sqrt() < KNOWN * sums[0];
+        }
+        if !known[matrix] || direct {
+            continue;
+        }
+        elements += 1;
+        // What hardly any path polarizes has no error by chance.
+        let wavelength = number % lengths[4];
+        let mut error = (squares[0] + squares[1]).sqrt();
+        if first {
+            of_intensity[wavelength] = error;
+        }
+        error = error.max(LEAST_ERROR * of_intensity[wavelength]);
+        worst = worst.max((sums[0] - factor * sums[1]).abs() / error);
+        if first && squares[1] > 0.0 {
+            ratio += squares[0] / squares[1];
+            count += 1.0;
+        }
+    }
+    println!("{slice}: {elements} elements are known");
+    assert!(elements >= LEAST, "{slice}: {elements} elements are known");
+    [worst, ratio / count]
+}
+
+/// 512 samples of each of 256 pixels, both ways. Planted: paths that count twice.
+#[test]
+fn few_s_primes_bring_what_chance_brings() {
+    let (by_chance, drawn) = (room(ALL, 1, SPP), room(FEW, 2, SPP));
+    for (slice, truth, least) in [
+        ("coaxial", "matrices", 1.5),
+        ("block", "flight", 1.2),
+        ("strip", "matrices", 1.2),
+    ] {
+        let (all, few) = (of(&by_chance, truth), of(&drawn, slice));
+        let (all, few) = ([&all[0], &all[1]], [&few[0], &few[1]]);
+        let [worst, ratio] = compare(all, few, slice, 1.0);
+        let [planted, _] = compare(all, few, slice, 2.0);
+        println!(
+            "{slice}: {worst:.2} σ, twice {planted:.1} σ; variances of chance {ratio:.1} times as large"
+        );
+        assert!(worst < 5.0, "{slice}: {worst} standard errors");
+        assert!(planted > 5.0, "{slice}: paths that count twice are not found");
+        assert!(ratio > least, "{slice}: variances fall by {ratio} alone");
+    }
+}
+
+/// Other slices do not notice.
+#[test]
+fn other_slices_keep_their_bits() {
+    let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALL;
+    let (alone, beside) = (room(&others, 3, 4), room(&(FEW.to_owned() + &others), 3, 4));
+    for slice in ["photo", "matrices", "flight"] {
+        assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
+    }
+}
