@@ -120,6 +120,7 @@ def main():
         with tempfile.TemporaryDirectory() as temporary:
             row = by_seeds(ROOT / "scenes" / name / "scene.toml", options.seconds, options.seeds, Path(temporary))
         true[name] = row
+        rows.append(dict(scene=name, integrator="auto", seeds=options.seeds, **row))
         print(
             f"{name:14} as shipped, {options.seeds} seeds of {row['spp']} samples: {row['took_s']:.1f} s, true error "
             f"{row['true_error']:.4f}, {GOAL:.0%} after {row['seconds_to_goal']:.1f} s",
@@ -161,7 +162,7 @@ def main():
                 print(f"{'':14} bidirectional takes {found['bidirectional'] / found['path']:.2f} of path's time")
     if options.record:
         measures = [*result_file.TRACER, "validation/convergence.py", *(f"scenes/{name}" for name in SCENES)]
-        result_file.write("convergence", __file__, measures, numbers(rows, true), rows=rows, seeds=true)
+        result_file.write("convergence", __file__, measures, numbers(rows, true), rows=rows)
 
 
 def plain(value):
@@ -174,6 +175,8 @@ def numbers(rows, true):
     """What goes to the result file."""
     out = {"goal": result_file.once(GOAL, "", "a setting")}
     for row in rows:
+        if "seeds" in row:
+            continue
         key = f"{row['scene']}_{row['integrator']}"
         out[key] = result_file.once(row["seconds_to_goal"], "s", f"from one run of {row['took_s']:.0f} s; null: never")
         out[f"{key}_light"] = result_file.once(row["share_of_all_light"], "of the light that is found", "one run")
