@@ -79,12 +79,12 @@ def export(folder, *arguments):
     return str(folder / "scene.xml")
 
 
-def full_mueller(scene, spp, seed):
-    """One render by the integrator of mueller_integrator.py."""
+def full_mueller(scene, spp, seed, sampler=None):
+    """One render by the integrator of mueller_integrator.py, with the sensor's sampler or another."""
     from mueller_integrator import project, trace
 
     sensor = scene.sensors()[0]
-    sampler = sensor.sampler().clone()
+    sampler = (sampler or sensor.sampler()).clone()
     count = RESOLUTION**2 * spp
     sampler.set_sample_count(spp)
     sampler.set_samples_per_wavefront(spp)

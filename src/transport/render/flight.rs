@@ -1,7 +1,7 @@
 //! A walk between two of its points: straight through media, sheets' gaps and boundaries that light does not notice.
 
 use super::bridge::{pass, unnoticed};
-use super::point::{End, Site};
+use super::point::{End, Point, Site};
 use super::polarized;
 use super::state::{From, State};
 use crate::geometry::ray::Surface;
@@ -152,6 +152,29 @@ impl Flight {
     pub fn settle(&mut self) {
         if self.state.frame == Vec3A::ZERO {
             self.state.frame = perpendicular(self.state.ray.dir);
+        }
+    }
+
+    /// The point where it came to, without densities.
+    #[inline]
+    pub fn landed(&self, site: Site, surface: Surface, interactions: u32) -> Point {
+        let state = &self.state;
+        Point {
+            site,
+            surface,
+            at: state.from,
+            back: -state.ray.dir,
+            chain: state.chain,
+            frame: state.frame,
+            optical_m: state.optical_m,
+            filling: state.filling,
+            nest: self.nest,
+            lanes: state.lanes,
+            interactions,
+            delta: false,
+            forward: 0.0,
+            reverse: 0.0,
+            spread: 0.0,
         }
     }
 

@@ -9,7 +9,6 @@
 //! made of them sum to one.
 
 use super::bridge::Start;
-use super::flight::Flight;
 use super::guide::{At, Guide};
 use super::state::From;
 use crate::geometry::ray::{Ray, Surface};
@@ -95,29 +94,6 @@ impl Point {
             interactions: 0,
             delta: false,
             forward: end.density,
-            reverse: 0.0,
-            spread: 0.0,
-        }
-    }
-
-    /// Where a flight came to, without densities.
-    #[inline]
-    pub fn landed(flight: &Flight, site: Site, surface: Surface, interactions: u32) -> Self {
-        let state = &flight.state;
-        Self {
-            site,
-            surface,
-            at: state.from,
-            back: -state.ray.dir,
-            chain: state.chain,
-            frame: state.frame,
-            optical_m: state.optical_m,
-            filling: state.filling,
-            nest: flight.nest,
-            lanes: state.lanes,
-            interactions,
-            delta: false,
-            forward: 0.0,
             reverse: 0.0,
             spread: 0.0,
         }

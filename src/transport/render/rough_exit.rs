@@ -179,7 +179,7 @@ impl Joiner<'_> {
         flight.settle();
         match flight.fly(scene, self.stream, &mut self.rays) {
             Landing::At(Site::Surface, surface) => {
-                Some(Point::landed(&flight, Site::Surface, surface, z.interactions + 1))
+                Some(flight.landed(Site::Surface, surface, z.interactions + 1))
             }
             _ => None,
         }

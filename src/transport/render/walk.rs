@@ -297,7 +297,7 @@ impl Walk {
             .points
             .last()
             .filter(|_| *interactions < limits.interactions)?;
-        let mut point = Point::landed(flight, site, surface, *interactions);
+        let mut point = flight.landed(site, surface, *interactions);
         let distance2 = (surface.p - before.surface.p)
             .length_squared()
             .max(f32::MIN_POSITIVE);

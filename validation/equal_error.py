@@ -1,0 +1,168 @@
+#!/usr/bin/env python3
+"""What a sample is worth, and what an error costs: stratified samples against independent ones, and Sunstone against Mitsuba.
+
+The mean squared error of a render is that of its pixels against a long render of the same program (`--reference` samples a pixel of
+another seed), over all pixels and `--seeds` seeds, relative to the squared mean of the image.
+
+1. Stratified against independent samples of Sunstone (`--replicates 1`, and as many replicates as samples), at equal samples
+   and at equal time: the variance of independent samples over that of stratified ones, and the same times the ratio of seconds. On
+   the Cornell box of speed.py its image, all 16 elements and a time-resolved row, the mirror room's and the fruits' image. (Scenes
+   with media, as the fruits, draw independent samples in any case: 1 is right there.)
+2. Sunstone against Mitsuba's full-Mueller integrator (speed.py), both as in speed.py, M00 of the image at 550 nm: error times time
+   of Mitsuba, with the sampler that does best, over that of Sunstone. Mitsuba's `orthogonal` renders more samples than it is
+   asked for, which are counted as what they are.
+
+Times are those of speed.py: Sunstone's of the whole process with all files written, Mitsuba's of rendering alone.
+
+    python3 validation/equal_error.py [--seeds 3] [--reference 2560] [--record]
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import environment
+import result_file
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import drjit as dr
+    import mitsuba as mi
+    import numpy as np
+    import zarr
+
+    import speed
+
+SAMPLERS = ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
+ROW = '[[slices]]\nname = "row"\ncamera = { rows = [128] }\ntime = { start_ps = 20000, bin_ps = 234.4, bins = 64 }\n'
+SIXTEEN = '[[slices]]\nname = "sixteen"\npolarization = "mueller"\n'
+IMAGE = '[[slices]]\nname = "image"\n'
+
+
+def only(scene, slices):
+    """The text of a scene with other slices, and no figures."""
+    blocks = re.split(r"(?m)^(?=\[\[)", scene.read_text())
+    return "".join(b for b in blocks if not b.startswith(("[[slices]]", "[[figures]]"))) + slices
+
+
+def render(file, name, spp, seed, replicates, folder):
+    """The means of a slice, and the seconds of the render."""
+    store = folder / "out.zarr"
+    program = [environment.sunstone(), "render", file, "-o", store, "--force", "--no-figures", "--spp", spp]
+    begun = time.perf_counter()
+    subprocess.run([*map(str, program), "--seed", str(seed), "--replicates", str(replicates)], check=True, capture_output=True)
+    took = time.perf_counter() - begun
+    return np.asarray(zarr.open(store, mode="r")[name]["mean"], dtype=np.float64).squeeze(), took
+
+
+def error(images, reference):
+    """Relative mean squared error. Of matrices, all elements count alike, relative to M00."""
+    scale = reference[..., 0, 0, :] if reference.ndim == 5 else reference
+    return float(np.mean([(image - reference) ** 2 for image in images]) / np.mean(scale) ** 2)
+
+
+def check_error():
+    """Images of known error have it, and a tenth more is found."""
+    rng = np.random.default_rng(1)
+    reference = rng.uniform(1, 3, (64, 64, 3))
+    of = lambda sigma: error([reference + sigma * rng.standard_normal(reference.shape) for _ in range(3)], reference)
+    base = of(0.1)
+    if abs(base / (0.01 / np.mean(reference) ** 2) - 1) > 0.04 or not 1.05 < of(0.1 * 1.1**0.5) / base < 1.15:
+        sys.exit("errors are not what they are")
+
+
+def stratified(folder, seeds, reference_spp):
+    """Ratios of independent to stratified samples: of variance, and of variance times time."""
+    scenes = environment.ROOT / "scenes"
+    cases = [
+        ("cornell_image", speed.SCENE, IMAGE, "image", [16, 64]),
+        ("cornell_16_elements", speed.SCENE, SIXTEEN, "sixteen", [64]),
+        ("cornell_row_over_time", speed.SCENE, ROW, "row", [64]),
+        ("mirror_room", scenes / "mirror_room/scene.toml", IMAGE, "image", [64]),
+        ("fruits", scenes / "fruits/scene.toml", IMAGE, "image", [64]),
+    ]
+    out = {}
+    for name, scene, slices, slice_name, counts in cases:
+        # Beside the original, whose meshes are named relative to it.
+        file = scene.with_name(f".equal-error-{name}.toml")
+        file.write_text(only(scene, slices))
+        try:
+            reference, _ = render(file, slice_name, reference_spp, 1000, 1, folder)
+            for spp in counts:
+                found = {}
+                for what, replicates in (("stratified", 1), ("independent", spp)):
+                    renders = [render(file, slice_name, spp, seed, replicates, folder) for seed in range(1, seeds + 1)]
+                    found[what] = error([r[0] for r in renders], reference), min(r[1] for r in renders)
+                (e, t), (f, u) = found["stratified"], found["independent"]
+                out[f"{name}_{spp}"] = f / e
+                out[f"{name}_{spp}_equal_time"] = f * u / (e * t)
+                print(f"{name:24} {spp:4} samples: {f / e:6.2f} times less variance, {f * u / (e * t):6.2f} at equal time", flush=True)
+        finally:
+            file.unlink()
+    return out
+
+
+def mitsuba(scene, sampler, spp, seed):
+    """M00 of one render, its seconds and its samples a pixel."""
+    made = mi.load_dict({"type": sampler, "sample_count": spp})
+    really = made.sample_count()
+    film = []
+    took = speed.timed(lambda: film.append(speed.full_mueller(scene, really, seed, made)))
+    film = np.array(film[0], dtype=np.float64).reshape(speed.RESOLUTION, speed.RESOLUTION, speed.BINS, 16)
+    return film[..., 0].sum(axis=-1) / really, took, really
+
+
+def against_mitsuba(folder, seeds, reference_spp):
+    """Error times time of both."""
+    mi.set_variant(speed.MONO)
+    scene = mi.load_file(speed.export(folder / "mono", "--wavelength", "550"))
+    out = {}
+    # In parts: a wavefront of all would not fit.
+    parts = [mitsuba(scene, "independent", 64, 1000 + k)[0] for k in range(max(1, reference_spp // 64))]
+    reference = np.mean(parts, axis=0)
+    file = speed.SCENE.with_name(".equal-error-complete.toml")
+    file.write_text(speed.SCENE.read_text() + IMAGE)
+    try:
+        ours, _ = render(file, "image", reference_spp, 1000, 1, folder)
+        for spp in (16, 64):
+            renders = [render(file, "image", spp, seed, 1, folder) for seed in range(1, seeds + 1)]
+            mine = error([r[0][..., 1] for r in renders], ours[..., 1]), min(r[1] for r in renders)
+            best = None
+            for sampler in SAMPLERS:
+                mitsuba(scene, sampler, spp, 999)
+                renders = [mitsuba(scene, sampler, spp, seed) for seed in range(1, seeds + 1)]
+                e, t = error([r[0] for r in renders], reference), min(r[1] for r in renders)
+                cost = e * t / (mine[0] * mine[1])
+                print(f"{spp:4} samples: Mitsuba, {sampler:12} {renders[0][2]:4} samples, error {e:.3e} (ours {mine[0]:.3e}), "
+                      f"{t:.2f} s (ours {mine[1]:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
+                best = min(best or (cost, sampler), (cost, sampler))
+            print(f"{spp:4} samples: Mitsuba's best sampler, {best[1]}, takes {best[0]:.2f} times as long for an equal error")
+            out[f"mitsuba_{spp}"] = best[0]
+    finally:
+        file.unlink()
+    return out
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--reference", type=int, default=2560)
+    parser.add_argument("--record", action="store_true", help="write results/equal_error.json")
+    options = parser.parse_args()
+    check_error()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        numbers = stratified(folder, options.seeds, options.reference)
+        numbers |= against_mitsuba(folder, options.seeds, options.reference)
+    if options.record:
+        measures = [*result_file.TRACER, "scenes/mirror_room", "scenes/fruits", "validation/equal_error.py", "validation/speed.py"]
+        numbers = {key: result_file.once(value, "times", f"{options.seeds} seeds") for key, value in numbers.items()}
+        result_file.write("equal_error", __file__, measures, numbers, {"mitsuba": mi.__version__})
+
+
+if __name__ == "__main__":
+    main()
