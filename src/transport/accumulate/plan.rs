@@ -21,7 +21,7 @@ pub struct Contribution {
     pub epipolar_px: f32,
     /// Surface interactions.
     pub bounces: u32,
-    /// The one slice that it is for, made by drawing one of its s', or [`EVERY`].
+    /// The one slice that it is for, made by drawing one of its s', or `EVERY`.
     pub slice: u32,
     /// How much denser such drawing would make the path, of an s' that is drawn for sure, than what made paths for all slices; 0
     /// where it cannot.

@@ -79,7 +79,7 @@ impl Materials {
         (0..self.list.len()).any(|id| self.splits(id as u32))
     }
 
-    /// The lobe of light that passes a crystal's face on one of its two waves ([`double_refraction`]), at one wavelength.
+    /// The lobe of light that passes a crystal's face on one of its two waves ([`super::double_refraction`]), at one wavelength.
     #[inline]
     #[must_use]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
