@@ -14,6 +14,7 @@
 //!
 //! (For smooth interfaces the cone is a single direction, which [`super::manifold`] finds.)
 
+use super::bridge::unnoticed;
 use super::emission::Sender;
 use super::flight::{Flight, Hero, Landing, mean_transmittance};
 use super::join::Joiner;
@@ -36,8 +37,9 @@ struct Exit {
 }
 
 impl Exit {
-    /// From a particle at `p` in a medium; `None` where no rough interface is near.
-    fn find(scene: &Scene, id: u32, p: Vec3A, to: Vec3A) -> Option<Self> {
+    /// From a particle in medium `id`; `None` where no rough interface is near.
+    fn find(scene: &Scene, id: u32, z: &Point, to: Vec3A) -> Option<Self> {
+        let p = z.surface.p;
         let dir = (to - p).try_normalize()?;
         let extinction = scene.media.list[id as usize].extinction().to_array();
         let clearest = extinction[..scene.wavelengths.count()]
@@ -46,7 +48,9 @@ impl Exit {
         let ray = Ray { origin: p, dir };
         let hit = scene.geometry.intersect(&ray, REACH / clearest)?;
         let surface = scene.geometry.surface(&ray, &hit);
-        if !scene.materials.is_rough_interface(surface.material) {
+        // Light does not notice what an object of higher priority hides.
+        let noticed = !unnoticed(scene, &z.nest, surface.material);
+        if !(noticed && scene.materials.is_rough_interface(surface.material)) {
             return None;
         }
         let out = (to - surface.p).try_normalize()?;
@@ -88,8 +92,7 @@ impl Joiner<'_> {
             return 1.0;
         }
         self.rays += 1;
-        let drawn =
-            Exit::find(self.scene, id, z.surface.p, to).map_or(0.0, |exit| exit.density(self.scene, y.back));
+        let drawn = Exit::find(self.scene, id, z, to).map_or(0.0, |exit| exit.density(self.scene, y.back));
         if drawn == 0.0 {
             return 1.0;
         }
@@ -111,7 +114,7 @@ impl Joiner<'_> {
         for source in 0..emission.count() {
             let to = emission.position(scene, self.ends[0], source);
             self.rays += 1;
-            match Exit::find(scene, id, z.surface.p, to) {
+            match Exit::find(scene, id, z, to) {
                 Some(exit) => self.join_by(&exit, z, id, source, out),
                 None => all = false,
             }
