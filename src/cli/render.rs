@@ -238,20 +238,24 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Slice by slice, the share of lit pixels whose error bar cannot be trusted yet.
+/// In which slice most of the lit pixels have error bars that cannot be trusted yet, and how many; nothing where that is a thousandth
+/// or less.
 fn in_doubt(path: &Path) -> Result<String, Failure> {
     let store = TensorStore::open(path).map_err(Failure::failed)?;
-    let mut shares = vec![];
+    let mut most = (0.001, String::new());
     for name in store.slice_names() {
         let slice = store.slice(name).map_err(Failure::failed)?;
-        if let Some(doubt) = doubt::of(&slice).map_err(Failure::failed)? {
-            shares.push(format!("{name} {:.1} %", 100.0 * doubt.share()));
+        if let Some(doubt) = doubt::of(&slice).map_err(Failure::failed)?
+            && doubt.share() > most.0
+        {
+            let percent = 100.0 * doubt.share();
+            let told = format!(
+                ", {percent:.1} % of error bars cannot be trusted yet in slice {name} (sunstone info tells of all)"
+            );
+            most = (doubt.share(), told);
         }
     }
-    Ok(format!(
-        ", error bars not to be trusted yet: {}",
-        shares.join(", ")
-    ))
+    Ok(most.1)
 }
 
 /// Threads that may be asked for, for each that the machine can run at once.
