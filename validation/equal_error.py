@@ -37,6 +37,8 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
     import speed
 
+    speed.dr, speed.mi, speed.np = dr, mi, np
+
 SAMPLERS = ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
 ROW = '[[slices]]\nname = "row"\ncamera = { rows = [128] }\ntime = { start_ps = 20000, bin_ps = 234.4, bins = 64 }\n'
 SIXTEEN = '[[slices]]\nname = "sixteen"\npolarization = "mueller"\n'

@@ -24,6 +24,7 @@ measure() {
     epipolar) python3 validation/epipolar.py --patterns 16 --record ;;
     convergence) python3 validation/convergence.py --seconds 10 --record ;;
     crosscheck) python3 validation/crosscheck.py --record ;;
+    equal_error) python3 validation/equal_error.py --record ;;
     decompose) python3 validation/decompose.py --record ;;
     ellipsometry) python3 validation/ellipsometry.py --record ;;
     learning) python3 validation/learning.py --record ;;
@@ -37,7 +38,7 @@ if [ -n "$(git status --porcelain -- src Cargo.toml Cargo.lock scenes validation
     exit 2
 fi
 begun=$SECONDS failed=()
-for part in "${@:-speed rays epipolar convergence decompose ellipsometry learning crosscheck}"; do
+for part in "${@:-speed rays epipolar convergence equal_error decompose ellipsometry learning crosscheck}"; do
     # Without arguments the default is one word of many.
     for one in $part; do
         # A bar that is missed leaves its numbers, which must be seen too.
