@@ -47,7 +47,7 @@ def cost(scene, size, spp, folder):
     file = scene.with_name(f".growth-{size}.toml")
     file.write_text(scaled(scene, size))
     try:
-        program = [environment.sunstone(), "render", file, "--spp", spp, "-o", folder / f"{size}-{spp}.zarr", "--no-figures"]
+        program = [environment.sunstone(), "render", file, "--integrator", "bidirectional", "--spp", spp, "-o", folder / f"{size}-{spp}.zarr", "--no-figures"]
         program = [str(p) for p in program]
         child = os.fork()
         if child == 0:
