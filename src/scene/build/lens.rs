@@ -199,20 +199,10 @@ fn by_order(list: &[f64]) -> Option<DistortionFile> {
 }
 
 fn opencv(f: &DistortionFile) -> Distortion {
+    let list = names(f).map(|value| *value);
     Opencv {
-        k1: f.k1,
-        k2: f.k2,
-        k3: f.k3,
-        k4: f.k4,
-        k5: f.k5,
-        k6: f.k6,
-        p1: f.p1,
-        p2: f.p2,
-        s1: f.s1,
-        s2: f.s2,
-        s3: f.s3,
-        s4: f.s4,
         tilt: Tilt::new(f.tau_x, f.tau_y),
+        ..Opencv::from_list(&list)
     }
     .into()
 }
