@@ -4,7 +4,8 @@
 //! This is the front door. What most programs need stands here by its short name: a [`Scene`] from a file
 //! ([`scene::load`]) or from code, its [`Render`] into a [`Store`], [`Arrays`] or any other [`Sink`], a [`Probe`] of what is
 //! stored. Behind it are rooms, crates of their own, each of which uses only those above it: [`base`], [`optics`],
-//! [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`rig`], [`pbrdf`], [`figure`].
+//! [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`rig`], [`pbrdf`], [`figure`],
+//! [`apply`].
 //!
 //! Units, frames and signs are those of `CONVENTIONS.md`: metres, picoseconds, nanometres; Mueller matrices take Stokes
 //! vectors in the projector's frame to Stokes vectors in the camera's.
@@ -17,7 +18,7 @@ pub mod matrices;
 pub mod render;
 pub mod rigs;
 
-pub use {base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};
+pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};
 
 pub use base::locate::InputError;
 pub use polarimetry::capture::element::Ray;

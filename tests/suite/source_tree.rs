@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Rooms that are crates, top to bottom; the front door uses them all.
-pub const CRATES: [&str; 11] = [
+pub const CRATES: [&str; 12] = [
     "base",
     "optics",
     "tensor",
@@ -16,6 +16,7 @@ pub const CRATES: [&str; 11] = [
     "rig",
     "pbrdf",
     "figure",
+    "apply",
 ];
 
 /// The folder `src`.

@@ -1,0 +1,8 @@
+//! What the tensor is for: the applications of Baek & Heide (2021, sections 6 and 8), their published baselines on the same
+//! data, and what each is worth against exact ground truth.
+//!
+//! Methods are functions of images ([`map::Map`]) and tensors; they know no scene, no renderer and no file.
+
+#![warn(missing_docs)]
+
+pub mod map;

@@ -1,0 +1,63 @@
+//! An image of numbers: what methods take and give.
+
+/// Row-major values over `height × width` camera pixels, `channels` numbers a pixel (colours, or the parts of a vector).
+/// A pixel of which nothing is known holds NaN.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// Columns.
+    pub width: usize,
+    /// Rows, from the top.
+    pub height: usize,
+    /// Numbers a pixel.
+    pub channels: usize,
+    /// Values; channels fastest.
+    pub data: Vec<f64>,
+}
+
+impl Map {
+    /// The map of a function of column and row, which fills a pixel's channels.
+    #[must_use]
+    pub fn from_fn(
+        width: usize,
+        height: usize,
+        channels: usize,
+        mut fill: impl FnMut(usize, usize, &mut [f64]),
+    ) -> Self {
+        let mut data = vec![0.0; width * height * channels];
+        if channels > 0 {
+            for (i, pixel) in data.chunks_exact_mut(channels).enumerate() {
+                fill(i % width, i / width, pixel);
+            }
+        }
+        Self {
+            width,
+            height,
+            channels,
+            data,
+        }
+    }
+
+    /// The channels of a pixel.
+    ///
+    /// # Panics
+    /// If it lies outside.
+    #[must_use]
+    pub fn at(&self, x: usize, y: usize) -> &[f64] {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside");
+        let first = (y * self.width + x) * self.channels;
+        &self.data[first..first + self.channels]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_where_they_were_put() {
+        let map = Map::from_fn(3, 2, 2, |x, y, out| out.copy_from_slice(&[x as f64, y as f64]));
+        for (x, y) in [(0, 0), (2, 0), (0, 1), (2, 1)] {
+            assert_eq!(map.at(x, y), [x as f64, y as f64]);
+        }
+    }
+}
