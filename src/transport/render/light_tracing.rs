@@ -4,10 +4,12 @@
 //! pixel that sees them.
 
 use super::bidirectional::{Plan, Walks, brings, wanted};
+use super::emission::Sender;
 use super::join::{Joiner, behind};
 use super::join_manifold::Takers;
 use super::light_walk::{Begun, light_walk};
 use super::manifold::Way;
+use super::point::Point;
 use super::splats::{Splat, WalkNumber};
 use crate::accumulate::{Contributions, NO_PIXEL};
 use crate::material::Lanes;
@@ -46,7 +48,6 @@ impl Walks {
             return;
         };
         let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
-        let weighs = std::mem::take(&mut joiner.weighs);
         for s in plan.first()..=self.light.points.len() {
             let light = &self.light.points[..s];
             let point = &light[s - 1];
@@ -54,30 +55,20 @@ impl Walks {
                 continue;
             }
             let mut keep =
-                |joiner: &mut Joiner, pixel, way: Option<(&Way, Lanes)>, factor, out: &mut Contributions| {
-                    let brings = brings(out);
-                    out.list.clear();
-                    out.elements.clear();
-                    // Nothing comes where something is in the way.
-                    if brings == 0.0 {
-                        return;
-                    }
-                    let Some(kept) = plan.setup.roulette.spin(brings * factor, joiner.stream) else {
+                |joiner: &mut Joiner, pixel, way: Option<(&Way, Takers)>, out: &mut Contributions| {
+                    let Some(factor) = decide(joiner, light, sender, way, out) else {
                         return;
                     };
-                    if weighs {
-                        joiner.seen_through(light, sender.source);
-                    }
                     let seen = joiner.scratch.seen[1].and_then(|(_, density)| density);
-                    let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, lanes)| {
-                        (way.dir, way.count() as u8, lanes.mask)
+                    let (dir, interfaces, lanes) = way.map_or((Vec3A::ZERO, 0, 0), |(way, takers)| {
+                        (way.dir, way.count() as u8, takers.lanes.mask)
                     });
                     found(
                         pixel,
                         Splat {
                             walk: number,
                             seen: seen.unwrap_or(f32::NAN),
-                            factor: factor * kept,
+                            factor,
                             dir: dir.to_array(),
                             point: (s - 1) as u16,
                             interfaces,
@@ -89,17 +80,11 @@ impl Walks {
                 if s == 2 && ends.coaxial && sender.pixel != NO_PIXEL {
                     pixel = sender.pixel;
                 }
-                joiner.splat(light, sender, 1.0, out);
-                keep(&mut joiner, pixel, None, 1.0, out);
+                keep(&mut joiner, pixel, None, out);
             }
             if plan.setup.strategies.has(Strategy::SmoothInterfaces) {
                 joiner.views_by_manifold(light, |joiner, pixel, way, takers| {
-                    let once = Takers {
-                        factor: 1.0,
-                        ..takers
-                    };
-                    joiner.splat_way(light, sender, way, once, out);
-                    keep(joiner, pixel, Some((way, takers.lanes)), takers.factor, out);
+                    keep(joiner, pixel, Some((way, takers)), out);
                 });
             }
         }
@@ -145,4 +130,41 @@ impl Walks {
         }
         joiner.rays + self.light.rays
     }
+}
+
+/// Roulette on a point of a walk from the light, seen straight or by a way: how many times it counts. What it brings is the
+/// bound of what it brings when it is weighed, which takes longer and is asked for of those alone that are left; to make the walk
+/// again takes longest.
+fn decide(
+    joiner: &mut Joiner,
+    light: &[Point],
+    sender: Sender,
+    way: Option<(&Way, Takers)>,
+    out: &mut Contributions,
+) -> Option<f32> {
+    let weighs = joiner.weighs;
+    let mut factor = way.map_or(1.0, |(_, takers)| takers.factor);
+    for weighed in [false, true].into_iter().filter(|weighed| weighs || !weighed) {
+        joiner.weighs = weighed;
+        match way {
+            None => joiner.splat(light, sender, 1.0, out),
+            Some((way, takers)) => {
+                let once = Takers {
+                    factor: 1.0,
+                    ..takers
+                };
+                joiner.splat_way(light, sender, way, once, out);
+            }
+        }
+        joiner.weighs = weighs;
+        let brings = brings(out);
+        out.list.clear();
+        out.elements.clear();
+        // Nothing comes where something is in the way.
+        if brings == 0.0 {
+            return None;
+        }
+        factor *= joiner.setup.roulette.spin(brings * factor, joiner.stream)?;
+    }
+    Some(factor)
 }

@@ -33,14 +33,15 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
     true
 }
 
-/// Variance that roulette may add, as a share of what samples have.
+/// Variance that roulette may add, as a share of what samples have. In media walks are long, and every connection may take one again.
 const SHARE: f32 = 0.1;
+const SHARE_IN_MEDIA: f32 = 0.2;
 
 /// Least and most of τ, as shares of what is typical. Between surfaces a few bright pixels have most of the variance, and
 /// dim ones must not pay for them; in media all have.
 const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
-const MOST_IN_MEDIA: f32 = 2.0;
+const MOST_IN_MEDIA: f32 = 4.0;
 
 /// Expectations may be wrong by this factor where a connection follows light through interfaces: directions are not yet known
 /// when it is decided.
@@ -67,8 +68,12 @@ impl Roulette {
         if first <= 0.0 {
             return Self::default();
         }
-        let most = if media { MOST_IN_MEDIA } else { MOST };
-        Self((SHARE * second / first).clamp(LEAST * typical, most * typical))
+        let (share, most) = if media {
+            (SHARE_IN_MEDIA, MOST_IN_MEDIA)
+        } else {
+            (SHARE, MOST)
+        };
+        Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
     /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
@@ -110,7 +115,7 @@ mod tests {
     fn roulette_keeps_means() {
         // Mean 3, mean square 12; and one that is out of the way.
         let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0], true);
-        let threshold = SHARE * 4.0;
+        let threshold = SHARE_IN_MEDIA * 4.0;
         assert_eq!(roulette.0, threshold);
         let mut odd = [1.0; 16];
         odd[3] = 1e4;
