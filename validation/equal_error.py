@@ -8,9 +8,10 @@ another seed), over all pixels and `--seeds` seeds, relative to the squared mean
    and at equal time: the variance of independent samples over that of stratified ones, and the same times the ratio of seconds. On
    the Cornell box of speed.py its image, all 16 elements and a time-resolved row, the mirror room's and the fruits' image. (Scenes
    with media, as the fruits, draw independent samples in any case: 1 is right there.)
-2. Sunstone against Mitsuba's full-Mueller integrator (speed.py), both as in speed.py, M00 of the image at 550 nm: error times time
-   of Mitsuba, with the sampler that does best, over that of Sunstone. Mitsuba's `orthogonal` renders more samples than it is
-   asked for, which are counted as what they are.
+2. Sunstone against Mitsuba's full-Mueller integrator (speed.py), both as in speed.py, M00 of the image: error times time of
+   Mitsuba, with the sampler that does best, over that of Sunstone; at 550 nm alone, and for the three wavelengths that Sunstone
+   renders at once and Mitsuba one by one. Mitsuba's `orthogonal` renders more samples than it is asked for, which are counted as
+   what they are.
 
 Times are those of speed.py: Sunstone's of the whole process with all files written, Mitsuba's of rendering alone.
 
@@ -39,6 +40,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
     speed.dr, speed.mi, speed.np = dr, mi, np
 
+WAVELENGTHS = [450, 550, 660]
 SAMPLERS = ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
 ROW = '[[slices]]\nname = "row"\ncamera = { rows = [128] }\ntime = { start_ps = 20000, bin_ps = 234.4, bins = 64 }\n'
 SIXTEEN = '[[slices]]\nname = "sixteen"\npolarization = "mueller"\n'
@@ -118,32 +120,50 @@ def mitsuba(scene, sampler, spp, seed):
     return film[..., 0].sum(axis=-1) / really, took, really
 
 
-def against_mitsuba(folder, seeds, reference_spp):
-    """Error times time of both."""
-    mi.set_variant(speed.MONO)
-    scene = mi.load_file(speed.export(folder / "mono", "--wavelength", "550"))
+def scenes_of_mitsuba(folder, reference_spp):
+    """By wavelength, the Cornell box for Mitsuba and a long render of it."""
     out = {}
-    # In parts: a wavefront of all would not fit.
-    parts = [mitsuba(scene, "independent", 64, 1000 + k)[0] for k in range(max(1, reference_spp // 64))]
-    reference = np.mean(parts, axis=0)
+    for wavelength in WAVELENGTHS:
+        scene = mi.load_file(speed.export(folder / f"mono-{wavelength}", "--wavelength", str(wavelength)))
+        # In parts: a wavefront of all would not fit.
+        parts = [mitsuba(scene, "independent", 64, 1000 + k)[0] for k in range(max(1, reference_spp // 64))]
+        out[wavelength] = scene, np.mean(parts, axis=0)
+    return out
+
+
+def mitsuba_cost(scene, reference, sampler, spp, seeds):
+    """Error, seconds and samples of renders with a sampler."""
+    mitsuba(scene, sampler, spp, 999)
+    renders = [mitsuba(scene, sampler, spp, seed) for seed in range(1, seeds + 1)]
+    return error([r[0] for r in renders], reference), min(r[1] for r in renders), renders[0][2]
+
+
+def against_mitsuba(folder, seeds, reference_spp):
+    """Error times time of Mitsuba over that of Sunstone: of one wavelength, and of all three, which Mitsuba renders one by one."""
+    mi.set_variant(speed.MONO)
+    scenes = scenes_of_mitsuba(folder, reference_spp)
+    out = {}
     file = speed.SCENE.with_name(".equal-error-complete.toml")
     file.write_text(speed.SCENE.read_text() + IMAGE)
     try:
         ours, _ = render(file, "image", reference_spp, 1000, 1, folder)
         for spp in (16, 64):
             renders = [render(file, "image", spp, seed, 1, folder) for seed in range(1, seeds + 1)]
-            mine = error([r[0][..., 1] for r in renders], ours[..., 1]), min(r[1] for r in renders)
+            took = min(r[1] for r in renders)
+            mine = [error([r[0][..., k] for r in renders], ours[..., k]) for k in range(len(WAVELENGTHS))]
             best = None
             for sampler in SAMPLERS:
-                mitsuba(scene, sampler, spp, 999)
-                renders = [mitsuba(scene, sampler, spp, seed) for seed in range(1, seeds + 1)]
-                e, t = error([r[0] for r in renders], reference), min(r[1] for r in renders)
-                cost = e * t / (mine[0] * mine[1])
-                print(f"{spp:4} samples: Mitsuba, {sampler:12} {renders[0][2]:4} samples, error {e:.3e} (ours {mine[0]:.3e}), "
-                      f"{t:.2f} s (ours {mine[1]:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
+                e, t, really = mitsuba_cost(*scenes[WAVELENGTHS[1]], sampler, spp, seeds)
+                cost = e * t / (mine[1] * took)
+                print(f"{spp:4} samples: Mitsuba, {sampler:12} {really:4} samples, error {e:.3e} (ours {mine[1]:.3e}), "
+                      f"{t:.2f} s (ours {took:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
                 best = min(best or (cost, sampler), (cost, sampler))
-            print(f"{spp:4} samples: Mitsuba's best sampler, {best[1]}, takes {best[0]:.2f} times as long for an equal error")
-            out[f"mitsuba_{spp}"] = best[0]
+            each = [mitsuba_cost(*scenes[w], best[1], spp, seeds) for w in WAVELENGTHS]
+            # Its seconds are shared out so that all three errors are ours.
+            all_three = sum(e * t / m for (e, t, _), m in zip(each, mine)) / took
+            print(f"{spp:4} samples: Mitsuba's best sampler, {best[1]}, takes {best[0]:.2f} times as long for an equal error of one "
+                  f"wavelength, {all_three:.2f} times for equal errors of three")
+            out[f"mitsuba_{spp}"], out[f"mitsuba_{spp}_all_wavelengths"] = best[0], all_three
     finally:
         file.unlink()
     return out
