@@ -6,6 +6,7 @@
 //!
 //! Materials that are made of others ([`two_sided`], [`blend`], …) name them by their index in [`Materials`].
 
+mod appearance;
 pub mod blend;
 pub mod coated_conductor;
 pub mod conductor;
