@@ -111,6 +111,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
             polarization: Polarization::Mueller,
             bounces: true,
             split_first_bounce: false,
+            labels: false,
         }],
         settings: Settings {
             spp: 9,

@@ -15,6 +15,7 @@ use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
+use tensor::label;
 
 /// Most likely survival of Russian roulette. Light that large particles scatter forward is found by few of all walks, after
 /// dozens of events; what roulette takes from the others they would have to make up for.
@@ -37,8 +38,9 @@ pub(super) struct Escape {
     pub chain: Chain,
     /// The light that its product takes in.
     pub beam: Beam,
-    /// Interactions before.
+    /// Interactions before, and what they did.
     pub interactions: u32,
+    pub label: u8,
     pub chosen: Chosen,
 }
 
@@ -50,8 +52,9 @@ pub(super) struct Glow {
     pub surface: Surface,
     /// Optical length so far, metres.
     pub optical_m: f64,
-    /// Interactions before.
+    /// Interactions before, and what they did.
     pub interactions: u32,
+    pub label: u8,
     pub chosen: Chosen,
 }
 
@@ -67,6 +70,7 @@ struct Progress {
     /// What may come from where the walk goes now, over what may come from elsewhere.
     hope: f32,
     interactions: u32,
+    labelled: bool,
 }
 
 /// How a walk goes on from a point.
@@ -79,13 +83,14 @@ enum Onward {
 }
 
 /// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
-/// interaction is in the true direction of the light; for light it is per flux.
+/// interaction is in the true direction of the light; for light it is per flux. Sets in `label`, where someone asks, what it did.
 #[inline]
 fn onward(
     scene: &Scene,
     from: From,
     s: &Surface,
     back: Vec3A,
+    label: Option<&mut u8>,
     lanes: &mut Lanes,
     stream: &mut Stream,
 ) -> Option<(Sampled, f32)> {
@@ -97,6 +102,9 @@ fn onward(
         materials.pdf(id, s, back, sampled.wi)
     };
     if from == From::Camera {
+        if let Some(label) = label {
+            *label |= materials.part(id, s, back, &mut sampled, stream);
+        }
         return Some((sampled, density));
     }
     // The other way through the surface.
@@ -111,8 +119,19 @@ fn onward(
             return None;
         }
         let factor = Spectral::splat(cos_out / (cos_in * density));
-        sampled.scatter = materials.eval(id, s, sampled.wi, back)?.scaled(factor);
+        sampled.scatter = match label {
+            None => materials.eval(id, s, sampled.wi, back)?,
+            Some(label) => {
+                let (kind, scatter) = materials.draw_lobe(id, s, [sampled.wi, back], stream)?;
+                *label |= kind;
+                scatter
+            }
+        }
+        .scaled(factor);
         return Some((sampled, density));
+    }
+    if let Some(label) = label {
+        *label |= materials.part(id, s, back, &mut sampled, stream);
     }
     sampled.scatter = sampled.scatter.reversed();
     if !materials.is_crystal(id) {
@@ -146,6 +165,8 @@ pub(super) struct Limits {
     pub point: usize,
     /// It goes on after the last interaction to see whether it leaves the scene.
     pub escapes: bool,
+    /// Someone asks what it did.
+    pub labelled: bool,
     pub first: First,
 }
 
@@ -181,6 +202,7 @@ impl Walk {
             full: end.chain.max_m00(),
             hope: 1.0,
             interactions: 0,
+            labelled: limits.labelled,
         };
         self.points.push(Point::end(scene, end));
         while self.step(scene, guide, &mut progress, stream, limits) {
@@ -272,6 +294,7 @@ impl Walk {
                         frame: flight.state.frame,
                     },
                     interactions: *interactions,
+                    label: flight.state.label,
                     chosen: progress.chosen,
                 });
                 return None;
@@ -290,6 +313,7 @@ impl Walk {
                 surface,
                 optical_m: state.optical_m,
                 interactions: *interactions,
+                label: state.label,
                 chosen: progress.chosen,
             });
         }
@@ -335,7 +359,9 @@ impl Walk {
         if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
             return self.scatter_or_turn(scene, guide, at, point, progress, stream);
         }
-        let Some((next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
+        let (end, label) = (flight.end, &mut flight.state.label);
+        let label = progress.labelled.then_some(label);
+        let Some((next, density)) = onward(scene, end, surface, back, label, &mut lanes, stream) else {
             return Onward::Nowhere;
         };
         if lanes != flight.state.lanes {
@@ -404,6 +430,7 @@ impl Walk {
             return Onward::Nowhere;
         };
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+        flight.state.label |= label::DIFFUSE;
         progress.density = scene.lanes().mean(densities);
         progress.hope = scene.lanes().mean(toward.hopes);
         progress.chosen = Chosen {
@@ -454,6 +481,7 @@ impl Walk {
         };
         // The same from both sides: particles are their own mirror images.
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+        flight.state.label |= label::MEDIUM;
         // For weights, which are to be functions of the path alone, as of unpolarized light.
         progress.density = scene.lanes().mean(toward.densities(own));
         progress.hope = scene.lanes().mean(toward.hopes);
