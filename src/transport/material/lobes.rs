@@ -5,20 +5,14 @@
 //! its own), Lambert surfaces and plastic's body are diffuse. What goes through smoothly sets nothing; through facets it is glossy. A
 //! measured table is not parted and sets both bits.
 
-use super::{Material, Materials, Sampled};
+use super::lobe::{Lobes, Sampled};
+use super::{Material, Materials};
 use crate::geometry::ray::Surface;
-use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
-
-/// What lobes without delta can set: each of two bits, and both.
-const KINDS: usize = 3;
-
-/// Interactions with what they set, none twice.
-pub type Lobes = ArrayVec<(u8, Scatter), KINDS>;
 
 impl Materials {
     /// [`Self::eval`] by kinds, of which it is the sum; none where it is zero.
@@ -32,7 +26,7 @@ impl Materials {
             Material::Plastic(m) => m
                 .eval_parted(&self.textures, at, wo, wi)
                 .map_or_else(Lobes::new, |[glossy, diffuse]| {
-                    [(GLOSSY, glossy), (DIFFUSE, diffuse)].into_iter().collect()
+                    vec![(GLOSSY, glossy), (DIFFUSE, diffuse)]
                 }),
             Material::TwoSided(m) => m
                 .side(at, wo)

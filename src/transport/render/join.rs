@@ -192,7 +192,23 @@ impl<'a> Joiner<'a> {
         let (scene, ([.., z], [.., y])) = (self.scene, (camera, light)) else {
             return;
         };
-        let Some(way) = (y.surface.p - z.surface.p).try_normalize() else {
+        let to = y.surface.p - z.surface.p;
+        let Some(way) = to.try_normalize() else {
+            return;
+        };
+        // Roulette is one for all.
+        let Some(factor) = factor.or_else(|| {
+            let mut chain = z.chain;
+            if z.site != Site::Pinhole {
+                let _ = chain.push(&z.scatter(scene, z.back, way)?, z.back, z.frame);
+            }
+            let lets = match y.site {
+                Site::Pinhole => 1.0,
+                _ => max_lane(y.scatter_flux(scene, -way, y.back)?.m00()),
+            };
+            let expected = chain.max_m00() * y.chain.max_m00() * lets / to.length_squared();
+            self.spin_line([z, y], expected)
+        }) else {
             return;
         };
         // Every kind of lobe of the one point by every one of the other.
@@ -200,15 +216,28 @@ impl<'a> Joiner<'a> {
             if p.site == Site::Pinhole {
                 return std::iter::once(None).collect();
             }
-            let lobes = p.lobes(scene, true, wo, wi);
+            let lobes = p.lobes(scene, wo, wi);
             lobes.into_iter().map(|(kind, _)| Some(kind)).collect()
         };
         let of_light = kinds(y, -way, y.back);
         for of_z in kinds(z, z.back, way) {
             for of_y in &of_light {
-                self.join_lobes(camera, light, sender, (factor, [of_z, *of_y]), out);
+                self.join_lobes(camera, light, sender, (Some(factor), [of_z, *of_y]), out);
             }
         }
+    }
+
+    /// Roulette on a line between two points, which is expected to bring so much: how many times it counts.
+    #[inline(always)]
+    fn spin_line(&mut self, ends: [&Point; 2], expected: f32) -> Option<f32> {
+        // Two walks are not connected in every sample.
+        let often = if ends.iter().all(|p| p.site != Site::Pinhole) {
+            self.setup.connections
+        } else {
+            1.0
+        };
+        let factor = self.setup.roulette.spin(expected / often, self.stream)?;
+        Some(factor / often)
     }
 
     /// [`Self::join`] by the kinds of lobes of both points that are named; by all lobes where none is.
@@ -255,15 +284,7 @@ impl<'a> Joiner<'a> {
         }
         let Some(factor) = factor.or_else(|| {
             let lets = last.as_ref().map_or(1.0, |scatter| max_lane(scatter.m00()));
-            let expected = chain.max_m00() * y.chain.max_m00() * lets / distance2;
-            // Two walks are not connected in every sample.
-            let often = if inner(z) + inner(y) == 2 {
-                self.setup.connections
-            } else {
-                1.0
-            };
-            let factor = self.setup.roulette.spin(expected / often, self.stream)?;
-            Some(factor / often)
+            self.spin_line([z, y], chain.max_m00() * y.chain.max_m00() * lets / distance2)
         }) else {
             return;
         };

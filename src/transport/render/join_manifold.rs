@@ -296,7 +296,13 @@ impl Joiner<'_> {
         let Some(z) = camera.last() else {
             return;
         };
-        for (kind, scatter) in z.lobes(scene, out.labelled, z.back, way.dir) {
+        if !out.labelled {
+            if let Some(scatter) = z.scatter(scene, z.back, way.dir) {
+                self.join_way_by(camera, source, way, takers, (&scatter, 0), out);
+            }
+            return;
+        }
+        for (kind, scatter) in z.lobes(scene, z.back, way.dir) {
             let label = z.label | kind | way.label();
             self.join_way_by(camera, source, way, takers, (&scatter, label), out);
         }

@@ -24,6 +24,7 @@ mod light_walk;
 mod manifold;
 mod mirrors;
 mod mirrors_copied;
+mod parted;
 mod path;
 mod point;
 mod polarized;

@@ -119,19 +119,14 @@ impl Point {
         }
     }
 
-    /// [`Self::scatter`] by kinds, with what they set in a label; the whole without one where nobody asks (`labelled`).
-    pub fn lobes(&self, scene: &Scene, labelled: bool, wo: Vec3A, wi: Vec3A) -> Lobes {
+    /// [`Self::scatter`] by kinds, with what they set in a label.
+    pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         match self.site {
-            Site::Surface if labelled => {
-                let s = &self.surface;
-                scene.materials.lobes(s.material, s, wo, wi)
-            }
-            Site::Volume(_) if labelled => self
-                .scatter(scene, wo, wi)
-                .map(|s| (label::MEDIUM, s))
-                .into_iter()
-                .collect(),
-            _ => self.scatter(scene, wo, wi).map(|s| (0, s)).into_iter().collect(),
+            Site::Surface => scene
+                .materials
+                .lobes(self.surface.material, &self.surface, wo, wi),
+            Site::Volume(id) => vec![(label::MEDIUM, scene.media.eval(id, wo, wi))],
+            Site::Pinhole => vec![],
         }
     }
 
@@ -152,7 +147,7 @@ impl Point {
     pub fn scatter_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
             None => self.scatter(scene, wo, wi),
-            Some(kind) => of_kind(self.lobes(scene, true, wo, wi), kind),
+            Some(kind) => of_kind(self.lobes(scene, wo, wi), kind),
         }
     }
 
@@ -161,13 +156,13 @@ impl Point {
     pub fn scatter_flux_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
             None => self.scatter_flux(scene, wo, wi),
-            Some(kind) => of_kind(self.lobes_flux(scene, true, wo, wi), kind),
+            Some(kind) => of_kind(self.lobes_flux(scene, wo, wi), kind),
         }
     }
 
     /// [`Self::scatter_flux`] by kinds, as [`Self::lobes`].
-    pub fn lobes_flux(&self, scene: &Scene, labelled: bool, wo: Vec3A, wi: Vec3A) -> Lobes {
-        let mut lobes = self.lobes(scene, labelled, wo, wi);
+    pub fn lobes_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
+        let mut lobes = self.lobes(scene, wo, wi);
         let cos = self.cosine(wi);
         if cos <= 0.0 {
             lobes.clear();

@@ -19,7 +19,6 @@ use crate::device::projector::Projector;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::{END_GAP, met};
 use crate::light::filter::Polarized;
-use crate::material::Lobes;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3A};
 use optics::polarization::frame::perpendicular;
@@ -197,13 +196,13 @@ impl LitPoint {
         if !(share > 0.0 && share.is_finite()) {
             return 0;
         }
-        let lobes: Lobes = if out.labelled {
-            scene.materials.lobes(id, z.surface, z.wo, dir)
+        let (mut whole, mut lobes) = (None, vec![]);
+        if out.labelled {
+            lobes = scene.materials.lobes(id, z.surface, z.wo, dir);
         } else {
-            let whole = scene.materials.eval(id, z.surface, z.wo, dir);
-            whole.map(|s| (0, s)).into_iter().collect()
-        };
-        if lobes.is_empty() {
+            whole = scene.materials.eval(id, z.surface, z.wo, dir);
+        }
+        if whole.is_none() && lobes.is_empty() {
             return 0;
         }
         let far = line.length();
@@ -236,7 +235,8 @@ impl LitPoint {
             start_m: 0.0,
         };
         let before = out.list.len();
-        for (kind, scatter) in &lobes {
+        let whole = whole.iter().map(|scatter| (0, scatter));
+        for (kind, scatter) in whole.chain(lobes.iter().map(|(kind, s)| (*kind, s))) {
             let mut on = State {
                 ray: Ray { origin, dir },
                 filling,

@@ -72,8 +72,13 @@ impl Joiner<'_> {
         let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;
         };
-        let lobes = y.lobes_flux(scene, out.labelled, way.dir, y.back);
-        if lobes.is_empty() {
+        let (mut whole, mut lobes) = (None, vec![]);
+        if out.labelled {
+            lobes = y.lobes_flux(scene, way.dir, y.back);
+        } else {
+            whole = y.scatter_flux(scene, way.dir, y.back);
+        }
+        if whole.is_none() && lobes.is_empty() {
             return;
         }
         let across = perpendicular(way.dir);
@@ -102,7 +107,8 @@ impl Joiner<'_> {
         let (c2, s2) = turn(-way.emitted, frame, end.frame);
         chain.rotate_in(c2, s2);
         chain.times_transposed(&back.mirrored());
-        for (kind, scatter) in &lobes {
+        let whole = whole.iter().map(|scatter| (0, scatter));
+        for (kind, scatter) in whole.chain(lobes.iter().map(|(kind, s)| (*kind, s))) {
             let mut chain = chain;
             let frame = chain
                 .push(scatter, way.dir, across)

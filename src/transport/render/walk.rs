@@ -4,6 +4,7 @@
 use super::environment::Chosen;
 use super::flight::{Flight, Hero, Landing, mean_transmittance};
 use super::guide::{At, Guide};
+use super::parted::part;
 use super::point::{End, Point, Site};
 use super::polarized::quarter_turn;
 use super::roulette::{Odds, survives};
@@ -83,14 +84,13 @@ enum Onward {
 }
 
 /// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
-/// interaction is in the true direction of the light; for light it is per flux. Sets in `label`, where someone asks, what it did.
+/// interaction is in the true direction of the light; for light it is per flux.
 #[inline]
 fn onward(
     scene: &Scene,
     from: From,
     s: &Surface,
     back: Vec3A,
-    label: Option<&mut u8>,
     lanes: &mut Lanes,
     stream: &mut Stream,
 ) -> Option<(Sampled, f32)> {
@@ -102,9 +102,6 @@ fn onward(
         materials.pdf(id, s, back, sampled.wi)
     };
     if from == From::Camera {
-        if let Some(label) = label {
-            *label |= materials.part(id, s, back, &mut sampled, stream);
-        }
         return Some((sampled, density));
     }
     // The other way through the surface.
@@ -119,19 +116,8 @@ fn onward(
             return None;
         }
         let factor = Spectral::splat(cos_out / (cos_in * density));
-        sampled.scatter = match label {
-            None => materials.eval(id, s, sampled.wi, back)?,
-            Some(label) => {
-                let (kind, scatter) = materials.draw_lobe(id, s, [sampled.wi, back], stream)?;
-                *label |= kind;
-                scatter
-            }
-        }
-        .scaled(factor);
+        sampled.scatter = materials.eval(id, s, sampled.wi, back)?.scaled(factor);
         return Some((sampled, density));
-    }
-    if let Some(label) = label {
-        *label |= materials.part(id, s, back, &mut sampled, stream);
     }
     sampled.scatter = sampled.scatter.reversed();
     if !materials.is_crystal(id) {
@@ -359,11 +345,13 @@ impl Walk {
         if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
             return self.scatter_or_turn(scene, guide, at, point, progress, stream);
         }
-        let (end, label) = (flight.end, &mut flight.state.label);
-        let label = progress.labelled.then_some(label);
-        let Some((next, density)) = onward(scene, end, surface, back, label, &mut lanes, stream) else {
+        let Some((mut next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
             return Onward::Nowhere;
         };
+        if progress.labelled {
+            let drawn = (&mut next, density);
+            flight.state.label |= part(scene, flight.end, surface, back, drawn, stream);
+        }
         if lanes != flight.state.lanes {
             flight.hero = Hero::only(lanes);
         }
