@@ -103,8 +103,7 @@ fn lobes_of_plastic_are_parted_exactly() {
     }
 }
 
-/// Over a gold mirror to a Lambert wall: specular and diffuse, with the mirror's matrix; through a pane of smooth thin glass in
-/// between too, whose transmission sets nothing.
+/// Over a gold mirror to a Lambert wall: specular and diffuse, with the mirror's matrix.
 #[test]
 fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let (eye, mirror, wall) = (DVec3::new(1.0, 0.2, 1.0), DVec3::ZERO, DVec3::new(-1.2, 0.4, 0.9));

@@ -26,14 +26,8 @@ pub(super) fn part(
     }
     // Light goes the other way, and counts per flux.
     let factor = s.ng.dot(next.wi).abs() / (s.ng.dot(back).abs() * density);
-    match materials.draw_lobe(id, s, [next.wi, back], stream) {
-        Some((kind, scatter)) => {
-            next.scatter = scatter.scaled(Spectral::splat(factor));
-            kind
-        }
-        None => {
-            next.scatter = next.scatter.scaled(Spectral::ZERO);
-            0
-        }
-    }
+    let drawn = materials.draw_lobe(id, s, [next.wi, back], stream);
+    let (kind, scatter) = drawn.unwrap_or((0, next.scatter.scaled(Spectral::ZERO)));
+    next.scatter = scatter.scaled(Spectral::splat(factor));
+    kind
 }
