@@ -10,6 +10,7 @@ mod failure;
 mod figure;
 mod import;
 mod info;
+mod layers;
 mod learn;
 mod matrices;
 mod merge;
@@ -48,6 +49,7 @@ Examples:
   sunstone merge a.zarr b.zarr -o ab.zarr                pool renders of different seeds
   sunstone info out/mirror_room.zarr                     what a store holds
   sunstone verify out/mirror_room.zarr                   whether it is what was written
+  sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals, objects of every pixel
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
@@ -71,6 +73,7 @@ struct Arguments {
 enum Command {
     Render(render::Arguments),
     Info(info::Arguments),
+    Layers(layers::Arguments),
     Probe(probe::Arguments),
     Figure(figure::Arguments),
     Merge(merge::Arguments),
@@ -104,6 +107,7 @@ pub fn run() -> ExitCode {
     let result = match arguments.command {
         Command::Render(a) => render::run(&a),
         Command::Info(a) => info::run(&a),
+        Command::Layers(a) => layers::run(&a),
         Command::Probe(a) => probe::run(&a),
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),

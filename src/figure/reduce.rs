@@ -65,6 +65,7 @@ impl<'a> Source<'a> {
                 AxisKind::X => ("camera column", "camera = \"all\""),
                 AxisKind::Bounces => ("bounces", "bounces = true"),
                 AxisKind::Component => ("component", "split_first_bounce = true"),
+                AxisKind::Label => ("label", "labels = true"),
                 AxisKind::Wavelength => ("wavelength", "a list of wavelengths in its scene"),
             };
             FigureError::MissingAxis {

@@ -713,6 +713,7 @@ impl Choices<'_> {
             polarization: [PolarizationFile::Intensity, PolarizationFile::Mueller][self.below(2) as usize],
             bounces: self.yes(),
             split_first_bounce: self.yes(),
+            labels: self.yes(),
         };
         slice.into()
     }

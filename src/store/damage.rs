@@ -66,6 +66,7 @@ fn make(path: &Path, seed: u64) {
         polarization,
         bounces: split,
         split_first_bounce: split,
+        labels: false,
     };
     let bins = TimeSelect::Bins {
         start_ps: 100.0,

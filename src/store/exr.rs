@@ -318,6 +318,7 @@ mod tests {
             polarization: Polarization::Mueller,
             bounces: false,
             split_first_bounce: true,
+            labels: false,
         };
         let none = serde_json::Map::new();
         let slices = [(SliceLayout::new(&slice, &extents), none.clone())];

@@ -7,6 +7,7 @@ pub mod denoised;
 pub mod doubt;
 pub mod exr;
 pub mod merge;
+pub mod npz_layers;
 pub mod numpy;
 pub mod probe;
 pub mod sink;

@@ -30,6 +30,9 @@ pub struct SliceFile {
     /// Split `first_bounce_direct` from `first_bounce_indirect` light (axis `component`).
     #[serde(default, skip_serializing_if = "is_default")]
     pub split_first_bounce: bool,
+    /// Part light by what its path did (axis `label`): scattered in a medium or not, and by specular, glossy or diffuse lobes.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub labels: bool,
 }
 
 /// Camera pixels of a slice.
@@ -122,6 +125,7 @@ impl SliceFile {
             polarization: PolarizationFile::default(),
             bounces: false,
             split_first_bounce: false,
+            labels: false,
         }
     }
 
@@ -168,6 +172,13 @@ impl SliceFile {
     #[must_use]
     pub fn split_first_bounce(mut self) -> Self {
         self.split_first_bounce = true;
+        self
+    }
+
+    /// Parts light by what its path did.
+    #[must_use]
+    pub fn labels(mut self) -> Self {
+        self.labels = true;
         self
     }
 }

@@ -1,8 +1,9 @@
 //! Named, unit-carrying axes of a stored slice, in one fixed order.
 //!
-//! Order: `y, x | v, u | t | bounces | component | stokes_out, stokes_in | wavelength`, each present only where the
+//! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present only where the
 //! slice resolves it. `wavelength` is always last, so one tensor element is one SIMD register of lanes.
 
+use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 /// A chunk never holds more elements than this (8 MiB of f32), so that memory stays bounded by the tile.
@@ -29,6 +30,8 @@ pub enum AxisKind {
     Bounces,
     /// 0 direct, 1 indirect.
     Component,
+    /// What the path did: a set of the bits of [`crate::label`].
+    Label,
     /// Stokes element that leaves (p).
     StokesOut,
     /// Stokes element that enters (p').
@@ -39,7 +42,7 @@ pub enum AxisKind {
 
 impl AxisKind {
     /// All kinds, in storage order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Y,
         Self::X,
         Self::V,
@@ -47,6 +50,7 @@ impl AxisKind {
         Self::T,
         Self::Bounces,
         Self::Component,
+        Self::Label,
         Self::StokesOut,
         Self::StokesIn,
         Self::Wavelength,
@@ -63,6 +67,7 @@ impl AxisKind {
             Self::T => "t",
             Self::Bounces => "bounces",
             Self::Component => "component",
+            Self::Label => "label",
             Self::StokesOut => "stokes_out",
             Self::StokesIn => "stokes_in",
             Self::Wavelength => "wavelength",
@@ -82,7 +87,7 @@ impl AxisKind {
             Self::Y | Self::X | Self::V | Self::U => "pixel",
             Self::T => "ps",
             Self::Wavelength => "nm",
-            Self::Bounces | Self::Component | Self::StokesOut | Self::StokesIn => "1",
+            Self::Bounces | Self::Component | Self::Label | Self::StokesOut | Self::StokesIn => "1",
         }
     }
 
@@ -97,6 +102,7 @@ impl AxisKind {
             Self::T => "travel time (bin centre)",
             Self::Bounces => "surface interactions between projector and camera",
             Self::Component => "0 = direct (one surface interaction), 1 = indirect",
+            Self::Label => "what the path did, a set of bits: 1 medium, 2 specular, 4 glossy, 8 diffuse",
             Self::StokesOut => "Stokes element that reaches the camera, camera frame",
             Self::StokesIn => "Stokes element that leaves the projector, projector frame",
             Self::Wavelength => "vacuum wavelength",
@@ -289,6 +295,9 @@ impl SliceLayout {
         if slice.split_first_bounce {
             push(AxisKind::Component, indices(2), u64::MAX);
         }
+        if slice.labels {
+            push(AxisKind::Label, indices(label::COUNT), u64::MAX);
+        }
         if slice.polarization == Polarization::Mueller {
             push(AxisKind::StokesOut, indices(4), 4);
             push(AxisKind::StokesIn, indices(4), 4);
@@ -372,7 +381,7 @@ fn divide_matrix(axes: &mut [Axis]) {
 /// outermost first.
 fn bound_chunks(axes: &mut [Axis]) {
     divide_matrix(axes);
-    for kind in [AxisKind::V, AxisKind::U, AxisKind::T] {
+    for kind in [AxisKind::V, AxisKind::U, AxisKind::T, AxisKind::Label] {
         while chunk_size(axes) > MAX_CHUNK_ELEMENTS {
             match axes.iter_mut().find(|a| a.kind == kind && a.chunk > 1) {
                 Some(axis) => axis.chunk = axis.chunk.div_ceil(2),
@@ -409,16 +418,17 @@ mod tests {
             polarization: Polarization::Mueller,
             bounces: true,
             split_first_bounce: true,
+            labels: true,
         }
     }
 
     #[test]
     fn every_axis_in_order_and_chunks_bounded() {
         let l = SliceLayout::new(&slice(), &extents());
-        assert_eq!(l.shape(), [48, 64, 16, 32, 256, 6, 2, 4, 4, 3]);
+        assert_eq!(l.shape(), [48, 64, 16, 32, 256, 6, 2, 16, 4, 4, 3]);
         assert!(l.chunk_shape().iter().product::<u64>() <= MAX_CHUNK_ELEMENTS);
         assert_eq!(l.axes[4].coords[0], 112.5);
-        assert_eq!(l.without_time().shape(), [48, 64, 16, 32, 6, 2, 4, 4, 3]);
+        assert_eq!(l.without_time().shape(), [48, 64, 16, 32, 6, 2, 16, 4, 4, 3]);
     }
 
     #[test]
@@ -444,6 +454,7 @@ mod tests {
         s.time = TimeSelect::Sum;
         s.bounces = false;
         s.split_first_bounce = false;
+        s.labels = false;
         s.polarization = Polarization::Intensity;
         let l = SliceLayout::new(&s, &extents());
         assert_eq!(l.shape(), [12, 32, 3]);

@@ -8,6 +8,8 @@ pub mod array;
 pub mod axes;
 pub mod doubt;
 pub mod field;
+pub mod label;
+pub mod layers;
 pub mod memory;
 pub mod number;
 pub mod region;

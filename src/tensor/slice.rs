@@ -122,4 +122,6 @@ pub struct Slice {
     /// Split into light whose one surface interaction was lit by the emitter (component 0, "direct") and all the
     /// rest (component 1, "indirect"): axis `component`.
     pub split_first_bounce: bool,
+    /// Part light by what its path did: axis `label`, whose coordinates are the sets of [`crate::label`].
+    pub labels: bool,
 }

@@ -13,6 +13,8 @@ pub mod medium;
 
 pub mod device;
 
+pub mod names;
+
 mod tables;
 
 mod lit;

@@ -8,6 +8,7 @@ use crate::light::Lights;
 use crate::material::Materials;
 use crate::medium::Media;
 use crate::medium::nesting::Boundary;
+use crate::names::Names;
 use crate::strategy::Strategies;
 use optics::sampling::stream::Group;
 use optics::spectrum::Wavelengths;
@@ -29,6 +30,8 @@ pub struct SceneTables {
     pub media: Media,
     /// What each material's surfaces bound, by the material's number: [`Boundary::NONE`] where nothing fills the object.
     pub boundaries: Vec<Boundary>,
+    /// What objects and materials are called.
+    pub names: Names,
     /// The camera.
     pub camera: Pinhole,
     /// The projector, if there is one.

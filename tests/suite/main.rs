@@ -17,6 +17,7 @@ mod exchange;
 mod harness;
 mod invariants;
 mod kills;
+mod layers;
 mod merge;
 mod mitsuba;
 mod pbrdf_commands;

@@ -16,6 +16,8 @@ mod frames;
 mod glass;
 mod indirect;
 mod instances;
+mod labels;
+mod layers;
 mod light_sampling;
 mod lights;
 mod manifold;

@@ -148,7 +148,7 @@ impl MuellerImage {
     /// that axis, or the one at which the slice was taken, and `bin_ps` is the width of its time bins.
     ///
     /// # Errors
-    /// As [`Self::of_array`], and [`ImageError::Parts`] if light is kept in parts by bounces or by component.
+    /// As [`Self::of_array`], and [`ImageError::Parts`] if light is kept in parts by bounces, component or label.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -164,7 +164,7 @@ impl MuellerImage {
             match axis.kind {
                 AxisKind::Y => y = Some(i),
                 AxisKind::X => x = Some(i),
-                AxisKind::Bounces | AxisKind::Component if axis.len() > 1 => {
+                AxisKind::Bounces | AxisKind::Component | AxisKind::Label if axis.len() > 1 => {
                     return Err(ImageError::Parts(axis.kind.name()));
                 }
                 _ => {}

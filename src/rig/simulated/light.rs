@@ -98,7 +98,8 @@ impl Scenery {
                 "{place}: it has no Mueller matrices; keep it with polarization = \"mueller\""
             ));
         }
-        if len(AxisKind::Bounces).is_some() || len(AxisKind::Component).is_some() {
+        let parts = [AxisKind::Bounces, AxisKind::Component, AxisKind::Label];
+        if parts.into_iter().any(|kind| len(kind).is_some()) {
             return Err(format!(
                 "{place}: it keeps light in parts; a sensor sees their sum"
             ));

@@ -89,9 +89,9 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     } = materials::build(ctx, &file.materials)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
     let mut surfaces = Surfaces::new(&mut materials, &mut images, &names, &media_names);
-    surfaces.objects(ctx, &file.objects)?;
+    surfaces.objects(ctx, &file.objects, None)?;
     surfaces.instances(ctx, &file.groups, &file.instances)?;
-    let (geometry, boundaries) = (surfaces.geometry.build(), surfaces.boundaries);
+    let (geometry, boundaries, called) = (surfaces.geometry.build(), surfaces.boundaries, surfaces.called);
     (lights.areas, lights.of_material) = surfaces.shining;
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;
     let uses_epipolar = |s: &tensor::slice::Slice| {
@@ -117,6 +117,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         materials,
         media,
         boundaries,
+        names: called,
         camera,
         projector,
         points,

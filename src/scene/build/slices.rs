@@ -62,6 +62,7 @@ pub(crate) fn build(
             },
             bounces: s.bounces,
             split_first_bounce: s.split_first_bounce,
+            labels: s.labels,
         };
         slices.push(slice);
     }

@@ -15,6 +15,7 @@ use transport::geometry::builder::GeometryBuilder;
 use transport::light::area::AreaLight;
 use transport::material::Materials;
 use transport::medium::nesting::Boundary;
+use transport::names::Names;
 
 /// More copies than this are a mistake.
 const MOST_COPIES: usize = 1 << 26;
@@ -25,6 +26,8 @@ pub(crate) struct Surfaces<'a> {
     pub materials: &'a mut Materials,
     /// One a material.
     pub boundaries: Vec<Boundary>,
+    /// What objects are called, and which material of the file each number is.
+    pub called: Names,
     /// Numbers of materials and media.
     names: &'a BTreeMap<&'a str, u32>,
     media: &'a BTreeMap<&'a str, u32>,
@@ -40,9 +43,18 @@ impl<'a> Surfaces<'a> {
         names: &'a BTreeMap<&'a str, u32>,
         media: &'a BTreeMap<&'a str, u32>,
     ) -> Self {
+        let mut called = Names {
+            objects: vec![],
+            materials: vec![String::new(); materials.list.len()],
+            material_of: (0..materials.list.len() as u32).collect(),
+        };
+        for (name, number) in names {
+            (*name).clone_into(&mut called.materials[*number as usize]);
+        }
         Self {
             geometry: GeometryBuilder::default(),
             boundaries: vec![Boundary::NONE; materials.list.len()],
+            called,
             materials,
             names,
             media,
@@ -51,10 +63,20 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    /// Adds objects.
-    pub fn objects(&mut self, ctx: &mut Context, objects: &[Located<ObjectFile>]) -> Result<(), InputError> {
+    /// Adds objects, of the group of this name if they are one's.
+    pub fn objects(
+        &mut self,
+        ctx: &mut Context,
+        objects: &[Located<ObjectFile>],
+        group: Option<&str>,
+    ) -> Result<(), InputError> {
         let mut volumes = vec![];
-        for object in objects {
+        for (i, object) in objects.iter().enumerate() {
+            self.geometry.object(self.called.objects.len() as u32);
+            let own = object.name.clone().unwrap_or_else(|| format!("objects[{i}]"));
+            self.called
+                .objects
+                .push(group.map_or(own.clone(), |group| format!("{group}/{own}")));
             let filling = filling(ctx, object, self.media, self.boundaries.len())?;
             let (mut solids, mut numbers) = (vec![], vec![]);
             for mut placed in shapes::place(ctx, object, self.names)? {
@@ -64,6 +86,8 @@ impl<'a> Surfaces<'a> {
                     let material = self.materials.list[placed.material as usize];
                     self.materials.list.push(material);
                     self.boundaries.push(filling.unwrap_or(Boundary::NONE));
+                    let original = self.called.material_of[placed.material as usize];
+                    self.called.material_of.push(original);
                     placed.material = self.boundaries.len() as u32 - 1;
                 }
                 numbers.push(placed.material);
@@ -111,7 +135,7 @@ impl<'a> Surfaces<'a> {
                 ));
             }
             numbers.insert(name.as_str(), self.geometry.begin_group());
-            self.objects(ctx, &group.objects)?;
+            self.objects(ctx, &group.objects, Some(name))?;
             self.geometry.end_group();
         }
         let mut count = 0;

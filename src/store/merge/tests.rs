@@ -26,6 +26,7 @@ fn layout(camera: CameraSelect) -> SliceLayout {
         polarization: Polarization::Intensity,
         bounces: false,
         split_first_bounce: false,
+        labels: false,
     };
     SliceLayout::new(&slice, &extents)
 }

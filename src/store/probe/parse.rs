@@ -35,7 +35,7 @@ fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
     )
 }
 
-/// A finite coordinate, or a label of a Stokes element or component.
+/// A finite coordinate, or a label of a Stokes element, component or set.
 fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError> {
     let word = word.trim();
     let labels: &[&str] = match axis {
@@ -45,6 +45,11 @@ fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError>
     };
     if let Some(i) = labels.iter().position(|l| *l == word) {
         return Ok(i as f64);
+    }
+    if axis == AxisKind::Label
+        && let Some(set) = tensor::label::parse(word)
+    {
+        return Ok(f64::from(set));
     }
     match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),

@@ -63,25 +63,25 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// T_s = Σ_t T(:,:,0,0,t): spatial light transport. Bounces and components are summed, wavelengths kept.
+    /// T_s = Σ_t T(:,:,0,0,t): spatial light transport. Bounces, components and labels are summed, wavelengths kept.
     #[must_use]
     pub fn spatial() -> Self {
         Self::unpolarized(&[AxisKind::T])
     }
 
-    /// T_t = Σ_{s,s'} T(s,s',0,0,:): temporal light transport. Bounces and components are summed, wavelengths kept.
+    /// T_t = Σ_{s,s'} T(s,s',0,0,:): temporal light transport. Bounces, components and labels are summed, wavelengths kept.
     #[must_use]
     pub fn temporal() -> Self {
         Self::unpolarized(&[AxisKind::Y, AxisKind::X, AxisKind::V, AxisKind::U])
     }
 
-    /// T_p = Σ_{s,s',t} T(s,s',:,:,t): polarimetric light transport, a Mueller matrix. Bounces and components are
-    /// summed, wavelengths kept.
+    /// T_p = Σ_{s,s',t} T(s,s',:,:,t): polarimetric light transport, a Mueller matrix. Bounces, components and labels
+    /// are summed, wavelengths kept.
     #[must_use]
     pub fn polarimetric() -> Self {
-        use AxisKind::{Bounces, Component, T, U, V, X, Y};
+        use AxisKind::{Bounces, Component, Label, T, U, V, X, Y};
         Self {
-            sum: vec![Y, X, V, U, T, Bounces, Component],
+            sum: vec![Y, X, V, U, T, Bounces, Component, Label],
             ..Self::default()
         }
     }
@@ -91,7 +91,9 @@ impl Probe {
             sum: sum.to_vec(),
             ..Self::default()
         };
-        probe.sum.extend([AxisKind::Bounces, AxisKind::Component]);
+        probe
+            .sum
+            .extend([AxisKind::Bounces, AxisKind::Component, AxisKind::Label]);
         probe.select = [AxisKind::StokesOut, AxisKind::StokesIn]
             .map(|axis| Selection::nearest(axis, 0.0))
             .into();

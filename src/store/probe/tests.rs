@@ -40,6 +40,7 @@ fn stored(dir: &std::path::Path, projector: ProjectorSelect, polarization: Polar
         polarization,
         bounces: false,
         split_first_bounce: true,
+        labels: false,
     };
     let mut layout = SliceLayout::new(&slice, &extents);
     layout.totals = false;

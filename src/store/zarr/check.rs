@@ -27,6 +27,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
         }
         AxisKind::T => (f64::MIN, f64::MAX),
         AxisKind::Component => (0.0, 1.0),
+        AxisKind::Label => (0.0, f64::from(tensor::label::COUNT - 1)),
         AxisKind::StokesOut | AxisKind::StokesIn => (0.0, 3.0),
         AxisKind::Wavelength => (f64::MIN_POSITIVE, f64::MAX),
     };

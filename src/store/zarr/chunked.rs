@@ -52,7 +52,7 @@ macro_rules! numbers {
         }
     )*};
 }
-numbers!(f32 => float32, f64 => float64, i64 => int64, u16 => uint16, u32 => uint32);
+numbers!(f32 => float32, f64 => float64, i32 => int32, i64 => int64, u16 => uint16, u32 => uint32);
 
 thread_local! {
     /// A compression context takes longer to make than to use on a small chunk.

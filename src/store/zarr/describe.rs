@@ -17,6 +17,7 @@ use super::error::{CreateError, OpenError};
 use base::whole_file;
 use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
+use tensor::label;
 
 /// Unit of every stored value.
 pub const VALUE_UNITS: &str = "W m-2 sr-1 nm-1 per unit projector drive";
@@ -143,7 +144,7 @@ pub(super) fn create_slice(
 fn is_index(kind: AxisKind) -> bool {
     matches!(
         kind,
-        AxisKind::Bounces | AxisKind::Component | AxisKind::StokesOut | AxisKind::StokesIn
+        AxisKind::Bounces | AxisKind::Component | AxisKind::Label | AxisKind::StokesOut | AxisKind::StokesIn
     )
 }
 
@@ -158,6 +159,14 @@ fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) 
         }
         AxisKind::Component => {
             attributes.insert("labels".into(), json!(["direct", "indirect"]));
+        }
+        AxisKind::Label => {
+            // Bits as the CF conventions write them, and every set in words.
+            let (masks, names): (Vec<u8>, Vec<&str>) = label::BITS.into_iter().unzip();
+            attributes.insert("flag_masks".into(), json!(masks));
+            attributes.insert("flag_meanings".into(), json!(names.join(" ")));
+            let sets: Vec<String> = axis.coords.iter().map(|c| label::name(*c as u8)).collect();
+            attributes.insert("labels".into(), json!(sets));
         }
         _ => {}
     }

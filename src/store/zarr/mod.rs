@@ -18,6 +18,7 @@ mod chunked;
 mod describe;
 mod error;
 pub mod frames;
+mod layers;
 mod manifest;
 mod partial;
 mod slice;
@@ -40,6 +41,7 @@ use tensor::axes::SliceLayout;
 
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
+pub use self::layers::write_layers;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 

@@ -25,6 +25,7 @@ fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
         polarization: Polarization::Mueller,
         bounces: false,
         split_first_bounce: true,
+        labels: false,
     }
 }
 

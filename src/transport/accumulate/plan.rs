@@ -21,6 +21,8 @@ pub struct Contribution {
     pub epipolar_px: f32,
     /// Surface interactions.
     pub bounces: u32,
+    /// What the path did, as [`tensor::label`] says; of no meaning where no slice asks.
+    pub label: u8,
     /// The one slice that it is for, made by drawing one of its s', or `EVERY`.
     pub slice: u32,
     /// How much denser such drawing would make the path, of an s' that is drawn for sure, than what made paths for all slices; 0
@@ -35,12 +37,24 @@ pub struct Contributions<'a> {
     /// Mueller elements, projector frame in, camera frame out, W/(m² sr nm): only those that can be non-zero, so that
     /// light from one rough wall takes one number a wavelength. Other samples put theirs here too.
     pub elements: &'a mut Vec<Spectral>,
+    /// Some slice parts light by what its path did: light of several kinds of lobes comes as several contributions.
+    pub labelled: bool,
 }
 
-impl Contributions<'_> {
+impl<'a> Contributions<'a> {
+    /// Into these lists.
+    #[inline(always)]
+    pub fn new(list: &'a mut Vec<Contribution>, elements: &'a mut Vec<Spectral>, labelled: bool) -> Self {
+        Self {
+            list,
+            elements,
+            labelled,
+        }
+    }
+
     /// Appends the contribution whose elements have just been put at the end of the list of them.
     #[inline(always)]
-    pub fn push(&mut self, extent: Extent, time_ps: f64, pixel: u32, bounces: u32) {
+    pub fn push(&mut self, extent: Extent, time_ps: f64, pixel: u32, bounces: u32, label: u8) {
         self.list.push(Contribution {
             first: (self.elements.len() - extent.count()) as u32,
             extent,
@@ -48,6 +62,7 @@ impl Contributions<'_> {
             pixel,
             epipolar_px: 0.0,
             bounces,
+            label,
             slice: EVERY,
             rival: 0.0,
         });
@@ -90,6 +105,7 @@ pub struct SlicePlan {
     bins: u64,
     bounces: u64,
     components: u64,
+    labels: u64,
     /// Cells of one camera element inside the time window; overflow cells follow.
     pub(super) inner: u64,
     pub(super) overflow: u64,
@@ -155,9 +171,10 @@ impl SlicePlan {
         let len = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].len());
         let (bins, bounces, components) =
             (len(AxisKind::T), len(AxisKind::Bounces), len(AxisKind::Component));
+        let labels = len(AxisKind::Label);
         let columns = len(AxisKind::U);
         let resolved = len(AxisKind::V) * columns;
-        let inner = resolved * bins * bounces * components;
+        let inner = resolved * bins * bounces * components * labels;
         Self {
             slice: slice.clone(),
             selected: Selected::of(slice, extents),
@@ -170,6 +187,7 @@ impl SlicePlan {
             bins,
             bounces,
             components,
+            labels,
             inner,
             overflow: if layout.time.is_some() { inner / bins } else { 0 },
             elements: if slice.polarization == Polarization::Mueller {
@@ -229,6 +247,12 @@ impl SlicePlan {
         }
     }
 
+    /// True if the slice asks for [`Contribution::label`].
+    #[must_use]
+    pub fn needs_labels(&self) -> bool {
+        self.slice.labels
+    }
+
     /// True if the slice asks for [`Contribution::epipolar_px`].
     #[must_use]
     pub fn needs_epipolar(&self) -> bool {
@@ -246,7 +270,7 @@ impl SlicePlan {
         (at[0] != DROPPED && at[1] != DROPPED).then_some(at)
     }
 
-    /// Cell (row-major over v, u, t, bounces, component; then overflow cells) and weight of a contribution to camera
+    /// Cell (row-major over v, u, t, bounces, component, label; then overflow cells) and weight of a contribution to camera
     /// pixel number `camera_pixel`.
     #[inline(always)]
     pub(super) fn cell(&self, c: &Contribution, camera_pixel: u32) -> Option<(u64, f32)> {
@@ -301,6 +325,9 @@ impl SlicePlan {
         }
         if self.components > 1 {
             cell = cell * 2 + u64::from(c.bounces != 1);
+        }
+        if self.labels > 1 {
+            cell = cell * self.labels + u64::from(c.label);
         }
         Some((if outside { self.inner + cell } else { cell }, weight))
     }

@@ -99,6 +99,7 @@ mod tests {
             polarization: Polarization::Intensity,
             bounces: false,
             split_first_bounce: false,
+            labels: false,
         };
         let extents = Extents {
             camera: [16, 16],

@@ -31,8 +31,12 @@ pub struct GeometryBuilder {
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
+    /// Numbers of the quadrics' objects.
+    quadric_objects: Vec<u32>,
     /// Bounds of the quadrics, then of the instances.
     boxes: Vec<Aabb>,
+    /// Number of the object that what is added belongs to.
+    object: u32,
 }
 
 /// What has a tree of its own.
@@ -51,6 +55,8 @@ struct Part {
     normal: u32,
     uv: u32,
     material: u32,
+    /// Number of its object.
+    object: u32,
     /// Number of its group; [`NONE`] in the world.
     group: u32,
     /// Where the group's middle was, which becomes the origin.
@@ -121,6 +127,11 @@ impl GeometryBuilder {
         self.in_group = false;
     }
 
+    /// What is added from now on belongs to the object of this number: see [`Geometry::object`].
+    pub fn object(&mut self, number: u32) {
+        self.object = number;
+    }
+
     /// Puts a copy of a group into the world; `to_world` must be invertible (the scene builder checks). Copies of a group
     /// take 128 bytes each, and their place in the tree.
     pub fn instance(&mut self, group: u32, to_world: DAffine3) {
@@ -137,6 +148,7 @@ impl GeometryBuilder {
             normal: begin(mesh.normals.is_empty(), self.normals.len()),
             uv: begin(mesh.uvs.is_empty(), self.uvs.len()),
             material,
+            object: self.object,
             group: begin(!self.in_group, self.groups.len().saturating_sub(1)),
             origin: Vec3A::ZERO,
         });
@@ -163,6 +175,7 @@ impl GeometryBuilder {
         self.set().primitives.push(id);
         self.boxes.push(Aabb::new(lo, hi));
         self.quadrics.push(quadric);
+        self.quadric_objects.push(self.object);
     }
 
     /// Builds the trees.
@@ -210,6 +223,7 @@ impl GeometryBuilder {
         // What was needed for the trees alone goes before the large tables come, and the meshes go between these.
         drop((world, sets, std::mem::take(&mut self.boxes)));
         let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
+        let triangle_objects = leaves.order.par_iter().map(|p| self.part(*p).object).collect();
         let triangle_count = self.corners.len();
         drop((
             std::mem::take(&mut self.positions),
@@ -225,6 +239,7 @@ impl GeometryBuilder {
             normals: self.normals,
             uvs: self.uvs,
             quadrics: self.quadrics,
+            objects: [triangle_objects, self.quadric_objects],
             instances,
             groups,
             own: [own_packs, own_quadrics].map(|n| n as u32),
@@ -260,10 +275,16 @@ impl GeometryBuilder {
         )
     }
 
+    /// The mesh of a triangle.
+    fn part(&self, primitive: u32) -> &Part {
+        let (id, _) = index(primitive);
+        &self.meshes[self.meshes.partition_point(|m| m.triangle <= id) - 1]
+    }
+
     /// The mesh of a triangle, and the triangle's corners, its parallelogram's fourth one last.
     fn corners(&self, primitive: u32) -> (&Part, [u32; 3], [Vec3A; 4]) {
         let (id, whole) = index(primitive);
-        let part = &self.meshes[self.meshes.partition_point(|m| m.triangle <= id) - 1];
+        let part = self.part(primitive);
         let at = |i: u32| Vec3A::from(self.positions[part.vertex + i as usize]);
         let corners = self.corners[id as usize];
         let [a, b, c] = corners.map(at);
@@ -336,6 +357,7 @@ impl GeometryBuilder {
     fn sort_quadrics(&mut self, mut groups: Vec<Set>, world: &mut Set) -> (Vec<Set>, usize) {
         let mut sorted = Vec::with_capacity(self.quadrics.len());
         let mut boxes = Vec::with_capacity(self.quadrics.len());
+        let mut objects = Vec::with_capacity(self.quadrics.len());
         let mut own = 0;
         for set in groups.iter_mut().chain([world]) {
             own = sorted.len();
@@ -344,9 +366,10 @@ impl GeometryBuilder {
                 *p = QUADRIC | sorted.len() as u32;
                 sorted.push(self.quadrics[from]);
                 boxes.push(self.boxes[from]);
+                objects.push(self.quadric_objects[from]);
             }
         }
-        (self.quadrics, self.boxes) = (sorted, boxes);
+        (self.quadrics, self.boxes, self.quadric_objects) = (sorted, boxes, objects);
         (groups, own)
     }
 }

@@ -61,6 +61,8 @@ pub struct Geometry {
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
     pub(super) quadrics: Vec<Quadric>,
+    /// Numbers of the objects of the triangles and of the quadrics.
+    pub(super) objects: [Vec<u32>; 2],
     /// Copies of groups in the world, and the groups. Leaves of the tree whose numbers are beyond those of the quadrics are
     /// instances.
     pub(super) instances: Vec<Instance>,
@@ -462,6 +464,7 @@ impl Geometry {
             + size_of_val(&self.normals[..])
             + size_of_val(&self.uvs[..])
             + size_of_val(&self.quadrics[..])
+            + self.objects.iter().map(|o| size_of_val(&o[..])).sum::<usize>()
             + size_of_val(&self.instances[..])
             + self.groups.iter().map(Group::bytes).sum::<usize>()
     }

@@ -13,6 +13,7 @@ mod instance;
 mod instance_tests;
 pub mod many;
 pub mod mesh;
+mod object;
 mod pack;
 pub mod quadric;
 pub mod ray;

@@ -18,6 +18,11 @@ pub struct Sampled {
     pub filling: Option<Filling>,
 }
 
+/// Interactions by the kinds of their lobes, with what these set in a label ([`tensor::label`]), none twice.
+///
+/// Not in place: matrices are large, and whoever does not ask must not carry them about.
+pub type Lobes = Vec<(u8, Scatter)>;
+
 /// One of the two delta lobes that a smooth surface can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {

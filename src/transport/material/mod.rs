@@ -6,6 +6,7 @@
 //!
 //! Materials that are made of others ([`two_sided`], [`blend`], …) name them by their index in [`Materials`].
 
+mod appearance;
 pub mod blend;
 pub mod coated_conductor;
 pub mod conductor;
@@ -19,6 +20,7 @@ pub mod filling;
 mod interfaces;
 pub mod lanes;
 pub mod lobe;
+mod lobes;
 pub mod measured;
 pub mod normal_map;
 pub mod null;
@@ -39,7 +41,7 @@ use crate::geometry::ray::Surface;
 pub use filling::{Filling, NO_CRYSTAL};
 use glam::Vec3A;
 pub use lanes::{Lanes, varies};
-pub use lobe::{Lobe, Sampled, Specular};
+pub use lobe::{Lobe, Lobes, Sampled, Specular};
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use parts::Parts;

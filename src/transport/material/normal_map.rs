@@ -28,7 +28,7 @@ const LEAST_COS: f32 = 0.02;
 impl NormalMap {
     /// The surface with its turned normal, which stays on the true normal's side.
     #[inline]
-    fn turned(&self, materials: &impl Parts, at: &Surface) -> Surface {
+    pub(super) fn turned(&self, materials: &impl Parts, at: &Surface) -> Surface {
         let [x, y, z, _] = materials.textures().eval(self.texture, at.uv).to_array();
         let local = Vec3A::new(
             (2.0 * x - 1.0) * self.strength,

@@ -25,7 +25,14 @@ pub struct PartialDepolarizer {
 
 impl PartialDepolarizer {
     #[inline]
-    fn apply(&self, materials: &impl Parts, at: &Surface, s: &Scatter, wo: Vec3A, wi: Vec3A) -> Scatter {
+    pub(super) fn apply(
+        &self,
+        materials: &impl Parts,
+        at: &Surface,
+        s: &Scatter,
+        wo: Vec3A,
+        wi: Vec3A,
+    ) -> Scatter {
         let f = self.fraction.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         let lost = Scatter::Depolarize(s.m00() * Spectral::splat(f));
         s.scaled(Spectral::splat(1.0 - f)).plus(&lost, wo, wi)

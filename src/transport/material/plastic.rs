@@ -20,6 +20,7 @@ use glam::Vec3A;
 use optics::polarization::frame::turn;
 use optics::polarization::fresnel;
 use optics::polarization::fresnel::FresnelBlock;
+use optics::polarization::mueller::Mueller;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
@@ -134,7 +135,7 @@ impl Plastic {
     /// All lobes in the frame of the reflection, times a weight that may depend on the density of `wi`.
     #[inline]
     fn value(&self, seen: &Seen, wi: Vec3A, weight: impl FnOnce(f32) -> f32) -> Option<Scatter> {
-        let Seen { n, wo, out, .. } = *seen;
+        let wo = seen.wo;
         let li = seen.facets.local(wi);
         let (cos, reflected, pdf) = seen.reflection(self.specular, li)?;
         let weight = weight(pdf);
@@ -142,6 +143,19 @@ impl Plastic {
             .reflection
             .scaled(reflected * Spectral::splat(weight));
         let s = s_vector(wi, wo);
+        let mut mueller = block.to_mueller();
+        self.add_body(seen, wi, li, s, weight, &mut mueller);
+        Some(Scatter::Full {
+            mueller,
+            frame_out: s,
+            frame_in: s,
+        })
+    }
+
+    /// Adds the diffuse lobe to a matrix in the frame of the reflection.
+    #[inline(always)]
+    fn add_body(&self, seen: &Seen, wi: Vec3A, li: Vec3A, s: Vec3A, weight: f32, mueller: &mut Mueller) {
+        let Seen { n, wo, out, .. } = *seen;
         let inn = fresnel::dielectric(li.z, self.eta).transmission;
         let base = seen.base * Spectral::splat(li.z * FRAC_1_PI * weight);
         let (c, d) = turn(wo, s_vector(n, wo), s);
@@ -152,17 +166,38 @@ impl Plastic {
         ];
         let (c, d) = turn(-wi, s, s_vector(n, wi));
         let row = [inn.a, inn.b * Spectral::splat(c), inn.b * Spectral::splat(d)];
-        let mut mueller = block.to_mueller();
         for (m, c) in mueller.m.iter_mut().zip(&column) {
             for (m, r) in m.iter_mut().zip(&row) {
                 *m += *c * *r;
             }
         }
-        Some(Scatter::Full {
-            mueller,
+    }
+
+    /// [`Self::eval`] in two parts: what facets reflect, and the body.
+    #[must_use]
+    pub fn eval_parted(
+        &self,
+        textures: &Textures,
+        at: &Surface,
+        wo: Vec3A,
+        wi: Vec3A,
+    ) -> Option<[Scatter; 2]> {
+        let seen = self.seen(textures, at, wo)?;
+        if !same_side(at, wo, wi) {
+            return None;
+        }
+        let li = seen.facets.local(wi);
+        let (cos, reflected, _) = seen.reflection(self.specular, li)?;
+        let s = s_vector(wi, wo);
+        let block = fresnel::dielectric(cos, self.eta).reflection.scaled(reflected);
+        let mut body = Mueller::ZERO;
+        self.add_body(&seen, wi, li, s, 1.0, &mut body);
+        let body = Scatter::Full {
+            mueller: body,
             frame_out: s,
             frame_in: s,
-        })
+        };
+        Some([Scatter::Fresnel { block, s }, body])
     }
 
     /// See [`super::Materials::eval`].

@@ -79,6 +79,7 @@ fn seen(
         interactions: most(scene).min(MOST_INTERFACES),
         point: usize::MAX,
         escapes: false,
+        labelled: false,
         first: First::Anything,
     };
     for k in 0..GRID * GRID {

@@ -3,7 +3,7 @@
 //! A back end sees plain-data tables alone: those of the scene, and the plans of its slices. What it makes of a tile depends
 //! on scene, seed and sample count alone, so neither threads nor interruptions change a bit.
 
-use super::path::BATCH;
+use super::path::{BATCH, Wants};
 use super::selected::Aim;
 use super::tiles;
 use super::tracer::{Pass, Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
@@ -66,6 +66,11 @@ impl<'a> Cpu<'a> {
         }
     }
 
+    /// True if some slice parts light by what its path did.
+    fn labelled(&self) -> bool {
+        self.plans.iter().any(SlicePlan::needs_labels)
+    }
+
     /// The slices of a camera pixel for which s' are drawn.
     fn aims(&self, x: u32, y: u32) -> impl Iterator<Item = Aim<'_>> {
         (0..).zip(self.plans).filter_map(move |(slice, plan)| {
@@ -88,6 +93,10 @@ impl<'a> Cpu<'a> {
             let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
             aims.clear();
             aims.extend(self.aims(x, y));
+            let wants = Wants {
+                aims: &aims,
+                labels: self.labelled(),
+            };
             let mut all = None;
             for pass in prepared.passes(scene) {
                 let Pass { count, group, .. } = pass;
@@ -95,7 +104,7 @@ impl<'a> Cpu<'a> {
                 for first in (0..count).step_by(BATCH) {
                     let samples = first..(first + BATCH as u32).min(count);
                     let (rays, lists, elements) =
-                        tracer.trace(scene, prepared, pass, [x, y], samples.clone(), &aims);
+                        tracer.trace(scene, prepared, pass, [x, y], samples.clone(), wants);
                     accumulator.tile.record.rays += u64::from(rays);
                     let all_finite = finite(elements);
                     for (sample, list) in samples.zip(lists) {
@@ -140,7 +149,7 @@ impl TileBackend for Cpu<'_> {
             .chunks(tiles_at_once(self.scene, self.walks_at_once))
             .collect();
         let of = TileParts::new(self.scene, &parts);
-        let Some(mut prepared) = Prepared::new(self.scene, &of, &stop) else {
+        let Some(mut prepared) = Prepared::new(self.scene, &of, self.labelled(), &stop) else {
             return Ok(());
         };
         let passes = prepared.passes(self.scene).count();

@@ -97,10 +97,11 @@ pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 }
 
 impl Plan {
-    /// Prepares a render of an image in parts; `None` once `stop` says so.
+    /// Prepares a render of an image in parts, which parts light by what its path did if `labelled`; `None` once `stop` says so.
     pub(super) fn new(
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,
+        labelled: bool,
         stop: &impl Fn() -> bool,
     ) -> Option<Self> {
         let [w, h] = scene.camera.resolution;
@@ -134,6 +135,7 @@ impl Plan {
                 },
                 guide,
                 roulette: Roulette::default(),
+                labelled,
             },
             splats: Splats::default(),
             spill: None,
@@ -151,7 +153,8 @@ impl Plan {
                 stop,
                 || (Walks::default(), vec![], vec![]),
                 |(walks, list, elements), number, found| {
-                    walks.look(scene, &plan, number, &mut Contributions { list, elements }, found);
+                    let mut out = Contributions::new(list, elements, labelled);
+                    walks.look(scene, &plan, number, &mut out, found);
                 },
             );
             match made {
@@ -187,7 +190,8 @@ impl Plan {
                     |pixel| (parts.of)(pixel) as usize == part,
                     || (Walks::default(), vec![], vec![]),
                     |(walks, list, elements), number, found| {
-                        walks.look(scene, self, number, &mut Contributions { list, elements }, found);
+                        let mut out = Contributions::new(list, elements, self.setup.labelled);
+                        walks.look(scene, self, number, &mut out, found);
                     },
                 )
             }
@@ -225,7 +229,7 @@ impl Plan {
                 || (Walks::default(), vec![], vec![]),
                 |(walks, list, elements), n| {
                     let pixel = (u64::from(n) * pixels / u64::from(PILOT)) as u32;
-                    let mut out = Contributions { list, elements };
+                    let mut out = Contributions::new(list, elements, self.setup.labelled);
                     out.list.clear();
                     out.elements.clear();
                     // Samples of their own.
@@ -256,10 +260,7 @@ impl Walks {
         for (n, sample) in samples.enumerate() {
             let mut list = std::mem::take(&mut self.lists[n]);
             list.clear();
-            let mut out = Contributions {
-                list: &mut list,
-                elements: &mut elements,
-            };
+            let mut out = Contributions::new(&mut list, &mut elements, plan.setup.labelled);
             rays += self.sample(scene, plan, [x, y], sample, &mut out);
             self.lists[n] = list;
         }
@@ -293,13 +294,15 @@ impl Walks {
             point: usize::MAX,
             escapes: all && (scene.environment.is_some() || !scene.lights.is_dark()),
             first: if all { First::Anything } else { First::NotLambert },
+            labelled: plan.setup.labelled,
         };
         self.camera
             .run(scene, &plan.setup.guide, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
         let mut rays = self.camera.rays;
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
-            environment::seen(scene, &left.chain, left.beam, left.interactions, left.chosen, out);
+            let did = (left.interactions, left.label);
+            environment::seen(scene, &left.chain, left.beam, did, left.chosen, out);
         }
         if scene.settings.strategy.is_none() && all {
             for glow in &self.camera.glows {
@@ -311,6 +314,7 @@ impl Walks {
                     surface: &glow.surface,
                     optical_m: glow.optical_m,
                     interactions: glow.interactions,
+                    label: glow.label,
                     chosen: glow.chosen,
                 };
                 environment::met(scene, glow.chain, glow.beam, &met, out);

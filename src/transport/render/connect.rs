@@ -218,31 +218,96 @@ fn connect(
     if known == Some(false) {
         return 0;
     }
+    if out.labelled {
+        return connect_by_kind(scene, state, at, to, known, out);
+    }
     let (surface, wo) = (at.surface, at.wo);
-    let id = surface.material;
     // Borrowed, not moved: it is large.
-    let scatter = scene.materials.eval_inline(id, surface, wo, to.wi);
+    let scatter = scene.materials.eval_inline(surface.material, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
         return 0;
     };
-    let mut rays = 0;
-    let mut blocked = None;
-    if known.is_none() {
-        let origin = scene.geometry.leave(surface, to.wi);
-        let v = to.position - origin;
-        let length = v.length();
-        let ray = Ray {
-            origin,
-            dir: v * length.recip(),
-        };
-        rays = 1;
-        if scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
-            if !scene.sheets {
-                return rays;
-            }
-            blocked = Some(ray);
+    match look(scene, surface, to, known) {
+        (rays, Sight::Shut) => rays,
+        (rays, Sight::Free) => rays + bring(scene, state, at, to, (scatter, state.label, None), out),
+        (rays, Sight::Blocked(ray)) => {
+            rays + bring(scene, state, at, to, (scatter, state.label, Some(ray)), out)
         }
     }
+}
+
+/// [`connect`] with a contribution for each kind of lobe.
+#[inline(never)]
+fn connect_by_kind(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    to: &Connection,
+    known: Option<bool>,
+    out: &mut Contributions,
+) -> u32 {
+    let surface = at.surface;
+    let lobes = scene.materials.lobes(surface.material, surface, at.wo, to.wi);
+    if lobes.is_empty() {
+        return 0;
+    }
+    let (mut rays, blocked) = match look(scene, surface, to, known) {
+        (rays, Sight::Shut) => return rays,
+        (rays, Sight::Free) => (rays, None),
+        (rays, Sight::Blocked(ray)) => (rays, Some(ray)),
+    };
+    for (kind, scatter) in &lobes {
+        rays += bring(scene, state, at, to, (scatter, state.label | kind, blocked), out);
+    }
+    rays
+}
+
+/// What is between a surface and an emitter.
+enum Sight {
+    Free,
+    /// Something is, on this ray, but sheets let light through.
+    Blocked(Ray),
+    Shut,
+}
+
+/// Looks from a surface to an emitter, with a ray unless it is `known` to be free; the rays traced.
+#[inline(always)]
+fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Sight) {
+    if known.is_some() {
+        return (0, Sight::Free);
+    }
+    let origin = scene.geometry.leave(surface, to.wi);
+    let v = to.position - origin;
+    let length = v.length();
+    let ray = Ray {
+        origin,
+        dir: v * length.recip(),
+    };
+    if !scene.geometry.occluded(&ray, length * (1.0 - END_GAP)) {
+        return (1, Sight::Free);
+    }
+    (
+        1,
+        if scene.sheets {
+            Sight::Blocked(ray)
+        } else {
+            Sight::Shut
+        },
+    )
+}
+
+/// Appends what an emitter brings by an interaction, whose label and whose blocked ray stand beside it; the rays traced.
+#[inline(always)]
+fn bring(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    to: &Connection,
+    (scatter, label, blocked): (&Scatter, u8, Option<Ray>),
+    out: &mut Contributions,
+) -> u32 {
+    let (surface, wo) = (at.surface, at.wo);
+    let id = surface.material;
     let through = surface.ng.dot(wo) * surface.ng.dot(to.wi) < 0.0;
     let beyond = through.then(|| scene.materials.beyond(id, surface, wo, state.lanes));
     let filling = beyond.flatten().unwrap_or(state.filling);
@@ -256,8 +321,9 @@ fn connect(
             shadow,
             filling,
             bounces: at.bounces,
+            label,
         };
-        return rays + sheets::connect(scene, state, &blocked, out);
+        return sheets::connect(scene, state, &blocked, out);
     }
     let extent = if to.polarized.filter.is_some() {
         through_filter(scene, state, scatter, filling, wo, to, out)
@@ -274,8 +340,8 @@ fn connect(
     };
     let length = state.from.distance(to.position.as_dvec3());
     let time_ps = picoseconds(state.optical_m + f64::from(filling.index) * length + to.start_m);
-    out.push(extent, time_ps, to.pixel, at.bounces);
-    rays
+    out.push(extent, time_ps, to.pixel, at.bounces, label);
+    0
 }
 
 /// Ends a path whose last ray runs through a crystal, which turns polarization on the way, or through the emitter's filter.

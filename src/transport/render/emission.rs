@@ -88,7 +88,7 @@ pub(super) struct Emitted {
 }
 
 /// The filled objects around a point: those whose boundaries a ray to infinity leaves more often than it enters them.
-fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
+pub(super) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut nest = Nest::default();
     if !scene.filled {
         return nest;

@@ -45,8 +45,9 @@ pub(super) struct Met<'a> {
     pub surface: &'a Surface,
     /// Optical length of the path, metres.
     pub optical_m: f64,
-    /// Interactions before.
+    /// Interactions before, and what they did.
     pub interactions: u32,
+    pub label: u8,
     pub chosen: Chosen,
 }
 
@@ -63,17 +64,18 @@ pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &
     chain.scale(radiance * Spectral::splat(met.chosen.share(other)));
     light.polarized.end(&mut chain, beam.travel, beam.frame);
     let extent = chain.finish(out.elements);
-    out.push(extent, picoseconds(met.optical_m), NO_PIXEL, met.interactions);
+    let time_ps = picoseconds(met.optical_m);
+    out.push(extent, time_ps, NO_PIXEL, met.interactions, met.label);
 }
 
-/// Appends what the environment sends into a path that left the scene after `bounces` interactions: `beam` is the light that
-/// the path's product takes in.
+/// Appends what the environment sends into a path that left the scene after `bounces` interactions, which did what `label` says:
+/// `beam` is the light that the path's product takes in.
 #[inline]
 pub(super) fn seen(
     scene: &Scene,
     chain: &Chain,
     beam: Beam,
-    bounces: u32,
+    (bounces, label): (u32, u8),
     chosen: Chosen,
     out: &mut Contributions,
 ) {
@@ -84,7 +86,7 @@ pub(super) fn seen(
         chain.scale(sky.radiance(dir) * Spectral::splat(share));
         sky.polarized.end(&mut chain, beam.travel, beam.frame);
         let extent = chain.finish(out.elements);
-        out.push(extent, f64::INFINITY, NO_PIXEL, bounces);
+        out.push(extent, f64::INFINITY, NO_PIXEL, bounces, label);
     }
     let Some(environment) = &scene.environment else {
         return;
@@ -94,5 +96,5 @@ pub(super) fn seen(
     chain.rotate_in(c2, s2);
     chain.scale(environment.radiance);
     let extent = chain.finish(out.elements);
-    out.push(extent, f64::INFINITY, NO_PIXEL, bounces);
+    out.push(extent, f64::INFINITY, NO_PIXEL, bounces, label);
 }

@@ -14,6 +14,7 @@ use crate::geometry::rounding::END_GAP;
 use crate::material::NO_CRYSTAL;
 use crate::scene::Scene;
 use crate::strategy::Strategies;
+use arrayvec::ArrayVec;
 use base::units::picoseconds;
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -38,6 +39,8 @@ pub(super) struct Setup {
     /// Where walks turn to in media.
     pub guide: Guide,
     pub roulette: Roulette,
+    /// Some slice parts light by what its path did.
+    pub labelled: bool,
 }
 
 /// Where a walk begins with interfaces: the first point behind them that lines can end at, by its number, and the density,
@@ -93,6 +96,8 @@ pub(super) struct Record {
     /// Projector pixel.
     pub pixel: u32,
     pub interactions: u32,
+    /// What it did ([`tensor::label`]).
+    pub label: u8,
 }
 
 /// Joins a product that was grown from the camera, and takes in `beam`, to that of the light's walk at the point `y`, and
@@ -103,7 +108,13 @@ pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out
     chain.rotate_in(c2, s2);
     chain.times_transposed(&y.chain);
     let extent = chain.finish(out.elements);
-    out.push(extent, record.time_ps, record.pixel, record.interactions);
+    out.push(
+        extent,
+        record.time_ps,
+        record.pixel,
+        record.interactions,
+        record.label,
+    );
 }
 
 /// A line that light has been let along.
@@ -174,6 +185,70 @@ impl<'a> Joiner<'a> {
         factor: Option<f32>,
         out: &mut Contributions,
     ) {
+        if !out.labelled {
+            self.join_lobes(camera, light, sender, (factor, [None; 2]), out);
+            return;
+        }
+        let (scene, ([.., z], [.., y])) = (self.scene, (camera, light)) else {
+            return;
+        };
+        let to = y.surface.p - z.surface.p;
+        let Some(way) = to.try_normalize() else {
+            return;
+        };
+        // Roulette is one for all.
+        let Some(factor) = factor.or_else(|| {
+            let mut chain = z.chain;
+            if z.site != Site::Pinhole {
+                let _ = chain.push(&z.scatter(scene, z.back, way)?, z.back, z.frame);
+            }
+            let lets = match y.site {
+                Site::Pinhole => 1.0,
+                _ => max_lane(y.scatter_flux(scene, -way, y.back)?.m00()),
+            };
+            let expected = chain.max_m00() * y.chain.max_m00() * lets / to.length_squared();
+            self.spin_line([z, y], expected)
+        }) else {
+            return;
+        };
+        // Every kind of lobe of the one point by every one of the other.
+        let kinds = |p: &Point, wo, wi| -> ArrayVec<Option<u8>, 4> {
+            if p.site == Site::Pinhole {
+                return std::iter::once(None).collect();
+            }
+            let lobes = p.lobes(scene, wo, wi);
+            lobes.into_iter().map(|(kind, _)| Some(kind)).collect()
+        };
+        let of_light = kinds(y, -way, y.back);
+        for of_z in kinds(z, z.back, way) {
+            for of_y in &of_light {
+                self.join_lobes(camera, light, sender, (Some(factor), [of_z, *of_y]), out);
+            }
+        }
+    }
+
+    /// Roulette on a line between two points, which is expected to bring so much: how many times it counts.
+    #[inline(always)]
+    fn spin_line(&mut self, ends: [&Point; 2], expected: f32) -> Option<f32> {
+        // Two walks are not connected in every sample.
+        let often = if ends.iter().all(|p| p.site != Site::Pinhole) {
+            self.setup.connections
+        } else {
+            1.0
+        };
+        let factor = self.setup.roulette.spin(expected / often, self.stream)?;
+        Some(factor / often)
+    }
+
+    /// [`Self::join`] by the kinds of lobes of both points that are named; by all lobes where none is.
+    fn join_lobes(
+        &mut self,
+        camera: &[Point],
+        light: &[Point],
+        sender: Sender,
+        (factor, kinds): (Option<f32>, [Option<u8>; 2]),
+        out: &mut Contributions,
+    ) {
         let scene = self.scene;
         let ([.., z], [.., y]) = (camera, light) else {
             return;
@@ -193,7 +268,7 @@ impl<'a> Joiner<'a> {
         };
         let (mut chain, mut frame) = (z.chain, z.frame);
         if z.site != Site::Pinhole {
-            let Some(scatter) = z.scatter(scene, z.back, dir) else {
+            let Some(scatter) = z.scatter_by(scene, kinds[0], z.back, dir) else {
                 return;
             };
             frame = chain
@@ -202,22 +277,14 @@ impl<'a> Joiner<'a> {
         }
         let mut last = None;
         if y.site != Site::Pinhole {
-            last = y.scatter_flux(scene, -dir, y.back);
+            last = y.scatter_flux_by(scene, kinds[1], -dir, y.back);
             if last.is_none() {
                 return;
             }
         }
         let Some(factor) = factor.or_else(|| {
             let lets = last.as_ref().map_or(1.0, |scatter| max_lane(scatter.m00()));
-            let expected = chain.max_m00() * y.chain.max_m00() * lets / distance2;
-            // Two walks are not connected in every sample.
-            let often = if inner(z) + inner(y) == 2 {
-                self.setup.connections
-            } else {
-                1.0
-            };
-            let factor = self.setup.roulette.spin(expected / often, self.stream)?;
-            Some(factor / often)
+            self.spin_line([z, y], chain.max_m00() * y.chain.max_m00() * lets / distance2)
         }) else {
             return;
         };
@@ -252,6 +319,9 @@ impl<'a> Joiner<'a> {
             time_ps: picoseconds(z.optical_m + way.optical_m + y.optical_m),
             pixel: sender.pixel,
             interactions: interactions + way.sheets,
+            label: kinds
+                .iter()
+                .fold(z.label | y.label, |all, kind| all | kind.unwrap_or(0)),
         };
         meet(chain, Beam { travel, frame }, y, &record, out);
     }

@@ -299,6 +299,32 @@ impl Joiner<'_> {
         takers: Takers,
         out: &mut Contributions,
     ) {
+        let scene = self.scene;
+        let Some(z) = camera.last() else {
+            return;
+        };
+        if !out.labelled {
+            if let Some(scatter) = z.scatter(scene, z.back, way.dir) {
+                self.join_way_by(camera, source, way, takers, (&scatter, 0), out);
+            }
+            return;
+        }
+        for (kind, scatter) in z.lobes(scene, z.back, way.dir) {
+            let label = z.label | kind | way.label();
+            self.join_way_by(camera, source, way, takers, (&scatter, label), out);
+        }
+    }
+
+    /// [`Self::join_way`] by an interaction at the last point, with what the path did in the end.
+    fn join_way_by(
+        &mut self,
+        camera: &[Point],
+        source: usize,
+        way: &Way,
+        takers: Takers,
+        (scatter, label): (&Scatter, u8),
+        out: &mut Contributions,
+    ) {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let Some(z) = camera.last() else {
             return;
@@ -310,12 +336,9 @@ impl Joiner<'_> {
         let Some(pixel) = emission.pixel(scene, self.ends[0], source, way.first) else {
             return;
         };
-        let Some(scatter) = z.scatter(scene, z.back, way.dir) else {
-            return;
-        };
         let mut chain = z.chain;
         let mut frame = chain
-            .push(&scatter, z.back, z.frame)
+            .push(scatter, z.back, z.frame)
             .unwrap_or_else(|| perpendicular(way.dir));
         let to = emission.position(scene, self.ends[0], source);
         let allowed = Allowed {
@@ -346,6 +369,7 @@ impl Joiner<'_> {
             time_ps: picoseconds(z.optical_m + passed.optical_m),
             pixel,
             interactions: interactions + passed.sheets,
+            label,
         };
         let beam = Beam {
             travel: way.emitted,

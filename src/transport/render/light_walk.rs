@@ -39,6 +39,7 @@ pub(super) fn light_walk(
         interactions: most(scene),
         point,
         escapes: false,
+        labelled: setup.labelled,
         first: if setup.redirected {
             First::Redirects
         } else {

@@ -31,6 +31,7 @@ use optics::polarization::chain::Chain;
 use optics::polarization::frame::{basis, perpendicular};
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::max_lane;
+use tensor::label::SPECULAR;
 
 /// Steps of Newton's method.
 const STEPS: usize = 24;
@@ -373,6 +374,12 @@ impl Way {
     #[inline]
     pub fn reflects(&self) -> bool {
         self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
+    }
+
+    /// What it sets in a path's label ([`tensor::label`]).
+    #[inline]
+    pub fn label(&self) -> u8 {
+        if self.reflects() { SPECULAR } else { 0 }
     }
 
     /// True if wavelengths take different ways.

@@ -6,6 +6,8 @@
 //! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
 //! projector).
 
+mod start;
+
 use super::connect::{Lit, LitAt, Vertex, connect_all, connect_lights};
 use super::environment::{self, Chosen, Met};
 use super::roulette::{Odds, survives};
@@ -16,16 +18,25 @@ use crate::accumulate::{Contribution, Contributions};
 use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::met;
-use crate::material::{Filling, facing};
+use crate::material::facing;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
-use optics::polarization::chain::Chain;
 use optics::polarization::frame::{perpendicular, perpendiculars};
 use optics::sampling::stream::{Group, Stream};
 use optics::sampling::warp;
 use optics::spectrum::Spectral;
 use std::ops::Range;
+use tensor::label;
+
+/// What slices want beside plain paths.
+#[derive(Clone, Copy)]
+pub(super) struct Wants<'a> {
+    /// Paths of their own.
+    pub aims: &'a [Aim<'a>],
+    /// To know what paths did.
+    pub labels: bool,
+}
 
 /// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
 /// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
@@ -69,7 +80,7 @@ struct Rows {
 
 impl Paths {
     /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
-    /// random point of the pixel, stratified over its `group`, and leaves what they bring in `lists` and `elements`, `aims` included.
+    /// random point of the pixel, stratified over its `group`, and leaves what they bring in `lists` and `elements`, with all that slices want.
     ///
     /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the rays traced.
     #[inline]
@@ -80,67 +91,67 @@ impl Paths {
         [x, y]: [u32; 2],
         samples: Range<u32>,
         group: Group,
-        aims: &[Aim],
+        wants: Wants,
     ) -> u32 {
-        if aims.is_empty() {
-            self.trace_for::<false>(scene, views, [x, y], samples, group, aims)
+        if wants.aims.is_empty() && !wants.labels {
+            self.trace_for::<false>(scene, views, [x, y], samples, group, wants)
         } else {
-            self.trace_for::<true>(scene, views, [x, y], samples, group, aims)
+            self.trace_for::<true>(scene, views, [x, y], samples, group, wants)
         }
     }
 
     #[inline]
-    fn trace_for<const AIMED: bool>(
+    fn trace_for<const MORE: bool>(
         &mut self,
         scene: &Scene,
         views: &Views,
         pixel: [u32; 2],
         samples: Range<u32>,
         group: Group,
-        aims: &[Aim],
+        wants: Wants,
     ) -> u32 {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if scene.geometry.avx2() {
             // SAFETY: the processor was asked when the geometry was built.
-            return unsafe { self.trace_avx2::<AIMED>(scene, views, pixel, samples, group, aims) };
+            return unsafe { self.trace_avx2::<MORE>(scene, views, pixel, samples, group, wants) };
         }
-        self.trace_any::<AIMED>(scene, views, pixel, samples, group, aims)
+        self.trace_any::<MORE>(scene, views, pixel, samples, group, wants)
     }
 
     /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
-    fn trace_avx2<const AIMED: bool>(
+    fn trace_avx2<const MORE: bool>(
         &mut self,
         scene: &Scene,
         views: &Views,
         pixel: [u32; 2],
         samples: Range<u32>,
         group: Group,
-        aims: &[Aim],
+        wants: Wants,
     ) -> u32 {
-        self.trace_any::<AIMED>(scene, views, pixel, samples, group, aims)
+        self.trace_any::<MORE>(scene, views, pixel, samples, group, wants)
     }
 
     #[inline(always)]
-    fn trace_any<const AIMED: bool>(
+    fn trace_any<const MORE: bool>(
         &mut self,
         scene: &Scene,
         views: &Views,
         [x, y]: [u32; 2],
         samples: Range<u32>,
         group: Group,
-        aims: &[Aim],
+        wants: Wants,
     ) -> u32 {
-        let count = samples.len().min(BATCH);
+        let (count, labelled) = (samples.len().min(BATCH), MORE && wants.labels);
         let pixel = y * scene.camera.resolution[0] + x;
         self.lists.resize_with(count, Vec::new);
         self.lists.iter_mut().for_each(Vec::clear);
         self.elements.clear();
         let cells = self.start(scene, views, [x, y], samples.clone(), group);
         let mut rays = 0;
-        if AIMED {
-            rays += selected::draw_all(scene, aims, pixel, samples, &mut self.points);
+        if MORE && !wants.aims.is_empty() {
+            rays += selected::draw_all(scene, wants.aims, pixel, samples, &mut self.points);
         }
         let mut alive: ArrayVec<u8, BATCH> = (0..count as u8).collect();
         let mut rows = Rows {
@@ -174,23 +185,20 @@ impl Paths {
                 let i = alive[n];
                 let path = &mut self.paths[i as usize];
                 if glows && path.hit.is_some() {
-                    let mut out = Contributions {
-                        list: &mut self.lists[i as usize],
-                        elements: &mut self.elements,
-                    };
+                    let mut out =
+                        Contributions::new(&mut self.lists[i as usize], &mut self.elements, labelled);
                     path.glow(scene, bounces, &mut out);
                 }
                 if path.hit.is_none() {
-                    let mut out = Contributions {
-                        list: &mut self.lists[i as usize],
-                        elements: &mut self.elements,
-                    };
+                    let mut out =
+                        Contributions::new(&mut self.lists[i as usize], &mut self.elements, labelled);
                     let state = &path.state;
                     let beam = Beam {
                         travel: -state.ray.dir,
                         frame: state.frame,
                     };
-                    environment::seen(scene, &state.chain, beam, bounces, path.chosen, &mut out);
+                    let did = (bounces, state.label);
+                    environment::seen(scene, &state.chain, beam, did, path.chosen, &mut out);
                 } else if bounces < last {
                     path.stream.vertex(bounces);
                     path.arrive(scene, goes_on, kept, &mut rows);
@@ -221,14 +229,14 @@ impl Paths {
             for n in 0..alive.len() {
                 let i = alive[n];
                 let path = &mut self.paths[i as usize];
-                let mut out = Contributions {
-                    list: &mut self.lists[i as usize],
-                    elements: &mut self.elements,
-                };
+                let mut out = Contributions::new(&mut self.lists[i as usize], &mut self.elements, labelled);
                 let lit = lit.as_ref().map(|lit| LitAt { lit, place: n });
                 let before = out.list.len();
                 rays += path.connect(scene, views, bounces, lit, &mut out);
-                if AIMED && let Some(hit) = path.hit {
+                if MORE
+                    && !wants.aims.is_empty()
+                    && let Some(hit) = path.hit
+                {
                     let z = Vertex {
                         hit,
                         surface: &path.surface,
@@ -247,7 +255,11 @@ impl Paths {
                     rays += path.connect_lights(scene, bounces, &mut out);
                 }
                 if goes_on
-                    && path.scatter::<AIMED>(scene, bounces, [&diffuse, &frames].map(|v| many::get(v, n)))
+                    && path.scatter::<MORE>(
+                        scene,
+                        (bounces, labelled),
+                        [&diffuse, &frames].map(|v| many::get(v, n)),
+                    )
                 {
                     alive[kept] = i;
                     kept += 1;
@@ -259,52 +271,6 @@ impl Paths {
             }
         }
         rays
-    }
-
-    /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
-    #[inline(always)]
-    fn start(
-        &mut self,
-        scene: &Scene,
-        views: &Views,
-        [x, y]: [u32; 2],
-        samples: Range<u32>,
-        group: Group,
-    ) -> [u32; BATCH] {
-        let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
-        let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
-        let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
-        for (n, sample) in samples.take(BATCH).enumerate() {
-            let mut stream = Stream::stratified(scene.settings.seed, pixel, sample, group);
-            let [jx, jy] = stream.uniform2();
-            at[0][n] += f64::from(jx);
-            at[1][n] += f64::from(jy);
-            streams.push(stream);
-        }
-        let dirs = camera.directions(&at);
-        let (ones, lanes) = (scene.wavelengths.ones(), scene.lanes());
-        // Written in place, since paths are large.
-        self.paths.resize_with(BATCH, Path::default);
-        for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
-            let (state, dir) = (&mut path.state, many::get(&dirs, n));
-            state.ray = Ray {
-                origin: camera.origin,
-                dir,
-            };
-            state.from = camera.origin.as_dvec3();
-            state.chain = Chain::start(ones);
-            state.frame = camera.frame(dir);
-            state.optical_m = 0.0;
-            state.filling = Filling::VACUUM;
-            state.lanes = lanes;
-            path.stream = stream;
-            path.chosen = Chosen::alone(camera.origin);
-            path.density = 0.0;
-        }
-        match &views.camera {
-            Some(view) => view.cells_toward(&dirs),
-            None => [0; BATCH],
-        }
     }
 }
 
@@ -396,6 +362,7 @@ impl Path {
             surface: &surface,
             optical_m: state.optical_m + f64::from(state.filling.index) * length,
             interactions: bounces,
+            label: state.label,
             chosen: self.chosen,
         };
         environment::met(scene, chain, Beam { travel, frame }, &met, out);
@@ -443,10 +410,10 @@ impl Path {
     /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. Where it goes
     /// on from a Lambert surface, it is along `diffuse`, in frame `frame`.
     #[inline(always)]
-    fn scatter<const AIMED: bool>(
+    fn scatter<const MORE: bool>(
         &mut self,
         scene: &Scene,
-        bounces: u32,
+        (bounces, labelled): (u32, bool),
         [diffuse, frame]: [Vec3A; 2],
     ) -> bool {
         let (state, surface, stream) = (&mut self.state, &self.surface, &mut self.stream);
@@ -460,13 +427,19 @@ impl Path {
                 .chain
                 .depolarize(lambert.albedo.at(&materials.textures, surface.uv));
             state.frame = frame;
+            if MORE {
+                state.label |= label::DIFFUSE;
+            }
             diffuse
         } else {
             // Borrowed, not moved: it is large.
-            let sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
-            let Some(sampled) = &sampled else {
+            let mut sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
+            let Some(sampled) = &mut sampled else {
                 return false;
             };
+            if MORE && labelled {
+                state.label |= materials.part(id, surface, wo, sampled, stream);
+            }
             let frame = state.chain.push(&sampled.scatter, wo, state.frame);
             state.frame = frame.unwrap_or_else(|| perpendicular(sampled.wi));
             state.filling = sampled.filling.unwrap_or(state.filling);
@@ -488,7 +461,7 @@ impl Path {
         if !scene.lights.is_dark() {
             self.choose(scene, wo, wi, delta);
         }
-        if AIMED {
+        if MORE {
             self.density = if delta {
                 0.0
             } else {

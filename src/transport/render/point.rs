@@ -12,13 +12,14 @@ use super::bridge::Start;
 use super::guide::{At, Guide};
 use super::state::From;
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Filling, Lanes};
+use crate::material::{Filling, Lanes, Lobes};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
+use tensor::label;
 
 /// A walk's end: a point without extent, and what leaves it.
 #[derive(Clone, Copy)]
@@ -42,6 +43,11 @@ pub(super) enum Site {
     Volume(u32),
 }
 
+/// The lobes of one kind.
+fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
+    lobes.into_iter().find(|(k, _)| *k == kind).map(|(_, s)| s)
+}
+
 /// A point of a walk.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
@@ -61,8 +67,9 @@ pub(super) struct Point {
     pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
-    /// Interactions before this one.
+    /// Interactions before this one, and what they did ([`tensor::label`]).
     pub interactions: u32,
+    pub label: u8,
     /// True if the walk went on by a delta lobe.
     pub delta: bool,
     /// Density with which the walk came here, and with which one the other way would have come from the next point.
@@ -92,6 +99,7 @@ impl Point {
             nest: end.nest,
             lanes: scene.lanes(),
             interactions: 0,
+            label: 0,
             delta: false,
             forward: end.density,
             reverse: 0.0,
@@ -111,6 +119,17 @@ impl Point {
         }
     }
 
+    /// [`Self::scatter`] by kinds, with what they set in a label.
+    pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
+        match self.site {
+            Site::Surface => scene
+                .materials
+                .lobes(self.surface.material, &self.surface, wo, wi),
+            Site::Volume(id) => vec![(label::MEDIUM, scene.media.eval(id, wo, wi))],
+            Site::Pinhole => vec![],
+        }
+    }
+
     /// The intensity that leaves along `wo` per flux that arrives from `wi`.
     #[inline]
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -121,6 +140,38 @@ impl Point {
         // Shading normals may light a point from where its true surface is grazed.
         let cos = self.cosine(wi);
         (cos > 0.0).then(|| scatter.scaled(Spectral::splat(self.cosine(wo) / cos)))
+    }
+
+    /// [`Self::scatter`] by lobes of one kind, if one is named.
+    #[inline]
+    pub fn scatter_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match kind {
+            None => self.scatter(scene, wo, wi),
+            Some(kind) => of_kind(self.lobes(scene, wo, wi), kind),
+        }
+    }
+
+    /// [`Self::scatter_flux`] likewise.
+    #[inline]
+    pub fn scatter_flux_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
+        match kind {
+            None => self.scatter_flux(scene, wo, wi),
+            Some(kind) => of_kind(self.lobes_flux(scene, wo, wi), kind),
+        }
+    }
+
+    /// [`Self::scatter_flux`] by kinds, as [`Self::lobes`].
+    pub fn lobes_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
+        let mut lobes = self.lobes(scene, wo, wi);
+        let cos = self.cosine(wi);
+        if cos <= 0.0 {
+            lobes.clear();
+        }
+        if self.site == Site::Surface {
+            let factor = Spectral::splat(self.cosine(wo) / cos);
+            lobes.iter_mut().for_each(|(_, s)| *s = s.scaled(factor));
+        }
+        lobes
     }
 
     /// The medium that light which is scattered here comes through, if the point is one where walks may turn.

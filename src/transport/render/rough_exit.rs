@@ -25,6 +25,7 @@ use crate::geometry::ray::{Ray, Surface};
 use crate::scene::Scene;
 use glam::Vec3A;
 use optics::spectrum::Spectral;
+use tensor::label;
 
 /// Optical depth up to which a surface is looked for. Beyond, walks find what little is left.
 const REACH: f32 = 5.0;
@@ -170,6 +171,7 @@ impl Joiner<'_> {
                 optical_m: z.optical_m,
                 filling: z.filling,
                 lanes: z.lanes,
+                label: z.label | label::MEDIUM,
             },
             end: From::Camera,
             depth: Spectral::ZERO,

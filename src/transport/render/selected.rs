@@ -196,9 +196,15 @@ impl LitPoint {
         if !(share > 0.0 && share.is_finite()) {
             return 0;
         }
-        let Some(scatter) = scene.materials.eval(id, z.surface, z.wo, dir) else {
+        let (mut whole, mut lobes) = (None, vec![]);
+        if out.labelled {
+            lobes = scene.materials.lobes(id, z.surface, z.wo, dir);
+        } else {
+            whole = scene.materials.eval(id, z.surface, z.wo, dir);
+        }
+        if whole.is_none() && lobes.is_empty() {
             return 0;
-        };
+        }
         let far = line.length();
         let ray = Ray {
             origin,
@@ -209,19 +215,7 @@ impl LitPoint {
         }
         let through = z.surface.ng.dot(z.wo) * z.surface.ng.dot(dir) < 0.0;
         let beyond = through.then(|| scene.materials.beyond(id, z.surface, z.wo, state.lanes));
-        let mut on = State {
-            ray: Ray { origin, dir },
-            filling: beyond.flatten().unwrap_or(state.filling),
-            ..*state
-        };
-        let frame = on.chain.push(&scatter, z.wo, on.frame);
-        on.frame = frame.unwrap_or_else(|| perpendicular(dir));
-        on.chain.scale(Spectral::splat(share));
-        if let Some(crossed) = on.crossed(scene, y) {
-            on.frame = on.chain.push(&crossed, -dir, on.frame).unwrap_or(on.frame);
-        }
-        on.optical_m += f64::from(on.filling.index) * on.from.distance(self.at);
-        on.from = self.at;
+        let filling = beyond.flatten().unwrap_or(state.filling);
         let at = Vertex {
             hit: self.hit,
             surface: y,
@@ -241,7 +235,24 @@ impl LitPoint {
             start_m: 0.0,
         };
         let before = out.list.len();
-        connect_known(scene, &on, &at, &to, out);
+        let whole = whole.iter().map(|scatter| (0, scatter));
+        for (kind, scatter) in whole.chain(lobes.iter().map(|(kind, s)| (*kind, s))) {
+            let mut on = State {
+                ray: Ray { origin, dir },
+                filling,
+                label: state.label | kind,
+                ..*state
+            };
+            let frame = on.chain.push(scatter, z.wo, on.frame);
+            on.frame = frame.unwrap_or_else(|| perpendicular(dir));
+            on.chain.scale(Spectral::splat(share));
+            if let Some(crossed) = on.crossed(scene, y) {
+                on.frame = on.chain.push(&crossed, -dir, on.frame).unwrap_or(on.frame);
+            }
+            on.optical_m += f64::from(on.filling.index) * on.from.distance(self.at);
+            on.from = self.at;
+            connect_known(scene, &on, &at, &to, out);
+        }
         let chance = scene.materials.pdf(id, z.surface, z.wo, dir);
         for made in &mut out.list[before..] {
             made.slice = self.slice;

@@ -43,8 +43,9 @@ pub(super) struct Blocked<'a> {
     /// The ray from there, and what it runs through.
     pub shadow: Ray,
     pub filling: Filling,
-    /// Interactions without the sheets.
+    /// Interactions without the sheets, and what they did.
     pub bounces: u32,
+    pub label: u8,
 }
 
 /// Makes a connection that something stands in the way of: follows its ray through one sheet after the other, and appends
@@ -57,7 +58,9 @@ pub(super) fn connect(
     connection: &Blocked<'_>,
     out: &mut Contributions,
 ) -> u32 {
-    let Blocked { to, bounces, .. } = *connection;
+    let Blocked {
+        to, bounces, label, ..
+    } = *connection;
     let mut chain = state.chain;
     // Behind an interaction that depolarizes any frame is right.
     let mut frame = chain
@@ -91,7 +94,7 @@ pub(super) fn connect(
         to.polarized.end(&mut chain, -to.wi, frame);
         let extent = chain.finish(out.elements);
         let time_ps = picoseconds(state.optical_m + line.optical_m + to.start_m);
-        out.push(extent, time_ps, to.pixel, bounces + line.sheets);
+        out.push(extent, time_ps, to.pixel, bounces + line.sheets, label);
     }
     rays
 }

@@ -40,6 +40,8 @@ pub(super) struct State {
     /// What the ray runs through.
     pub filling: Filling,
     pub lanes: Lanes,
+    /// What the path did before the ray, as [`tensor::label`] says; kept up by plain paths only where it is asked for.
+    pub label: u8,
 }
 
 /// A direction in which light travels, and the frame of its Stokes vectors.
@@ -63,6 +65,7 @@ impl Default for State {
             optical_m: 0.0,
             filling: Filling::VACUUM,
             lanes: Lanes::first(0),
+            label: 0,
         }
     }
 }

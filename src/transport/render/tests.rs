@@ -83,6 +83,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
         wavelengths: Wavelengths::default(),
         geometry: if plain { geometry.plain() } else { geometry },
         boundaries: vec![Boundary::NONE; materials.list.len()],
+        names: crate::names::Names::default(),
         materials,
         media: Media::default(),
         camera: device(0.0),
@@ -110,6 +111,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
             polarization: Polarization::Mueller,
             bounces: true,
             split_first_bounce: false,
+            labels: false,
         }],
         settings: Settings {
             spp: 9,

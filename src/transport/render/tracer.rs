@@ -2,8 +2,7 @@
 //! the other.
 
 use super::bidirectional::{Parts, Plan, Walks, samples};
-use super::path::Paths;
-use super::selected::Aim;
+use super::path::{Paths, Wants};
 use super::spill::NO_PART;
 use super::tiles;
 use super::views::Views;
@@ -105,14 +104,14 @@ impl TileParts {
 }
 
 impl Prepared {
-    /// For an image in parts; `None` once `stop` says so.
-    pub fn new(scene: &Scene, parts: &TileParts, stop: &impl Fn() -> bool) -> Option<Self> {
+    /// For an image in parts, whose slices want to know what paths did if `labelled`; `None` once `stop` says so.
+    pub fn new(scene: &Scene, parts: &TileParts, labelled: bool, stop: &impl Fn() -> bool) -> Option<Self> {
         let all_by_walks = needs_walks(scene);
         let walks = all_by_walks || scene.settings.integrator == Integrator::Caustics;
         Some(Self {
             paths: (!all_by_walks).then(|| Views::new(scene)),
             walks: if walks {
-                Some(Plan::new(scene, &parts.parts(scene), stop)?)
+                Some(Plan::new(scene, &parts.parts(scene), labelled, stop)?)
             } else {
                 None
             },
@@ -145,7 +144,7 @@ impl Prepared {
 
 impl Tracer {
     /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements;
-    /// plain paths also aim at what slices ask for.
+    /// with what slices want beside.
     pub fn trace(
         &mut self,
         scene: &Scene,
@@ -153,11 +152,11 @@ impl Tracer {
         pass: Pass,
         pixel: [u32; 2],
         samples: Range<u32>,
-        aims: &[Aim],
+        wants: Wants,
     ) -> (u32, &mut [Vec<Contribution>], &[Spectral]) {
         match (pass.kind, &prepared.paths, &prepared.walks) {
             (PassKind::Paths, Some(views), _) => {
-                let rays = self.paths.trace(scene, views, pixel, samples, pass.group, aims);
+                let rays = self.paths.trace(scene, views, pixel, samples, pass.group, wants);
                 (rays, &mut self.paths.lists, &self.paths.elements)
             }
             (PassKind::Walks, _, Some(plan)) => {

@@ -72,9 +72,15 @@ impl Joiner<'_> {
         let Some(sheets) = most(scene).checked_sub(interactions) else {
             return;
         };
-        let Some(scatter) = y.scatter_flux(scene, way.dir, y.back) else {
+        let (mut whole, mut lobes) = (None, vec![]);
+        if out.labelled {
+            lobes = y.lobes_flux(scene, way.dir, y.back);
+        } else {
+            whole = y.scatter_flux(scene, way.dir, y.back);
+        }
+        if whole.is_none() && lobes.is_empty() {
             return;
-        };
+        }
         let across = perpendicular(way.dir);
         let (mut back, mut frame) = (Chain::start(Spectral::ONE), across);
         let allowed = Allowed {
@@ -101,18 +107,23 @@ impl Joiner<'_> {
         let (c2, s2) = turn(-way.emitted, frame, end.frame);
         chain.rotate_in(c2, s2);
         chain.times_transposed(&back.mirrored());
-        let frame = chain
-            .push(&scatter, way.dir, across)
-            .unwrap_or_else(|| perpendicular(y.back));
-        let record = Record {
-            time_ps: picoseconds(y.optical_m + passed.optical_m),
-            pixel: sender.pixel,
-            interactions: interactions + passed.sheets,
-        };
-        let beam = Beam {
-            travel: -y.back,
-            frame,
-        };
-        meet(chain, beam, y, &record, out);
+        let whole = whole.iter().map(|scatter| (0, scatter));
+        for (kind, scatter) in whole.chain(lobes.iter().map(|(kind, s)| (*kind, s))) {
+            let mut chain = chain;
+            let frame = chain
+                .push(scatter, way.dir, across)
+                .unwrap_or_else(|| perpendicular(y.back));
+            let record = Record {
+                time_ps: picoseconds(y.optical_m + passed.optical_m),
+                pixel: sender.pixel,
+                interactions: interactions + passed.sheets,
+                label: y.label | kind | way.label(),
+            };
+            let beam = Beam {
+                travel: -y.back,
+                frame,
+            };
+            meet(chain, beam, y, &record, out);
+        }
     }
 }

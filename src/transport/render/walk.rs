@@ -4,6 +4,7 @@
 use super::environment::Chosen;
 use super::flight::{Flight, Hero, Landing, mean_transmittance};
 use super::guide::{At, Guide};
+use super::parted::part;
 use super::point::{End, Point, Site};
 use super::polarized::quarter_turn;
 use super::roulette::{Odds, survives};
@@ -15,6 +16,7 @@ use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
+use tensor::label;
 
 /// Most likely survival of Russian roulette. Light that large particles scatter forward is found by few of all walks, after
 /// dozens of events; what roulette takes from the others they would have to make up for.
@@ -37,8 +39,9 @@ pub(super) struct Escape {
     pub chain: Chain,
     /// The light that its product takes in.
     pub beam: Beam,
-    /// Interactions before.
+    /// Interactions before, and what they did.
     pub interactions: u32,
+    pub label: u8,
     pub chosen: Chosen,
 }
 
@@ -50,8 +53,9 @@ pub(super) struct Glow {
     pub surface: Surface,
     /// Optical length so far, metres.
     pub optical_m: f64,
-    /// Interactions before.
+    /// Interactions before, and what they did.
     pub interactions: u32,
+    pub label: u8,
     pub chosen: Chosen,
 }
 
@@ -67,6 +71,7 @@ struct Progress {
     /// What may come from where the walk goes now, over what may come from elsewhere.
     hope: f32,
     interactions: u32,
+    labelled: bool,
 }
 
 /// How a walk goes on from a point.
@@ -146,6 +151,8 @@ pub(super) struct Limits {
     pub point: usize,
     /// It goes on after the last interaction to see whether it leaves the scene.
     pub escapes: bool,
+    /// Someone asks what it did.
+    pub labelled: bool,
     pub first: First,
 }
 
@@ -181,6 +188,7 @@ impl Walk {
             full: end.chain.max_m00(),
             hope: 1.0,
             interactions: 0,
+            labelled: limits.labelled,
         };
         self.points.push(Point::end(scene, end));
         while self.step(scene, guide, &mut progress, stream, limits) {
@@ -272,6 +280,7 @@ impl Walk {
                         frame: flight.state.frame,
                     },
                     interactions: *interactions,
+                    label: flight.state.label,
                     chosen: progress.chosen,
                 });
                 return None;
@@ -290,6 +299,7 @@ impl Walk {
                 surface,
                 optical_m: state.optical_m,
                 interactions: *interactions,
+                label: state.label,
                 chosen: progress.chosen,
             });
         }
@@ -335,9 +345,13 @@ impl Walk {
         if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
             return self.scatter_or_turn(scene, guide, at, point, progress, stream);
         }
-        let Some((next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
+        let Some((mut next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
             return Onward::Nowhere;
         };
+        if progress.labelled {
+            let drawn = (&mut next, density);
+            flight.state.label |= part(scene, flight.end, surface, back, drawn, stream);
+        }
         if lanes != flight.state.lanes {
             flight.hero = Hero::only(lanes);
         }
@@ -404,6 +418,7 @@ impl Walk {
             return Onward::Nowhere;
         };
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+        flight.state.label |= label::DIFFUSE;
         progress.density = scene.lanes().mean(densities);
         progress.hope = scene.lanes().mean(toward.hopes);
         progress.chosen = Chosen {
@@ -454,6 +469,7 @@ impl Walk {
         };
         // The same from both sides: particles are their own mirror images.
         flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+        flight.state.label |= label::MEDIUM;
         // For weights, which are to be functions of the path alone, as of unpolarized light.
         progress.density = scene.lanes().mean(toward.densities(own));
         progress.hope = scene.lanes().mean(toward.hopes);

@@ -1,0 +1,64 @@
+//! Ground truth as one `.npz`: an array a layer, the names of objects and materials, and the wavelengths.
+//!
+//! NumPy reads all of it without pickles: names are arrays of Unicode text (`numpy.load(f)["object_names"][3]`).
+
+use super::numpy::write;
+use base::whole_file;
+use std::io::{self, Write};
+use std::path::Path;
+use tensor::layers::{LayerSet, LayerValues};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// Writes texts as `.npy`'s bytes: version 1.0 of the format, little-endian UCS-4 of one width (numpy.lib.format).
+fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
+    let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
+    let mut header = format!(
+        "{{'descr': '<U{width}', 'fortran_order': False, 'shape': ({},), }}",
+        texts.len()
+    );
+    // The numbers begin at a multiple of 64 bytes; ten come before the header.
+    while (10 + header.len() + 1) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    out.write_all(b"\x93NUMPY\x01\x00")?;
+    out.write_all(&(header.len() as u16).to_le_bytes())?;
+    out.write_all(header.as_bytes())?;
+    for text in texts {
+        let mut letters = text.chars().map(u32::from).chain(std::iter::repeat(0));
+        for _ in 0..width {
+            out.write_all(&letters.next().unwrap_or(0).to_le_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes layers; the file appears whole or not at all.
+///
+/// # Errors
+/// If the file system refuses.
+pub fn write_npz(path: &Path, set: &LayerSet) -> io::Result<()> {
+    whole_file::write_with(path, |file| {
+        let mut zip = ZipWriter::new(file);
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .large_file(true);
+        for layer in &set.layers {
+            let shape: Vec<usize> = set.shape(layer).iter().map(|n| *n as usize).collect();
+            zip.start_file(format!("{}.npy", layer.name), options)?;
+            match &layer.values {
+                LayerValues::Real(values) => write(&mut zip, &shape, values.iter().copied())?,
+                LayerValues::Number(values) => write(&mut zip, &shape, values.iter().copied())?,
+            }
+            if let Some(labels) = &layer.labels {
+                zip.start_file(format!("{}_names.npy", layer.name), options)?;
+                write_texts(&mut zip, labels)?;
+            }
+        }
+        zip.start_file("wavelengths_nm.npy", options)?;
+        let nm = &set.wavelengths_nm;
+        write(&mut zip, &[nm.len()], nm.iter().copied())?;
+        zip.finish()?.flush()
+    })
+}

@@ -1,0 +1,203 @@
+//! Ground truth on disk: layers of an image as a Zarr v3 group that `xarray.open_zarr(path)` opens as it is.
+//!
+//! One array a layer over `y`, `x` and, where a pixel has several numbers, `vector` (x, y, z) or `wavelength`, with a coordinate
+//! array for each; what numbers of objects and materials stand for is their arrays' attribute `labels`. It appears whole or not at
+//! all, and has a manifest as stores of slices have, so that `verify` takes it.
+
+use super::atomic::AtomicDirectory;
+use super::chunked::{ChunkedArray, Description, Number};
+use super::describe::{read_json, write_json};
+use super::error::CreateError;
+use super::manifest::Manifest;
+use base::lock::Lock;
+use base::staging;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
+
+/// Attribute of the group that lists the layers.
+const LAYERS: &str = "layers";
+
+/// Longest edge of a chunk, pixels.
+const CHUNK: u64 = 512;
+
+/// Writes layers with attributes of the group; `replace` deletes layers that are there, and nothing else.
+///
+/// # Errors
+/// [`CreateError`] if something is there that may not be replaced, or the file system refuses.
+pub fn write_layers(
+    path: &Path,
+    set: &LayerSet,
+    attributes: &Map<String, Value>,
+    replace: bool,
+) -> Result<(), CreateError> {
+    let path = path.to_owned();
+    let exists = || std::fs::symlink_metadata(&path).is_ok();
+    if exists() && !replace {
+        return Err(CreateError::Exists { path });
+    }
+    let _lock = Lock::take(&path).map_err(|e| CreateError::locked(&path, e))?;
+    let io = |e: std::io::Error| CreateError::Write {
+        path: path.clone(),
+        cause: e.to_string(),
+    };
+    staging::recover(&path).map_err(io)?;
+    if exists() && !replace {
+        return Err(CreateError::Exists { path });
+    }
+    if exists() && !holds_layers(&path) {
+        return Err(CreateError::NotAStore { path });
+    }
+    let part = staging::part_of(&path);
+    staging::remove(&part).map_err(io)?;
+    let made = fill(&part, set, attributes)
+        .and_then(|()| Manifest::write(&part).map_err(io))
+        .and_then(|()| staging::put(&part, &path).map_err(io));
+    if made.is_err() {
+        let _ = staging::remove(&part);
+    }
+    made
+}
+
+/// True of what [`write_layers`] wrote.
+fn holds_layers(path: &Path) -> bool {
+    read_json(&path.join("zarr.json")).is_ok_and(|json| json["attributes"][LAYERS].is_array())
+}
+
+/// The group's attributes, arrays and consolidated metadata.
+fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<(), CreateError> {
+    let mut attributes = attributes.clone();
+    let names: Vec<&str> = set.layers.iter().map(|l| l.name).collect();
+    attributes.insert(LAYERS.into(), json!(names));
+    let mut group = json!({"zarr_format": 3, "node_type": "group", "attributes": attributes});
+    write_json(&root.join("zarr.json"), &group)?;
+    let storage = Arc::new(AtomicDirectory::new(root));
+    let [w, h] = set.size;
+    let pixels = |n: u32| (0..n).map(f64::from).collect::<Vec<_>>();
+    let is_used = |parts| set.layers.iter().any(|l| l.parts == parts);
+    coordinate(
+        &storage,
+        "y",
+        "pixel",
+        "camera row (pixel centre)",
+        &pixels(h),
+        None,
+    )?;
+    coordinate(
+        &storage,
+        "x",
+        "pixel",
+        "camera column (pixel centre)",
+        &pixels(w),
+        None,
+    )?;
+    let mut all = vec!["y", "x"];
+    if is_used(Parts::Vector) {
+        let labels = json!(["x", "y", "z"]);
+        coordinate(
+            &storage,
+            "vector",
+            "1",
+            "coordinate, world",
+            &[0_i64, 1, 2],
+            Some(labels),
+        )?;
+        all.push("vector");
+    }
+    if is_used(Parts::Wavelengths) {
+        let nm = &set.wavelengths_nm;
+        coordinate(&storage, "wavelength", "nm", "vacuum wavelength", nm, None)?;
+        all.push("wavelength");
+    }
+    for layer in &set.layers {
+        match &layer.values {
+            LayerValues::Real(values) => array(&storage, set, layer, values)?,
+            LayerValues::Number(values) => array(&storage, set, layer, values)?,
+        }
+        all.push(layer.name);
+    }
+    let mut metadata = Map::new();
+    for name in all {
+        let at = root.join(name).join("zarr.json");
+        let json = read_json(&at).map_err(|e| CreateError::Write {
+            path: at,
+            cause: e.to_string(),
+        })?;
+        metadata.insert(name.into(), json);
+    }
+    group["consolidated_metadata"] =
+        json!({"kind": "inline", "must_understand": false, "metadata": metadata});
+    write_json(&root.join("zarr.json"), &group)
+}
+
+fn told(units: &str, long_name: &str, labels: Option<Value>) -> Map<String, Value> {
+    let mut attributes = Map::new();
+    attributes.insert("units".into(), json!(units));
+    attributes.insert("long_name".into(), json!(long_name));
+    if let Some(labels) = labels {
+        attributes.insert("labels".into(), labels);
+    }
+    attributes
+}
+
+fn coordinate<T: Number>(
+    storage: &Arc<AtomicDirectory>,
+    name: &str,
+    units: &str,
+    long_name: &str,
+    values: &[T],
+    labels: Option<Value>,
+) -> Result<(), CreateError> {
+    let n = values.len() as u64;
+    let description = Description {
+        shape: vec![n],
+        chunk: vec![n],
+        names: vec![name],
+        attributes: told(units, long_name, labels),
+    };
+    put(storage, name, description, values)
+}
+
+fn array<T: Number>(
+    storage: &Arc<AtomicDirectory>,
+    set: &LayerSet,
+    layer: &Layer,
+    values: &[T],
+) -> Result<(), CreateError> {
+    let shape = set.shape(layer);
+    let mut names = vec!["y", "x"];
+    match layer.parts {
+        Parts::One => {}
+        Parts::Vector => names.push("vector"),
+        Parts::Wavelengths => names.push("wavelength"),
+    }
+    let description = Description {
+        chunk: shape.iter().map(|n| (*n).min(CHUNK)).collect(),
+        shape,
+        names,
+        attributes: told(
+            layer.units,
+            layer.long_name,
+            layer.labels.as_ref().map(|l| json!(l)),
+        ),
+    };
+    put(storage, layer.name, description, values)
+}
+
+fn put<T: Number>(
+    storage: &Arc<AtomicDirectory>,
+    name: &str,
+    description: Description,
+    values: &[T],
+) -> Result<(), CreateError> {
+    let shape = description.shape.clone();
+    let array = ChunkedArray::<T>::create(storage, &format!("/{name}"), description)?;
+    let start = vec![0; shape.len()];
+    array
+        .write(&start, &shape, values, None)
+        .map_err(|e| CreateError::Write {
+            path: storage.root().join(name),
+            cause: e.to_string(),
+        })
+}

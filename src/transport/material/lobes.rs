@@ -1,0 +1,120 @@
+//! The lobes of a material by kind: which bits of a path's label ([`tensor::label`]) an interaction sets, and what light of each kind
+//! it makes. For slices that ask; all others take materials whole.
+//!
+//! Reflection by something smooth is specular, facets are glossy (and what is scattered once below plastic's coat, which has facets of
+//! its own), Lambert surfaces and plastic's body are diffuse. What goes through smoothly sets nothing; through facets it is glossy. A
+//! measured table is not parted and sets both bits.
+
+use super::lobe::{Lobes, Sampled};
+use super::{Material, Materials};
+use crate::geometry::ray::Surface;
+use glam::Vec3A;
+use optics::polarization::scatter::Scatter;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
+
+impl Materials {
+    /// [`Self::eval`] by kinds, of which it is the sum; none where it is zero.
+    #[must_use]
+    pub fn lobes(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Lobes {
+        let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
+        match &self.list[id as usize] {
+            Material::Diffuse(_) => whole(DIFFUSE),
+            Material::RoughConductor(_) | Material::RoughDielectric(_) => whole(GLOSSY),
+            Material::Measured(_) => whole(GLOSSY | DIFFUSE),
+            Material::Plastic(m) => m
+                .eval_parted(&self.textures, at, wo, wi)
+                .map_or_else(Lobes::new, |[glossy, diffuse]| {
+                    vec![(GLOSSY, glossy), (DIFFUSE, diffuse)]
+                }),
+            Material::TwoSided(m) => m
+                .side(at, wo)
+                .map_or_else(Lobes::new, |side| self.lobes(side, at, wo, wi)),
+            Material::Blend(m) => {
+                let mut all = Lobes::new();
+                for (id, share) in m.shares(self, at).into_iter().filter(|(_, share)| *share > 0.0) {
+                    for (kind, scatter) in self.lobes(id, at, wo, wi) {
+                        let scatter = scatter.scaled(Spectral::splat(share));
+                        match all.iter_mut().find(|(k, _)| *k == kind) {
+                            Some((_, sum)) => *sum = sum.plus(&scatter, wo, wi),
+                            None => all.push((kind, scatter)),
+                        }
+                    }
+                }
+                all
+            }
+            Material::NormalMap(m) => self.lobes(m.material, &m.turned(self, at), wo, wi),
+            Material::PartialDepolarizer(m) => {
+                let mut all = self.lobes(m.material, at, wo, wi);
+                all.iter_mut()
+                    .for_each(|(_, s)| *s = m.apply(self, at, s, wo, wi));
+                all
+            }
+            Material::Conductor(_)
+            | Material::CoatedConductor(_)
+            | Material::Dielectric(_)
+            | Material::Polarizer(_)
+            | Material::Retarder(_)
+            | Material::ThinDielectric(_)
+            | Material::Crystal(_)
+            | Material::Null => Lobes::new(),
+        }
+    }
+
+    /// Draws one of the kinds by the intensity that each brings of unpolarized light, and returns it over its chance; `None` where
+    /// there is none.
+    #[must_use]
+    pub fn draw_lobe(
+        &self,
+        id: u32,
+        at: &Surface,
+        [wo, wi]: [Vec3A; 2],
+        stream: &mut Stream,
+    ) -> Option<(u8, Scatter)> {
+        let mut lobes = self.lobes(id, at, wo, wi);
+        if lobes.len() < 2 {
+            return lobes.pop();
+        }
+        let brings = |s: &Scatter| s.m00().reduce_add();
+        let all: f32 = lobes.iter().map(|(_, s)| brings(s)).sum();
+        let mut u = stream.uniform() * all;
+        let last = lobes.len() - 1;
+        let (kind, scatter) = lobes.iter().enumerate().find_map(|(i, (kind, s))| {
+            let here = u < brings(s) || i == last;
+            u -= brings(s);
+            here.then_some((*kind, s))
+        })?;
+        let chance = brings(scatter) / all;
+        // Of lobes that bring nothing any will do.
+        (chance > 0.0).then(|| (kind, scatter.scaled(Spectral::splat(1.0 / chance))))
+    }
+
+    /// What a sampled direction sets in a label. Where several kinds send light there, one of them is drawn, and the sample becomes
+    /// that one's: over the density of all, and the chance of the one.
+    #[must_use]
+    pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
+        let wi = sampled.wi;
+        if sampled.delta {
+            return if at.ng.dot(wo) * at.ng.dot(wi) > 0.0 {
+                SPECULAR
+            } else {
+                0
+            };
+        }
+        if let [(kind, _)] = self.lobes(id, at, wo, wi)[..] {
+            return kind;
+        }
+        let density = self.pdf(id, at, wo, wi);
+        match self.draw_lobe(id, at, [wo, wi], stream) {
+            Some((kind, scatter)) if density > 0.0 => {
+                sampled.scatter = scatter.scaled(Spectral::splat(1.0 / density));
+                kind
+            }
+            _ => {
+                sampled.scatter = sampled.scatter.scaled(Spectral::ZERO);
+                0
+            }
+        }
+    }
+}

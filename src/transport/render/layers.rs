@@ -1,0 +1,274 @@
+//! Ground truth that no lab has: depth, position, normals, object, material and albedo of every camera pixel.
+//!
+//! A pass of its own over rays of the camera, k × k a pixel, through the middles of k × k equal parts of it (no chance is
+//! involved, so the same scene gives the same bits). Rays vote: the object of a pixel is the one that most of its rays meet, and
+//! everything else is the mean over those rays alone, so that nothing is mixed across edges. Of a device with a lens the middle of
+//! the lens sees.
+//!
+//! The first surface counts, but for boundaries that light does not notice; on request what stands behind smooth interfaces and
+//! sheets, where every ray is bent as refraction bends it ([`super::sight`]).
+
+use super::emission::surroundings;
+use super::sight::{Place, Sight, look};
+use crate::scene::Scene;
+use glam::{DVec2, DVec3, Vec3A};
+use rayon::prelude::*;
+use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
+
+/// How layers are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Rays a pixel along each side, k; at least 1.
+    pub side: u32,
+    /// See through smooth interfaces (glass, water, crystals) and sheets to what stands behind.
+    pub through: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            side: 4,
+            through: false,
+        }
+    }
+}
+
+/// What the layers hold of one pixel.
+#[derive(Clone)]
+struct Pixel {
+    /// -1 where there is nothing, or of what stands in the world itself.
+    object: i32,
+    copy: i32,
+    material: i32,
+    depth: f32,
+    optical: f32,
+    coverage: f32,
+    position: [f32; 3],
+    geometric: [f32; 3],
+    shading: [f32; 3],
+    albedo: [f32; 4],
+}
+
+impl Pixel {
+    /// Of a pixel of which so much is nothing.
+    fn nothing(coverage: f32) -> Self {
+        let [one, three, four] = [[f32::NAN; 4]; 3];
+        Self {
+            object: -1,
+            copy: -1,
+            material: -1,
+            depth: one[0],
+            optical: one[0],
+            coverage,
+            position: [three[0]; 3],
+            geometric: [three[0]; 3],
+            shading: [three[0]; 3],
+            albedo: four,
+        }
+    }
+}
+
+/// What most of all are, and how many; of as many, the least.
+fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
+    let mut sorted: Vec<T> = all.collect();
+    sorted.sort_unstable();
+    let runs = sorted.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));
+    // The last of equals would win.
+    runs.rev().max_by_key(|(_, n)| *n)
+}
+
+/// The unit vector along a sum of vectors; NaN where they cancel.
+fn unit(sum: DVec3) -> [f32; 3] {
+    sum.try_normalize()
+        .map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
+}
+
+/// A normal on the side of the ray that came.
+fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
+    if ng.dot(wo) < 0.0 {
+        -n.as_dvec3()
+    } else {
+        n.as_dvec3()
+    }
+}
+
+/// What the rays of a pixel found.
+fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
+    let key = |s: &Sight| (s.object, s.copy);
+    let all = sights.len() as f32;
+    let Some((winner, votes)) = majority(sights.iter().map(|s| s.as_ref().map(key))) else {
+        return Pixel::nothing(0.0);
+    };
+    let coverage = votes as f32 / all;
+    let Some((object, copy)) = winner else {
+        return Pixel::nothing(coverage);
+    };
+    let seen: Vec<&Sight> = sights
+        .iter()
+        .flatten()
+        .filter(|s| key(s) == (object, copy))
+        .collect();
+    let named = |s: &&Sight| scene.names.material(s.material);
+    let material = majority(seen.iter().map(named)).and_then(|(m, _)| m);
+    let share = 1.0 / seen.len() as f64;
+    let sum = |f: &dyn Fn(&Sight) -> DVec3| seen.iter().map(|s| f(s)).sum::<DVec3>();
+    let shading = |s: &Sight| {
+        let seen = scene.materials.foremost(s.material, &s.surface, s.wo);
+        toward(seen.map_or(s.surface.ns, |(_, at)| at.ns), s.surface.ng, s.wo)
+    };
+    let lengths = sum(&|s| DVec3::new(s.length, s.optical, 0.0)) * share;
+    // An object's parts may differ in what they are made of.
+    let albedos = seen.iter().filter(|s| named(s) == material);
+    let albedos: Option<Vec<_>> = albedos
+        .map(|s| scene.materials.albedo(s.material, &s.surface, s.wo))
+        .collect();
+    let albedo = albedos.map_or([f32::NAN; 4], |all| {
+        let sum = all.iter().fold([0.0; 4], |sum: [f64; 4], a| {
+            let a = a.to_array();
+            [0, 1, 2, 3].map(|k| sum[k] + f64::from(a[k]))
+        });
+        sum.map(|s| (s / all.len() as f64) as f32)
+    });
+    let number = |n: Option<u32>| n.and_then(|n| i32::try_from(n).ok()).unwrap_or(-1);
+    Pixel {
+        object: number(Some(object)),
+        copy: number(copy.number()),
+        material: number(material),
+        depth: lengths.x as f32,
+        optical: lengths.y as f32,
+        coverage,
+        position: (sum(&|s| s.at) * share).as_vec3().to_array(),
+        geometric: unit(sum(&|s| toward(s.surface.ng, s.surface.ng, s.wo))),
+        shading: unit(sum(&shading)),
+        albedo,
+    }
+}
+
+/// The layers of what a scene's camera sees:
+///
+/// | layer | what |
+/// |---|---|
+/// | `depth` | length of the ray from the pinhole, metres (not the distance along the axis), bends included |
+/// | `optical_length` | the same with every part times the refractive index there, at the middle one of the wavelengths |
+/// | `position` | world, metres |
+/// | `geometric_normal`, `shading_normal` | world, unit, on the side from which the ray comes; the latter as meshes interpolate and maps turn it |
+/// | `object` | number, of [`Names::objects`](crate::names::Names::objects), which are its labels; -1 where there is nothing |
+/// | `copy` | which copy of a group it is in, from 0; -1 of what stands in the world itself |
+/// | `material` | number of the object's material that most rays meet, of [`Names::materials`](crate::names::Names::materials) |
+/// | `albedo` | by wavelength, mean of that material; NaN where it has none: metals, glass, sheets, crystals, measured tables |
+/// | `coverage` | share of the pixel that the object covers (or nothing, where most of it is nothing) |
+///
+/// All but the numbers are NaN where there is nothing.
+#[must_use]
+pub fn layers(scene: &Scene, options: Options) -> LayerSet {
+    let [w, h] = scene.camera.resolution;
+    let side = options.side.max(1);
+    let place = Place {
+        origin: scene.camera.origin,
+        nest: surroundings(scene, scene.camera.origin),
+    };
+    let lane = scene.wavelengths.count() / 2;
+    let part = |i: u32| (f64::from(i) + 0.5) / f64::from(side);
+    let rows = (0..h).into_par_iter().flat_map_iter(|y| {
+        (0..w).map(move |x| {
+            let at = |i: u32| DVec2::new(f64::from(x) + part(i % side), f64::from(y) + part(i / side));
+            let rays = (0..side * side).map(|i| scene.camera.direction(at(i)));
+            let sights: Vec<_> = rays
+                .map(|dir| look(scene, place, dir, options.through, lane))
+                .collect();
+            pixel(scene, &sights)
+        })
+    });
+    let pixels: Vec<Pixel> = rows.collect();
+    LayerSet {
+        size: [w, h],
+        wavelengths_nm: scene.wavelengths.nm().to_vec(),
+        layers: lay(scene, &pixels),
+    }
+}
+
+/// Pixels as arrays.
+fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
+    let layer = |name, units, long_name, parts, values| Layer {
+        name,
+        units,
+        long_name,
+        parts,
+        values,
+        labels: None,
+    };
+    let real = |name, units, long_name, f: fn(&Pixel) -> f32| {
+        let values = LayerValues::Real(pixels.iter().map(f).collect());
+        layer(name, units, long_name, Parts::One, values)
+    };
+    let vector = |name, units, long_name, f: fn(&Pixel) -> [f32; 3]| {
+        let values = LayerValues::Real(pixels.iter().flat_map(f).collect());
+        layer(name, units, long_name, Parts::Vector, values)
+    };
+    let number = |name, long_name, f: fn(&Pixel) -> i32, labels: Option<&Vec<String>>| Layer {
+        labels: labels.cloned(),
+        ..layer(
+            name,
+            "1",
+            long_name,
+            Parts::One,
+            LayerValues::Number(pixels.iter().map(f).collect()),
+        )
+    };
+    let count = scene.wavelengths.count();
+    let albedo = pixels.iter().flat_map(|p| p.albedo.into_iter().take(count));
+    let names = &scene.names;
+    vec![
+        real(
+            "depth",
+            "m",
+            "length of the ray from the pinhole to the surface",
+            |p| p.depth,
+        ),
+        real(
+            "optical_length",
+            "m",
+            "the ray's parts times the refractive index of each, at the middle one of the wavelengths",
+            |p| p.optical,
+        ),
+        vector("position", "m", "position, world", |p| p.position),
+        vector(
+            "geometric_normal",
+            "1",
+            "unit normal of the shape, world, toward the camera",
+            |p| p.geometric,
+        ),
+        vector(
+            "shading_normal",
+            "1",
+            "unit normal as meshes interpolate and normal maps turn it, world, toward the camera",
+            |p| p.shading,
+        ),
+        number(
+            "object",
+            "object, -1 for none",
+            |p| p.object,
+            Some(&names.objects),
+        ),
+        number("copy", "copy of a group, -1 for none", |p| p.copy, None),
+        number(
+            "material",
+            "material, -1 for none",
+            |p| p.material,
+            Some(&names.materials),
+        ),
+        layer(
+            "albedo",
+            "1",
+            "albedo; NaN of materials that have none (metals, glass, sheets, crystals, measured tables)",
+            Parts::Wavelengths,
+            LayerValues::Real(albedo.collect()),
+        ),
+        real(
+            "coverage",
+            "1",
+            "share of the pixel that the object covers, or nothing where object is -1",
+            |p| p.coverage,
+        ),
+    ]
+}

@@ -1,0 +1,62 @@
+//! How the paths of a camera pixel begin.
+
+use super::{BATCH, Path, Paths};
+use crate::geometry::many;
+use crate::geometry::ray::Ray;
+use crate::material::Filling;
+use crate::render::environment::Chosen;
+use crate::render::views::Views;
+use crate::scene::Scene;
+use arrayvec::ArrayVec;
+use optics::polarization::chain::Chain;
+use optics::sampling::stream::{Group, Stream};
+use std::ops::Range;
+
+impl Paths {
+    /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
+    #[inline(always)]
+    pub(super) fn start(
+        &mut self,
+        scene: &Scene,
+        views: &Views,
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+    ) -> [u32; BATCH] {
+        let (camera, pixel) = (&scene.camera, y * scene.camera.resolution[0] + x);
+        let mut at = [[f64::from(x); BATCH], [f64::from(y); BATCH]];
+        let mut streams: ArrayVec<Stream, BATCH> = ArrayVec::new();
+        for (n, sample) in samples.take(BATCH).enumerate() {
+            let mut stream = Stream::stratified(scene.settings.seed, pixel, sample, group);
+            let [jx, jy] = stream.uniform2();
+            at[0][n] += f64::from(jx);
+            at[1][n] += f64::from(jy);
+            streams.push(stream);
+        }
+        let dirs = camera.directions(&at);
+        let (ones, lanes) = (scene.wavelengths.ones(), scene.lanes());
+        // Written in place, since paths are large.
+        self.paths.resize_with(BATCH, Path::default);
+        for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
+            let (state, dir) = (&mut path.state, many::get(&dirs, n));
+            state.ray = Ray {
+                origin: camera.origin,
+                dir,
+            };
+            state.from = camera.origin.as_dvec3();
+            state.chain = Chain::start(ones);
+            state.frame = camera.frame(dir);
+            state.optical_m = 0.0;
+            state.filling = Filling::VACUUM;
+            state.lanes = lanes;
+            state.label = 0;
+            path.stream = stream;
+            path.chosen = Chosen::alone(camera.origin);
+            path.density = 0.0;
+        }
+        match &views.camera {
+            Some(view) => view.cells_toward(&dirs),
+            None => [0; BATCH],
+        }
+    }
+}
