@@ -316,7 +316,10 @@ fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
         at * projector.focal + projector.principal
     };
     let (a, b) = (on_plane(2.0), on_plane(5.0));
-    (b - a).normalize().perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a).abs()
+    (b - a)
+        .normalize()
+        .perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a)
+        .abs()
 }
 
 /// Every s' in the band, found by hand, is in its column and row of the band's slices, and nothing else is.

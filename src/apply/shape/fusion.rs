@@ -39,7 +39,8 @@ pub struct Believed {
 
 /// The step from pixel to pixel by their normals (either may be unknown).
 fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: f64) -> Step {
-    let of = |[x, y]: [usize; 2]| Some(Vector3::from_column_slice(normals.at(x, y))).filter(|n| n.x.is_finite());
+    let of =
+        |[x, y]: [usize; 2]| Some(Vector3::from_column_slice(normals.at(x, y))).filter(|n| n.x.is_finite());
     let (sum, count) = match pixels.map(of) {
         [Some(a), Some(b)] => (a + b, 2.0),
         [Some(n), None] | [None, Some(n)] => (n, 1.0),

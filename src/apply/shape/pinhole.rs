@@ -21,6 +21,24 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
+    /// Of plain numbers: `axes` are image right, image down and forward in the world.
+    #[must_use]
+    pub fn new(
+        resolution: [usize; 2],
+        focal: [f64; 2],
+        principal: [f64; 2],
+        origin: [f64; 3],
+        axes: [[f64; 3]; 3],
+    ) -> Self {
+        Self {
+            resolution,
+            focal,
+            principal,
+            origin: origin.into(),
+            axes: Matrix3::from_columns(&axes.map(Vector3::from)),
+        }
+    }
+
     /// (x, y, 1) of a pixel coordinate: the point of its ray at depth 1, in the device's frame.
     #[must_use]
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {

@@ -86,7 +86,11 @@ mod tests {
         for n in [1.3, 1.5, 1.8] {
             for zenith in [0.1, 0.4, 0.8, 1.1, 1.4_f64] {
                 let fresnel = dielectric(zenith.cos() as f32, Spectral::splat(n as f32));
-                let block = fresnel.reflection.to_mueller().lane(0).map(|row| row.map(f64::from));
+                let block = fresnel
+                    .reflection
+                    .to_mueller()
+                    .lane(0)
+                    .map(|row| row.map(f64::from));
                 let (mean, difference) = (block[0][0], block[1][0]);
                 assert!(
                     (difference / mean - specular(zenith, n)).abs() < 2e-5,

@@ -7,9 +7,7 @@ use syntax::scene::SceneFile;
 use syntax::slice::{CameraSelectFile, CoordinateFile, PolarizationFile, ProjectorSelectFile, SliceFile};
 use syntax::values::TimeFile;
 use tensor::axes::SliceLayout;
-use tensor::slice::{
-    Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect,
-};
+use tensor::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 
