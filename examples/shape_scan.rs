@@ -198,6 +198,22 @@ fn main() -> Result<(), Failure> {
     for method in Method::FIGURE {
         line(&method.name(), method, &inputs)?;
     }
+    for bin in [2, 4, 8] {
+        let mut coarse = inputs.clone();
+        coarse.rig.projector = inputs.rig.projector.binned_columns(bin);
+        coarse.columns = inputs.columns.binned(bin);
+        coarse.epipolar_columns = inputs.epipolar_columns.binned(bin);
+        for light in [Light::All, Light::Epipolar] {
+            for code in [Code::Gray, Code::Logical, Code::Phase] {
+                let method = Method::StructuredLight(code, light);
+                line(
+                    &format!("{}, {} columns", method.name(), coarse.columns.light.channels),
+                    method,
+                    &coarse,
+                )?;
+            }
+        }
+    }
     for code in [Code::Gray, Code::Phase, Code::Micro, Code::Logical] {
         for light in [Light::All, Light::Epipolar] {
             for method in [Method::StructuredLight(code, light), Method::Joint(code, light)] {
@@ -213,11 +229,15 @@ fn main() -> Result<(), Failure> {
         &inputs,
     )?;
     if let Some(twin) = twin {
-        line(
-            "pseudo truth: Gray code, diffuse twin",
-            Method::StructuredLight(Code::Gray, Light::All),
-            &twin?,
-        )?;
+        let twin = twin?;
+        for code in [Code::Gray, Code::Phase, Code::Micro] {
+            let method = Method::StructuredLight(code, Light::All);
+            line(
+                &format!("pseudo truth, diffuse twin: {}", method.name()),
+                method,
+                &twin,
+            )?;
+        }
     }
     Ok(())
 }

@@ -62,6 +62,21 @@ pub enum CodeError {
 }
 
 impl ColumnLight {
+    /// The light of a coarser projector, whose columns are `n` of these each (the last, smaller one is kept). Stripes that
+    /// are finer than what a camera pixel sees fade in any scene: codes want columns about as wide as camera pixels.
+    #[must_use]
+    pub fn binned(&self, n: usize) -> Self {
+        let (light, n) = (&self.light, n.max(1));
+        let columns = light.channels.div_ceil(n);
+        Self {
+            light: Map::from_fn(light.width, light.height, columns, |x, y, out| {
+                for (out, columns) in out.iter_mut().zip(light.at(x, y).chunks(n)) {
+                    *out = columns.iter().sum();
+                }
+            }),
+        }
+    }
+
     /// The captures under patterns, one a channel.
     ///
     /// # Errors
@@ -133,6 +148,8 @@ mod tests {
         let captures = light.capture(&patterns).expect("of three columns");
         assert_eq!(captures.at(0, 0), [3.0, 1.0]);
         assert_eq!(captures.at(1, 0), [4.0, 2.0]);
+        assert_eq!(light.binned(2).light.data, [3.0, 0.0, 3.0, 1.0]);
+        assert_eq!(light.binned(0), light);
         let other = Patterns::from_fn(1, 4, |_, _| 0.0);
         assert_eq!(
             light.capture(&other),

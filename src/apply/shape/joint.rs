@@ -2,7 +2,10 @@
 //!
 //! Unknown are the depths and, per pixel, which of the two normals of polarization is true. By turns the normals of the present
 //! surface choose the candidates and the surface of least squares is fitted to depths and chosen normals
-//! ([`super::fusion`]): each step can only lower one energy over both, so it ends, mostly after two or three rounds.
+//! ([`super::fusion`]), until no choice changes or ten times.
+//!
+//! A window of finite differences cannot see what is bent within it, which polarization sees pixel by pixel; so the normals are
+//! the means of both, weighted by their variances.
 //!
 //! The refractive index, which polarization alone leaves open, may be fitted as well: the one whose zenith angles agree best with
 //! those of the coarse surface (median of the absolute differences).
@@ -29,6 +32,17 @@ pub struct Surface {
     pub normals: Map,
 }
 
+/// What the joint optimization finds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Depths of least squares, and the means of their normals and the chosen ones.
+    pub surface: Surface,
+    /// The normal of polarization that was chosen in each pixel, camera's frame; three channels.
+    pub chosen: Map,
+    /// Refractive index that was told or fitted.
+    pub index: f64,
+}
+
 /// How the joint optimization goes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -40,6 +54,8 @@ pub struct Options {
     pub fine: Window,
     /// Standard deviation of polarization's normals, radians.
     pub sigma_normals: f64,
+    /// Standard deviation of the fused surface's own normals (finite differences of what is bent within the window), radians.
+    pub sigma_surface: f64,
 }
 
 /// Index for which polarization's zenith angles differ least from those of a coarse surface.
@@ -64,6 +80,22 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
 }
 
+/// Normals weighted by inverse variances: unit vectors, one alone where the other is unknown.
+fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
+    Map::from_fn(a.width, a.height, 3, |x, y, out| {
+        let weighted = |map: &Map, sigma: f64| {
+            let n = Vector3::from_column_slice(map.at(x, y));
+            Some(n / (sigma * sigma)).filter(|n| n.x.is_finite())
+        };
+        let sum = match (weighted(a, sigma_a), weighted(b, sigma_b)) {
+            (Some(a), Some(b)) => a + b,
+            (Some(n), None) | (None, Some(n)) => n,
+            (None, None) => Vector3::repeat(f64::NAN),
+        };
+        out.copy_from_slice(sum.normalize().as_slice());
+    })
+}
+
 /// The surface of a scan (`depth`, and how far it is believed, `sigma_depth`, both in metres) and Stokes vectors of
 /// diffuse light.
 #[must_use]
@@ -73,7 +105,7 @@ pub fn reconstruct(
     sigma_depth: &Map,
     stokes: &Map,
     options: &Options,
-) -> Surface {
+) -> Joint {
     let coarse = normals(camera, depth, options.coarse);
     let index = options
         .index
@@ -96,9 +128,14 @@ pub fn reconstruct(
         chosen = better;
         fused = fuse(camera, depth, &chosen, &believed);
     }
-    Surface {
-        normals: normals(camera, &fused, options.fine),
-        depth: fused,
+    let of_surface = normals(camera, &fused, options.fine);
+    Joint {
+        surface: Surface {
+            normals: mean(&of_surface, options.sigma_surface, &chosen, options.sigma_normals),
+            depth: fused,
+        },
+        chosen,
+        index,
     }
 }
 
@@ -121,6 +158,7 @@ mod tests {
                 robust: false,
             },
             sigma_normals: 2.0_f64.to_radians(),
+            sigma_surface: 2.0_f64.to_radians(),
         }
     }
 
@@ -137,7 +175,7 @@ mod tests {
         let before = angular(&raw, &shape.normals, None);
         assert!(before.median > 12.0, "{before:?}");
         for index in [Some(1.5), None] {
-            let got = reconstruct(&camera, &scan, &sigma, &stokes, &options(index));
+            let got = reconstruct(&camera, &scan, &sigma, &stokes, &options(index)).surface;
             let after = angular(&got.normals, &shape.normals, None);
             let depth = depth_errors(&got.depth, &shape.depth, None);
             assert!(after.median < 2.0 && after.mean < 4.0, "{index:?}: {after:?}");

@@ -6,7 +6,7 @@
 //! stripes, under which indirect light of wide reach is the same as under the inverse. The true bits are the read ones
 //! combined with the read base once more. XOR-02 takes the stripes of 2 columns as its base, XOR-04 those of 4, which short
 //! blur fades less. Of their four codes this is the pair for long reach and the conventional one; [`consensus`] keeps columns
-//! of which two codes agree (their "micro" ensemble without the code of wide stripes only).
+//! of which two codes agree (their ensemble, without its fourth code, of wide stripes alone).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};

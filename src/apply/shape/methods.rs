@@ -113,11 +113,14 @@ pub struct Parameters {
     pub sigma_columns: f64,
     /// Standard deviation of polarization's normals, degrees.
     pub sigma_normals_deg: f64,
+    /// Standard deviation of the fused surface's own normals, degrees.
+    pub sigma_surface_deg: f64,
     /// Leave mirrored light out of the degree of polarization.
     pub mirrored_off: bool,
 }
 
 impl Default for Parameters {
+    /// Those of fusion were chosen on a sphere and a doll of marble, 5 cm high on 64 × 64 pixels.
     fn default() -> Self {
         Self {
             least_contrast: 0.02,
@@ -131,8 +134,9 @@ impl Default for Parameters {
                 radius: 1,
                 robust: false,
             },
-            sigma_columns: 2.0,
-            sigma_normals_deg: 5.0,
+            sigma_columns: 1.0,
+            sigma_normals_deg: 10.0,
+            sigma_surface_deg: 5.0,
             mirrored_off: true,
         }
     }
@@ -216,10 +220,10 @@ pub fn scan(light: &ColumnLight, code: Code, parameters: &Parameters) -> Result<
 /// A map without what is outside the mask.
 fn masked(map: &Map, mask: &Map) -> Map {
     Map::from_fn(map.width, map.height, map.channels, |x, y, out| {
-        if mask.at(x, y)[0] != 0.0 {
-            out.copy_from_slice(map.at(x, y));
-        } else {
+        if mask.at(x, y)[0] == 0.0 {
             out.fill(f64::NAN);
+        } else {
+            out.copy_from_slice(map.at(x, y));
         }
     })
 }
@@ -266,7 +270,7 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
             );
             Surface {
                 depth: Map::from_fn(inputs.mask.width, inputs.mask.height, 1, |_, _, o| {
-                    o[0] = f64::NAN
+                    o[0] = f64::NAN;
                 }),
                 normals: propagation::outward(camera, &angles, &inputs.mask),
             }
@@ -278,8 +282,9 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
                 coarse: parameters.scan_window,
                 fine: parameters.fused_window,
                 sigma_normals: parameters.sigma_normals_deg.to_radians(),
+                sigma_surface: parameters.sigma_surface_deg.to_radians(),
             };
-            reconstruct(camera, &depth, &sigma, &polarized(light), &options)
+            reconstruct(camera, &depth, &sigma, &polarized(light), &options).surface
         }
     })
 }

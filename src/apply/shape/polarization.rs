@@ -51,7 +51,7 @@ pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
 pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
     let angles = Map::from_fn(stokes.width, stokes.height, 3, |x, y, out| {
         let s = stokes.at(x, y);
-        if !(s[0] > 0.0) {
+        if s[0].is_nan() || s[0] <= 0.0 {
             out.fill(f64::NAN);
             return;
         }

@@ -78,7 +78,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     Map::from_fn(w, h, 3, |x, y, out| {
         out.fill(f64::NAN);
         let middle = camera.centre(x, y);
-        if !(depth.at(x, y)[0] > 0.0) {
+        if depth.at(x, y)[0].is_nan() || depth.at(x, y)[0] <= 0.0 {
             return;
         }
         points.clear();
@@ -168,7 +168,7 @@ mod tests {
         for seed in 0..150 {
             let mut stream = Stream::new(seed, 3, 4);
             let depth = Map::from_fn(21, 21, 1, |_, _, o| {
-                o[0] = 1.0 / (flat + sigma * normal(&mut stream))
+                o[0] = 1.0 / (flat + sigma * normal(&mut stream));
             });
             let got = normals(
                 &camera,
