@@ -1,11 +1,11 @@
 //! Shape of what a scene shows, by every method of Fig. 11 of Baek & Heide (2021), against the scene itself.
 //!
-//! `cargo run --release --example shape_scan -- SCENE.toml STORE.zarr [TWIN.zarr]`
+//! `cargo run --release --example shape_scan -- [SCENE.toml STORE.zarr [TWIN.zarr]]`
 //!
 //! Renders the scene's T(s, u) and Mueller images at 550 nm into STORE.zarr, or takes it from there. The object is what the
-//! middle pixel sees. TWIN.zarr, a store of the same scene with a diffuse object, adds the pseudo truth of the paper.
+//! middle pixel sees. Without a scene, the marble dragon at few samples. TWIN.zarr, a store of the same scene with a diffuse object, adds the pseudo truth of the paper.
 
-use std::path::Path;
+use std::path::PathBuf;
 use sunstone::apply::map::Map;
 use sunstone::apply::shape::column_light::ColumnLight;
 use sunstone::apply::shape::errors::{angular, depth_errors};
@@ -149,10 +149,14 @@ fn inputs(scene: &Scene, store: &Store, mask: &Map) -> Result<Inputs, Failure> {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [file, path, ..] = &arguments[..] else {
-        return Err("give a scene file and a store".into());
+    let folder = tempfile::tempdir()?;
+    let (mut scene, path) = if let [file, path, ..] = &arguments[..] {
+        (scene::load(file.as_ref())?, PathBuf::from(path))
+    } else {
+        let mut dragon = scene::load("scenes/sss_statue/scene.toml".as_ref())?;
+        dragon.settings.spp = 8;
+        (dragon, folder.path().join("dragon.zarr"))
     };
-    let mut scene = scene::load(file.as_ref())?;
     let rows = scene
         .projector
         .as_ref()
@@ -160,13 +164,12 @@ fn main() -> Result<(), Failure> {
         .pinhole
         .resolution[1];
     scene.slices = slices(rows);
-    let path: &Path = path.as_ref();
     if !path.exists() {
-        let summary = Render::new(&scene).to_store(path)?;
+        let summary = Render::new(&scene).to_store(&path)?;
         println!("{} samples in {:.1} s", summary.samples, summary.wall_s);
     }
     let [depth, normals, mask] = truth(&scene);
-    let inputs = inputs(&scene, &Store::open(path)?, &mask)?;
+    let inputs = inputs(&scene, &Store::open(&path)?, &mask)?;
     let twin = arguments.get(2).map(|twin| -> Result<Inputs, Failure> {
         let store = Store::open(twin.as_ref())?;
         Ok(Inputs {

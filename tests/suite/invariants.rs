@@ -533,5 +533,5 @@ fn every_mueller_matrix_is_realizable() {
         assert!(matrices > 150, "{name} has {matrices} matrices with light");
         checked += 1;
     }
-    assert_eq!(checked, 13);
+    assert_eq!(checked, 14);
 }
