@@ -672,6 +672,10 @@ impl Choices<'_> {
         std::array::from_fn(|_| self.whole())
     }
 
+    fn coordinate(&mut self) -> CoordinateFile {
+        [CoordinateFile::U, CoordinateFile::V][self.below(2) as usize]
+    }
+
     fn slice(&mut self) -> Located<SliceFile> {
         let camera = match self.below(5) {
             0 => CameraSelectFile::All,
@@ -691,8 +695,11 @@ impl Choices<'_> {
             4 => ProjectorSelectFile::Block(self.block()),
             5 => ProjectorSelectFile::Binned(self.bins()),
             6 => ProjectorSelectFile::Mask(self.text()),
-            7 => ProjectorSelectFile::Moment([MomentFile::U, MomentFile::V][self.below(2) as usize]),
-            8 => ProjectorSelectFile::Epipolar(half_width),
+            7 => ProjectorSelectFile::Moment(self.coordinate()),
+            8 => ProjectorSelectFile::Epipolar(EpipolarFile {
+                half_width_px: half_width.half_width_px,
+                along: self.some(Self::coordinate),
+            }),
             9 => ProjectorSelectFile::Nonepipolar(half_width),
             10 => ProjectorSelectFile::Ambient,
             _ => ProjectorSelectFile::Coaxial,

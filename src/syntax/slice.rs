@@ -73,9 +73,9 @@ pub enum ProjectorSelectFile {
     Mask(String),
     /// Every pixel weighted by its own coordinate: over the same slice with `sum`, the mean coordinate of the projector
     /// pixels that the light comes from.
-    Moment(MomentFile),
+    Moment(CoordinateFile),
     /// Only pixels within the half width of the epipolar line.
-    Epipolar(HalfWidth),
+    Epipolar(EpipolarFile),
     /// Only the others.
     Nonepipolar(HalfWidth),
     /// Only s' = s.
@@ -87,14 +87,25 @@ pub enum ProjectorSelectFile {
 /// Coordinate of a projector pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum MomentFile {
+pub enum CoordinateFile {
     /// Index of its column.
     U,
     /// Index of its row.
     V,
 }
 
-/// Half width of an epipolar band.
+/// An epipolar band, summed or resolved.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EpipolarFile {
+    /// Half width of the band, projector pixels.
+    pub half_width_px: f64,
+    /// Resolve its pixels by column (`u`) or row (`v`), the one along which the lines run; left out, all are summed.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub along: Option<CoordinateFile>,
+}
+
+/// Half width of the band that is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfWidth {

@@ -4,7 +4,7 @@
 //! slice resolves it. `wavelength` is always last, so one tensor element is one SIMD register of lanes.
 
 use super::label;
-use super::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
 /// A chunk never holds more elements than this (8 MiB of f32), so that memory stays bounded by the tile.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
@@ -270,6 +270,10 @@ impl SliceLayout {
                     push(AxisKind::V, binned(ph, *ny), whole);
                     push(AxisKind::U, binned(pw, *nx), whole);
                 }
+                ProjectorSelect::EpipolarAlong { along, .. } => match along {
+                    ProjectorAxis::U => push(AxisKind::U, indices(pw), whole),
+                    ProjectorAxis::V => push(AxisKind::V, indices(ph), whole),
+                },
                 ProjectorSelect::Sum
                 | ProjectorSelect::Mask { .. }
                 | ProjectorSelect::Epipolar { .. }

@@ -55,6 +55,13 @@ pub enum ProjectorSelect {
         /// Half width of the strip about the line, projector pixels.
         half_width_px: f32,
     },
+    /// The s' of [`Self::Epipolar`], resolved by their column or row: one axis, `u` or `v`, each entry Σ over those in it.
+    EpipolarAlong {
+        /// Half width of the strip about the line, projector pixels.
+        half_width_px: f32,
+        /// What resolves them.
+        along: ProjectorAxis,
+    },
     /// Σ over all other s'. No axis.
     NonEpipolar {
         /// Half width of the strip that is left out, projector pixels.
@@ -64,6 +71,15 @@ pub enum ProjectorSelect {
     Coaxial,
     /// Only light that has no s': of all emitters but the projector. No axis.
     Ambient,
+}
+
+/// An axis of the projector's image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProjectorAxis {
+    /// Columns (axis `u`).
+    U,
+    /// Rows (axis `v`).
+    V,
 }
 
 /// A rectangle of pixels: `x`, `y` the first column and row, `w`, `h` the size.

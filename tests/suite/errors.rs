@@ -127,6 +127,7 @@ const CASES: &[Case] = &[
     ("a missing mask", "{ epipolar = { half_width_px = 1 } }", "{ mask = \"no.png\" }", "^{ mask", "no.png"),
     ("a coaxial slice of unlike images", "{ epipolar = { half_width_px = 1 } }", "\"coaxial\"", "^\"coaxial\"", "resolution"),
     ("a negative half width", "half_width_px = 1", "half_width_px = -1", "^{ epipolar", "half_width_px is -1"),
+    ("an epipolar band along no axis", "half_width_px = 1 }", "half_width_px = 1, along = \"x\" }", "^\"x\"", "`x`"),
     ("endless time", "bins = 10 }", "bins = 1048577 }", "^1048577", "bins is 1048577"),
     ("a slice without end", "resolution = [12, 8]", "resolution = [32768, 32768]", "^{ epipolar", "4096"),
     ("a figure of an unknown slice", "slice = \"photo\"", "slice = \"foto\"", "[[figures]]", "photo, rows"),

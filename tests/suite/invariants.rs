@@ -3,8 +3,10 @@
 //! Slices of one render are filled by the same samples, so sums over their axes agree to rounding.
 
 use crate::harness::{mirror_room, read, rendered, scene};
+use glam::DVec2;
 use std::path::Path;
 use std::sync::LazyLock;
+use sunstone::Scene;
 use sunstone::polarimetry::decompose::cloude::{Matrix, eigenvalues};
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::array::Tensor;
@@ -34,6 +36,13 @@ polarization = "mueller"
 [[slices]]
 name = "epipolar"
 projector = { epipolar = { half_width_px = 1.5 } }
+polarization = "mueller"
+[[slices]]
+name = "epipolar_u"
+projector = { epipolar = { half_width_px = 1.5, along = "u" } }
+[[slices]]
+name = "epipolar_v"
+projector = { epipolar = { half_width_px = 1.5, along = "v" } }
 polarization = "mueller"
 [[slices]]
 name = "nonepipolar"
@@ -295,6 +304,60 @@ fn parts_of_the_projector_are_parts_of_all() {
     of("projector_block", &all(20)[9..], &all(25)[5..]);
 }
 
+/// Distance of projector pixel (u, v)'s centre from the image of camera pixel (x, y)'s ray, by two of its points.
+fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
+    let projector = &scene.projector.as_ref().expect("a projector").pinhole;
+    let d = scene.camera.direction(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+    let on_plane = |t: f32| {
+        let p = (scene.camera.origin + t * d - projector.origin).as_dvec3();
+        let axes = projector.axes;
+        let local = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| p.dot(a.as_dvec3()));
+        let at = DVec2::new(local[0], local[1]) / local[2];
+        at * projector.focal + projector.principal
+    };
+    let (a, b) = (on_plane(2.0), on_plane(5.0));
+    (b - a)
+        .normalize()
+        .perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a)
+        .abs()
+}
+
+/// Every s' in the band, found by hand, is in its column and row of the band's slices, and nothing else is.
+#[test]
+fn an_epipolar_band_is_resolved_along_its_line() {
+    let scene = scene(&mirror_room(N as u32, N as u32, 64, 16, ""));
+    let (all_on, by_u, by_v) = (mean("all"), mean("epipolar_u"), mean("epipolar_v"));
+    assert_eq!(by_u.shape(), [N, N, N, 3]);
+    assert_eq!(by_v.shape(), [N, N, N, 4, 4, 3]);
+    let (mut want_u, mut want_v) = (by_u.clone(), by_v.select(AxisKind::StokesOut, 0));
+    want_v = want_v.select(AxisKind::StokesIn, 0);
+    let got_v = want_v.clone();
+    want_u.data.fill(0.0);
+    want_v.data.fill(0.0);
+    let (mut inside, mut nearest) = (0, f64::INFINITY);
+    for (pixel, light) in all_on.data.chunks_exact(N * N * 3).enumerate() {
+        for (s, values) in light.chunks_exact(3).enumerate() {
+            let distance = from_the_line(&scene, [pixel % N, pixel / N], [s % N, s / N]);
+            nearest = nearest.min((distance - 1.5).abs());
+            if distance > 1.5 {
+                continue;
+            }
+            inside += 1;
+            for (lane, value) in values.iter().enumerate() {
+                want_u.data[(pixel * N + s % N) * 3 + lane] += value;
+                want_v.data[(pixel * N + s / N) * 3 + lane] += value;
+            }
+        }
+    }
+    // Distances are known to 1e-5 pixels or so: none may be closer to the edge.
+    assert!(nearest > 1e-5, "{nearest}");
+    assert!(inside > 50_000, "{inside} pairs");
+    assert_agree("along u", &by_u, &want_u, 2000);
+    assert_agree("along v", &got_v, &want_v, 2000);
+    let whole = mean("epipolar");
+    assert_agree("along v, summed", &by_v.sum(AxisKind::V), &whole, 9000);
+}
+
 /// Indirect light has paths of its own: that it is the same is for statistics to say (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_all() {
@@ -470,5 +533,5 @@ fn every_mueller_matrix_is_realizable() {
         assert!(matrices > 150, "{name} has {matrices} matrices with light");
         checked += 1;
     }
-    assert_eq!(checked, 13);
+    assert_eq!(checked, 14);
 }

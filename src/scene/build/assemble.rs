@@ -97,7 +97,9 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     let uses_epipolar = |s: &tensor::slice::Slice| {
         matches!(
             s.projector,
-            ProjectorSelect::Epipolar { .. } | ProjectorSelect::NonEpipolar { .. }
+            ProjectorSelect::Epipolar { .. }
+                | ProjectorSelect::EpipolarAlong { .. }
+                | ProjectorSelect::NonEpipolar { .. }
         )
     };
     if let (Some(at), Some(p)) = (slices.iter().position(uses_epipolar), &projector)

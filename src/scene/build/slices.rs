@@ -4,10 +4,10 @@ use super::context::Context;
 use base::locate::{InputError, Located};
 use std::ops::Range;
 use syntax::scene::SceneFile;
-use syntax::slice::{CameraSelectFile, MomentFile, PolarizationFile, ProjectorSelectFile, SliceFile};
+use syntax::slice::{CameraSelectFile, CoordinateFile, PolarizationFile, ProjectorSelectFile, SliceFile};
 use syntax::values::TimeFile;
 use tensor::axes::SliceLayout;
-use tensor::slice::{Block, CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+use tensor::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 
@@ -239,9 +239,19 @@ fn projector_select(
                 "give the projector at most 2^24 (4096 × 4096) pixels",
             ));
         }
-        ProjectorSelectFile::Epipolar(h) => ProjectorSelect::Epipolar {
-            half_width_px: half_width(ctx, h.half_width_px)?,
-        },
+        ProjectorSelectFile::Epipolar(e) => {
+            let half_width_px = half_width(ctx, e.half_width_px)?;
+            match e.along {
+                None => ProjectorSelect::Epipolar { half_width_px },
+                Some(along) => ProjectorSelect::EpipolarAlong {
+                    half_width_px,
+                    along: match along {
+                        CoordinateFile::U => ProjectorAxis::U,
+                        CoordinateFile::V => ProjectorAxis::V,
+                    },
+                },
+            }
+        }
         ProjectorSelectFile::Nonepipolar(h) => ProjectorSelect::NonEpipolar {
             half_width_px: half_width(ctx, h.half_width_px)?,
         },
@@ -257,11 +267,11 @@ fn projector_select(
 }
 
 /// Every pixel's own coordinate as its weight.
-fn moment(of: MomentFile, [w, h]: [u32; 2]) -> ProjectorSelect {
+fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     let pixels = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
     let (name, weights) = match of {
-        MomentFile::U => ("moment u", pixels.map(|(u, _)| u as f32).collect()),
-        MomentFile::V => ("moment v", pixels.map(|(_, v)| v as f32).collect()),
+        CoordinateFile::U => ("moment u", pixels.map(|(u, _)| u as f32).collect()),
+        CoordinateFile::V => ("moment v", pixels.map(|(_, v)| v as f32).collect()),
     };
     ProjectorSelect::Mask {
         name: name.to_owned(),

@@ -4,7 +4,7 @@ use super::selected::Selected;
 use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
 use tensor::axes::{AxisKind, Extents, SliceLayout};
-use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
+use tensor::slice::{CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
 /// Light of one path: what arrives at the camera per unit projector drive.
 #[derive(Clone, Copy, Debug)]
@@ -258,7 +258,9 @@ impl SlicePlan {
     pub fn needs_epipolar(&self) -> bool {
         matches!(
             self.slice.projector,
-            ProjectorSelect::Epipolar { .. } | ProjectorSelect::NonEpipolar { .. }
+            ProjectorSelect::Epipolar { .. }
+                | ProjectorSelect::EpipolarAlong { .. }
+                | ProjectorSelect::NonEpipolar { .. }
         )
     }
 
@@ -291,6 +293,15 @@ impl SlicePlan {
                 if c.epipolar_px > *half_width_px {
                     return None;
                 }
+            }
+            ProjectorSelect::EpipolarAlong { half_width_px, along } => {
+                if c.epipolar_px > *half_width_px {
+                    return None;
+                }
+                cell = u64::from(match along {
+                    ProjectorAxis::U => c.pixel % self.projector_width,
+                    ProjectorAxis::V => c.pixel / self.projector_width,
+                });
             }
             ProjectorSelect::NonEpipolar { half_width_px } => {
                 if c.epipolar_px <= *half_width_px {

@@ -1,0 +1,164 @@
+//! T(s, u): what camera pixel s sees of projector column u alone, and captures under patterns of columns.
+//!
+//! Light is linear in the drive, so the capture under a pattern P that is the same in all rows is
+//! I(s) = Σ_u T(s, u) P(u), where T(s, u) sums all rows, or, for epipolar structured light, those near the epipolar line
+//! of s (O'Toole et al. 2012, 2014).
+
+use crate::map::Map;
+use thiserror::Error;
+
+/// The light of every projector column in every camera pixel, radiance per unit drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColumnLight {
+    /// A channel for each projector column.
+    pub light: Map,
+}
+
+/// Patterns of columns: drives in 0..1, one list a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Patterns {
+    /// Projector columns.
+    pub columns: usize,
+    /// Drive of every column, capture by capture.
+    pub drives: Vec<Vec<f64>>,
+}
+
+impl Patterns {
+    /// Patterns by a function of capture and column.
+    #[must_use]
+    pub fn from_fn(captures: usize, columns: usize, drive: impl Fn(usize, usize) -> f64) -> Self {
+        let drives = (0..captures).map(|k| (0..columns).map(|u| drive(k, u)).collect());
+        Self {
+            columns,
+            drives: drives.collect(),
+        }
+    }
+}
+
+/// Why captures cannot be made or decoded.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum CodeError {
+    /// Light of other columns than the patterns'.
+    #[error(
+        "the light is of {light} projector columns, the patterns are of {patterns}: make them for one projector"
+    )]
+    Columns {
+        /// Those of the light.
+        light: usize,
+        /// Those of the patterns.
+        patterns: usize,
+    },
+    /// Captures of another code.
+    #[error("{got} captures, and the code has {want}: capture its patterns")]
+    Captures {
+        /// Given.
+        got: usize,
+        /// Needed.
+        want: usize,
+    },
+    /// Periods that no code has.
+    #[error("{0}")]
+    Periods(String),
+}
+
+impl ColumnLight {
+    /// The light of a coarser projector, whose columns are `n` of these each (the last, smaller one is kept). Stripes that
+    /// are finer than what a camera pixel sees fade in any scene: codes want columns about as wide as camera pixels.
+    #[must_use]
+    pub fn binned(&self, n: usize) -> Self {
+        let (light, n) = (&self.light, n.max(1));
+        let columns = light.channels.div_ceil(n);
+        Self {
+            light: Map::from_fn(light.width, light.height, columns, |x, y, out| {
+                for (out, columns) in out.iter_mut().zip(light.at(x, y).chunks(n)) {
+                    *out = columns.iter().sum();
+                }
+            }),
+        }
+    }
+
+    /// The captures under patterns, one a channel.
+    ///
+    /// # Errors
+    /// If the patterns are of another number of columns.
+    pub fn capture(&self, patterns: &Patterns) -> Result<Map, CodeError> {
+        let (light, columns) = (&self.light, patterns.columns);
+        if light.channels != columns || patterns.drives.iter().any(|d| d.len() != columns) {
+            return Err(CodeError::Columns {
+                light: light.channels,
+                patterns: columns,
+            });
+        }
+        Ok(Map::from_fn(
+            light.width,
+            light.height,
+            patterns.drives.len(),
+            |x, y, out| {
+                let t = light.at(x, y);
+                for (out, drive) in out.iter_mut().zip(&patterns.drives) {
+                    *out = t.iter().zip(drive).map(|(t, p)| t * p).sum();
+                }
+            },
+        ))
+    }
+}
+
+/// What a code says of every camera pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded {
+    /// Coordinate of the projector's column (centres at i + ½), NaN where the code says nothing; one channel.
+    pub column: Map,
+    /// How clear the code is: its contrast, 0 (none) to 1 (direct light alone); one channel.
+    pub confidence: Map,
+}
+
+impl Decoded {
+    /// Decodes pixel by pixel: a function of the captures gives column and confidence.
+    pub(super) fn by_pixel(
+        captures: &Map,
+        want: usize,
+        decode: impl Fn(&[f64]) -> (f64, f64),
+    ) -> Result<Self, CodeError> {
+        if captures.channels != want {
+            return Err(CodeError::Captures {
+                got: captures.channels,
+                want,
+            });
+        }
+        let mut confidence = Map::from_fn(captures.width, captures.height, 1, |_, _, _| {});
+        let column = Map::from_fn(captures.width, captures.height, 1, |x, y, out| {
+            let (column, clear) = decode(captures.at(x, y));
+            out[0] = column;
+            confidence.data[y * captures.width + x] = clear;
+        });
+        Ok(Self { column, confidence })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captures_are_sums_and_misfits_are_refused() {
+        let light = ColumnLight {
+            light: Map::from_fn(2, 1, 3, |x, _, out| out.copy_from_slice(&[1.0, 2.0, x as f64])),
+        };
+        let patterns = Patterns::from_fn(2, 3, |k, u| if k == 0 { 1.0 } else { u as f64 / 2.0 });
+        let captures = light.capture(&patterns).expect("of three columns");
+        assert_eq!(captures.at(0, 0), [3.0, 1.0]);
+        assert_eq!(captures.at(1, 0), [4.0, 2.0]);
+        assert_eq!(light.binned(2).light.data, [3.0, 0.0, 3.0, 1.0]);
+        assert_eq!(light.binned(0), light);
+        let other = Patterns::from_fn(1, 4, |_, _| 0.0);
+        assert_eq!(
+            light.capture(&other),
+            Err(CodeError::Columns {
+                light: 3,
+                patterns: 4
+            })
+        );
+        let decoded = Decoded::by_pixel(&captures, 5, |_| (0.0, 0.0));
+        assert_eq!(decoded, Err(CodeError::Captures { got: 2, want: 5 }));
+    }
+}

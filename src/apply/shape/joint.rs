@@ -1,0 +1,195 @@
+//! Scan and polarization by joint optimization (Baek & Heide 2021, section 8.1; with all light: Baek et al. 2018).
+//!
+//! Unknown are the depths and, per pixel, which of the two normals of polarization is true. By turns the normals of the present
+//! surface choose the candidates and the surface of least squares is fitted to depths and chosen normals
+//! ([`super::fusion`]), until no choice changes or ten times.
+//!
+//! A window of finite differences cannot see what is bent within it, which polarization sees pixel by pixel; so the normals are
+//! the means of both, weighted by their variances.
+//!
+//! The refractive index, which polarization alone leaves open, may be fitted as well: the one whose zenith angles agree best with
+//! those of the coarse surface (median of the absolute differences).
+
+use super::fusion::{Believed, fuse};
+use super::pinhole::Pinhole;
+use super::polarization::{Cues, Reflection, cues, frame, nearest};
+use super::surface_normals::{Window, normals};
+use crate::map::Map;
+use nalgebra::Vector3;
+
+/// Most rounds.
+const ROUNDS: usize = 10;
+
+/// Indices that are tried: 1.15 to 2.5.
+const INDICES: [f64; 3] = [1.15, 2.5, 0.05];
+
+/// Depths and normals of a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// Depth along the camera's axis, metres; one channel.
+    pub depth: Map,
+    /// Unit normals, camera's frame; three channels.
+    pub normals: Map,
+}
+
+/// What the joint optimization finds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Depths of least squares, and the means of their normals and the chosen ones.
+    pub surface: Surface,
+    /// The normal of polarization that was chosen in each pixel, camera's frame; three channels.
+    pub chosen: Map,
+    /// Refractive index that was told or fitted.
+    pub index: f64,
+}
+
+/// How the joint optimization goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Refractive index of the object; `None` to fit it.
+    pub index: Option<f64>,
+    /// Window for the normals of the scan.
+    pub coarse: Window,
+    /// Window for the normals of the fused surface.
+    pub fine: Window,
+    /// Standard deviation of polarization's normals, radians.
+    pub sigma_normals: f64,
+    /// Standard deviation of the fused surface's own normals (finite differences of what is bent within the window), radians.
+    pub sigma_surface: f64,
+}
+
+/// Index for which polarization's zenith angles differ least from those of a coarse surface.
+#[must_use]
+pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
+    let [first, last, step] = INDICES;
+    let count = ((last - first) / step).round() as usize;
+    let cost = |n: f64| {
+        let angles = cues(stokes, n, Reflection::Diffuse).angles;
+        let mut off = Vec::new();
+        for (x, y) in (0..coarse.height).flat_map(|y| (0..coarse.width).map(move |x| (x, y))) {
+            let cos = Vector3::from_column_slice(coarse.at(x, y)).dot(&frame(camera, x, y)[2]);
+            let difference = (angles.at(x, y)[1] - cos.clamp(-1.0, 1.0).acos()).abs();
+            if difference.is_finite() {
+                off.push(difference);
+            }
+        }
+        off.sort_by(f64::total_cmp);
+        off.get(off.len() / 2).copied().unwrap_or(f64::INFINITY)
+    };
+    let all = (0..=count).map(|i| first + step * i as f64);
+    all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
+}
+
+/// Normals weighted by inverse variances: unit vectors, one alone where the other is unknown.
+fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
+    Map::from_fn(a.width, a.height, 3, |x, y, out| {
+        let weighted = |map: &Map, sigma: f64| {
+            let n = Vector3::from_column_slice(map.at(x, y));
+            Some(n / (sigma * sigma)).filter(|n| n.x.is_finite())
+        };
+        let sum = match (weighted(a, sigma_a), weighted(b, sigma_b)) {
+            (Some(a), Some(b)) => a + b,
+            (Some(n), None) | (None, Some(n)) => n,
+            (None, None) => Vector3::repeat(f64::NAN),
+        };
+        out.copy_from_slice(sum.normalize().as_slice());
+    })
+}
+
+/// The surface of a scan (`depth`, and how far it is believed, `sigma_depth`, both in metres) and Stokes vectors of
+/// diffuse light.
+#[must_use]
+pub fn reconstruct(
+    camera: &Pinhole,
+    depth: &Map,
+    sigma_depth: &Map,
+    stokes: &Map,
+    options: &Options,
+) -> Joint {
+    let coarse = normals(camera, depth, options.coarse);
+    let index = options
+        .index
+        .unwrap_or_else(|| fit_index(camera, stokes, &coarse));
+    let cues: Cues = cues(stokes, index, Reflection::Diffuse);
+    let believed = Believed {
+        depth: sigma_depth.clone(),
+        normals: options.sigma_normals,
+        robust: true,
+    };
+    let mut chosen = nearest(camera, &cues, &coarse);
+    let mut fused = fuse(camera, depth, &chosen, &believed);
+    for _ in 1..ROUNDS {
+        let better = nearest(camera, &cues, &normals(camera, &fused, options.fine));
+        // NaN is not itself: compare what is known.
+        let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
+        if better.data.iter().zip(&chosen.data).all(same) {
+            break;
+        }
+        chosen = better;
+        fused = fuse(camera, depth, &chosen, &believed);
+    }
+    let of_surface = normals(camera, &fused, options.fine);
+    Joint {
+        surface: Surface {
+            normals: mean(&of_surface, options.sigma_surface, &chosen, options.sigma_normals),
+            depth: fused,
+        },
+        chosen,
+        index,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::errors::{angular, depth_errors};
+    use crate::shape::polarization::{stokes, tests::mueller};
+    use crate::shape::synthetic::{Shape, noisy, rig};
+
+    fn options(index: Option<f64>) -> Options {
+        Options {
+            index,
+            coarse: Window {
+                radius: 2,
+                robust: true,
+            },
+            fine: Window {
+                radius: 1,
+                robust: false,
+            },
+            sigma_normals: 2.0_f64.to_radians(),
+            sigma_surface: 2.0_f64.to_radians(),
+        }
+    }
+
+    /// A sphere with depth noise of 1 mm, whose own normals are off by tens of degrees: with exact Stokes vectors both are
+    /// right, whether the index is told or fitted.
+    #[test]
+    fn a_noisy_scan_and_exact_polarization_make_a_sphere() {
+        let camera = rig(96, 256).camera;
+        let shape = Shape::sphere(&camera, 0.04);
+        let stokes = stokes(&mueller(&camera, &shape, 1.5, Reflection::Diffuse), false);
+        let scan = noisy(&shape.depth, 1e-3, 4);
+        let sigma = Map::from_fn(96, 96, 1, |_, _, o| o[0] = 1e-3);
+        let raw = normals(&camera, &scan, options(None).fine);
+        let before = angular(&raw, &shape.normals, None);
+        assert!(before.median > 12.0, "{before:?}");
+        for index in [Some(1.5), None] {
+            let got = reconstruct(&camera, &scan, &sigma, &stokes, &options(index)).surface;
+            let after = angular(&got.normals, &shape.normals, None);
+            let depth = depth_errors(&got.depth, &shape.depth, None);
+            assert!(after.median < 2.0 && after.mean < 4.0, "{index:?}: {after:?}");
+            assert!(depth.median < 1e-4, "{depth:?}");
+        }
+    }
+
+    #[test]
+    fn the_index_is_found_from_an_exact_scan() {
+        let camera = rig(96, 256).camera;
+        let shape = Shape::sphere(&camera, 0.04);
+        for n in [1.3, 1.5, 1.8] {
+            let stokes = stokes(&mueller(&camera, &shape, n, Reflection::Diffuse), false);
+            assert!((fit_index(&camera, &stokes, &shape.normals) - n).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! XOR codes: Gray codes that long-range indirect light does not break (Gupta, Agrawal, Veeraraghavan & Narasimhan 2011,
+//! "Structured light 3D scanning in the presence of global illumination").
+//!
+//! Wide stripes are lit by their neighbourhood, so that strong indirect light turns their bits. Every pattern is therefore
+//! combined by exclusive or with one fine pattern, the base, which alone is shown as it is: all shown patterns have narrow
+//! stripes, under which indirect light of wide reach is the same as under the inverse. The true bits are the read ones
+//! combined with the read base once more. XOR-02 takes the stripes of 2 columns as its base, XOR-04 those of 4, which short
+//! blur fades less. Of their four codes this is the pair for long reach and the conventional one; [`consensus`] keeps columns
+//! of which two codes agree (their ensemble, without its fourth code, of wide stripes alone).
+
+use super::column_light::{CodeError, Decoded, Patterns};
+use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};
+use crate::map::Map;
+
+/// Which stripes are combined with all others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Base {
+    /// Stripes of 2 columns.
+    Xor02,
+    /// Stripes of 4 columns.
+    Xor04,
+}
+
+impl Base {
+    /// The bit that it is of a code of `bits` bits.
+    fn bit(self, bits: usize) -> usize {
+        match self {
+            Self::Xor02 => 0,
+            Self::Xor04 => 1.min(bits - 1),
+        }
+    }
+}
+
+/// The patterns, each followed by its inverse, in the order of the bits, the coarsest first.
+#[must_use]
+pub fn patterns(columns: usize, base: Base) -> Patterns {
+    let n = bits(columns);
+    let base = base.bit(n);
+    with_inverses(columns, |k, u| {
+        let bit = n - 1 - k;
+        gray_bit(u, bit) ^ (bit != base && gray_bit(u, base))
+    })
+}
+
+/// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
+///
+/// # Errors
+/// If there are not as many captures as patterns.
+pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -> Result<Decoded, CodeError> {
+    let n = bits(columns);
+    let base = base.bit(n);
+    Decoded::by_pixel(captures, 2 * n, |pixel| {
+        let (read, contrast) = read_bits(pixel);
+        let of_base = read[n - 1 - base];
+        let true_bits = read
+            .iter()
+            .enumerate()
+            .map(|(k, bit)| bit ^ (n - 1 - k != base && of_base));
+        (
+            checked(column_of(true_bits), columns, contrast, least_contrast),
+            contrast,
+        )
+    })
+}
+
+/// Columns on which at least two codes agree to one column: their mean; elsewhere NaN. Confidence is the larger of the two.
+#[must_use]
+pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
+    let mut out = codes.first()?.clone();
+    for (i, column) in out.column.data.iter_mut().enumerate() {
+        let of = |d: &Decoded| (d.column.data[i], d.confidence.data[i]);
+        let pairs = codes
+            .iter()
+            .enumerate()
+            .flat_map(|(k, a)| codes[k + 1..].iter().map(move |b| (of(a), of(b))));
+        let agreed = pairs.filter(|(a, b)| (a.0 - b.0).abs() <= 1.0);
+        let best = agreed.max_by(|a, b| a.0.1.max(a.1.1).total_cmp(&b.0.1.max(b.1.1)));
+        (*column, out.confidence.data[i]) =
+            best.map_or((f64::NAN, 0.0), |(a, b)| ((a.0 + b.0) / 2.0, a.1.max(b.1)));
+    }
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::gray_code;
+    use crate::shape::synthetic::{Light, one_row};
+
+    fn right(light: &Light, base: Base, n: usize) -> usize {
+        let captures = one_row(n, light).capture(&patterns(n, base)).expect("captures");
+        let got = decode(&captures, n, base, 0.0).expect("a code").column.data;
+        got.iter()
+            .enumerate()
+            .filter(|(i, c)| **c == *i as f64 + 0.5)
+            .count()
+    }
+
+    #[test]
+    fn direct_light_is_decoded_exactly() {
+        for base in [Base::Xor02, Base::Xor04] {
+            for n in [256, 200] {
+                assert_eq!(right(&Light::direct(1.0), base, n), n);
+            }
+        }
+    }
+
+    /// Every shown pattern has stripes of at most twice the base's columns.
+    #[test]
+    fn all_stripes_are_narrow() {
+        for (base, widest) in [(Base::Xor02, 4), (Base::Xor04, 8)] {
+            for drive in patterns(1024, base).drives {
+                let longest = drive.chunk_by(|a, b| a == b).map(<[f64]>::len).max();
+                assert!(longest.is_some_and(|n| n <= widest), "{base:?}: {longest:?}");
+            }
+        }
+    }
+
+    /// Indirect light 1.5 times as bright as the direct, spread widely around a column a quarter of the image away: the Gray
+    /// code is wrong in many columns, the XOR codes in none.
+    #[test]
+    fn long_range_light_does_not_turn_bits() {
+        let n = 256;
+        let light = Light::direct(1.0).plus_blurred(1.5, 12.0, 64.0);
+        let captures = one_row(n, &light)
+            .capture(&gray_code::patterns(n))
+            .expect("captures");
+        let gray = gray_code::decode(&captures, n, 0.0).expect("a code").column.data;
+        let wrong = gray
+            .iter()
+            .enumerate()
+            .filter(|(i, c)| **c != *i as f64 + 0.5)
+            .count();
+        assert!(wrong > 100, "{wrong}");
+        for base in [Base::Xor02, Base::Xor04] {
+            assert_eq!(right(&light, base, n), n, "{base:?}");
+        }
+    }
+
+    #[test]
+    fn two_of_three_are_believed() {
+        let of = |c: f64, clear: f64| Decoded {
+            column: Map::from_fn(1, 1, 1, |_, _, o| o[0] = c),
+            confidence: Map::from_fn(1, 1, 1, |_, _, o| o[0] = clear),
+        };
+        let got = consensus(&[of(9.5, 0.9), of(30.5, 0.1), of(31.5, 0.2)]).expect("three");
+        assert_eq!((got.column.data[0], got.confidence.data[0]), (31.0, 0.2));
+        let got = consensus(&[of(9.5, 0.9), of(f64::NAN, 0.1)]).expect("two");
+        assert!(got.column.data[0].is_nan());
+        assert!(consensus(&[]).is_none());
+    }
+}

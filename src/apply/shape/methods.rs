@@ -1,0 +1,403 @@
+//! The methods of Fig. 11 from inputs to depth and normals: what is compared, and with which parameters.
+//!
+//! All methods see the same render: T(s, u) over all light or the epipolar band, and Mueller images of either.
+
+use super::column_light::{CodeError, ColumnLight, Decoded};
+use super::joint::{Options, Surface, reconstruct};
+use super::pinhole::Rig;
+use super::polarization::{Reflection, cues, stokes};
+use super::surface_normals::{Window, normals};
+use super::triangulation::{depth, depth_per_column};
+use super::{gray_code, logical_codes, micro_phase_shift, phase_shift, propagation};
+use crate::map::Map;
+use thiserror::Error;
+
+/// A code of structured light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Code {
+    /// Gray code with inverses.
+    Gray,
+    /// Multi-frequency phase shifting.
+    Phase,
+    /// Micro phase shifting.
+    Micro,
+    /// Consensus of XOR-02, XOR-04 and Gray code.
+    Logical,
+}
+
+/// Which light is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Light {
+    /// All of it.
+    All,
+    /// That of projector pixels near the epipolar line.
+    Epipolar,
+}
+
+/// A way to the shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Structured light: depth by a code, normals by planes through it.
+    StructuredLight(Code, Light),
+    /// Shape from polarization alone: normals, no depth (Atkinson & Hancock 2006).
+    Polarization(Light),
+    /// Structured light and polarization by joint optimization: of all light (as Baek et al. 2018), or epipolar (Baek &
+    /// Heide 2021).
+    Joint(Code, Light),
+}
+
+impl Method {
+    /// What is compared in the paper's figure, "ours" last.
+    pub const FIGURE: [Self; 7] = [
+        Self::StructuredLight(Code::Gray, Light::All),
+        Self::StructuredLight(Code::Phase, Light::All),
+        Self::StructuredLight(Code::Micro, Light::All),
+        Self::StructuredLight(Code::Logical, Light::All),
+        Self::Polarization(Light::All),
+        Self::Joint(Code::Micro, Light::All),
+        Self::Joint(Code::Micro, Light::Epipolar),
+    ];
+
+    /// A name for tables.
+    #[must_use]
+    pub fn name(self) -> String {
+        let code = |code| match code {
+            Code::Gray => "Gray code",
+            Code::Phase => "phase shift",
+            Code::Micro => "micro phase shift",
+            Code::Logical => "XOR codes",
+        };
+        let light = |light| match light {
+            Light::All => "",
+            Light::Epipolar => "epipolar ",
+        };
+        match self {
+            Self::StructuredLight(c, l) => format!("{}{}", light(l), code(c)),
+            Self::Polarization(l) => format!("{}polarization", light(l)),
+            Self::Joint(c, l) => format!("{0}{1} + {0}polarization", light(l), code(c)),
+        }
+    }
+}
+
+/// What a render or a rig gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inputs {
+    /// Camera and projector.
+    pub rig: Rig,
+    /// T(s, u), rows summed.
+    pub columns: ColumnLight,
+    /// The same of the epipolar band.
+    pub epipolar_columns: ColumnLight,
+    /// Mueller images under full light: 16 channels, row by row.
+    pub mueller: Map,
+    /// The same of the epipolar band (of a time bin, if the rig gates).
+    pub epipolar_mueller: Map,
+    /// The object's pixels: 1 inside, else 0.
+    pub mask: Map,
+}
+
+/// Parameters of all methods.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Least contrast of a code's captures.
+    pub least_contrast: f64,
+    /// Mean period of micro phase shifting, columns.
+    pub micro_period: f64,
+    /// Refractive index; `None` to fit it where a scan is at hand (1.5 where none is).
+    pub index: Option<f64>,
+    /// Windows for the normals of scans.
+    pub scan_window: Window,
+    /// Window for normals of fused surfaces.
+    pub fused_window: Window,
+    /// Standard deviation of a code's columns.
+    pub sigma_columns: f64,
+    /// Standard deviation of polarization's normals, degrees.
+    pub sigma_normals_deg: f64,
+    /// Standard deviation of the fused surface's own normals, degrees.
+    pub sigma_surface_deg: f64,
+    /// Leave mirrored light out of the degree of polarization.
+    pub mirrored_off: bool,
+}
+
+impl Default for Parameters {
+    /// Those of fusion were chosen on a sphere and a doll of marble, 5 cm high on 64 × 64 pixels.
+    fn default() -> Self {
+        Self {
+            least_contrast: 0.02,
+            micro_period: 16.0,
+            index: None,
+            scan_window: Window {
+                radius: 2,
+                robust: true,
+            },
+            fused_window: Window {
+                radius: 1,
+                robust: false,
+            },
+            sigma_columns: 1.0,
+            sigma_normals_deg: 10.0,
+            sigma_surface_deg: 5.0,
+            mirrored_off: true,
+        }
+    }
+}
+
+/// Why there is no shape.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum ShapeError {
+    /// Of a code.
+    #[error(transparent)]
+    Code(#[from] CodeError),
+    /// Maps of different sizes.
+    #[error("{what} has {got:?} pixels, and the camera {want:?}: give maps of one camera")]
+    Size {
+        /// The map.
+        what: &'static str,
+        /// Its columns and rows.
+        got: [usize; 2],
+        /// The camera's.
+        want: [usize; 2],
+    },
+}
+
+fn check(inputs: &Inputs) -> Result<(), ShapeError> {
+    let want = inputs.rig.camera.resolution;
+    let maps = [
+        ("the light of columns", &inputs.columns.light),
+        ("the epipolar light of columns", &inputs.epipolar_columns.light),
+        ("the Mueller image", &inputs.mueller),
+        ("the epipolar Mueller image", &inputs.epipolar_mueller),
+        ("the mask", &inputs.mask),
+    ];
+    for (what, map) in maps {
+        let got = [map.width, map.height];
+        if got != want || map.data.len() != got[0] * got[1] * map.channels || map.channels == 0 {
+            return Err(ShapeError::Size { what, got, want });
+        }
+    }
+    Ok(())
+}
+
+/// Columns by a code, of captures of its patterns under T(s, u).
+///
+/// # Errors
+/// If the light has too few columns for the code.
+pub fn scan(light: &ColumnLight, code: Code, parameters: &Parameters) -> Result<Decoded, CodeError> {
+    let (n, least) = (light.light.channels, parameters.least_contrast);
+    let logical = |base| {
+        let captures = light.capture(&logical_codes::patterns(n, base))?;
+        logical_codes::decode(&captures, n, base, least)
+    };
+    let gray = || gray_code::decode(&light.capture(&gray_code::patterns(n))?, n, least);
+    match code {
+        Code::Gray => gray(),
+        Code::Phase => {
+            let periods = phase_shift::periods(n);
+            phase_shift::decode(
+                &light.capture(&phase_shift::patterns(n, &periods))?,
+                n,
+                &periods,
+                least,
+            )
+        }
+        Code::Micro => {
+            let periods = micro_phase_shift::periods(n, parameters.micro_period, 5);
+            let captures = light.capture(&micro_phase_shift::patterns(n, &periods))?;
+            micro_phase_shift::decode(&captures, n, &periods, least)
+        }
+        Code::Logical => {
+            let first = gray()?;
+            let all = [
+                logical(logical_codes::Base::Xor02)?,
+                logical(logical_codes::Base::Xor04)?,
+                first.clone(),
+            ];
+            Ok(logical_codes::consensus(&all).unwrap_or(first))
+        }
+    }
+}
+
+/// A map without what is outside the mask.
+fn masked(map: &Map, mask: &Map) -> Map {
+    Map::from_fn(map.width, map.height, map.channels, |x, y, out| {
+        if mask.at(x, y)[0] == 0.0 {
+            out.fill(f64::NAN);
+        } else {
+            out.copy_from_slice(map.at(x, y));
+        }
+    })
+}
+
+/// Depth and normals by a method. Shape from polarization alone has no depth: NaN.
+///
+/// # Errors
+/// If the maps are of different cameras, or the light of another projector than a code can name.
+pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, ShapeError> {
+    check(inputs)?;
+    let camera = &inputs.rig.camera;
+    let columns = |light| match light {
+        Light::All => &inputs.columns,
+        Light::Epipolar => &inputs.epipolar_columns,
+    };
+    let polarized = |light| {
+        let mueller = match light {
+            Light::All => &inputs.mueller,
+            Light::Epipolar => &inputs.epipolar_mueller,
+        };
+        masked(&stokes(mueller, parameters.mirrored_off), &inputs.mask)
+    };
+    let scanned = |code, light| -> Result<[Map; 2], ShapeError> {
+        let column = masked(&scan(columns(light), code, parameters)?.column, &inputs.mask);
+        let sigma = Map::from_fn(column.width, column.height, 1, |x, y, out| {
+            let per = depth_per_column(&inputs.rig, x, y, column.at(x, y)[0]);
+            out[0] = per.unwrap_or(f64::NAN) * parameters.sigma_columns;
+        });
+        Ok([depth(&inputs.rig, &column), sigma])
+    };
+    Ok(match method {
+        Method::StructuredLight(code, light) => {
+            let [depth, _] = scanned(code, light)?;
+            Surface {
+                normals: normals(camera, &depth, parameters.scan_window),
+                depth,
+            }
+        }
+        Method::Polarization(light) => {
+            let angles = cues(
+                &polarized(light),
+                parameters.index.unwrap_or(1.5),
+                Reflection::Diffuse,
+            );
+            Surface {
+                depth: Map::from_fn(inputs.mask.width, inputs.mask.height, 1, |_, _, o| {
+                    o[0] = f64::NAN;
+                }),
+                normals: propagation::outward(camera, &angles, &inputs.mask),
+            }
+        }
+        Method::Joint(code, light) => {
+            let [depth, sigma] = scanned(code, light)?;
+            let options = Options {
+                index: parameters.index,
+                coarse: parameters.scan_window,
+                fine: parameters.fused_window,
+                sigma_normals: parameters.sigma_normals_deg.to_radians(),
+                sigma_surface: parameters.sigma_surface_deg.to_radians(),
+            };
+            reconstruct(camera, &depth, &sigma, &polarized(light), &options).surface
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::errors::{angular, depth_errors};
+    use crate::shape::polarization::tests::mueller;
+    use crate::shape::synthetic::{Shape, rig};
+
+    const COLUMNS: usize = 512;
+
+    /// A sphere of diffuse glass whose direct light falls on one or two columns, all other pixels dark; `blurred` of the
+    /// light comes from 36 columns on the left, evenly, in the light that is not epipolar.
+    fn scene(blurred: f64) -> (Inputs, Shape) {
+        let rig = rig(48, COLUMNS);
+        let shape = Shape::sphere(&rig.camera, 0.04);
+        let columns = shape.columns(&rig);
+        let light = |blurred: f64| ColumnLight {
+            light: Map::from_fn(48, 48, COLUMNS, |x, y, out| {
+                let c = columns.at(x, y)[0] - 0.5;
+                if c.is_finite() {
+                    let (first, part) = (c.floor() as usize, c.fract());
+                    out[first] += (1.0 - blurred) * (1.0 - part);
+                    out[first + 1] += (1.0 - blurred) * part;
+                    out[first - 36..first]
+                        .iter_mut()
+                        .for_each(|v| *v += blurred / 36.0);
+                }
+            }),
+        };
+        let matrices = mueller(&rig.camera, &shape, 1.5, Reflection::Diffuse);
+        let mask = Map::from_fn(48, 48, 1, |x, y, o| {
+            o[0] = f64::from(u8::from(shape.depth.at(x, y)[0].is_finite()));
+        });
+        let matrices = Map::from_fn(48, 48, 16, |x, y, o| {
+            let known = mask.at(x, y)[0] != 0.0;
+            o.iter_mut()
+                .zip(matrices.at(x, y))
+                .for_each(|(o, m)| *o = if known { *m } else { 0.0 });
+        });
+        let inputs = Inputs {
+            columns: light(blurred),
+            epipolar_columns: light(0.0),
+            mueller: matrices.clone(),
+            epipolar_mueller: matrices,
+            mask,
+            rig,
+        };
+        (inputs, shape)
+    }
+
+    /// Depth is as good as the code: half a column of Gray code is 0.25 mm here (z²/bf), sinusoids are exact to a thirtieth of
+    /// it; the normals of joint methods are right to what a window of 3 × 3 pixels sees of a sphere.
+    #[test]
+    fn every_method_finds_a_sphere() {
+        let (inputs, shape) = scene(0.0);
+        let all = [Code::Gray, Code::Phase, Code::Micro, Code::Logical];
+        for code in all {
+            let method = Method::StructuredLight(code, Light::All);
+            let got = run(method, &inputs, &Parameters::default()).expect("a surface");
+            let depth = depth_errors(&got.depth, &shape.depth, None);
+            let bound = if matches!(code, Code::Gray | Code::Logical) {
+                2.5e-4
+            } else {
+                1e-5
+            };
+            assert!(
+                depth.median < bound && depth.coverage > 0.95,
+                "{code:?}: {depth:?}"
+            );
+            let method = Method::Joint(code, Light::Epipolar);
+            let got = run(method, &inputs, &Parameters::default()).expect("a surface");
+            let off = angular(&got.normals, &shape.normals, None);
+            assert!(off.median < 2.0 && off.coverage > 0.95, "{code:?}: {off:?}");
+        }
+        let alone = run(Method::Polarization(Light::All), &inputs, &Parameters::default()).expect("normals");
+        let off = angular(&alone.normals, &shape.normals, None);
+        assert!(off.mean < 0.01 && off.coverage == 1.0, "{off:?}");
+        assert!(alone.depth.data.iter().all(|z| z.is_nan()));
+    }
+
+    /// Two thirds of the light from elsewhere bias the phase shift and break the Gray code; the epipolar band has none of it.
+    #[test]
+    fn epipolar_light_is_free_of_what_breaks_codes() {
+        let (inputs, shape) = scene(0.67);
+        for code in [Code::Gray, Code::Phase] {
+            let depth = |light| {
+                let got = run(
+                    Method::StructuredLight(code, light),
+                    &inputs,
+                    &Parameters::default(),
+                );
+                depth_errors(&got.expect("a surface").depth, &shape.depth, None)
+            };
+            let (all, epipolar) = (depth(Light::All), depth(Light::Epipolar));
+            assert!(all.mean > 5.0 * epipolar.mean, "{code:?}: {all:?} {epipolar:?}");
+        }
+    }
+
+    #[test]
+    fn maps_of_other_cameras_are_refused_and_names_differ() {
+        let (inputs, _) = scene(0.0);
+        let small = Inputs {
+            mask: Map::from_fn(2, 2, 1, |_, _, o| o[0] = 1.0),
+            ..inputs
+        };
+        let error = run(Method::FIGURE[0], &small, &Parameters::default()).expect_err("a misfit");
+        assert!(error.to_string().contains("the mask has [2, 2]"), "{error}");
+        let mut names: Vec<String> = Method::FIGURE.iter().map(|m| m.name()).collect();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), Method::FIGURE.len());
+    }
+}

@@ -1,0 +1,31 @@
+//! Shape with subsurface scattering (Baek & Heide 2021, section 8, Fig. 11): depth by structured light, normals by
+//! polarization, and both together, each from all light or from epipolar light alone.
+//!
+//! > T(s, u) ─ pattern ─► captures ─ code ─► projector column ─ triangulation ─► depth ─► normals
+//! >                                                                       └─ with Stokes images ─► fused depth ─► normals
+//!
+//! Every pattern of structured light drives whole projector columns, so a capture is linear in T(s, u), the tensor summed
+//! over the projector's rows ([`column_light`]): nothing need be rendered for a pattern.
+//!
+//! **Frames.** Depths are z along the camera's axis, metres. Normals are of unit length in the camera's frame (x right, y
+//! down, z forward) and point to the side of the camera. NaN where nothing is known. Pixel (i, j) covers [i, i+1) ×
+//! [j, j+1): the centre of column i is i + ½.
+
+pub mod column_light;
+pub mod errors;
+pub mod fusion;
+pub mod gray_code;
+pub mod joint;
+pub mod log_depth;
+pub mod logical_codes;
+pub mod methods;
+pub mod micro_phase_shift;
+pub mod phase_shift;
+pub mod pinhole;
+pub mod polarization;
+pub mod propagation;
+pub mod surface_normals;
+#[cfg(test)]
+mod synthetic;
+pub mod triangulation;
+pub mod zenith;

@@ -1,0 +1,103 @@
+//! Calibrations of camera and projector as plain numbers: pinholes without distortion (images are undistorted before).
+//!
+//! A point at p in the world is at q = Rᵀ(p - o) in the device's frame and in pixel f·(q_x/q_z, q_y/q_z) + c (Hartley &
+//! Zisserman 2004, ch. 6).
+
+use nalgebra::{Matrix3, Vector3};
+
+/// A pinhole device and where it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pinhole {
+    /// Columns and rows.
+    pub resolution: [usize; 2],
+    /// Focal lengths, pixels.
+    pub focal: [f64; 2],
+    /// Principal point, pixels; the image's upper left corner is (0, 0).
+    pub principal: [f64; 2],
+    /// Centre of projection in the world, metres.
+    pub origin: Vector3<f64>,
+    /// Columns: image right, image down and forward, in the world.
+    pub axes: Matrix3<f64>,
+}
+
+impl Pinhole {
+    /// Of plain numbers: `axes` are image right, image down and forward in the world.
+    #[must_use]
+    pub fn new(
+        resolution: [usize; 2],
+        focal: [f64; 2],
+        principal: [f64; 2],
+        origin: [f64; 3],
+        axes: [[f64; 3]; 3],
+    ) -> Self {
+        Self {
+            resolution,
+            focal,
+            principal,
+            origin: origin.into(),
+            axes: Matrix3::from_columns(&axes.map(Vector3::from)),
+        }
+    }
+
+    /// The same device with pixels `n` times as wide.
+    #[must_use]
+    pub fn binned_columns(&self, n: usize) -> Self {
+        let mut out = self.clone();
+        out.resolution[0] = self.resolution[0].div_ceil(n.max(1));
+        out.focal[0] /= n.max(1) as f64;
+        out.principal[0] /= n.max(1) as f64;
+        out
+    }
+
+    /// (x, y, 1) of a pixel coordinate: the point of its ray at depth 1, in the device's frame.
+    #[must_use]
+    pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
+        let at = |k: usize| (pixel[k] - self.principal[k]) / self.focal[k];
+        Vector3::new(at(0), at(1), 1.0)
+    }
+
+    /// [`Self::ray`] of the centre of pixel (x, y).
+    #[must_use]
+    pub fn centre(&self, x: usize, y: usize) -> Vector3<f64> {
+        self.ray([x as f64 + 0.5, y as f64 + 0.5])
+    }
+
+    /// Pixel coordinate of a point of the world in front of the device.
+    #[must_use]
+    pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
+        let q = self.axes.transpose() * (p - self.origin);
+        let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];
+        (q.z > 0.0).then(|| [at(0), at(1)])
+    }
+
+    /// The point of the world at depth z on the ray through the centre of pixel (x, y).
+    #[must_use]
+    pub fn point(&self, x: usize, y: usize, z: f64) -> Vector3<f64> {
+        self.origin + self.axes * (self.centre(x, y) * z)
+    }
+}
+
+/// The calibrated pair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rig {
+    /// The camera.
+    pub camera: Pinhole,
+    /// The projector.
+    pub projector: Pinhole,
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::shape::synthetic;
+
+    #[test]
+    fn points_of_rays_are_in_their_pixels() {
+        for device in [synthetic::rig(64, 256).camera, synthetic::rig(64, 256).projector] {
+            for (x, y, z) in [(0, 0, 0.1), (63, 20, 0.3), (31, 63, 2.0)] {
+                let at = device.project(device.point(x, y, z)).expect("in front");
+                assert!((at[0] - x as f64 - 0.5).abs() < 1e-9 && (at[1] - y as f64 - 0.5).abs() < 1e-9);
+            }
+            assert_eq!(device.project(device.point(3, 3, -1.0)), None);
+        }
+    }
+}

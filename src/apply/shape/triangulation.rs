@@ -1,0 +1,72 @@
+//! Depth from a projector column: where the camera's ray meets the plane of the column (Hartley & Zisserman 2004, ch. 12).
+//!
+//! The plane of column u holds the projector's centre p and is perpendicular to m = R_p (1, 0, -x), x = (u - c)/f. The ray
+//! o + z·d, d of depth 1, meets it at z = m·(p - o) / m·d.
+
+use super::pinhole::Rig;
+use crate::map::Map;
+use nalgebra::Vector3;
+
+/// Depth along the camera's axis of the point that column coordinate `column` lights in camera pixel (x, y); `None` where
+/// the ray does not meet the plane before the camera.
+#[must_use]
+pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
+    let projector = &rig.projector;
+    let across = (column - projector.principal[0]) / projector.focal[0];
+    let plane = projector.axes * Vector3::new(1.0, 0.0, -across);
+    let ray = rig.camera.axes * rig.camera.centre(x, y);
+    let z = plane.dot(&(projector.origin - rig.camera.origin)) / plane.dot(&ray);
+    (z > 0.0 && z.is_finite()).then_some(z)
+}
+
+/// [`depth_at`] of every pixel; NaN where there is none.
+#[must_use]
+pub fn depth(rig: &Rig, columns: &Map) -> Map {
+    Map::from_fn(columns.width, columns.height, 1, |x, y, out| {
+        out[0] = depth_at(rig, x, y, columns.at(x, y)[0]).unwrap_or(f64::NAN);
+    })
+}
+
+/// How far a depth is off per column that its code is off: |dz/du|, metres, by differences of half a column.
+#[must_use]
+pub fn depth_per_column(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
+    let near = depth_at(rig, x, y, column - 0.5)?;
+    Some((depth_at(rig, x, y, column + 0.5)? - near).abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::synthetic::{Shape, rig};
+
+    #[test]
+    fn columns_of_a_sphere_and_a_plane_give_their_depths() {
+        let rig = rig(64, 512);
+        let plane = Shape::plane(&rig.camera, Vector3::new(0.2, -0.4, -1.0));
+        for shape in [Shape::sphere(&rig.camera, 0.04), plane] {
+            let depth = depth(&rig, &shape.columns(&rig));
+            let mut seen = 0;
+            for (got, want) in depth.data.iter().zip(&shape.depth.data) {
+                assert_eq!(got.is_nan(), want.is_nan());
+                if want.is_finite() {
+                    seen += 1;
+                    assert!((got - want).abs() < 1e-12, "{got} {want}");
+                }
+            }
+            assert!(seen > 1000, "{seen}");
+        }
+    }
+
+    /// Half a column off is half of `depth_per_column`: about z²/(b f) of two parallel devices.
+    #[test]
+    fn depth_errors_follow_column_errors() {
+        let rig = rig(64, 512);
+        let plane = Shape::plane(&rig.camera, -Vector3::z());
+        let column = plane.columns(&rig).at(32, 32)[0];
+        let per = depth_per_column(&rig, 32, 32, column).expect("in front");
+        let off = depth_at(&rig, 32, 32, column + 0.1).expect("in front");
+        assert!(((off - plane.depth.at(32, 32)[0]).abs() / (0.1 * per) - 1.0).abs() < 0.01);
+        assert!(depth_at(&rig, 32, 32, 1e9).is_none());
+        assert!(depth_at(&rig, 32, 32, f64::NAN).is_none());
+    }
+}

@@ -1,0 +1,132 @@
+//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9 and 13).
+//!
+//! Light from below the surface leaves through it: with s = sin²θ, c = cos θ and index n,
+//!
+//! > ρ_d = (n - 1/n)² s / (2 + 2n² - (n + 1/n)² s + 4c √(n² - s)),
+//!
+//! rising from 0 to its maximum at grazing angle, polarized in the plane of emission. Light that is mirrored is polarized
+//! across it,
+//!
+//! > ρ_s = 2 s c √(n² - s) / (n² - s - n² s + 2s²),
+//!
+//! 1 at Brewster's angle tan θ = n, so that each degree but 1 has two angles.
+
+use std::f64::consts::FRAC_PI_2;
+
+/// Halvings of an interval of angles: to 1e-15 rad.
+const HALVINGS: usize = 52;
+
+/// ρ_d of light that leaves at `zenith` radians from the normal, out of index `n`.
+#[must_use]
+pub fn diffuse(zenith: f64, n: f64) -> f64 {
+    let (sin, cos) = zenith.sin_cos();
+    let s = sin * sin;
+    let minus = (n - 1.0 / n).powi(2) * s;
+    let plus = 2.0 + 2.0 * n * n - (n + 1.0 / n).powi(2) * s + 4.0 * cos * (n * n - s).max(0.0).sqrt();
+    minus / plus
+}
+
+/// ρ_s of unpolarized light mirrored at `zenith` radians from the normal by index `n`.
+#[must_use]
+pub fn specular(zenith: f64, n: f64) -> f64 {
+    let (sin, cos) = zenith.sin_cos();
+    let s = sin * sin;
+    let over = n * n - s - n * n * s + 2.0 * s * s;
+    2.0 * s * cos * (n * n - s).max(0.0).sqrt() / over
+}
+
+/// Where a rising function of an angle reaches `value` in the interval; its end where it does not.
+fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64 {
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (from + to);
+        if f(middle) < value {
+            from = middle;
+        } else {
+            to = middle;
+        }
+    }
+    0.5 * (from + to)
+}
+
+/// The zenith angle of diffuse light of this degree of polarization; the right angle where the degree is more than any
+/// angle's, NaN where it is none.
+#[must_use]
+pub fn of_diffuse(degree: f64, n: f64) -> f64 {
+    if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
+        return f64::NAN;
+    }
+    invert(0.0, FRAC_PI_2, degree, |zenith| diffuse(zenith, n))
+}
+
+/// The two zenith angles of mirrored light of this degree: below and above Brewster's.
+#[must_use]
+pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
+    if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
+        return [f64::NAN; 2];
+    }
+    let brewster = n.atan();
+    let above = invert(0.0, FRAC_PI_2 - brewster, degree, |below| {
+        specular(FRAC_PI_2 - below, n)
+    });
+    [
+        invert(0.0, brewster, degree, |zenith| specular(zenith, n)),
+        FRAC_PI_2 - above,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use optics::polarization::fresnel::dielectric;
+    use optics::spectrum::Spectral;
+
+    /// The formulas are Fresnel's: degrees of the program's own interface, in f32.
+    #[test]
+    fn degrees_are_fresnels() {
+        for n in [1.3, 1.5, 1.8] {
+            for zenith in [0.1, 0.4, 0.8, 1.1, 1.4_f64] {
+                let fresnel = dielectric(zenith.cos() as f32, Spectral::splat(n as f32));
+                let block = fresnel
+                    .reflection
+                    .to_mueller()
+                    .lane(0)
+                    .map(|row| row.map(f64::from));
+                let (mean, difference) = (block[0][0], block[1][0]);
+                assert!(
+                    (difference / mean - specular(zenith, n)).abs() < 2e-5,
+                    "{n} {zenith}"
+                );
+                // What is not mirrored is let through, and the way out has the same shares as the way in.
+                let through = difference / (1.0 - mean);
+                assert!((through - diffuse(zenith, n)).abs() < 2e-6, "{n} {zenith}");
+            }
+        }
+    }
+
+    #[test]
+    fn zeniths_come_back_to_a_millionth() {
+        for n in [1.3, 1.5, 1.8] {
+            for step in 0..150 {
+                let zenith = f64::from(step) * 0.01;
+                assert!(
+                    (of_diffuse(diffuse(zenith, n), n) - zenith).abs() < 1e-6,
+                    "{n} {zenith}"
+                );
+                let both = of_specular(specular(zenith, n), n);
+                let nearest = both.map(|z| (z - zenith).abs()).into_iter().fold(1.0, f64::min);
+                // At Brewster's angle the degree is flat: half of the digits are lost.
+                let flat = (zenith - n.atan()).abs() < 0.01;
+                assert!(nearest < if flat { 1e-5 } else { 1e-6 }, "{n} {zenith}: {both:?}");
+                assert!(both[0] <= n.atan() + 1e-6 && both[1] >= n.atan() - 1e-6);
+            }
+        }
+        assert!((specular(1.5_f64.atan(), 1.5) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_cannot_be_has_no_angle() {
+        assert!((of_diffuse(0.9, 1.5) - FRAC_PI_2).abs() < 1e-9);
+        assert!(of_diffuse(f64::NAN, 1.5).is_nan() && of_diffuse(-0.1, 1.5).is_nan());
+        assert!(of_diffuse(0.1, 1.0).is_nan() && of_specular(f64::NAN, 1.5)[0].is_nan());
+    }
+}
