@@ -19,6 +19,8 @@ pub mod slice;
 pub mod texture;
 pub mod transform;
 pub mod values;
+pub mod variant;
+pub mod vary;
 
 use base::document;
 use base::locate::InputError;
@@ -45,7 +47,7 @@ macro_rules! syntax {
 
 syntax!(scene::SceneFile, material::MaterialSetFile, medium::MediumSetFile);
 
-fn mend(message: &str) -> String {
+pub(crate) fn mend(message: &str) -> String {
     if message.contains("unknown field") || message.contains("unknown variant") {
         "use one of the names listed; `sunstone schema` prints all of them".into()
     } else if message.contains("missing field") {
