@@ -271,7 +271,7 @@ impl Studio<'_> {
     /// The variant's file with these slices alone, its camera as large as the plan says.
     fn sized(&self, variant: &Variant, slices: &[&'static str]) -> Result<SceneFile, ApplicationError> {
         let mut file = variant.file.clone();
-        if let Some(missing) = slices.iter().find(|s| !file.slices.iter().any(|f| f.name == **s)) {
+        if let Some(missing) = slices.iter().find(|s| !file.slices.iter().any(|f| f.name.as_str() == **s)) {
             return Err(self.lacks(format!("there is no slice `{missing}`")));
         }
         file.slices.retain(|s| slices.contains(&s.name.as_str()));

@@ -7,6 +7,9 @@ use nalgebra::{DMatrix, DVector};
 /// Share of the diagonal that is added.
 const RIDGE: f64 = 1e-6;
 
+/// A variance below this share of the squared mean is rounding.
+const ROUNDING: f64 = 1e-13;
+
 /// A direction along which one kind lies above the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discriminant {
@@ -32,8 +35,15 @@ impl Discriminant {
             within += &m * m.transpose();
             mean
         };
-        let between = mean(positive) - mean(negative);
-        let scale = within.diagonal().map(|v| if v > 0.0 { 1.0 / v.sqrt() } else { 0.0 });
+        let (above, below) = (mean(positive), mean(negative));
+        let count = (positive.len() + negative.len()) as f64;
+        // A spread that is the rounding of the mean is none.
+        let scale = DVector::from_fn(features, |i, _| {
+            let v = within[(i, i)];
+            let rounding = ROUNDING * count * (above[i].powi(2) + below[i].powi(2));
+            if v > rounding { 1.0 / v.sqrt() } else { 0.0 }
+        });
+        let between = above - below;
         let units = DMatrix::from_diagonal(&scale);
         let mut standard = &units * within * &units;
         for i in 0..features {

@@ -19,7 +19,7 @@ struct Problem {
 }
 
 impl Problem {
-    fn new(m: &Moments, first: f64, target: f64) -> Self {
+    fn new(m: &Moments, first: f64, target: f64) -> Option<Self> {
         let n = m.x.len();
         let unit = DVector::from_fn(n + 2, |i, _| if i < n { 1.0 / first } else if i == n { 1.0 } else { 1.0 / target });
         let second = DMatrix::from_fn(n + 2, n + 2, |i, j| {
@@ -34,11 +34,13 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        let eigen = second.symmetric_eigen();
-        let root = eigen.eigenvalues.map(|v| v.max(0.0).sqrt());
-        Self {
-            rows: DMatrix::from_diagonal(&root) * eigen.eigenvectors.transpose(),
-        }
+        // A trifle on the diagonal, more where rounding asks for it, makes it positive definite.
+        let trace = second.trace();
+        let loaded = |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
+        let factor = (-14..0).find_map(loaded)?;
+        Some(Self {
+            rows: factor.l().transpose(),
+        })
     }
 }
 
@@ -69,7 +71,7 @@ pub struct WeightsAndBiases {
 /// Minimizes from the image itself: weight 1 for the first feature.
 ///
 /// # Errors
-/// If the images or what they are to become are dark.
+/// If the images or what they are to become are dark or not finite.
 pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
     let n = moments.x.len();
     let first = (moments.xx[(0, 0)] / moments.count).sqrt();
@@ -80,7 +82,8 @@ pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
     let mut start = vec![0.0; 2 * n];
     // One in the features' own unit.
     start[0] = first / target;
-    let p = quasi_newton(&Problem::new(moments, first, target), &start, ITERATIONS).x;
+    let problem = Problem::new(moments, first, target).ok_or("the images are not finite")?;
+    let p = quasi_newton(&problem, &start, ITERATIONS).x;
     let weights: Vec<f64> = p[..n].iter().map(|w| w * target / first).collect();
     let biases: Vec<f64> = p[n..].iter().map(|b| b * first).collect();
     let offset = weights.iter().zip(&biases).map(|(w, b)| w * b).sum();
@@ -115,7 +118,7 @@ mod tests {
 
     #[test]
     fn the_gradient_is_that_of_the_cost() {
-        let problem = Problem::new(&examples(), 2.0, 3.0);
+        let problem = Problem::new(&examples(), 2.0, 3.0).expect("a problem");
         // The cost is the loss, in y's unit.
         let moments = examples();
         let mut image = vec![0.0; 12];

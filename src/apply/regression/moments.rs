@@ -119,7 +119,9 @@ impl Moments {
         let sum = w.dot(&(&self.xx * w)) + self.count * b * b + self.yy + 2.0 * b * w.dot(&self.x)
             - 2.0 * w.dot(&self.xy)
             - 2.0 * b * self.y;
-        (sum / self.count).max(0.0)
+        let mean = sum / self.count;
+        // Rounding may go below zero; what is not a number stays so.
+        if mean < 0.0 { 0.0 } else { mean }
     }
 
     /// Covariances of the features, of the features with y, and the means: what is left when an offset is free.

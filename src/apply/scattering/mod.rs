@@ -174,7 +174,8 @@ fn image(method: &dyn Descattering, fits: &[Linear], seen: &Seen) -> Map {
     Map::from_fn(w, h, fits.len(), |x, y, out| {
         for (lane, (o, fit)) in out.iter_mut().zip(fits).enumerate() {
             let (features, _) = method.features(seen, y * w + x, lane);
-            *o = fit.of(&features).max(0.0);
+            let value = fit.of(&features);
+            *o = if value < 0.0 { 0.0 } else { value };
         }
     })
 }
