@@ -102,7 +102,11 @@ pub struct Report {
 ///
 /// # Errors
 /// [`ApplicationError`].
-pub fn run(application: &dyn Application, settings: &Settings, watch: &dyn Watch) -> Result<Report, ApplicationError> {
+pub fn run(
+    application: &dyn Application,
+    settings: &Settings,
+    watch: &dyn Watch,
+) -> Result<Report, ApplicationError> {
     if settings.seeds == 0 {
         return Err(ApplicationError::NoSeeds);
     }
@@ -205,7 +209,6 @@ impl Studio<'_> {
                 }
                 Truth::Object(name) => (name, truth::object(&scene, &objects)),
                 Truth::Texture(name) => (name, truth::texture(&scene)),
-                Truth::Behind(name) => (name, truth::behind(&scene)),
             };
             maps.insert(name.to_owned(), map);
         }
@@ -219,14 +222,22 @@ impl Studio<'_> {
         let spp = self.size.spp.saturating_mul(samples);
         let store = self.render(number, &variant, TRUTH_SEED, spp, &[slice])?;
         let mean = store.slice(slice)?.read_all(Field::Mean)?;
-        let intensity = mean.select(AxisKind::StokesOut, 0).select(AxisKind::StokesIn, 0).sum(AxisKind::T);
+        let intensity = mean
+            .select(AxisKind::StokesOut, 0)
+            .select(AxisKind::StokesIn, 0)
+            .sum(AxisKind::T);
         let of = |kind| intensity.extent(kind);
-        Ok(Map::from_fn(of(AxisKind::X), of(AxisKind::Y), of(AxisKind::Wavelength), |x, y, out| {
-            for (lane, o) in out.iter_mut().enumerate() {
-                let place = [(AxisKind::X, x), (AxisKind::Y, y), (AxisKind::Wavelength, lane)];
-                *o = f64::from(intensity.at(&place));
-            }
-        }))
+        Ok(Map::from_fn(
+            of(AxisKind::X),
+            of(AxisKind::Y),
+            of(AxisKind::Wavelength),
+            |x, y, out| {
+                for (lane, o) in out.iter_mut().enumerate() {
+                    let place = [(AxisKind::X, x), (AxisKind::Y, y), (AxisKind::Wavelength, lane)];
+                    *o = f64::from(intensity.at(&place));
+                }
+            },
+        ))
     }
 
     /// A finished store of a variant.
@@ -242,7 +253,11 @@ impl Studio<'_> {
         let mut scene = scene::from_file(&self.path, &self.text, &file)?;
         scene.variant = Some(transport::scene::Variant {
             number,
-            values: variant.values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect(),
+            values: variant
+                .values
+                .iter()
+                .map(|(name, v)| (name.clone(), v.to_string()))
+                .collect(),
         });
         scene.settings.seed = seed;
         scene.settings.spp = spp.max(1);
@@ -264,14 +279,24 @@ impl Studio<'_> {
     fn file_name(&self, scene: &Scene, number: u64, seed: u64) -> String {
         let [w, h] = scene.camera.resolution;
         let hash: String = scene.sha256.chars().take(16).collect();
-        let seed = if seed == TRUTH_SEED { "truth".to_owned() } else { format!("seed{seed}") };
-        format!("{}_variant{number}_{seed}_{w}x{h}_{}spp_{hash}.zarr", scene.name, scene.settings.spp)
+        let seed = if seed == TRUTH_SEED {
+            "truth".to_owned()
+        } else {
+            format!("seed{seed}")
+        };
+        format!(
+            "{}_variant{number}_{seed}_{w}x{h}_{}spp_{hash}.zarr",
+            scene.name, scene.settings.spp
+        )
     }
 
     /// The variant's file with these slices alone, its camera as large as the plan says.
     fn sized(&self, variant: &Variant, slices: &[&'static str]) -> Result<SceneFile, ApplicationError> {
         let mut file = variant.file.clone();
-        if let Some(missing) = slices.iter().find(|s| !file.slices.iter().any(|f| f.name.as_str() == **s)) {
+        if let Some(missing) = slices
+            .iter()
+            .find(|s| !file.slices.iter().any(|f| f.name.as_str() == **s))
+        {
             return Err(self.lacks(format!("there is no slice `{missing}`")));
         }
         file.slices.retain(|s| slices.contains(&s.name.as_str()));
@@ -281,7 +306,8 @@ impl Studio<'_> {
         if camera.fov_x_deg.is_none() && camera.fov_y_deg.is_none() || w == 0 || h == 0 {
             return Err(self.lacks("the camera has no field of view to be rendered at another size".into()));
         }
-        let scaled = |n: u32| (u64::from(n) * u64::from(self.size.pixels) / u64::from(w.max(h))).max(1) as u32;
+        let scaled =
+            |n: u32| (u64::from(n) * u64::from(self.size.pixels) / u64::from(w.max(h))).max(1) as u32;
         camera.resolution = [scaled(w), scaled(h)].into();
         file.camera = base::locate::Located::at(file.camera.span(), camera);
         Ok(file)
@@ -299,5 +325,7 @@ impl Studio<'_> {
 /// Where scenes are, seen from a folder: `scenes` in it, or in one of those that it is in.
 #[must_use]
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
-    from.ancestors().map(|folder| folder.join("scenes")).find(|s| s.join(scene).is_file())
+    from.ancestors()
+        .map(|folder| folder.join("scenes"))
+        .find(|s| s.join(scene).is_file())
 }

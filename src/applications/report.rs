@@ -56,7 +56,11 @@ pub fn write(application: &dyn Application, report: &Report, folder: &Path) -> R
 
 /// A number for a table: nothing where it is not known.
 fn cell(v: f64) -> String {
-    if v.is_finite() { format!("{v}") } else { String::new() }
+    if v.is_finite() {
+        format!("{v}")
+    } else {
+        String::new()
+    }
 }
 
 /// A text for a table.
@@ -136,7 +140,13 @@ fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
     }
     all.into_iter()
         .map(|((name, page), list)| {
-            let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
+            let plain = |c: char| {
+                if c.is_ascii_alphanumeric() {
+                    c.to_ascii_lowercase()
+                } else {
+                    '_'
+                }
+            };
             let file = format!("{name}_{page}").chars().map(plain).collect();
             (file, format!("{name}: {page}"), list)
         })
@@ -152,18 +162,31 @@ fn draw(path: &Path, title: &str, page: &[(String, &Picture)]) -> Result<(), Rep
         let apart = picture.variant.is_none() && channels > 1;
         for channel in 0..if apart { channels } else { 1 } {
             let value = |pixel: &[f64]| {
-                let v = if apart { pixel[channel] } else { pixel.iter().sum::<f64>() / channels as f64 };
+                let v = if apart {
+                    pixel[channel]
+                } else {
+                    pixel.iter().sum::<f64>() / channels as f64
+                };
                 v as f32
             };
             drawn.push(maps::Map {
-                label: if apart { format!("wavelength {}", channel + 1) } else { label.clone() },
+                label: if apart {
+                    format!("wavelength {}", channel + 1)
+                } else {
+                    label.clone()
+                },
                 caption: String::new(),
                 width: map.width,
                 data: map.data.chunks_exact(channels).map(value).collect(),
             });
         }
     }
-    let values = || drawn.iter().flat_map(|m| m.data.iter().copied()).filter(|v| v.is_finite());
+    let values = || {
+        drawn
+            .iter()
+            .flat_map(|m| m.data.iter().copied())
+            .filter(|v| v.is_finite())
+    };
     let most = values().fold(0.0, |m: f32, v| m.max(v.abs()));
     let quantity = if values().any(|v| v < 0.0) && most > 0.0 {
         Quantity::Signed { limit: most }

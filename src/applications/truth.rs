@@ -20,8 +20,6 @@ struct End {
     /// The last ray, which meets the surface.
     ray: Ray,
     surface: Surface,
-    /// Interfaces that it crossed.
-    interfaces: u32,
 }
 
 /// Follows a ray of the camera through the point (pixels) of its image.
@@ -30,12 +28,14 @@ fn follow(scene: &Scene, at: DVec2) -> Option<End> {
         origin: scene.camera.origin,
         dir: scene.camera.direction(at),
     };
-    for interfaces in 0..MOST {
+    for _ in 0..MOST {
         let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
         let surface = scene.geometry.surface(&ray, &hit);
-        let through = scene.materials.specular(surface.material, &surface, -ray.dir, Lobe::Transmitted, 0);
+        let through = scene
+            .materials
+            .specular(surface.material, &surface, -ray.dir, Lobe::Transmitted, 0);
         let Some(through) = through else {
-            return Some(End { ray, surface, interfaces });
+            return Some(End { ray, surface });
         };
         // Light comes from where it lies; the ray goes there.
         ray = Ray {
@@ -99,12 +99,8 @@ pub fn object(scene: &Scene, objects: &ObjectSurfaces) -> Map {
 #[must_use]
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |end, out| {
-        out.iter_mut().zip(end.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
+        out.iter_mut()
+            .zip(end.surface.uv)
+            .for_each(|(o, uv)| *o = f64::from(uv));
     })
-}
-
-/// Share of each pixel that looks through an interface.
-#[must_use]
-pub fn behind(scene: &Scene) -> Map {
-    shares(scene, |end| f64::from(u8::from(end.is_some_and(|e| e.interfaces > 0))))
 }

@@ -63,8 +63,6 @@ pub enum Truth {
     Object(&'static str),
     /// Texture coordinates of that surface, two channels.
     Texture(&'static str),
-    /// Share of a pixel that looks through at least one smooth interface.
-    Behind(&'static str),
     /// Mean of M00 of a slice of another variant, rendered with a seed of its own.
     Reference {
         /// Name of the map.

@@ -28,12 +28,15 @@ pub fn compare(application: &dyn Application, runs: &[Vec<Score>]) -> Vec<Row> {
     for metric in application.metrics() {
         let table = |method: &Method| -> Vec<Vec<f64>> {
             let value = |run: &Vec<Score>, variant: u64| {
-                let found = run.iter().find(|s| {
-                    s.method == method.name && s.metric == metric.name && s.variant == variant
-                });
+                let found = run
+                    .iter()
+                    .find(|s| s.method == method.name && s.metric == metric.name && s.variant == variant);
                 found.map_or(f64::NAN, |s| s.value)
             };
-            variants.iter().map(|v| runs.iter().map(|run| value(run, *v)).collect()).collect()
+            variants
+                .iter()
+                .map(|v| runs.iter().map(|run| value(run, *v)).collect())
+                .collect()
         };
         let Some(first) = methods.first() else {
             continue;

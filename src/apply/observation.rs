@@ -63,7 +63,9 @@ impl Observation {
     /// # Errors
     /// [`ApplyError::Missing`].
     pub fn truth(&self, name: &str) -> Result<&Map, ApplyError> {
-        self.truth.get(name).ok_or_else(|| self.missing("truth map", name))
+        self.truth
+            .get(name)
+            .ok_or_else(|| self.missing("truth map", name))
     }
 
     /// A slice as pixels.
@@ -211,7 +213,10 @@ pub(crate) mod tests {
             *v = value(rest / 16 / bins, rest / 16 % bins, rest % 16, lane) as f32;
         }
         error_of.data.fill(error as f32);
-        Slice { mean, error: error_of }
+        Slice {
+            mean,
+            error: error_of,
+        }
     }
 
     #[test]
@@ -230,7 +235,10 @@ pub(crate) mod tests {
         assert_eq!(pixels.weighed(&weights).at(1, 1)[1], sum);
         assert!(matches!(o.pixels("t", true), Err(ApplyError::Missing { .. })));
         let s = o.slices.get_mut("s").expect("it");
-        (s.mean, s.error) = (s.mean.select(AxisKind::StokesIn, 0), s.error.select(AxisKind::StokesIn, 0));
+        (s.mean, s.error) = (
+            s.mean.select(AxisKind::StokesIn, 0),
+            s.error.select(AxisKind::StokesIn, 0),
+        );
         assert!(matches!(o.pixels("s", true), Err(ApplyError::Axis { .. })));
     }
 }

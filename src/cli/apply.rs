@@ -45,7 +45,10 @@ struct Progress {
 
 impl Watch for Progress {
     fn tile_done(&self, s: &Summary) {
-        let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut last = self
+            .last
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
         if last.elapsed() > std::time::Duration::from_secs(10) {
             *last = std::time::Instant::now();
             eprintln!("{} of {} tiles of a render", s.tiles_done, s.tiles);
@@ -60,12 +63,19 @@ impl Watch for Progress {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.name == "list" {
         let all = catalog::all();
-        let lines: Vec<String> = all.iter().map(|a| format!("{:14} {}", a.name(), a.shows())).collect();
+        let lines: Vec<String> = all
+            .iter()
+            .map(|a| format!("{:14} {}", a.name(), a.shows()))
+            .collect();
         return super::output::print(&lines.join("\n"));
     }
     let application = catalog::find(&a.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
-        Failure::input(format!("there is no application `{}`; there are {}", a.name, known.join(", ")))
+        Failure::input(format!(
+            "there is no application `{}`; there are {}",
+            a.name,
+            known.join(", ")
+        ))
     })?;
     if a.seeds == 0 {
         return Err(Failure::input("--seeds is 0; give at least 1"));
@@ -83,15 +93,22 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let out = PathBuf::from("out").join("apply");
     let suffix = if a.preview { "_preview" } else { "" };
-    let folder = a.output.clone().unwrap_or_else(|| out.join(format!("{}{suffix}", a.name)));
+    let folder = a
+        .output
+        .clone()
+        .unwrap_or_else(|| out.join(format!("{}{suffix}", a.name)));
     let settings = Settings {
         scenes,
         renders: a.renders.clone().unwrap_or_else(|| out.join("renders")),
         preview: a.preview,
         seeds: a.seeds,
     };
-    std::fs::create_dir_all(&settings.renders)
-        .map_err(|e| Failure::input(format!("cannot make {}: {e}; name another by --renders", settings.renders.display())))?;
+    std::fs::create_dir_all(&settings.renders).map_err(|e| {
+        Failure::input(format!(
+            "cannot make {}: {e}; name another by --renders",
+            settings.renders.display()
+        ))
+    })?;
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
@@ -113,10 +130,12 @@ fn failure(e: ApplicationError) -> Failure {
     match e {
         ApplicationError::Scene(e) => e.into(),
         ApplicationError::Interrupted => Failure::Interrupted(e.to_string()),
-        ApplicationError::Render(RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. })) => {
-            Failure::failed(e)
+        ApplicationError::Render(
+            RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }),
+        ) => Failure::failed(e),
+        ApplicationError::Render(RenderError::Sink(SinkError::Create(ref cause))) => {
+            Failure::of_system(cause.is_of_system(), e)
         }
-        ApplicationError::Render(RenderError::Sink(SinkError::Create(ref cause))) => Failure::of_system(cause.is_of_system(), e),
         ApplicationError::Access(ref cause) => Failure::of_system(cause.is_of_system(), e),
         _ => Failure::input(e),
     }
@@ -139,22 +158,46 @@ fn table(application: &dyn Application, r: &Report, folder: &Path) -> String {
     for row in &r.rows {
         if row.metric.name != metric {
             metric = row.metric.name;
-            let unit = if row.metric.unit.is_empty() { String::new() } else { format!(" [{}]", row.metric.unit) };
+            let unit = if row.metric.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" [{}]", row.metric.unit)
+            };
             let better = if row.metric.more_is_better { "more" } else { "less" };
-            let _ = write!(out, "\n{:42} {:>18}   {:>20}\n", format!("{metric}{unit}, {better} is better"), "mean", "first less this");
+            let _ = write!(
+                out,
+                "\n{:42} {:>18}   {:>20}\n",
+                format!("{metric}{unit}, {better} is better"),
+                "mean",
+                "first less this"
+            );
         }
         let difference = row.ours_less_this.as_ref().map_or(String::new(), shown);
-        let _ = writeln!(out, "  {:40} {:>18}   {difference:>20}", row.method.name, shown(&row.value));
+        let _ = writeln!(
+            out,
+            "  {:40} {:>18}   {difference:>20}",
+            row.method.name,
+            shown(&row.value)
+        );
     }
     let _ = writeln!(out);
     for note in &r.first.notes {
         let _ = writeln!(out, "note: {note}");
     }
-    let _ = write!(out, "{}: tables and pictures ({} renders made now)", folder.display(), r.rendered);
+    let _ = write!(
+        out,
+        "{}: tables and pictures ({} renders made now)",
+        folder.display(),
+        r.rendered
+    );
     out
 }
 
 /// A mean with its standard error.
 fn shown(e: &Estimate) -> String {
-    if e.mean.is_finite() { format!("{:.4} ± {:.4}", e.mean, e.error) } else { "-".into() }
+    if e.mean.is_finite() {
+        format!("{:.4} ± {:.4}", e.mean, e.error)
+    } else {
+        "-".into()
+    }
 }

@@ -127,18 +127,32 @@ fn variants(path: &Path, text: &str) -> Result<String, Failure> {
     }
     let count = variant::count(path, text, &file)?;
     let count = count.map_or("no end of them".to_owned(), |n| n.to_string());
-    let mut out = format!("  {:18} {count} (sunstone render {} --variant 0)\n", "variants", path.display());
+    let mut out = format!(
+        "  {:18} {count} (sunstone render {} --variant 0)\n",
+        "variants",
+        path.display()
+    );
     for (name, parameter) in &file.vary {
-        let drawn = parameter.range.as_ref().map(|r| format!("{} .. {}", r.min.0, r.max.0));
+        let drawn = parameter
+            .range
+            .as_ref()
+            .map(|r| format!("{} .. {}", r.min.0, r.max.0));
         let listed = || {
             let values = parameter.values.iter().flat_map(|v| v.iter());
-            values.map(|v| v.0.to_string().trim().to_owned()).collect::<Vec<_>>().join(", ")
+            values
+                .map(|v| v.0.to_string().trim().to_owned())
+                .collect::<Vec<_>>()
+                .join(", ")
         };
         let every = match *parameter.every {
             1 => String::new(),
             n => format!(", every {n}"),
         };
-        let what = format!("{}: {}{every}", parameter.path.0.join(", "), drawn.unwrap_or_else(listed));
+        let what = format!(
+            "{}: {}{every}",
+            parameter.path.0.join(", "),
+            drawn.unwrap_or_else(listed)
+        );
         let _ = writeln!(out, "  {:18} {what}", format!("vary {name}"));
     }
     Ok(out)

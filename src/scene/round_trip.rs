@@ -723,7 +723,13 @@ impl Choices<'_> {
         let parameter = ParameterFile {
             path: PathsFile(self.list(Self::text)).into(),
             values: self.some(|c| c.list(any).into()),
-            range: self.some(|c| RangeFile { min: any(c), max: any(c) }.into()),
+            range: self.some(|c| {
+                RangeFile {
+                    min: any(c),
+                    max: any(c),
+                }
+                .into()
+            }),
             every: u64::from(self.whole()).into(),
         };
         parameter.into()

@@ -147,7 +147,11 @@ impl<'a> Vary<'a> {
             })?;
             if FIXED.contains(&keys[0].as_str()) {
                 let message = format!("`{written}`: {} is the same for all variants", keys[0]);
-                return Err(self.error(at.clone(), message, "vary what the scene is made of, or how it is rendered"));
+                return Err(self.error(
+                    at.clone(),
+                    message,
+                    "vary what the scene is made of, or how it is rendered",
+                ));
             }
             let slot = find(document, &keys).map_err(|known| {
                 let help = format!(
@@ -197,7 +201,11 @@ impl<'a> Vary<'a> {
         let shape = |v: &AnyValue| v.0.as_array().map(Vec::len);
         let wanted = match present {
             DeValue::Integer(_) | DeValue::Float(_) => None,
-            DeValue::Array(list) if list.iter().all(|v| v.get_ref().is_integer() || v.get_ref().is_float()) => {
+            DeValue::Array(list)
+                if list
+                    .iter()
+                    .all(|v| v.get_ref().is_integer() || v.get_ref().is_float()) =>
+            {
                 Some(list.len())
             }
             other => {
@@ -226,7 +234,12 @@ impl<'a> Vary<'a> {
     }
 
     /// That no earlier path sets the same, or a part of it, or what it is a part of.
-    fn alone(&self, keys: &[String], written: &str, parameter: &Located<ParameterFile>) -> Result<(), InputError> {
+    fn alone(
+        &self,
+        keys: &[String],
+        written: &str,
+        parameter: &Located<ParameterFile>,
+    ) -> Result<(), InputError> {
         for (other, paths) in &self.keys {
             if paths.iter().any(|p| p.iter().zip(keys).all(|(a, b)| a == b)) {
                 let message = format!("`{written}` is set by another path of vary.{other} as well");
@@ -240,7 +253,11 @@ impl<'a> Vary<'a> {
     fn counted(&self) -> Result<Option<u64>, InputError> {
         let mut longest: Option<(&str, u64)> = None;
         let mut endless = false;
-        let period = |p: &ParameterFile| p.values.as_ref().map(|v| (v.len() as u64).saturating_mul(*p.every));
+        let period = |p: &ParameterFile| {
+            p.values
+                .as_ref()
+                .map(|v| (v.len() as u64).saturating_mul(*p.every))
+        };
         for (name, parameter) in &self.file.vary {
             match period(parameter) {
                 None => endless = true,
@@ -254,8 +271,9 @@ impl<'a> Vary<'a> {
         for (other, parameter) in &self.file.vary {
             if let Some(n) = period(parameter).filter(|n| !most.is_multiple_of(*n)) {
                 let values = parameter.values.as_ref().map_or(0..0, Located::span);
-                let message =
-                    format!("the values of vary.{other} last for {n} variants, those of vary.{name} for {most}");
+                let message = format!(
+                    "the values of vary.{other} last for {n} variants, those of vary.{name} for {most}"
+                );
                 let help = "give lists of one length, or `every` so that the shorter one fits into the longer a whole number of times";
                 return Err(self.error(values, message, help));
             }
@@ -269,7 +287,10 @@ impl<'a> Vary<'a> {
         let mut drawn = BTreeMap::new();
         for (name, p) in &self.file.vary {
             if let Some(range) = &p.range {
-                drawn.insert(name.as_str(), (draw(name, index(p), range).to_string(), range.span()));
+                drawn.insert(
+                    name.as_str(),
+                    (draw(name, index(p), range).to_string(), range.span()),
+                );
             }
         }
         let mut document = self.document()?;
@@ -281,16 +302,28 @@ impl<'a> Vary<'a> {
                     let parsed = DeValue::parse(text).map_err(|e| {
                         self.error(span.clone(), e.message().to_owned(), "give finite numbers")
                     })?;
-                    values.insert(name.clone(), text.parse().unwrap_or(toml::Value::String(text.clone())));
+                    values.insert(
+                        name.clone(),
+                        text.parse().unwrap_or(toml::Value::String(text.clone())),
+                    );
                     moved(parsed.into_inner(), span)
                 }
                 (None, Some(list)) => {
                     let i = (index(p) % list.len() as u64) as usize;
                     values.insert(name.clone(), list[i].0.clone());
-                    let own = ["vary".to_owned(), name.clone(), "values".to_owned(), i.to_string()];
+                    let own = [
+                        "vary".to_owned(),
+                        name.clone(),
+                        "values".to_owned(),
+                        i.to_string(),
+                    ];
                     let found = find_in(&original, &own);
                     found.cloned().ok_or_else(|| {
-                        self.error(list.span(), format!("vary.{name} has no value {i}"), "list its values")
+                        self.error(
+                            list.span(),
+                            format!("vary.{name} has no value {i}"),
+                            "list its values",
+                        )
                     })?
                 }
                 (None, None) => continue,
@@ -329,8 +362,13 @@ fn keys(path: &str) -> Option<Vec<String>> {
 }
 
 /// The value at a path; what is known where it ends, if there is none.
-fn find<'t, 'i>(document: &'t mut DeTable<'i>, keys: &[String]) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
-    let (first, rest) = keys.split_first().ok_or_else(|| "give at least one key".to_owned())?;
+fn find<'t, 'i>(
+    document: &'t mut DeTable<'i>,
+    keys: &[String],
+) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
+    let (first, rest) = keys
+        .split_first()
+        .ok_or_else(|| "give at least one key".to_owned())?;
     let known = known(document.keys().map(|k| k.get_ref().as_ref()));
     let mut here = document.get_mut(first.as_str()).ok_or(known)?;
     for key in rest {
@@ -348,11 +386,12 @@ fn find<'t, 'i>(document: &'t mut DeTable<'i>, keys: &[String]) -> Result<&'t mu
 /// [`find`] to read.
 fn find_in<'t, 'i>(document: &'t DeTable<'i>, keys: &[String]) -> Option<&'t Spanned<DeValue<'i>>> {
     let (first, rest) = keys.split_first()?;
-    rest.iter().try_fold(document.get(first.as_str())?, |here, key| match here.get_ref() {
-        DeValue::Table(table) => table.get(key.as_str()),
-        DeValue::Array(list) => list.get(position(list, key)?),
-        _ => None,
-    })
+    rest.iter()
+        .try_fold(document.get(first.as_str())?, |here, key| match here.get_ref() {
+            DeValue::Table(table) => table.get(key.as_str()),
+            DeValue::Array(list) => list.get(position(list, key)?),
+            _ => None,
+        })
 }
 
 /// Where in a list something is: by its name, else by its number.
@@ -361,7 +400,9 @@ fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
         let name = v.get_ref().as_table().and_then(|t| t.get("name"));
         name.and_then(|n| n.get_ref().as_str()) == Some(key)
     };
-    list.iter().position(named).or_else(|| key.parse().ok().filter(|i| *i < list.len()))
+    list.iter()
+        .position(named)
+        .or_else(|| key.parse().ok().filter(|i| *i < list.len()))
 }
 
 /// What keys there are, as a mend.
@@ -369,7 +410,11 @@ fn known<'k>(keys: impl Iterator<Item = &'k str>) -> String {
     let mut all: Vec<&str> = keys.collect();
     let more = all.len().saturating_sub(12);
     all.truncate(12);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
     format!("there are {}{more}", all.join(", "))
 }
 
@@ -377,7 +422,9 @@ fn known_in(value: &DeValue) -> String {
     match value {
         DeValue::Table(table) => known(table.keys().map(|k| k.get_ref().as_ref())),
         DeValue::Array(list) => {
-            let names = list.iter().filter_map(|v| v.get_ref().as_table()?.get("name")?.get_ref().as_str());
+            let names = list
+                .iter()
+                .filter_map(|v| v.get_ref().as_table()?.get("name")?.get_ref().as_str());
             let names: Vec<&str> = names.collect();
             if names.is_empty() {
                 format!("there is a list of {} there, counted from 0", list.len())
@@ -397,7 +444,9 @@ fn article(kind: &str) -> String {
 /// A value that was drawn stands where its range does.
 fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     let value = match value {
-        DeValue::Array(list) => DeValue::Array(list.iter().map(|v| moved(v.get_ref().clone(), span)).collect()),
+        DeValue::Array(list) => {
+            DeValue::Array(list.iter().map(|v| moved(v.get_ref().clone(), span)).collect())
+        }
         other => other,
     };
     Spanned::new(span.clone(), value)
@@ -423,14 +472,24 @@ fn is_finite(value: &toml::Value) -> bool {
 
 /// The draw of a range.
 fn draw(name: &str, index: u64, range: &RangeFile) -> toml::Value {
-    let key = name.bytes().fold(0, |key, byte| mix(key ^ u64::from(byte)).wrapping_add(GOLDEN));
+    let key = name
+        .bytes()
+        .fold(0, |key, byte| mix(key ^ u64::from(byte)).wrapping_add(GOLDEN));
     let number = |place: usize, min: f64, max: f64| {
-        let bits = mix(mix(key ^ mix(index.wrapping_add(GOLDEN))).wrapping_add((place as u64).wrapping_mul(GOLDEN)));
+        let bits =
+            mix(mix(key ^ mix(index.wrapping_add(GOLDEN))).wrapping_add((place as u64).wrapping_mul(GOLDEN)));
         let u = (bits >> 11) as f64 / (1_u64 << 53) as f64;
         (min + u * (max - min)).clamp(min, max)
     };
-    let ends = numbers(&range.min.0).zip(numbers(&range.max.0)).unwrap_or_default();
-    let drawn = ends.0.iter().zip(&ends.1).enumerate().map(|(i, (a, b))| toml::Value::Float(number(i, *a, *b)));
+    let ends = numbers(&range.min.0)
+        .zip(numbers(&range.max.0))
+        .unwrap_or_default();
+    let drawn = ends
+        .0
+        .iter()
+        .zip(&ends.1)
+        .enumerate()
+        .map(|(i, (a, b))| toml::Value::Float(number(i, *a, *b)));
     let drawn: Vec<toml::Value> = drawn.collect();
     match (range.min.0.is_array(), &drawn[..]) {
         (false, [one]) => one.clone(),

@@ -8,7 +8,9 @@
 mod classifier;
 mod scores;
 
-use crate::application::{Application, ApplyError, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::application::{
+    Application, ApplyError, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth,
+};
 use crate::map::Map;
 use crate::metrics::roc::{self, Group};
 use crate::observation::{Observation, Pixels};
@@ -56,7 +58,8 @@ impl Seen {
         };
         let n = seen.polarimetric.count();
         let inside = seen.real.iter().chain(&seen.fake).all(|p| *p < n);
-        if !inside || seen.epipolar.count() != n || seen.epipolar.wavelengths != seen.polarimetric.wavelengths {
+        if !inside || seen.epipolar.count() != n || seen.epipolar.wavelengths != seen.polarimetric.wavelengths
+        {
             return Err(ApplyError::Sizes {
                 variant: o.variant,
                 what: "slices and truth maps".into(),
@@ -84,20 +87,42 @@ struct Learning {
 }
 
 const METHODS: [Learning; 6] = [
-    learning("-(2,2) epipolar", "Baek & Heide 2021", |_| Ok(Box::new(Element22))),
-    learning("-(2,2)/(0,0) epipolar", "the same over intensity", |_| Ok(Box::new(NormalizedElement22))),
+    learning("-(2,2) epipolar", "Baek & Heide 2021", |_| {
+        Ok(Box::new(Element22))
+    }),
+    learning("-(2,2)/(0,0) epipolar", "the same over intensity", |_| {
+        Ok(Box::new(NormalizedElement22))
+    }),
     learning("RGB", "linear discriminant of a photograph", |train| {
         Ok(Box::new(Classifier::learn("RGB", Features::Colour, train)?))
     }),
-    learning("epipolar RGB", "linear discriminant of O'Toole et al. 2012", |train| {
-        Ok(Box::new(Classifier::learn("epipolar RGB", Features::EpipolarColour, train)?))
-    }),
-    learning("degree of polarization", "of a photograph in unpolarized light", |train| {
-        Ok(Box::new(DegreeOfPolarization::learn(train)))
-    }),
-    learning("all epipolar elements", "linear discriminant: the bound", |train| {
-        Ok(Box::new(Classifier::learn("all epipolar elements", Features::All, train)?))
-    }),
+    learning(
+        "epipolar RGB",
+        "linear discriminant of O'Toole et al. 2012",
+        |train| {
+            Ok(Box::new(Classifier::learn(
+                "epipolar RGB",
+                Features::EpipolarColour,
+                train,
+            )?))
+        },
+    ),
+    learning(
+        "degree of polarization",
+        "of a photograph in unpolarized light",
+        |train| Ok(Box::new(DegreeOfPolarization::learn(train))),
+    ),
+    learning(
+        "all epipolar elements",
+        "linear discriminant: the bound",
+        |train| {
+            Ok(Box::new(Classifier::learn(
+                "all epipolar elements",
+                Features::All,
+                train,
+            )?))
+        },
+    ),
 ];
 
 const fn learning(
@@ -153,7 +178,9 @@ impl Application for Metamerism {
         let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
         let (train, test) = (read(train)?, read(test)?);
         if train.is_empty() || test.is_empty() {
-            return Err(ApplyError::Empty("give variants to learn from and to be judged on".into()));
+            return Err(ApplyError::Empty(
+                "give variants to learn from and to be judged on".into(),
+            ));
         }
         let mut outcome = Outcome::default();
         for Learning { method, learn } in METHODS {
@@ -195,7 +222,12 @@ fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture 
 
 /// Both intervals of the area of all variants' pixels together.
 fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
-    let all = |f: fn(&Group) -> &Vec<f64>| groups.iter().flat_map(|g| f(g).iter().copied()).collect::<Vec<f64>>();
+    let all = |f: fn(&Group) -> &Vec<f64>| {
+        groups
+            .iter()
+            .flat_map(|g| f(g).iter().copied())
+            .collect::<Vec<f64>>()
+    };
     let pixels = roc::delong(&all(|g| &g.positive), &all(|g| &g.negative));
     let variants = roc::bootstrap(groups, DRAWS, seed);
     format!(

@@ -24,7 +24,11 @@ pub fn angular_errors(found: &Map, truth: &Map, mask: &[bool]) -> Option<Angular
     if found.channels != 3 || truth.channels != 3 || found.data.len() != truth.data.len() {
         return None;
     }
-    let pairs = found.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).zip(mask);
+    let pairs = found
+        .data
+        .chunks_exact(3)
+        .zip(truth.data.chunks_exact(3))
+        .zip(mask);
     let mut all: Vec<f64> = pairs
         .filter(|(_, m)| **m)
         .map(|((a, b), _)| angle_deg(a, b))
@@ -68,7 +72,12 @@ mod tests {
             out.copy_from_slice(&[t.sin(), 0.0, t.cos()]);
         });
         for (x, t) in turned.iter().enumerate() {
-            approx::assert_relative_eq!(angle_deg(found.at(x, 0), truth.at(x, 0)), t, epsilon = 1e-12, max_relative = 1e-9);
+            approx::assert_relative_eq!(
+                angle_deg(found.at(x, 0), truth.at(x, 0)),
+                t,
+                epsilon = 1e-12,
+                max_relative = 1e-9
+            );
         }
         let e = angular_errors(&found, &truth, &[true, false, true, true, true, false]).expect("four");
         assert_eq!(e.pixels, 4);

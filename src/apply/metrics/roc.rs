@@ -79,7 +79,10 @@ pub struct Group {
 pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let pooled = |chosen: &[usize]| {
         let take = |f: fn(&Group) -> &Vec<f64>| -> Vec<f64> {
-            chosen.iter().flat_map(|i| f(&groups[*i]).iter().copied()).collect()
+            chosen
+                .iter()
+                .flat_map(|i| f(&groups[*i]).iter().copied())
+                .collect()
         };
         area(&take(|g| &g.positive), &take(|g| &g.negative))
     };
@@ -92,8 +95,10 @@ pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
         if found.len() == draws || !whole.is_finite() {
             break;
         }
-        let chosen: Vec<usize> =
-            all.iter().map(|_| (random.next_u64() % groups.len().max(1) as u64) as usize).collect();
+        let chosen: Vec<usize> = all
+            .iter()
+            .map(|_| (random.next_u64() % groups.len().max(1) as u64) as usize)
+            .collect();
         let value = pooled(&chosen);
         if value.is_finite() {
             found.push(value);
@@ -120,7 +125,9 @@ mod tests {
 
     fn numbers(seed: u64, n: usize) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
-        (0..n).map(|_| (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64).collect()
+        (0..n)
+            .map(|_| (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
+            .collect()
     }
 
     #[test]
@@ -153,7 +160,11 @@ mod tests {
         }
         let n = trials as f64;
         // The stated variance is that of the areas, which n draws tell to √(2/n).
-        assert!((said / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", said / seen);
+        assert!(
+            (said / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(),
+            "{}",
+            said / seen
+        );
         let share = f64::from(covered) / n;
         // 95 %, less what the normal distribution is off by at these counts.
         assert!((0.92..0.97).contains(&share), "{share}");
@@ -179,9 +190,17 @@ mod tests {
             &groups.iter().map(|g| g.positive[0]).collect::<Vec<_>>(),
             &groups.iter().map(|g| g.negative[0]).collect::<Vec<_>>(),
         );
-        assert!((grouped.error / single.error - 1.0).abs() < 0.15, "{} {}", grouped.error, single.error);
+        assert!(
+            (grouped.error / single.error - 1.0).abs() < 0.15,
+            "{} {}",
+            grouped.error,
+            single.error
+        );
         assert!(naive.error < 0.3 * grouped.error);
-        assert!(bootstrap(&groups, 2000, 1) == grouped, "the same seed, the same draws");
+        assert!(
+            bootstrap(&groups, 2000, 1) == grouped,
+            "the same seed, the same draws"
+        );
         assert!(bootstrap(&[], 100, 1).area.is_nan());
     }
 }

@@ -43,7 +43,11 @@ fn channel_map(image: &Map, truth: &Map, channel: usize, range: f64) -> Vec<f64>
     let product = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
     let blur = |v: &[f64]| blurred(v, image.width);
     let (mx, my) = (blur(&x), blur(&y));
-    let (xx, yy, xy) = (blur(&product(&x, &x)), blur(&product(&y, &y)), blur(&product(&x, &y)));
+    let (xx, yy, xy) = (
+        blur(&product(&x, &x)),
+        blur(&product(&y, &y)),
+        blur(&product(&x, &y)),
+    );
     let (c1, c2) = ((K1 * range).powi(2), (K2 * range).powi(2));
     (0..x.len())
         .map(|i| {
@@ -99,9 +103,16 @@ mod tests {
         let flat = |v: f64| Map::from_fn(20, 20, 2, |_, _, out| out.fill(v));
         let c1 = 1e-4;
         let expected = (2.0 * 0.3 * 0.6 + c1) / (0.09 + 0.36 + c1);
-        approx::assert_relative_eq!(ssim(&flat(0.3), &flat(0.6), &[true; 400], 1.0), expected, epsilon = 1e-9);
+        approx::assert_relative_eq!(
+            ssim(&flat(0.3), &flat(0.6), &[true; 400], 1.0),
+            expected,
+            epsilon = 1e-9
+        );
         // A negative: covariances change sign.
-        let mirrored = Map { data: a.data.iter().map(|v| 1.0 - v).collect(), ..a.clone() };
+        let mirrored = Map {
+            data: a.data.iter().map(|v| 1.0 - v).collect(),
+            ..a.clone()
+        };
         assert!(ssim(&mirrored, &a, &all, 1.0) < 0.0);
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }

@@ -21,7 +21,15 @@ struct Problem {
 impl Problem {
     fn new(m: &Moments, first: f64, target: f64) -> Option<Self> {
         let n = m.x.len();
-        let unit = DVector::from_fn(n + 2, |i, _| if i < n { 1.0 / first } else if i == n { 1.0 } else { 1.0 / target });
+        let unit = DVector::from_fn(n + 2, |i, _| {
+            if i < n {
+                1.0 / first
+            } else if i == n {
+                1.0
+            } else {
+                1.0 / target
+            }
+        });
         let second = DMatrix::from_fn(n + 2, n + 2, |i, j| {
             let (a, b) = (i.min(j), i.max(j));
             let moment = match (a < n, b) {
@@ -36,7 +44,8 @@ impl Problem {
         });
         // A trifle on the diagonal, more where rounding asks for it, makes it positive definite.
         let trace = second.trace();
-        let loaded = |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
+        let loaded =
+            |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
         let factor = (-14..0).find_map(loaded)?;
         Some(Self {
             rows: factor.l().transpose(),
@@ -48,7 +57,15 @@ impl Smooth for Problem {
     fn evaluate(&self, p: &[f64]) -> (f64, Vec<f64>) {
         let n = p.len() / 2;
         let offset: f64 = p[..n].iter().zip(&p[n..]).map(|(w, b)| w * b).sum();
-        let whole = DVector::from_fn(n + 2, |i, _| if i < n { p[i] } else if i == n { offset } else { -1.0 });
+        let whole = DVector::from_fn(n + 2, |i, _| {
+            if i < n {
+                p[i]
+            } else if i == n {
+                offset
+            } else {
+                -1.0
+            }
+        });
         let residual = &self.rows * whole;
         let slope = self.rows.tr_mul(&residual) * 2.0;
         let weights = (0..n).map(|i| slope[i] + slope[n] * p[n + i]);
@@ -123,8 +140,15 @@ mod tests {
         let moments = examples();
         let mut image = vec![0.0; 12];
         (image[0], image[6]) = (0.8, 1.5);
-        let fit = Linear { weights: DVector::from_column_slice(&[0.8 * 3.0 / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), offset: 1.2 * 3.0 };
-        approx::assert_relative_eq!(problem.evaluate(&image).0, moments.loss(&fit) / 9.0, epsilon = 1e-9);
+        let fit = Linear {
+            weights: DVector::from_column_slice(&[0.8 * 3.0 / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            offset: 1.2 * 3.0,
+        };
+        approx::assert_relative_eq!(
+            problem.evaluate(&image).0,
+            moments.loss(&fit) / 9.0,
+            epsilon = 1e-9
+        );
         let p: Vec<f64> = (0..12).map(|i| 0.1 * f64::from(i) - 0.4).collect();
         let gradient = problem.evaluate(&p).1;
         for i in 0..12 {
@@ -144,7 +168,10 @@ mod tests {
         let found = minimize(&moments).expect("a minimum");
         let best = moments.loss(&least_squares(&moments));
         let reached = moments.loss(&found.fit);
-        assert!(reached >= best * (1.0 - 1e-9) && reached < best * 1.001, "{reached} {best}");
+        assert!(
+            reached >= best * (1.0 - 1e-9) && reached < best * 1.001,
+            "{reached} {best}"
+        );
         let offset: f64 = found.weights.iter().zip(&found.biases).map(|(w, b)| w * b).sum();
         approx::assert_relative_eq!(offset, found.fit.offset, epsilon = 1e-9);
         assert!(minimize(&Moments::none(3)).is_err());

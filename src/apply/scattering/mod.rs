@@ -16,7 +16,9 @@ mod striping;
 mod time_gating;
 mod weights;
 
-use crate::application::{Application, ApplyError, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::application::{
+    Application, ApplyError, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth,
+};
 use crate::map::Map;
 use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
 use crate::observation::Observation;
@@ -83,7 +85,10 @@ impl Application for Scattering {
 
     fn plan(&self) -> Plan {
         let of = |things: &[u64], milk: &[u64]| {
-            things.iter().flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m)).collect()
+            things
+                .iter()
+                .flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m))
+                .collect()
         };
         Plan {
             scene: "milky_tank/variants.toml",
@@ -97,7 +102,10 @@ impl Application for Scattering {
                     of: |variant| variant - variant % CONCENTRATIONS,
                     samples: 4,
                 },
-                Truth::Behind("behind glass"),
+                Truth::Material {
+                    name: "inside",
+                    of: &["apple", "card", "doll", "pear", "ruler"],
+                },
                 Truth::Material {
                     name: "ruler",
                     of: &["ruler"],
@@ -161,7 +169,7 @@ impl Application for Scattering {
         }
         outcome.notes.push(
             "gains and offsets of every method are learnt from the training variants; negative estimates count as dark; only \
-             pixels that look through the tank count"
+             pixels that see what stands in the milk count"
                 .into(),
         );
         Ok(outcome)
@@ -199,7 +207,10 @@ fn scores(method: &'static str, map: &Map, seen: &Seen) -> Vec<Score> {
         let (found, there) = (by(map), by(truth));
         found.into_iter().zip(there).map(|(a, b)| a / b)
     };
-    let values = [psnr(map, truth, &seen.mask, seen.peak), ssim(map, truth, &seen.mask, seen.peak)];
+    let values = [
+        psnr(map, truth, &seen.mask, seen.peak),
+        ssim(map, truth, &seen.mask, seen.peak),
+    ];
     let all = METRICS.iter().zip(values.into_iter().chain(kept));
     all.map(|(metric, value)| Score {
         method,

@@ -19,7 +19,7 @@ pub(super) struct Seen {
     pub truth: Map,
     /// Largest value of the truth among the pixels that count.
     pub peak: f64,
-    /// Pixels that count: those that look through the tank.
+    /// Pixels that count: those of what stands in the milk.
     pub mask: Vec<bool>,
     /// Those of the ruler.
     pub ruler: Vec<bool>,
@@ -31,7 +31,12 @@ impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let whole = |name: &str| -> Result<Vec<bool>, ApplyError> {
             let map = o.truth(name)?;
-            Ok(map.data.iter().step_by(map.channels.max(1)).map(|v| *v >= 1.0).collect())
+            Ok(map
+                .data
+                .iter()
+                .step_by(map.channels.max(1))
+                .map(|v| *v >= 1.0)
+                .collect())
         };
         let texture = o.truth("texture")?;
         let mut seen = Self {
@@ -42,9 +47,14 @@ impl Seen {
             transient: o.pixels("transient", false)?,
             truth: o.truth("clear")?.clone(),
             peak: 0.0,
-            mask: whole("behind glass")?,
+            mask: whole("inside")?,
             ruler: whole("ruler")?,
-            depth: texture.data.iter().step_by(texture.channels.max(1)).copied().collect(),
+            depth: texture
+                .data
+                .iter()
+                .step_by(texture.channels.max(1))
+                .copied()
+                .collect(),
         };
         let [n, lanes] = [seen.polarimetric.count(), seen.polarimetric.wavelengths];
         let slices = [&seen.epipolar, &seen.gated, &seen.transient];
@@ -58,11 +68,16 @@ impl Seen {
                 what: "slices and truth maps".into(),
             });
         }
-        let counted = seen.truth.data.chunks_exact(lanes.max(1)).zip(&seen.mask).filter(|(_, m)| **m);
+        let counted = seen
+            .truth
+            .data
+            .chunks_exact(lanes.max(1))
+            .zip(&seen.mask)
+            .filter(|(_, m)| **m);
         seen.peak = counted.flat_map(|(v, _)| v.iter().copied()).fold(0.0, f64::max);
         if seen.peak <= 0.0 {
             return Err(ApplyError::Empty(format!(
-                "variant {}: no lit pixel looks through the tank; check the camera",
+                "variant {}: no lit pixel shows what stands in the tank; check the camera",
                 o.variant
             )));
         }
@@ -73,7 +88,9 @@ impl Seen {
 /// How many wavelengths, and that all variants have as many, and as many bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
     let (Some(first), Some(_)) = (train.first(), test.first()) else {
-        return Err(ApplyError::Empty("give variants to learn from and to be judged on".into()));
+        return Err(ApplyError::Empty(
+            "give variants to learn from and to be judged on".into(),
+        ));
     };
     let shape = |s: &Seen| [s.polarimetric.wavelengths, s.gated.bins, s.transient.bins];
     match train.iter().chain(test).find(|s| shape(s) != shape(first)) {

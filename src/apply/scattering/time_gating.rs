@@ -49,7 +49,9 @@ impl Descattering for TimeGating {
 
     fn note(&self, fits: &[Linear]) -> Option<String> {
         let window = |fit: &Linear| {
-            let open: Vec<usize> = (0..fit.weights.len()).filter(|i| fit.weights[*i] != 0.0).collect();
+            let open: Vec<usize> = (0..fit.weights.len())
+                .filter(|i| fit.weights[*i] != 0.0)
+                .collect();
             Some(format!("{}..{}", open.first()?, open.last()? + 1))
         };
         let all: Option<Vec<String>> = fits.iter().map(window).collect();

@@ -57,7 +57,11 @@ pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, 
     let mut scene = from_file(path, text, &variant.file)?;
     scene.variant = Some(Variant {
         number,
-        values: variant.values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect(),
+        values: variant
+            .values
+            .iter()
+            .map(|(name, v)| (name.clone(), v.to_string()))
+            .collect(),
     });
     Ok(scene)
 }

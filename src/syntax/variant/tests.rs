@@ -82,7 +82,11 @@ values = [1.1, 1.2, 1.3]
 every = 2
 "#;
     let got: Vec<_> = (0..6).map(|k| read(vary, k).expect("a variant").values).collect();
-    let list = |name: &str| got.iter().map(|v| v[name].as_float().expect("a number")).collect::<Vec<_>>();
+    let list = |name: &str| {
+        got.iter()
+            .map(|v| v[name].as_float().expect("a number"))
+            .collect::<Vec<_>>()
+    };
     assert_eq!(list("a"), [0.1, 0.2, 0.1, 0.2, 0.1, 0.2]);
     assert_eq!(list("b"), [1.1, 1.1, 1.2, 1.2, 1.3, 1.3]);
     assert!(read(vary, 6).is_err());
@@ -99,11 +103,19 @@ fn draws_are_even_fixed_and_their_own() {
     let alone = range("");
     let beside = range("[vary.a]\npath = \"media.milk.milk.concentration\"\nrange = { min = 0, max = 1 }\n");
     let draws: Vec<f64> = (0..4000)
-        .map(|k| read(&alone, k).expect("a variant").values["x"].as_float().expect("a number"))
+        .map(|k| {
+            read(&alone, k).expect("a variant").values["x"]
+                .as_float()
+                .expect("a number")
+        })
         .collect();
     for k in [0, 7, 3999] {
         let other = read(&beside, k).expect("a variant");
-        assert_eq!(other.values["x"].as_float(), Some(draws[k as usize]), "a parameter more changes no other");
+        assert_eq!(
+            other.values["x"].as_float(),
+            Some(draws[k as usize]),
+            "a parameter more changes no other"
+        );
         let written = read(&alone, k).expect("a variant").file;
         assert_eq!(translate(&written, 0), [draws[k as usize], 2.0, 3.0]);
     }
@@ -112,7 +124,10 @@ fn draws_are_even_fixed_and_their_own() {
     let mut sorted = draws.clone();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len() as f64;
-    let d = sorted.iter().enumerate().map(|(i, x)| ((x + 1.0) / 4.0 - (i as f64 + 0.5) / n).abs());
+    let d = sorted
+        .iter()
+        .enumerate()
+        .map(|(i, x)| ((x + 1.0) / 4.0 - (i as f64 + 0.5) / n).abs());
     assert!(d.fold(0.0, f64::max) * n.sqrt() < 2.8);
     // Pinned: the stream never changes.
     assert_eq!(draws[..3], PINNED);
@@ -128,9 +143,21 @@ fn mistakes_are_told_where_they_stand() {
     let ranged = |path: &str, range: &str| format!("[vary.p]\npath = \"{path}\"\nrange = {range}");
     let at = |path: &str| format!("[vary.p]\npath = '{path}'\nvalues = [1]");
     let cases: Vec<(String, &str, &str)> = vec![
-        (at("materials.wal.diffuse.albedo"), "there are glass, wall", "'materials.wal.diffuse.albedo'"),
-        (at("materials.wall.diffuse.albedo.0"), "which has no parts", "'materials.wall.diffuse.albedo.0'"),
-        (at("objects.doll.material"), "there are the doll", "'objects.doll.material'"),
+        (
+            at("materials.wal.diffuse.albedo"),
+            "there are glass, wall",
+            "'materials.wal.diffuse.albedo'",
+        ),
+        (
+            at("materials.wall.diffuse.albedo.0"),
+            "which has no parts",
+            "'materials.wall.diffuse.albedo.0'",
+        ),
+        (
+            at("objects.doll.material"),
+            "there are the doll",
+            "'objects.doll.material'",
+        ),
         (at("nothing"), "there are camera", "'nothing'"),
         (at("vary.p.path"), "what the scene is made of", "'vary.p.path'"),
         (at("a = 1 #"), "keys with dots", "'a = 1 #'"),
@@ -141,17 +168,47 @@ fn mistakes_are_told_where_they_stand() {
         // Values of the wrong kind, and of the right kind but too large, where they stand.
         (listed("[\"white\"]"), "", "\"white\""),
         (listed("[1.5]"), "", ""),
-        (ranged("materials.wall.diffuse.albedo", "{ min = 1, max = 0 }"), "min not above max", "{ min = 1, max = 0 }"),
-        (ranged("materials.wall.diffuse.albedo", "{ min = nan, max = 0 }"), "finite", "{ min = nan, max = 0 }"),
-        (ranged("materials.wall.diffuse.albedo", "{ min = [1], max = [2] }"), "the form", "{ min = [1], max = [2] }"),
-        (ranged("objects.0.material", "{ min = 1, max = 2 }"), "`values`", "{ min = 1, max = 2 }"),
-        (ranged("objects.0.material", "{ min = \"a\", max = 2 }"), "`values`", "{ min = \"a\", max = 2 }"),
+        (
+            ranged("materials.wall.diffuse.albedo", "{ min = 1, max = 0 }"),
+            "min not above max",
+            "{ min = 1, max = 0 }",
+        ),
+        (
+            ranged("materials.wall.diffuse.albedo", "{ min = nan, max = 0 }"),
+            "finite",
+            "{ min = nan, max = 0 }",
+        ),
+        (
+            ranged("materials.wall.diffuse.albedo", "{ min = [1], max = [2] }"),
+            "the form",
+            "{ min = [1], max = [2] }",
+        ),
+        (
+            ranged("objects.0.material", "{ min = 1, max = 2 }"),
+            "`values`",
+            "{ min = 1, max = 2 }",
+        ),
+        (
+            ranged("objects.0.material", "{ min = \"a\", max = 2 }"),
+            "`values`",
+            "{ min = \"a\", max = 2 }",
+        ),
         (format!("[vary.p]\n{path}"), "values = [..]", ""),
-        (format!("[vary.p]\n{path}\nvalues = [1]\nevery = 0"), "1 or more", "0"),
-        (format!("[vary.p]\n{path}\nvalues = [1]\nmost = 0"), "names listed", "most"),
+        (
+            format!("[vary.p]\n{path}\nvalues = [1]\nevery = 0"),
+            "1 or more",
+            "0",
+        ),
+        (
+            format!("[vary.p]\n{path}\nvalues = [1]\nmost = 0"),
+            "names listed",
+            "most",
+        ),
         ("[vary.p]\npath = []\nvalues = [1]".into(), "name the value", "[]"),
         (
-            format!("[vary.p]\n{path}\nvalues = [0, 1]\n[vary.q]\npath = \"media.milk.milk.concentration\"\nvalues = [0, 0.1, 0.2]"),
+            format!(
+                "[vary.p]\n{path}\nvalues = [0, 1]\n[vary.q]\npath = \"media.milk.milk.concentration\"\nvalues = [0, 0.1, 0.2]"
+            ),
             "one length",
             "[0, 1]",
         ),
@@ -168,8 +225,16 @@ fn mistakes_are_told_where_they_stand() {
             continue;
         };
         assert!(e.help.as_deref().unwrap_or("").contains(mend), "{e}\n{vary}");
-        assert!(at.is_empty() || place(&e) == at, "`{}` instead of `{at}`: {e}", place(&e));
-        assert!(e.line_column().is_some_and(|(line, _)| line > SCENE.lines().count()), "{e}");
+        assert!(
+            at.is_empty() || place(&e) == at,
+            "`{}` instead of `{at}`: {e}",
+            place(&e)
+        );
+        assert!(
+            e.line_column()
+                .is_some_and(|(line, _)| line > SCENE.lines().count()),
+            "{e}"
+        );
     }
     let e = super::read(Path::new("s"), SCENE, 0).expect_err("no variants");
     assert!(e.message.contains("no [vary]"), "{e}");
