@@ -25,3 +25,4 @@ mod resume;
 mod rooms;
 mod scenes;
 mod source_tree;
+mod variants;

@@ -116,4 +116,24 @@ mod tests {
         assert!(ssim(&mirrored, &a, &all, 1.0) < 0.0);
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }
+
+    /// `structural_similarity(.., gaussian_weights=True, sigma=1.5, use_sample_covariance=False)` of scikit-image 0.26.0 on the same
+    /// pictures.
+    #[test]
+    fn scikit_image_gives_the_same() {
+        let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));
+        let flatter = Map {
+            data: a.data.iter().map(|v| 0.7 * v + 0.1).collect(),
+            ..a.clone()
+        };
+        let all = vec![true; a.data.len()];
+        approx::assert_relative_eq!(ssim(&a, &b, &all, 1.0), 0.431706250239, epsilon = 1e-11);
+        approx::assert_relative_eq!(ssim(&a, &flatter, &all, 1.0), 0.940174395066, epsilon = 1e-11);
+        approx::assert_relative_eq!(ssim(&a, &b, &all, 0.5), 0.396497578353, epsilon = 1e-11);
+        approx::assert_relative_eq!(
+            crate::metrics::psnr::psnr(&a, &b, &all, 1.0),
+            21.858893123273,
+            epsilon = 1e-11
+        );
+    }
 }

@@ -25,7 +25,7 @@ impl ObjectSurfaces {
     pub fn new(path: &Path, text: &str, file: &SceneFile) -> Result<Self, InputError> {
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
         let file = file_materials::expand(&mut ctx, file)?;
-        let file = calibrated::expand(&mut ctx, file)?;
+        let file = calibrated::expand(&ctx, file)?;
         let names: BTreeMap<&str, u32> = file.materials.keys().map(String::as_str).zip(0..).collect();
         let mut builder = GeometryBuilder::default();
         for (number, object) in (0..).zip(&file.objects) {
