@@ -3,8 +3,12 @@
 use crate::harness::{assert_same_store, read, run, stderr};
 use serde_json::json;
 use std::path::Path;
+use sunstone::applications::truth;
 use sunstone::apply::catalog;
 use sunstone::scene;
+use sunstone::scene::objects::ObjectSurfaces;
+use sunstone::scene::syntax::Syntax;
+use sunstone::scene::syntax::scene::SceneFile;
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
@@ -207,4 +211,61 @@ fn applications_are_listed_run_resumed_and_refused() {
     let third = run(at, &arguments, 0);
     let third = String::from_utf8_lossy(&third.stdout).into_owned();
     assert_eq!(third.replace("(1 renders", "(20 renders"), first);
+}
+
+/// A wall behind a pane of glass, and a ball between: shares, numbers and texture coordinates in closed form.
+#[test]
+fn truth_maps_look_through_glass() {
+    let text = r#"
+[camera]
+resolution = [64, 64]
+fov_x_deg = 40
+pose.look_at = { origin = [0, 0, 2], target = [0, 0, 0], up = [0, 1, 0] }
+[projector]
+resolution = [8, 8]
+fov_x_deg = 40
+pose.look_at = { origin = [0.2, 0, 2], target = [0, 0, 0], up = [0, 1, 0] }
+[materials]
+wall.diffuse.albedo = 0.5
+ball.diffuse.albedo = 0.1
+glass.dielectric = { ior = 1.5 }
+[[objects]]
+shape.rectangle = { corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }
+material = "wall"
+[[objects]]
+shape.cube = { min = [-2, -2, 0.7], max = [2, 2, 1] }
+material = "glass"
+[[objects]]
+shape.sphere = { center = [0, 0, 1.5], radius = 0.05 }
+material = "ball"
+"#;
+    let path = Path::new("scene.toml");
+    let file = SceneFile::read(path, text).expect("a scene file");
+    let built = scene::from_file(path, text, &file).expect("a scene");
+    let objects = ObjectSurfaces::new(path, text, &file).expect("objects");
+    let object = truth::object(&built, &objects);
+    assert_eq!((object.at(32, 32)[0], object.at(2, 60)[0]), (2.0, 0.0));
+    // The ball fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels, nine rays a pixel.
+    let focal = 32.0 / 20.0_f64.to_radians().tan();
+    let area = std::f64::consts::PI * (focal * 0.1_f64.asin().tan()).powi(2);
+    let ball: f64 = truth::material(&built, &objects, &["ball"]).data.iter().sum();
+    assert!((ball / area - 1.0).abs() < 0.02, "{ball} {area}");
+    let wall = truth::material(&built, &objects, &["wall", "ball"]);
+    assert!(
+        wall.data.iter().all(|v| *v == 1.0),
+        "all rays end at one of the two"
+    );
+    // In the pane a ray at θ goes on at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer to the axis.
+    let texture = truth::texture(&built);
+    for x in [4, 50, 63] {
+        let across = (x as f64 + 0.5 - 32.0) / focal;
+        let down = (20.0 + 0.5 - 32.0) / focal;
+        let slope = across.hypot(down);
+        let within = (slope.atan().sin() / 1.5).asin().tan();
+        let reach = (1.7 * slope + 0.3 * within) / slope;
+        let expected = [0.5 + 0.5 * across * reach, 0.5 - 0.5 * down * reach];
+        for (found, expected) in texture.at(x, 20).iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+        }
+    }
 }

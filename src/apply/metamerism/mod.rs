@@ -80,10 +80,13 @@ trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }
 
+/// Learns a score from training variants.
+type Learn = fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>;
+
 /// A method: what it is, and how it learns to score.
 struct Learning {
     method: Method,
-    learn: fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>,
+    learn: Learn,
 }
 
 const METHODS: [Learning; 6] = [
@@ -125,11 +128,7 @@ const METHODS: [Learning; 6] = [
     ),
 ];
 
-const fn learning(
-    name: &'static str,
-    source: &'static str,
-    learn: fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>,
-) -> Learning {
+const fn learning(name: &'static str, source: &'static str, learn: Learn) -> Learning {
     Learning {
         method: Method { name, source },
         learn,

@@ -24,7 +24,7 @@ fn observations(d: Difference, variants: u64) -> Vec<Observation> {
     let n = SIZE[0] * SIZE[1];
     (0..variants)
         .map(|variant| {
-            let real = |p: usize| p % 2 == 0;
+            let real = |p: usize| p.is_multiple_of(2);
             let mut image = |full: bool| {
                 let mut values = vec![];
                 for p in 0..n {

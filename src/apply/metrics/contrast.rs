@@ -71,7 +71,7 @@ mod tests {
         let truth = Map::from_fn(16, 40, 1, |x, _, out| out[0] = if x % 2 == 0 { 1.0 } else { 3.0 });
         let veil = |y: usize| (y / 10) as f64;
         let seen = Map::from_fn(16, 40, 1, |x, y, out| out[0] = truth.at(x, y)[0] + veil(y));
-        let depth: Vec<f64> = (0..640).map(|i| (i / 16) as f64).collect();
+        let depth: Vec<f64> = (0..640).map(|i| f64::from(i / 16)).collect();
         let mask = vec![true; 640];
         let got = by_depth(&seen, &truth, &depth, &mask, 4, 0.1);
         for (bin, c) in got.iter().enumerate() {

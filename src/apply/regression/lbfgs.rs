@@ -8,6 +8,7 @@
 use super::moments::{Linear, Moments};
 use nalgebra::{DMatrix, DVector};
 use polarimetry::reconstruct::optimize::{Smooth, quasi_newton};
+use std::cmp::Ordering;
 
 /// Steps at most.
 const ITERATIONS: u64 = 2000;
@@ -21,14 +22,10 @@ struct Problem {
 impl Problem {
     fn new(m: &Moments, first: f64, target: f64) -> Option<Self> {
         let n = m.x.len();
-        let unit = DVector::from_fn(n + 2, |i, _| {
-            if i < n {
-                1.0 / first
-            } else if i == n {
-                1.0
-            } else {
-                1.0 / target
-            }
+        let unit = DVector::from_fn(n + 2, |i, _| match i.cmp(&n) {
+            Ordering::Less => 1.0 / first,
+            Ordering::Equal => 1.0,
+            Ordering::Greater => 1.0 / target,
         });
         let second = DMatrix::from_fn(n + 2, n + 2, |i, j| {
             let (a, b) = (i.min(j), i.max(j));
@@ -57,14 +54,10 @@ impl Smooth for Problem {
     fn evaluate(&self, p: &[f64]) -> (f64, Vec<f64>) {
         let n = p.len() / 2;
         let offset: f64 = p[..n].iter().zip(&p[n..]).map(|(w, b)| w * b).sum();
-        let whole = DVector::from_fn(n + 2, |i, _| {
-            if i < n {
-                p[i]
-            } else if i == n {
-                offset
-            } else {
-                -1.0
-            }
+        let whole = DVector::from_fn(n + 2, |i, _| match i.cmp(&n) {
+            Ordering::Less => p[i],
+            Ordering::Equal => offset,
+            Ordering::Greater => -1.0,
         });
         let residual = &self.rows * whole;
         let slope = self.rows.tr_mul(&residual) * 2.0;
