@@ -7,8 +7,9 @@
 pub mod report;
 pub mod truth;
 
-use apply::application::{Application, ApplyError, Outcome, Plan, Score, Size, Truth};
+use apply::application::{Application, Outcome, Plan, Score, Size, Truth};
 use apply::comparison::{Row, compare};
+use apply::error::ApplyError;
 use apply::map::Map;
 use apply::observation::{Observation, Slice};
 use base::locate::InputError;
@@ -208,7 +209,7 @@ impl Studio<'_> {
                     (name, truth::material(&scene, &objects, of))
                 }
                 Truth::Object(name) => (name, truth::object(&scene, &objects)),
-                Truth::Texture(name) => (name, truth::texture(&scene)),
+                Truth::Texture(name) => (name, truth::texture(&scene, &objects)),
             };
             maps.insert(name.to_owned(), map);
         }

@@ -15,15 +15,8 @@ const GRID: u32 = 3;
 /// Interfaces that are followed at most.
 const MOST: u32 = 16;
 
-/// Where a ray of the camera ends.
-struct End {
-    /// The last ray, which meets the surface.
-    ray: Ray,
-    surface: Surface,
-}
-
-/// Follows a ray of the camera through the point (pixels) of its image.
-fn follow(scene: &Scene, at: DVec2) -> Option<End> {
+/// Follows a ray of the camera through a point (pixels) of its image: the last ray, which meets the surface that is seen.
+fn follow(scene: &Scene, at: DVec2) -> Option<Ray> {
     let mut ray = Ray {
         origin: scene.camera.origin,
         dir: scene.camera.direction(at),
@@ -35,7 +28,7 @@ fn follow(scene: &Scene, at: DVec2) -> Option<End> {
             .materials
             .specular(surface.material, &surface, -ray.dir, Lobe::Transmitted, 0);
         let Some(through) = through else {
-            return Some(End { ray, surface });
+            return Some(ray);
         };
         // Light comes from where it lies; the ray goes there.
         ray = Ray {
@@ -47,7 +40,7 @@ fn follow(scene: &Scene, at: DVec2) -> Option<End> {
 }
 
 /// Mean over the rays of each pixel.
-fn shares(scene: &Scene, mut share: impl FnMut(Option<End>) -> f64) -> Map {
+fn shares(scene: &Scene, mut share: impl FnMut(Option<Ray>) -> f64) -> Map {
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
     Map::from_fn(w, h, 1, |x, y, out| {
         for i in 0..GRID * GRID {
@@ -60,7 +53,7 @@ fn shares(scene: &Scene, mut share: impl FnMut(Option<End>) -> f64) -> Map {
 }
 
 /// What the ray through each pixel's centre ends at.
-fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(End, &mut [f64])) -> Map {
+fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Ray, &mut [f64])) -> Map {
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
     Map::from_fn(w, h, channels, |x, y, out| {
         out.fill(f64::NAN);
@@ -70,17 +63,17 @@ fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(End, &mut [f64])
     })
 }
 
-/// Number of the object that the end of a ray is on.
-fn number(objects: &ObjectSurfaces, end: &End) -> Option<usize> {
-    let hit = objects.geometry.intersect(&end.ray, f32::INFINITY)?;
-    Some(objects.geometry.surface(&end.ray, &hit).material as usize)
+/// The surface that a ray ends on; its material is the number of its object.
+fn surface(objects: &ObjectSurfaces, end: &Ray) -> Option<Surface> {
+    let hit = objects.geometry.intersect(end, f32::INFINITY)?;
+    Some(objects.geometry.surface(end, &hit))
 }
 
 /// Share of each pixel that is of one of the materials.
 #[must_use]
 pub fn material(scene: &Scene, objects: &ObjectSurfaces, of: &[&str]) -> Map {
     shares(scene, |end| {
-        let found = end.and_then(|e| objects.materials.get(number(objects, &e)?));
+        let found = end.and_then(|e| objects.materials.get(surface(objects, &e)?.material as usize));
         f64::from(u8::from(found.is_some_and(|m| of.contains(&m.as_str()))))
     })
 }
@@ -89,18 +82,18 @@ pub fn material(scene: &Scene, objects: &ObjectSurfaces, of: &[&str]) -> Map {
 #[must_use]
 pub fn object(scene: &Scene, objects: &ObjectSurfaces) -> Map {
     centres(scene, 1, |end, out| {
-        if let Some(n) = number(objects, &end) {
-            out[0] = n as f64;
+        if let Some(s) = surface(objects, &end) {
+            out[0] = f64::from(s.material);
         }
     })
 }
 
 /// Texture coordinates at each pixel's centre; NaN of nothing.
 #[must_use]
-pub fn texture(scene: &Scene) -> Map {
+pub fn texture(scene: &Scene, objects: &ObjectSurfaces) -> Map {
     centres(scene, 2, |end, out| {
-        out.iter_mut()
-            .zip(end.surface.uv)
-            .for_each(|(o, uv)| *o = f64::from(uv));
+        if let Some(s) = surface(objects, &end) {
+            out.iter_mut().zip(s.uv).for_each(|(o, uv)| *o = f64::from(uv));
+        }
     })
 }

@@ -1,6 +1,6 @@
 //! What is known of one variant of a scene at one seed: slices with their errors, and maps of the truth.
 
-use crate::application::ApplyError;
+use crate::error::ApplyError;
 use crate::map::Map;
 use std::collections::BTreeMap;
 use tensor::array::Tensor;

@@ -13,6 +13,7 @@ pub mod emitter;
 pub mod instance;
 pub mod material;
 pub mod medium;
+mod path;
 pub mod scene;
 pub mod shape;
 pub mod slice;

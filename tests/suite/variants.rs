@@ -256,7 +256,7 @@ material = "ball"
         "all rays end at one of the two"
     );
     // In the pane a ray at θ goes on at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer to the axis.
-    let texture = truth::texture(&built);
+    let texture = truth::texture(&built, &objects);
     for x in [4, 50, 63] {
         let across = (x as f64 + 0.5 - 32.0) / focal;
         let down = (20.0 + 0.5 - 32.0) / focal;

@@ -1,7 +1,7 @@
 //! Linear discriminants of several numbers of a pixel ([`crate::regression::discriminant`]).
 
-use super::{Scoring, Seen};
-use crate::application::ApplyError;
+use super::seen::{Scoring, Seen};
+use crate::error::ApplyError;
 use crate::regression::discriminant::Discriminant;
 
 /// What a classifier looks at.

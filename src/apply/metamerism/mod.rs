@@ -7,15 +7,16 @@
 
 mod classifier;
 mod scores;
+mod seen;
 
-use crate::application::{
-    Application, ApplyError, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth,
-};
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::roc::{self, Group};
-use crate::observation::{Observation, Pixels};
+use crate::observation::Observation;
 use classifier::{Classifier, Features};
 use scores::{DegreeOfPolarization, Element22, NormalizedElement22};
+use seen::{Scoring, Seen, group};
 
 /// The application.
 #[derive(Clone, Copy, Debug)]
@@ -29,56 +30,6 @@ const METRICS: [Metric; 1] = [Metric {
     unit: "",
     more_is_better: true,
 }];
-
-/// A variant of the fruits.
-struct Seen {
-    variant: u64,
-    seed: u64,
-    polarimetric: Pixels,
-    epipolar: Pixels,
-    /// Pixels that are wholly of a real fruit, and of a fake one.
-    real: Vec<usize>,
-    fake: Vec<usize>,
-}
-
-impl Seen {
-    fn new(o: &Observation) -> Result<Self, ApplyError> {
-        let whole = |name: &str| -> Result<Vec<usize>, ApplyError> {
-            let map = o.truth(name)?;
-            let values = map.data.iter().step_by(map.channels.max(1)).enumerate();
-            Ok(values.filter(|(_, v)| **v >= 1.0).map(|(i, _)| i).collect())
-        };
-        let seen = Self {
-            variant: o.variant,
-            seed: o.seed,
-            polarimetric: o.pixels("polarimetric", true)?,
-            epipolar: o.pixels("epipolar", true)?,
-            real: whole("real")?,
-            fake: whole("fake")?,
-        };
-        let n = seen.polarimetric.count();
-        let inside = seen.real.iter().chain(&seen.fake).all(|p| *p < n);
-        if !inside || seen.epipolar.count() != n || seen.epipolar.wavelengths != seen.polarimetric.wavelengths
-        {
-            return Err(ApplyError::Sizes {
-                variant: o.variant,
-                what: "slices and truth maps".into(),
-            });
-        }
-        if seen.real.is_empty() || seen.fake.is_empty() {
-            return Err(ApplyError::Empty(format!(
-                "variant {} shows no whole pixel of a real or of a fake fruit; render it larger",
-                o.variant
-            )));
-        }
-        Ok(seen)
-    }
-}
-
-/// A score of a pixel: the higher, the more real.
-trait Scoring {
-    fn score(&self, seen: &Seen, pixel: usize) -> f64;
-}
 
 /// Learns a score from training variants.
 type Learn = fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>;
@@ -197,14 +148,6 @@ impl Application for Metamerism {
             outcome.notes.push(intervals(method.name, test[0].seed, &groups));
         }
         Ok(outcome)
-    }
-}
-
-fn group(scoring: &dyn Scoring, seen: &Seen) -> Group {
-    let of = |pixels: &[usize]| pixels.iter().map(|p| scoring.score(seen, *p)).collect();
-    Group {
-        positive: of(&seen.real),
-        negative: of(&seen.fake),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Scores of single elements, and of the degree of polarization: nothing of them is learnt but a sign.
 
-use super::{Scoring, Seen, group};
+use super::seen::{Scoring, Seen, group};
 use crate::metrics::roc::area;
 use crate::observation::Pixels;
 

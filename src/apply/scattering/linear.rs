@@ -1,7 +1,8 @@
 //! What all methods have in common: a linear estimate of the clear image from some numbers of a pixel.
 
 use super::seen::Seen;
-use crate::application::{ApplyError, Method};
+use crate::application::Method;
+use crate::error::ApplyError;
 use crate::observation::Pixels;
 use crate::regression::least_squares::least_squares;
 use crate::regression::moments::{Linear, Moments};

@@ -16,9 +16,8 @@ mod striping;
 mod time_gating;
 mod weights;
 
-use crate::application::{
-    Application, ApplyError, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth,
-};
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
 use crate::observation::Observation;

@@ -1,6 +1,6 @@
 //! One variant of the tank as the methods see it.
 
-use crate::application::ApplyError;
+use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::{Observation, Pixels};
 

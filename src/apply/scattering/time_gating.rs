@@ -5,7 +5,8 @@
 
 use super::linear::{Descattering, apart};
 use super::seen::Seen;
-use crate::application::{ApplyError, Method};
+use crate::application::Method;
+use crate::error::ApplyError;
 use crate::regression::least_squares::least_squares;
 use crate::regression::moments::{Linear, Moments};
 use nalgebra::DVector;

@@ -3,7 +3,8 @@
 
 use super::linear::{Descattering, apart};
 use super::seen::Seen;
-use crate::application::{ApplyError, Method};
+use crate::application::Method;
+use crate::error::ApplyError;
 use crate::observation::Pixels;
 use crate::regression::lbfgs::minimize;
 use crate::regression::least_squares::{least_squares, ridge_by_cross_validation, without_noise};
