@@ -12,6 +12,7 @@
 
 #![warn(missing_docs)]
 
+pub mod applications;
 pub mod denoise;
 pub mod figures;
 pub mod matrices;

@@ -1,9 +1,19 @@
 //! What the tensor is for: the applications of Baek & Heide (2021, sections 6 and 8), their published baselines on the same
 //! data, and what each is worth against exact ground truth.
 //!
-//! Methods are functions of images ([`map::Map`]) and tensors; they know no scene, no renderer and no file.
+//! Methods are functions of images ([`map::Map`]) and tensors; they know no scene, no renderer and no file. An
+//! [`application::Application`] names what it needs rendered, its methods and its metrics; [`catalog::all`] lists them all.
 
 #![warn(missing_docs)]
 
+pub mod application;
+pub mod catalog;
+pub mod comparison;
+pub mod error;
 pub mod map;
+pub mod metamerism;
+pub mod metrics;
+pub mod observation;
+pub mod regression;
+pub mod scattering;
 pub mod shape;

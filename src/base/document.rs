@@ -5,6 +5,8 @@ use crate::locate::InputError;
 use crate::tables::{self, Strict};
 use serde::de::DeserializeOwned;
 use std::path::Path;
+use toml::Spanned;
+use toml::de::DeTable;
 
 /// Reads the text of a file that the user named; `what` it is stands in the message, `mend` below it.
 ///
@@ -29,7 +31,39 @@ pub fn parse<T: DeserializeOwned>(
     text: &str,
     mend: impl FnOnce(&str) -> String,
 ) -> Result<T, InputError> {
-    let read = toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d)));
+    fault(
+        path,
+        text,
+        mend,
+        toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d))),
+    )
+}
+
+/// As [`parse`], of a table whose values stand in `text`, wherever they were put since: messages name where they stand.
+///
+/// # Errors
+/// [`InputError`] at the place of what is not of the type's shape.
+pub fn parse_table<T: DeserializeOwned>(
+    path: &Path,
+    text: &str,
+    table: Spanned<DeTable<'_>>,
+    mend: impl FnOnce(&str) -> String,
+) -> Result<T, InputError> {
+    fault(
+        path,
+        text,
+        mend,
+        T::deserialize(Strict::new(toml::Deserializer::from(table))),
+    )
+}
+
+/// What was read, or what was wrong with it.
+fn fault<T>(
+    path: &Path,
+    text: &str,
+    mend: impl FnOnce(&str) -> String,
+    read: Result<T, toml::de::Error>,
+) -> Result<T, InputError> {
     read.map_err(|e| {
         let mut help = mend(e.message());
         if e.message().contains(tables::WANTED) {

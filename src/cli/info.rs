@@ -3,8 +3,10 @@
 use super::failure::Failure;
 use serde_json::Value;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use sunstone::optics::spectrum::Spectral;
+use sunstone::scene::syntax::scene::SceneFile;
+use sunstone::scene::syntax::{Syntax, variant};
 use sunstone::store::denoised::ATTRIBUTE;
 use sunstone::store::doubt;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
@@ -27,7 +29,10 @@ pub struct Arguments {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.store.is_file() {
-        return super::output::print(scene(&sunstone::scene::load(&a.store)?).trim_end());
+        let text = sunstone::scene::read(&a.store)?;
+        let built = sunstone::scene::from_text(&a.store, &text)?;
+        let described = scene(&built) + &variants(&a.store, &text)?;
+        return super::output::print(described.trim_end());
     }
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let attributes = store.attributes();
@@ -40,6 +45,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for key in [
         "title",
         "status",
+        "variant",
         ATTRIBUTE,
         "scene_sha256",
         "seeds",
@@ -111,6 +117,45 @@ fn scene(scene: &Scene) -> String {
         let _ = writeln!(out, "warning: {warning}");
     }
     out
+}
+
+/// What the variants of a scene file vary, if it has any.
+fn variants(path: &Path, text: &str) -> Result<String, Failure> {
+    let file = SceneFile::read(path, text)?;
+    if file.vary.is_empty() {
+        return Ok(String::new());
+    }
+    let count = variant::count(path, text, &file)?;
+    let count = count.map_or("no end of them".to_owned(), |n| n.to_string());
+    let mut out = format!(
+        "  {:18} {count} (sunstone render {} --variant 0)\n",
+        "variants",
+        path.display()
+    );
+    for (name, parameter) in &file.vary {
+        let drawn = parameter
+            .range
+            .as_ref()
+            .map(|r| format!("{} .. {}", r.min.0, r.max.0));
+        let listed = || {
+            let values = parameter.values.iter().flat_map(|v| v.iter());
+            values
+                .map(|v| v.0.to_string().trim().to_owned())
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let every = match *parameter.every {
+            1 => String::new(),
+            n => format!(", every {n}"),
+        };
+        let what = format!(
+            "{}: {}{every}",
+            parameter.path.0.join(", "),
+            drawn.unwrap_or_else(listed)
+        );
+        let _ = writeln!(out, "  {:18} {what}", format!("vary {name}"));
+    }
+    Ok(out)
 }
 
 /// Every emitter but the projector, a phrase each.

@@ -1,5 +1,6 @@
 //! Command line: one module a command, one exit point.
 
+mod apply;
 mod calibrate;
 mod calibrate_detector;
 mod capture;
@@ -56,6 +57,7 @@ Examples:
   sunstone denoise a.zarr b.zarr -o figures.zarr         for figures, marked, with its own errors
   sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy
   sunstone trial out/mirror_room.zarr polarimetric --scheme drr36.toml --scheme lqrpr36.toml --relative-noise 5e-4
+  sunstone apply list                                    the paper's applications
   sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
 
 Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
@@ -92,6 +94,7 @@ enum Command {
     Project(project::Arguments),
     Ptu(ptu::Arguments),
     Pbrdf(pbrdf::Arguments),
+    Apply(apply::Arguments),
     Phase(phase::Arguments),
     /// Print the JSON Schema of scene files.
     ///
@@ -126,6 +129,7 @@ pub fn run() -> ExitCode {
         Command::Project(a) => project::run(&a),
         Command::Ptu(a) => ptu::run(&a),
         Command::Pbrdf(a) => pbrdf::run(&a),
+        Command::Apply(a) => apply::run(&a),
         Command::Phase(a) => phase::run(&a),
         Command::Schema => schema(),
     };

@@ -26,7 +26,10 @@ use sunstone::transport::scene::{Integrator, Scene};
 pub struct Arguments {
     /// Scene file (TOML).
     scene: PathBuf,
-    /// Store to write [default: out/<scene folder>.zarr].
+    /// Variant of the scene, if its file has [vary]: 0, 1, .. (`sunstone info SCENE` lists what they vary).
+    #[arg(long)]
+    variant: Option<u64>,
+    /// Store to write [default: out/<scene folder>.zarr, of a variant out/<scene folder>_variant<N>.zarr].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Samples per camera pixel, instead of the scene's.
@@ -138,7 +141,10 @@ impl Watch for Progress {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let text = sunstone::scene::read(&a.scene)?;
-    let mut scene = sunstone::scene::from_text(&a.scene, &text)?;
+    let mut scene = match a.variant {
+        Some(number) => sunstone::scene::variant_from_text(&a.scene, &text, number)?,
+        None => sunstone::scene::from_text(&a.scene, &text)?,
+    };
     let mut figures = listed::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
     let settings = &mut scene.settings;
     let counts = [
@@ -164,7 +170,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         begun.elapsed()
     );
     check_threads(a.threads)?;
-    let default = PathBuf::from("out").join(format!("{}.zarr", scene.name));
+    let variant = a.variant.map_or(String::new(), |k| format!("_variant{k}"));
+    let default = PathBuf::from("out").join(format!("{}{variant}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
     places::folders([Some(&a.scene)], [Some(&path)])?;
     let target = Target {
@@ -200,10 +207,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{} -o {}",
+            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{}{} -o {}",
             summary.tiles_done,
             summary.tiles,
             quoted(&a.scene),
+            a.variant.map_or(String::new(), |v| format!(" --variant {v}")),
             a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
             a.replicates
                 .map_or(String::new(), |v| format!(" --replicates {v}")),

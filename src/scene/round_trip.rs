@@ -16,6 +16,7 @@ use syntax::slice::*;
 use syntax::texture::*;
 use syntax::transform::TransformFile;
 use syntax::values::*;
+use syntax::vary::*;
 use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 use transport::scene::{Integrator, Scene};
@@ -725,6 +726,23 @@ impl Choices<'_> {
         slice.into()
     }
 
+    fn parameter(&mut self) -> Located<ParameterFile> {
+        let any = |c: &mut Self| AnyValue(c.number().into());
+        let parameter = ParameterFile {
+            path: PathsFile(self.list(Self::text)).into(),
+            values: self.some(|c| c.list(any).into()),
+            range: self.some(|c| {
+                RangeFile {
+                    min: any(c),
+                    max: any(c),
+                }
+                .into()
+            }),
+            every: u64::from(self.whole()).into(),
+        };
+        parameter.into()
+    }
+
     fn scene(&mut self) -> SceneFile {
         SceneFile {
             name: self.some(Self::text),
@@ -756,6 +774,7 @@ impl Choices<'_> {
                 let text = c.text();
                 toml::Table::from_iter([(text.clone(), toml::Value::String(text))])
             }),
+            vary: self.map(Self::parameter),
         }
     }
 }

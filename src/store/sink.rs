@@ -165,6 +165,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
         })
     };
     for what in [
+        "variant",
         "scene_sha256",
         "seeds",
         "samples_per_pixel",

@@ -13,12 +13,15 @@ pub mod emitter;
 pub mod instance;
 pub mod material;
 pub mod medium;
+mod path;
 pub mod scene;
 pub mod shape;
 pub mod slice;
 pub mod texture;
 pub mod transform;
 pub mod values;
+pub mod variant;
+pub mod vary;
 
 use base::document;
 use base::locate::InputError;
@@ -45,7 +48,7 @@ macro_rules! syntax {
 
 syntax!(scene::SceneFile, material::MaterialSetFile, medium::MediumSetFile);
 
-fn mend(message: &str) -> String {
+pub(crate) fn mend(message: &str) -> String {
     if message.contains("unknown field") || message.contains("unknown variant") {
         "use one of the names listed; `sunstone schema` prints all of them".into()
     } else if message.contains("missing field") {

@@ -7,6 +7,7 @@ use super::material::MaterialFile;
 use super::medium::MediumFile;
 use super::shape::ObjectFile;
 use super::slice::SliceFile;
+use super::vary::ParameterFile;
 use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,6 +59,9 @@ pub struct SceneFile {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(with = "Vec<BTreeMap<String, String>>")]
     pub figures: Vec<toml::Table>,
+    /// Parameters by name, of which the scene's variants have other values: [`crate::variant`].
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub vary: BTreeMap<String, Located<ParameterFile>>,
 }
 
 /// How to render.
@@ -143,6 +147,7 @@ impl SceneFile {
             instances: vec![],
             slices: vec![],
             figures: vec![],
+            vary: BTreeMap::new(),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::lit::choose;
 use crate::material::{Lanes, Materials};
-pub use crate::tables::{Integrator, SceneTables, Settings};
+pub use crate::tables::{Integrator, SceneTables, Settings, Variant};
 use glam::Vec3A;
 use std::ops::{Deref, DerefMut};
 use tensor::axes::Extents;

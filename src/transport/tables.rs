@@ -14,6 +14,7 @@ use optics::sampling::stream::Group;
 use optics::spectrum::Wavelengths;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use tensor::slice::Slice;
 
 /// Everything that describes a scene, as plain tables: what [`crate::scene::Scene::new`] takes.
@@ -50,8 +51,19 @@ pub struct SceneTables {
     pub sha256: String,
     /// Text of the scene file, kept with what is rendered from it.
     pub text: String,
+    /// Which of the variants that the file describes this is; absent: the scene as it is written.
+    pub variant: Option<Variant>,
     /// What the scene's files hold that is not used, and what was mended in them, a sentence each.
     pub notes: Vec<String>,
+}
+
+/// Which variant of its file a scene is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Variant {
+    /// Its number.
+    pub number: u64,
+    /// Its values by the names of the file's parameters, as TOML writes them.
+    pub values: BTreeMap<String, String>,
 }
 
 /// Which paths are traced.

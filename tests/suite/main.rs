@@ -26,3 +26,4 @@ mod resume;
 mod rooms;
 mod scenes;
 mod source_tree;
+mod variants;

@@ -13,12 +13,13 @@ use syntax::Syntax;
 use syntax::device::EmitterFile;
 use syntax::scene::{GapsFile, RenderFile, SceneFile};
 use syntax::shape::ObjectFile;
+use syntax::variant;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
 use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::ray::Ray;
 use transport::render::gaps::{Gap, narrowest};
-use transport::scene::{Integrator, Scene, SceneTables, Settings};
+use transport::scene::{Integrator, Scene, SceneTables, Settings, Variant};
 use transport::strategy::Strategies;
 
 /// Reads the text of a scene file.
@@ -43,8 +44,35 @@ pub fn load(path: &Path) -> Result<Scene, InputError> {
 /// As [`load`].
 pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     let file = SceneFile::read(path, text)?;
+    variant::count(path, text, &file)?;
+    from_file(path, text, &file)
+}
+
+/// Builds a variant of a scene from the text of its file ([`syntax::variant`]); `path` as in [`from_text`].
+///
+/// # Errors
+/// As [`load`], at the values of `[vary]` where these are wrong; if there is no such variant.
+pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
+    let variant = variant::read(path, text, number)?;
+    let mut scene = from_file(path, text, &variant.file)?;
+    scene.variant = Some(Variant {
+        number,
+        values: variant
+            .values
+            .iter()
+            .map(|(name, v)| (name.clone(), v.to_string()))
+            .collect(),
+    });
+    Ok(scene)
+}
+
+/// Builds a scene from the value of its file, whose places are those in `text`; `path` as in [`from_text`].
+///
+/// # Errors
+/// As [`load`].
+pub fn from_file(path: &Path, text: &str, file: &SceneFile) -> Result<Scene, InputError> {
     let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
-    build(&mut ctx, &file)
+    build(&mut ctx, file)
 }
 
 /// Builds a scene from the value that its file holds.
@@ -133,6 +161,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
             .map(|b| format!("{b:02x}"))
             .collect(),
         text: ctx.text.to_string(),
+        variant: None,
         notes: std::mem::take(&mut ctx.notes),
     });
     if let Some(gap) = narrowest(&scene) {
@@ -222,6 +251,7 @@ fn meaning(file: &SceneFile) -> String {
     let meaning = SceneFile {
         name: None,
         figures: vec![],
+        vary: BTreeMap::new(),
         render: RenderFile {
             spp: defaults.spp,
             replicates: defaults.replicates,

@@ -10,6 +10,7 @@ mod lens;
 pub(crate) mod lights;
 pub mod materials;
 pub mod media;
+pub mod objects;
 mod places;
 mod polarizing;
 mod pose;

@@ -54,6 +54,9 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     );
     put("scene_sha256", json!(scene.sha256));
     put("scene", json!(scene.text));
+    if let Some(variant) = &scene.variant {
+        put("variant", json!(variant));
+    }
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
     put("replicates_per_pixel", json!(replicates(scene)));

@@ -126,6 +126,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
             tile: 8,
         },
         sha256: String::new(),
+        variant: None,
         notes: vec![],
     })
 }

@@ -1,0 +1,198 @@
+//! Tables and pictures of a [`Report`], as files.
+
+use super::Report;
+use apply::application::{Application, Picture};
+use apply::comparison::Row;
+use apply::metrics::paired::Estimate;
+use figure::FigureError;
+use figure::maps::{self, Quantity};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Why a file was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// A file cannot be written.
+    #[error("cannot write {}: {cause}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        cause: std::io::Error,
+    },
+    /// A picture cannot be drawn.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+}
+
+/// Maps in a row of a page.
+const COLUMNS: usize = 4;
+
+/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is made.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn write(application: &dyn Application, report: &Report, folder: &Path) -> Result<(), ReportError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |cause| ReportError::Write { path, cause }
+    };
+    std::fs::create_dir_all(folder).map_err(failed(folder))?;
+    let text = serde_json::to_string_pretty(&document(application, report)).unwrap_or_default();
+    for (name, text) in [
+        ("table.csv", table_csv(&report.rows)),
+        ("scores.csv", scores_csv(report)),
+        ("report.json", text + "\n"),
+    ] {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(failed(&path))?;
+    }
+    for (name, title, page) in pages(&report.first.pictures) {
+        draw(&folder.join(format!("{name}.png")), &title, &page)?;
+    }
+    Ok(())
+}
+
+/// A number for a table: nothing where it is not known.
+fn cell(v: f64) -> String {
+    if v.is_finite() {
+        format!("{v}")
+    } else {
+        String::new()
+    }
+}
+
+/// A text for a table.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+fn table_csv(rows: &[Row]) -> String {
+    let mut out = String::from(
+        "metric,unit,method,source,mean,standard_error,variants,seeds,ours_less_this,standard_error_of_difference\n",
+    );
+    for row in rows {
+        let difference = row.ours_less_this;
+        let of = |f: fn(&Estimate) -> f64| difference.as_ref().map_or(String::new(), |d| cell(f(d)));
+        let cells = [
+            quoted(row.metric.name),
+            quoted(row.metric.unit),
+            quoted(row.method.name),
+            quoted(row.method.source),
+            cell(row.value.mean),
+            cell(row.value.error),
+            row.value.counts[0].to_string(),
+            row.value.counts[1].to_string(),
+            of(|d| d.mean),
+            of(|d| d.error),
+        ];
+        out += &(cells.join(",") + "\n");
+    }
+    out
+}
+
+fn scores_csv(report: &Report) -> String {
+    let mut out = String::from("metric,method,variant,seed,value\n");
+    for (seed, s) in &report.scores {
+        let [metric, method] = [quoted(s.metric), quoted(s.method)];
+        out += &format!("{metric},{method},{},{seed},{}\n", s.variant, cell(s.value));
+    }
+    out
+}
+
+fn document(application: &dyn Application, report: &Report) -> Value {
+    let estimate = |e: &Estimate| json!({"mean": e.mean, "standard_error": e.error, "variants": e.counts[0], "seeds": e.counts[1]});
+    let rows: Vec<Value> = report
+        .rows
+        .iter()
+        .map(|r| {
+            json!({
+                "metric": r.metric.name, "unit": r.metric.unit, "more_is_better": r.metric.more_is_better,
+                "method": r.method.name, "source": r.method.source,
+                "value": estimate(&r.value), "ours_less_this": r.ours_less_this.as_ref().map(estimate),
+            })
+        })
+        .collect();
+    let plan = application.plan();
+    json!({
+        "application": application.name(), "shows": application.shows(),
+        "by": format!("sunstone {}", env!("CARGO_PKG_VERSION")),
+        "scene": plan.scene, "train": plan.train, "test": plan.test,
+        "pixels": report.size.pixels, "spp": report.size.spp, "seeds": report.seeds,
+        "rows": rows, "notes": report.first.notes,
+    })
+}
+
+/// Pictures that stand on one page: its file's name, its title, and their labels.
+type Page<'a> = (String, String, Vec<(String, &'a Picture)>);
+
+/// Pictures in one unit side by side, a page a variant; of the others a page a method.
+fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
+    let mut all: BTreeMap<(String, String), Vec<(String, &Picture)>> = BTreeMap::new();
+    for p in pictures {
+        let variant = p.variant.map(|v| format!("variant {v}"));
+        let (page, label) = match (&variant, p.shared) {
+            (Some(v), true) => (v.clone(), p.method.to_owned()),
+            (v, _) => (p.method.to_owned(), v.clone().unwrap_or_default()),
+        };
+        all.entry((p.name.to_owned(), page)).or_default().push((label, p));
+    }
+    all.into_iter()
+        .map(|((name, page), list)| {
+            let plain = |c: char| {
+                if c.is_ascii_alphanumeric() {
+                    c.to_ascii_lowercase()
+                } else {
+                    '_'
+                }
+            };
+            let file = format!("{name}_{page}").chars().map(plain).collect();
+            (file, format!("{name}: {page}"), list)
+        })
+        .collect()
+}
+
+fn draw(path: &Path, title: &str, page: &[(String, &Picture)]) -> Result<(), ReportError> {
+    let mut drawn = vec![];
+    for (label, picture) in page {
+        let map = &picture.map;
+        let channels = map.channels.max(1);
+        // What was learnt is shown wavelength by wavelength; images by their mean.
+        let apart = picture.variant.is_none() && channels > 1;
+        for channel in 0..if apart { channels } else { 1 } {
+            let value = |pixel: &[f64]| {
+                let v = if apart {
+                    pixel[channel]
+                } else {
+                    pixel.iter().sum::<f64>() / channels as f64
+                };
+                v as f32
+            };
+            drawn.push(maps::Map {
+                label: if apart {
+                    format!("wavelength {}", channel + 1)
+                } else {
+                    label.clone()
+                },
+                caption: String::new(),
+                width: map.width,
+                data: map.data.chunks_exact(channels).map(value).collect(),
+            });
+        }
+    }
+    let values = || {
+        drawn
+            .iter()
+            .flat_map(|m| m.data.iter().copied())
+            .filter(|v| v.is_finite())
+    };
+    let most = values().fold(0.0, |m: f32, v| m.max(v.abs()));
+    let quantity = if values().any(|v| v < 0.0) && most > 0.0 {
+        Quantity::Signed { limit: most }
+    } else {
+        Quantity::Size
+    };
+    let drawing = maps::draw(title, &drawn, COLUMNS.min(drawn.len()), "value", quantity, &[])?;
+    Ok(figure::save(&drawing, path)?)
+}

@@ -1,0 +1,146 @@
+//! What an application is: scenes and slices that it needs, methods that it compares, numbers that it is judged by.
+//!
+//! Whoever runs one renders the variants that its [`Plan`] names, as many times as there are seeds, and gives it what came
+//! out. It sees tensors and maps; no scene, no renderer, no file.
+
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::Observation;
+
+/// An application of the tensor, with the methods that are published for the same task.
+pub trait Application: Send + Sync {
+    /// One word, as the command line takes it.
+    fn name(&self) -> &'static str;
+
+    /// What it shows, a sentence.
+    fn shows(&self) -> &'static str;
+
+    /// What it needs.
+    fn plan(&self) -> Plan;
+
+    /// All methods; the first is the one that the others are compared with.
+    fn methods(&self) -> Vec<Method>;
+
+    /// All numbers that methods are judged by; the first is the one that counts.
+    fn metrics(&self) -> Vec<Metric>;
+
+    /// Fits every method on `train` and judges it on `test`: one seed's observations each.
+    ///
+    /// # Errors
+    /// [`ApplyError`].
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError>;
+}
+
+/// What an application needs to be rendered.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Scene file, below the folder of scenes.
+    pub scene: &'static str,
+    /// Variants to learn from.
+    pub train: Vec<u64>,
+    /// Variants to be judged on, none of which is in `train`.
+    pub test: Vec<u64>,
+    /// Slices of every variant, by name.
+    pub slices: Vec<&'static str>,
+    /// Ground truth of every variant.
+    pub truth: Vec<Truth>,
+    /// Size of a render for a first look.
+    pub preview: Size,
+    /// Size of a render for numbers.
+    pub full: Size,
+}
+
+/// Where a truth map comes from, and its name.
+#[derive(Clone, Copy, Debug)]
+pub enum Truth {
+    /// Share of a pixel in which the first surface behind smooth glass and water is of one of these materials.
+    Material {
+        /// Name of the map.
+        name: &'static str,
+        /// Names of the materials.
+        of: &'static [&'static str],
+    },
+    /// Number of the object, counted from 0, that is seen so by the pixel's centre; NaN of nothing.
+    Object(&'static str),
+    /// Texture coordinates of that surface, two channels.
+    Texture(&'static str),
+    /// Mean of M00 of a slice of another variant, rendered with a seed of its own.
+    Reference {
+        /// Name of the map.
+        name: &'static str,
+        /// Slice.
+        slice: &'static str,
+        /// The variant that is the truth of a variant.
+        of: fn(u64) -> u64,
+        /// Samples, as a multiple of those of the rest.
+        samples: u32,
+    },
+}
+
+/// Size of a render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Pixels of the longer side of the camera; the other in proportion.
+    pub pixels: u32,
+    /// Samples per pixel.
+    pub spp: u32,
+}
+
+/// A method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Method {
+    /// Its name in tables.
+    pub name: &'static str,
+    /// Where it was published, or that it is new here.
+    pub source: &'static str,
+}
+
+/// A number that methods are judged by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Metric {
+    /// Its name in tables.
+    pub name: &'static str,
+    /// Its unit, empty if it has none.
+    pub unit: &'static str,
+    /// Whether more is better.
+    pub more_is_better: bool,
+}
+
+/// What one method is worth on one variant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// Name of the method.
+    pub method: &'static str,
+    /// Name of the metric.
+    pub metric: &'static str,
+    /// Variant that it was judged on.
+    pub variant: u64,
+    /// Its worth; NaN where the metric says nothing of this variant.
+    pub value: f64,
+}
+
+/// A picture of what a method made.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Name of the method.
+    pub method: &'static str,
+    /// What it shows, fit for a file name.
+    pub name: &'static str,
+    /// Variant that it is of; nothing of what was learnt.
+    pub variant: Option<u64>,
+    /// Whether it is in a unit that all methods share, so that they are drawn side by side on one scale.
+    pub shared: bool,
+    /// The picture.
+    pub map: Map,
+}
+
+/// What a run gave.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Scores of all methods on all test variants.
+    pub scores: Vec<Score>,
+    /// Pictures.
+    pub pictures: Vec<Picture>,
+    /// What a reader should know of this run, a sentence each.
+    pub notes: Vec<String>,
+}

@@ -1,0 +1,76 @@
+//! Linear discriminants of several numbers of a pixel ([`crate::regression::discriminant`]).
+
+use super::seen::{Scoring, Seen};
+use crate::error::ApplyError;
+use crate::regression::discriminant::Discriminant;
+
+/// What a classifier looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Features {
+    /// T00 of full light, a number a wavelength, and its logarithm (brightness apart from colour).
+    Colour,
+    /// The same of epipolar light.
+    EpipolarColour,
+    /// T00 as above and the 15 other elements over T00, of epipolar light, a set a wavelength.
+    All,
+}
+
+pub(super) struct Classifier {
+    features: Features,
+    direction: Discriminant,
+}
+
+impl Classifier {
+    pub(super) fn learn(
+        method: &'static str,
+        features: Features,
+        train: &[Seen],
+    ) -> Result<Self, ApplyError> {
+        let of = |pixels: fn(&Seen) -> &Vec<usize>| -> Vec<Vec<f64>> {
+            train
+                .iter()
+                .flat_map(|seen| pixels(seen).iter().map(|p| features.of(seen, *p)))
+                .collect()
+        };
+        let direction = Discriminant::new(&of(|s| &s.real), &of(|s| &s.fake));
+        let direction = direction.ok_or_else(|| ApplyError::Unsolved {
+            method,
+            cause: "the training variants show too few pixels of real or of fake fruit".into(),
+        })?;
+        Ok(Self { features, direction })
+    }
+}
+
+impl Scoring for Classifier {
+    fn score(&self, seen: &Seen, pixel: usize) -> f64 {
+        self.direction.score(&self.features.of(seen, pixel))
+    }
+}
+
+/// Darker than this share of the brightest, a pixel's logarithm says no more.
+const DARK: f64 = 1e-6;
+
+impl Features {
+    fn of(self, seen: &Seen, pixel: usize) -> Vec<f64> {
+        let p = if self == Self::Colour {
+            &seen.polarimetric
+        } else {
+            &seen.epipolar
+        };
+        let mut out = vec![];
+        for lane in 0..p.wavelengths {
+            let all = p.at(pixel, 0, 0, lane);
+            out.extend([all, all.max(DARK).ln()]);
+            if self == Self::All {
+                out.extend((1..16).map(|e| {
+                    if all > 0.0 {
+                        p.at(pixel, 0, e, lane) / all
+                    } else {
+                        0.0
+                    }
+                }));
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,183 @@
+//! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Fruit of flesh against painted plastic of the same colour.
+//!
+//! Their score is -T22 of epipolar light: "plastic fake objects have low intensity" there, flesh has subsurface scattering.
+//! Baselines are colour, epipolar colour and the degree of polarization; the bound is a linear classifier of all 16 epipolar
+//! elements. Each gives a score to a pixel, and is judged by the chance that a pixel of a real fruit scores above one of a fake
+//! one. Classifiers, and the sign of the degree of polarization, are learnt from the training variants.
+
+mod classifier;
+mod scores;
+mod seen;
+
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::metrics::roc::{self, Group};
+use crate::observation::Observation;
+use classifier::{Classifier, Features};
+use scores::{DegreeOfPolarization, Element22, NormalizedElement22};
+use seen::{Scoring, Seen, group};
+
+/// The application.
+#[derive(Clone, Copy, Debug)]
+pub struct Metamerism;
+
+/// Draws of a bootstrap.
+const DRAWS: usize = 1000;
+
+const METRICS: [Metric; 1] = [Metric {
+    name: "area under the curve",
+    unit: "",
+    more_is_better: true,
+}];
+
+/// Learns a score from training variants.
+type Learn = fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>;
+
+/// A method: what it is, and how it learns to score.
+struct Learning {
+    method: Method,
+    learn: Learn,
+}
+
+const METHODS: [Learning; 6] = [
+    learning("-(2,2) epipolar", "Baek & Heide 2021", |_| {
+        Ok(Box::new(Element22))
+    }),
+    learning("-(2,2)/(0,0) epipolar", "the same over intensity", |_| {
+        Ok(Box::new(NormalizedElement22))
+    }),
+    learning("RGB", "linear discriminant of a photograph", |train| {
+        Ok(Box::new(Classifier::learn("RGB", Features::Colour, train)?))
+    }),
+    learning(
+        "epipolar RGB",
+        "linear discriminant of O'Toole et al. 2012",
+        |train| {
+            Ok(Box::new(Classifier::learn(
+                "epipolar RGB",
+                Features::EpipolarColour,
+                train,
+            )?))
+        },
+    ),
+    learning(
+        "degree of polarization",
+        "of a photograph in unpolarized light",
+        |train| Ok(Box::new(DegreeOfPolarization::learn(train))),
+    ),
+    learning(
+        "all epipolar elements",
+        "linear discriminant: the bound",
+        |train| {
+            Ok(Box::new(Classifier::learn(
+                "all epipolar elements",
+                Features::All,
+                train,
+            )?))
+        },
+    ),
+];
+
+const fn learning(name: &'static str, source: &'static str, learn: Learn) -> Learning {
+    Learning {
+        method: Method { name, source },
+        learn,
+    }
+}
+
+impl Application for Metamerism {
+    fn name(&self) -> &'static str {
+        "metamerism"
+    }
+
+    fn shows(&self) -> &'static str {
+        "real fruit against painted plastic of the same colour, by what polarization of epipolar light tells (Fig. 14)"
+    }
+
+    fn plan(&self) -> Plan {
+        Plan {
+            scene: "fruits/variants.toml",
+            train: (0..8).collect(),
+            test: (8..20).collect(),
+            slices: vec!["polarimetric", "epipolar"],
+            truth: vec![
+                Truth::Material {
+                    name: "real",
+                    of: &["peel"],
+                },
+                Truth::Material {
+                    name: "fake",
+                    of: &["apple_plastic", "pear_plastic"],
+                },
+            ],
+            preview: Size { pixels: 48, spp: 16 },
+            full: Size { pixels: 128, spp: 64 },
+        }
+    }
+
+    fn methods(&self) -> Vec<Method> {
+        METHODS.iter().map(|m| m.method).collect()
+    }
+
+    fn metrics(&self) -> Vec<Metric> {
+        METRICS.to_vec()
+    }
+
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
+        let (train, test) = (read(train)?, read(test)?);
+        if train.is_empty() || test.is_empty() {
+            return Err(ApplyError::Empty(
+                "give variants to learn from and to be judged on".into(),
+            ));
+        }
+        let mut outcome = Outcome::default();
+        for Learning { method, learn } in METHODS {
+            let scoring = learn(&train)?;
+            let groups: Vec<Group> = test.iter().map(|seen| group(&*scoring, seen)).collect();
+            for (seen, group) in test.iter().zip(&groups) {
+                outcome.scores.push(Score {
+                    method: method.name,
+                    metric: METRICS[0].name,
+                    variant: seen.variant,
+                    value: roc::area(&group.positive, &group.negative),
+                });
+                outcome.pictures.push(picture(method.name, &*scoring, seen));
+            }
+            outcome.notes.push(intervals(method.name, test[0].seed, &groups));
+        }
+        Ok(outcome)
+    }
+}
+
+fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture {
+    let (w, h) = (seen.epipolar.width, seen.epipolar.height);
+    Picture {
+        method,
+        name: "score",
+        variant: Some(seen.variant),
+        shared: false,
+        map: Map::from_fn(w, h, 1, |x, y, out| out[0] = scoring.score(seen, y * w + x)),
+    }
+}
+
+/// Both intervals of the area of all variants' pixels together.
+fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
+    let all = |f: fn(&Group) -> &Vec<f64>| {
+        groups
+            .iter()
+            .flat_map(|g| f(g).iter().copied())
+            .collect::<Vec<f64>>()
+    };
+    let pixels = roc::delong(&all(|g| &g.positive), &all(|g| &g.negative));
+    let variants = roc::bootstrap(groups, DRAWS, seed);
+    format!(
+        "{method}, seed {seed}: area {:.4} of all variants' pixels together; 95 % of bootstraps over variants within {:.4}..{:.4}; DeLong's \
+         interval, as if pixels were independent, {:.4}..{:.4}",
+        variants.area, variants.interval[0], variants.interval[1], pixels.interval[0], pixels.interval[1]
+    )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,74 @@
+//! Scores of single elements, and of the degree of polarization: nothing of them is learnt but a sign.
+
+use super::seen::{Scoring, Seen, group};
+use crate::metrics::roc::area;
+use crate::observation::Pixels;
+
+/// Sum of an element over wavelengths (and bins).
+fn sum(p: &Pixels, pixel: usize, element: usize) -> f64 {
+    let lanes = (0..p.wavelengths).flat_map(|lane| (0..p.bins).map(move |bin| (bin, lane)));
+    lanes.map(|(bin, lane)| p.at(pixel, bin, element, lane)).sum()
+}
+
+/// -T22 of epipolar light: 45° linear polarization that is kept, as a mirror would turn it round.
+pub(super) struct Element22;
+
+impl Scoring for Element22 {
+    fn score(&self, seen: &Seen, pixel: usize) -> f64 {
+        -sum(&seen.epipolar, pixel, 10)
+    }
+}
+
+/// The same over T00: not brightness, but what share of it is polarized so.
+pub(super) struct NormalizedElement22;
+
+impl Scoring for NormalizedElement22 {
+    fn score(&self, seen: &Seen, pixel: usize) -> f64 {
+        let all = sum(&seen.epipolar, pixel, 0);
+        if all > 0.0 {
+            -sum(&seen.epipolar, pixel, 10) / all
+        } else {
+            0.0
+        }
+    }
+}
+
+/// √(T10² + T20² + T30²)/T00 under full, unpolarized light, with the sign that is right for the training variants.
+pub(super) struct DegreeOfPolarization {
+    sign: f64,
+}
+
+impl DegreeOfPolarization {
+    pub(super) fn learn(train: &[Seen]) -> Self {
+        let plain = Self { sign: 1.0 };
+        let groups = train.iter().map(|seen| group(&plain, seen));
+        let (mut positive, mut negative) = (vec![], vec![]);
+        for g in groups {
+            positive.extend(g.positive);
+            negative.extend(g.negative);
+        }
+        let sign = if area(&positive, &negative) < 0.5 {
+            -1.0
+        } else {
+            1.0
+        };
+        Self { sign }
+    }
+}
+
+impl Scoring for DegreeOfPolarization {
+    fn score(&self, seen: &Seen, pixel: usize) -> f64 {
+        let p = &seen.polarimetric;
+        let all = sum(p, pixel, 0);
+        let polarized = [4, 8, 12]
+            .map(|e| sum(p, pixel, e).powi(2))
+            .iter()
+            .sum::<f64>()
+            .sqrt();
+        if all > 0.0 {
+            self.sign * polarized / all
+        } else {
+            0.0
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! One variant of the fruits, and what gives scores to its pixels.
+
+use crate::error::ApplyError;
+use crate::metrics::roc::Group;
+use crate::observation::{Observation, Pixels};
+
+/// A variant of the fruits.
+pub(super) struct Seen {
+    pub variant: u64,
+    pub seed: u64,
+    pub polarimetric: Pixels,
+    pub epipolar: Pixels,
+    /// Pixels that are wholly of a real fruit, and of a fake one.
+    pub real: Vec<usize>,
+    pub fake: Vec<usize>,
+}
+
+impl Seen {
+    pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
+        let whole = |name: &str| -> Result<Vec<usize>, ApplyError> {
+            let map = o.truth(name)?;
+            let values = map.data.iter().step_by(map.channels.max(1)).enumerate();
+            Ok(values.filter(|(_, v)| **v >= 1.0).map(|(i, _)| i).collect())
+        };
+        let seen = Self {
+            variant: o.variant,
+            seed: o.seed,
+            polarimetric: o.pixels("polarimetric", true)?,
+            epipolar: o.pixels("epipolar", true)?,
+            real: whole("real")?,
+            fake: whole("fake")?,
+        };
+        let n = seen.polarimetric.count();
+        let inside = seen.real.iter().chain(&seen.fake).all(|p| *p < n);
+        if !inside || seen.epipolar.count() != n || seen.epipolar.wavelengths != seen.polarimetric.wavelengths
+        {
+            return Err(ApplyError::Sizes {
+                variant: o.variant,
+                what: "slices and truth maps".into(),
+            });
+        }
+        if seen.real.is_empty() || seen.fake.is_empty() {
+            return Err(ApplyError::Empty(format!(
+                "variant {} shows no whole pixel of a real or of a fake fruit; render it larger",
+                o.variant
+            )));
+        }
+        Ok(seen)
+    }
+}
+
+/// A score of a pixel: the higher, the more real.
+pub(super) trait Scoring {
+    fn score(&self, seen: &Seen, pixel: usize) -> f64;
+}
+
+/// Scores of the pixels of a variant.
+pub(super) fn group(scoring: &dyn Scoring, seen: &Seen) -> Group {
+    let of = |pixels: &[usize]| pixels.iter().map(|p| scoring.score(seen, *p)).collect();
+    Group {
+        positive: of(&seen.real),
+        negative: of(&seen.fake),
+    }
+}

@@ -1,0 +1,9 @@
+//! Numbers that methods are judged by.
+
+pub mod angle;
+pub mod contrast;
+pub mod paired;
+pub mod precision_recall;
+pub mod psnr;
+pub mod roc;
+pub mod ssim;

@@ -1,0 +1,132 @@
+//! Differences between two methods on the same renders, and how surely they are known.
+//!
+//! With d(v, s) the difference on variant v at seed s, variants and seeds are two crossed random effects:
+//! d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S + σe²/(V S), estimated
+//! without bias by (MSa + MSb - MSe)/(V S) from the mean squares of the two-way analysis of variance (Searle, Casella &
+//! McCulloch 1992, section 4.3), and by MSe/(V S) at least. With one seed it is the usual MSa/V.
+
+/// A mean with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Mean over variants and seeds.
+    pub mean: f64,
+    /// Its standard error; NaN of a single number.
+    pub error: f64,
+    /// Variants, and seeds, that it is of.
+    pub counts: [usize; 2],
+}
+
+/// The mean of a table, a row a variant, a column a seed. Rows that are not finite throughout are left out; NaN of no row.
+#[must_use]
+pub fn estimate(table: &[Vec<f64>]) -> Estimate {
+    let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
+    let rows: Vec<&[f64]> = table
+        .iter()
+        .map(|row| &row[..seeds])
+        .filter(|row| row.iter().all(|v| v.is_finite()))
+        .collect();
+    let (v, s) = (rows.len() as f64, seeds as f64);
+    let counts = [rows.len(), seeds];
+    let mean = rows.iter().flat_map(|r| r.iter()).sum::<f64>() / (v * s);
+    let row_means: Vec<f64> = rows.iter().map(|r| r.iter().sum::<f64>() / s).collect();
+    let column_means: Vec<f64> = (0..seeds)
+        .map(|j| rows.iter().map(|r| r[j]).sum::<f64>() / v)
+        .collect();
+    let spread = |means: &[f64]| means.iter().map(|m| (m - mean).powi(2)).sum::<f64>();
+    let of_rows = s * spread(&row_means) / (v - 1.0);
+    let of_columns = v * spread(&column_means) / (s - 1.0);
+    let error = match (rows.len(), seeds) {
+        (0 | 1, 0 | 1) => f64::NAN,
+        (_, 1) => (of_rows / v).sqrt(),
+        (1, _) => (of_columns / s).sqrt(),
+        _ => {
+            let rest = rows.iter().zip(&row_means).flat_map(|(row, m)| {
+                let column = row.iter().zip(&column_means);
+                column.map(move |(d, c)| (d - m - c + mean).powi(2))
+            });
+            let rest = rest.sum::<f64>() / ((v - 1.0) * (s - 1.0));
+            ((of_rows + of_columns - rest).max(rest) / (v * s)).sqrt()
+        }
+    };
+    Estimate { mean, error, counts }
+}
+
+/// The mean difference of two tables of one shape.
+#[must_use]
+pub fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Estimate {
+    let rows = a.iter().zip(b);
+    let table: Vec<Vec<f64>> = rows
+        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect())
+        .collect();
+    estimate(&table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn one_seed_is_the_usual_error_of_a_mean() {
+        let table: Vec<Vec<f64>> = [1.0, 2.0, 4.0, 5.0].iter().map(|v| vec![*v]).collect();
+        let e = estimate(&table);
+        assert_eq!(e.mean, 3.0);
+        approx::assert_relative_eq!(e.error, (10.0 / 3.0 / 4.0_f64).sqrt(), epsilon = 1e-12);
+        assert!(estimate(&[vec![1.0]]).error.is_nan() && estimate(&[]).mean.is_nan());
+    }
+
+    /// Crossed effects whose variances are known: the estimated variance is right on average.
+    #[test]
+    fn crossed_effects_are_covered() {
+        let (variants, seeds) = (6, 5);
+        let mut state = 12345_u64;
+        let mut normal = || {
+            // Sum of twelve uniform numbers, less six: variance 1.
+            let mut sum = -6.0;
+            for _ in 0..12 {
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                sum += (state >> 33) as f64 / f64::from(1_u32 << 31);
+            }
+            sum
+        };
+        let (sa, sb, se) = (1.0, 0.7, 0.5);
+        let truth: f64 = sa * sa / 6.0 + sb * sb / 5.0 + se * se / 30.0;
+        let trials = 4000;
+        let (mut said, mut squares, mut seen) = (0.0, 0.0, 0.0);
+        for _ in 0..trials {
+            let b: Vec<f64> = (0..seeds).map(|_| sb * normal()).collect();
+            let table: Vec<Vec<f64>> = (0..variants)
+                .map(|_| {
+                    let a = sa * normal();
+                    b.iter().map(|b| a + b + se * normal()).collect()
+                })
+                .collect();
+            let e = estimate(&table);
+            said += e.error * e.error;
+            squares += e.error.powi(4);
+            seen += e.mean * e.mean;
+        }
+        let n = f64::from(trials);
+        let error = ((squares / n - (said / n).powi(2)) / n).sqrt();
+        assert!(
+            (said / n - truth).abs() < 5.0 * error,
+            "{} ± {error}, truth {truth}",
+            said / n
+        );
+        // And the means do scatter so: a variance from n draws is known to √(2/n).
+        assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
+        // Treating all numbers as independent, the planted error, would be far off.
+        assert!(truth > 2.0 * (sa * sa + sb * sb + se * se) / 30.0);
+    }
+
+    proptest! {
+        #[test]
+        fn what_both_share_cancels(rows in prop::collection::vec(prop::collection::vec(-9.0..9.0_f64, 4), 2..8), shift in -3.0..3.0_f64) {
+            let moved: Vec<Vec<f64>> = rows.iter().map(|r| r.iter().map(|v| v + shift).collect()).collect();
+            let d = difference(&moved, &rows);
+            prop_assert!((d.mean - shift).abs() < 1e-9 && d.error < 1e-9);
+        }
+    }
+}

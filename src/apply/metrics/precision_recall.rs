@@ -1,0 +1,75 @@
+//! Precision and recall of a decision, pixel by pixel.
+
+/// Counts of a decision against the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Said so, and is so.
+    pub true_positive: u64,
+    /// Said so, and is not.
+    pub false_positive: u64,
+    /// Not said so, and is so.
+    pub false_negative: u64,
+    /// Not said so, and is not.
+    pub true_negative: u64,
+}
+
+impl Counts {
+    /// Of (said, is) pairs.
+    #[must_use]
+    pub fn of(pairs: impl IntoIterator<Item = (bool, bool)>) -> Self {
+        let mut c = Self::default();
+        for (said, is) in pairs {
+            match (said, is) {
+                (true, true) => c.true_positive += 1,
+                (true, false) => c.false_positive += 1,
+                (false, true) => c.false_negative += 1,
+                (false, false) => c.true_negative += 1,
+            }
+        }
+        c
+    }
+
+    /// Share of what was said that is so; NaN if nothing was said.
+    #[must_use]
+    pub fn precision(&self) -> f64 {
+        self.true_positive as f64 / (self.true_positive + self.false_positive) as f64
+    }
+
+    /// Share of what is so that was said; NaN if nothing is so.
+    #[must_use]
+    pub fn recall(&self) -> f64 {
+        self.true_positive as f64 / (self.true_positive + self.false_negative) as f64
+    }
+
+    /// Harmonic mean of the two (van Rijsbergen 1979): 2 TP / (2 TP + FP + FN).
+    #[must_use]
+    pub fn f1(&self) -> f64 {
+        let right = 2 * self.true_positive;
+        right as f64 / (right + self.false_positive + self.false_negative) as f64
+    }
+
+    /// Share of all that was decided rightly.
+    #[must_use]
+    pub fn accuracy(&self) -> f64 {
+        let right = self.true_positive + self.true_negative;
+        right as f64 / (right + self.false_positive + self.false_negative) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_those_of_the_table() {
+        let pairs = [(true, 30, 10), (false, 20, 40)];
+        let all = pairs.iter().flat_map(|&(said, is, not)| {
+            std::iter::repeat_n((said, true), is).chain(std::iter::repeat_n((said, false), not))
+        });
+        let c = Counts::of(all);
+        assert_eq!((c.precision(), c.recall()), (0.75, 0.6));
+        approx::assert_relative_eq!(c.f1(), 2.0 * 0.75 * 0.6 / 1.35, epsilon = 1e-12);
+        assert_eq!(c.accuracy(), 0.7);
+        assert!(Counts::of([]).precision().is_nan());
+    }
+}

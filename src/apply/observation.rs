@@ -1,0 +1,244 @@
+//! What is known of one variant of a scene at one seed: slices with their errors, and maps of the truth.
+
+use crate::error::ApplyError;
+use crate::map::Map;
+use std::collections::BTreeMap;
+use tensor::array::Tensor;
+use tensor::axes::AxisKind;
+
+/// One variant at one seed.
+#[derive(Clone, Debug, Default)]
+pub struct Observation {
+    /// Number of the variant.
+    pub variant: u64,
+    /// Seed of the render.
+    pub seed: u64,
+    /// The variant's values of the scene's parameters that are numbers.
+    pub values: BTreeMap<String, f64>,
+    /// Slices by name.
+    pub slices: BTreeMap<String, Slice>,
+    /// Maps of the truth by name.
+    pub truth: BTreeMap<String, Map>,
+}
+
+/// A slice: W/(m² sr nm) per unit drive, camera frame out, projector frame in.
+#[derive(Clone, Debug)]
+pub struct Slice {
+    /// Means.
+    pub mean: Tensor,
+    /// Their standard errors.
+    pub error: Tensor,
+}
+
+/// A slice as pixels with their Mueller matrices: `[pixel][bin][4 i + j][wavelength]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Bins of travel time; 1 of a slice that has none.
+    pub bins: usize,
+    /// Elements of the matrix, 16, or 1 of a slice of intensities.
+    pub elements: usize,
+    /// Wavelengths.
+    pub wavelengths: usize,
+    /// Means.
+    pub mean: Vec<f64>,
+    /// Their standard errors.
+    pub error: Vec<f64>,
+}
+
+impl Observation {
+    /// A slice.
+    ///
+    /// # Errors
+    /// [`ApplyError::Missing`].
+    pub fn slice(&self, name: &str) -> Result<&Slice, ApplyError> {
+        self.slices.get(name).ok_or_else(|| self.missing("slice", name))
+    }
+
+    /// A map of the truth.
+    ///
+    /// # Errors
+    /// [`ApplyError::Missing`].
+    pub fn truth(&self, name: &str) -> Result<&Map, ApplyError> {
+        self.truth
+            .get(name)
+            .ok_or_else(|| self.missing("truth map", name))
+    }
+
+    /// A slice as pixels.
+    ///
+    /// # Errors
+    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if it has no rows and columns of the camera, or `mueller` is asked for and it
+    /// has no matrices; [`ApplyError::Sizes`] if its errors are not of its shape.
+    pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
+        let slice = self.slice(name)?;
+        let axis = |axis| ApplyError::Axis {
+            variant: self.variant,
+            slice: name.to_owned(),
+            axis,
+        };
+        let t = &slice.mean;
+        let at = |kind: AxisKind| t.find(kind);
+        if at(AxisKind::Y).is_none() || at(AxisKind::X).is_none() {
+            return Err(axis("rows and columns of the camera"));
+        }
+        let (out, inn) = (t.extent(AxisKind::StokesOut), t.extent(AxisKind::StokesIn));
+        let elements = out * inn;
+        if mueller && (out, inn) != (4, 4) || elements != 1 && elements != 16 {
+            return Err(axis("whole Mueller matrices"));
+        }
+        if t.axes != slice.error.axes || t.data.len() != slice.error.data.len() {
+            return Err(ApplyError::Sizes {
+                variant: self.variant,
+                what: format!("means and errors of slice `{name}`"),
+            });
+        }
+        let mut pixels = Pixels {
+            width: t.extent(AxisKind::X),
+            height: t.extent(AxisKind::Y),
+            bins: t.extent(AxisKind::T),
+            elements,
+            wavelengths: t.extent(AxisKind::Wavelength),
+            mean: vec![],
+            error: vec![],
+        };
+        let kept = pixels.len();
+        if kept != t.data.len() {
+            return Err(axis("the camera, time, polarization and wavelength alone"));
+        }
+        (pixels.mean, pixels.error) = (vec![0.0; kept], vec![0.0; kept]);
+        let shape = t.shape();
+        let mut index = vec![0; shape.len()];
+        for (mean, error) in t.data.iter().zip(&slice.error.data) {
+            let i = |kind| at(kind).map_or(0, |a| index[a]);
+            let pixel = i(AxisKind::Y) * pixels.width + i(AxisKind::X);
+            let element = i(AxisKind::StokesOut) * inn + i(AxisKind::StokesIn);
+            let place = pixels.place(pixel, i(AxisKind::T), element, i(AxisKind::Wavelength));
+            pixels.mean[place] = f64::from(*mean);
+            pixels.error[place] = f64::from(*error);
+            for a in (0..shape.len()).rev() {
+                index[a] += 1;
+                if index[a] < shape[a] {
+                    break;
+                }
+                index[a] = 0;
+            }
+        }
+        Ok(pixels)
+    }
+
+    fn missing(&self, what: &'static str, name: &str) -> ApplyError {
+        ApplyError::Missing {
+            variant: self.variant,
+            what,
+            name: name.to_owned(),
+        }
+    }
+}
+
+impl Pixels {
+    fn len(&self) -> usize {
+        self.width * self.height * self.bins * self.elements * self.wavelengths
+    }
+
+    fn place(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> usize {
+        ((pixel * self.bins + bin) * self.elements + element) * self.wavelengths + lane
+    }
+
+    /// Mean of an element 4 i + j at a pixel, in a bin, at a wavelength.
+    #[must_use]
+    pub fn at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
+        self.mean[self.place(pixel, bin, element, lane)]
+    }
+
+    /// Standard error of [`Self::at`].
+    #[must_use]
+    pub fn error_at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
+        self.error[self.place(pixel, bin, element, lane)]
+    }
+
+    /// Number of pixels.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The map of Σ over bins and elements of weights (`[element]`) times the means: what a linear analysis of polarization shows.
+    #[must_use]
+    pub fn weighed(&self, weights: &[f64]) -> Map {
+        Map::from_fn(self.width, self.height, self.wavelengths, |x, y, out| {
+            let pixel = y * self.width + x;
+            for (lane, o) in out.iter_mut().enumerate() {
+                *o = (0..self.bins)
+                    .flat_map(|bin| weights.iter().enumerate().map(move |(e, w)| (bin, e, w)))
+                    .map(|(bin, e, w)| w * self.at(pixel, bin, e, lane))
+                    .sum();
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use tensor::axes::Axis;
+
+    /// A slice of matrices that a function of pixel, bin, element and wavelength gives, with errors of `error`.
+    pub(crate) fn slice(
+        [width, height, bins, wavelengths]: [usize; 4],
+        error: f64,
+        mut value: impl FnMut(usize, usize, usize, usize) -> f64,
+    ) -> Slice {
+        let axis = |kind, n: usize| Axis {
+            kind,
+            coords: (0..n).map(|i| i as f64).collect(),
+            chunk: n as u64,
+        };
+        let mut axes = vec![axis(AxisKind::Y, height), axis(AxisKind::X, width)];
+        if bins > 1 {
+            axes.push(axis(AxisKind::T, bins));
+        }
+        axes.extend([
+            axis(AxisKind::StokesOut, 4),
+            axis(AxisKind::StokesIn, 4),
+            axis(AxisKind::Wavelength, wavelengths),
+        ]);
+        let mut mean = Tensor::zeros("s", axes);
+        let mut error_of = mean.clone();
+        for (i, v) in mean.data.iter_mut().enumerate() {
+            let (lane, rest) = (i % wavelengths, i / wavelengths);
+            *v = value(rest / 16 / bins, rest / 16 % bins, rest % 16, lane) as f32;
+        }
+        error_of.data.fill(error as f32);
+        Slice {
+            mean,
+            error: error_of,
+        }
+    }
+
+    #[test]
+    fn pixels_are_the_slice() {
+        let number = |p, b, e, k| (1000 * p + 100 * b + 4 * e + k) as f64;
+        let mut o = Observation::default();
+        o.slices.insert("s".into(), slice([3, 2, 5, 3], 0.5, number));
+        let pixels = o.pixels("s", true).expect("pixels");
+        for (p, b, e, k) in [(0, 0, 0, 0), (5, 4, 15, 2), (2, 3, 7, 1)] {
+            assert_eq!(pixels.at(p, b, e, k), number(p, b, e, k));
+            assert_eq!(pixels.error_at(p, b, e, k), 0.5);
+        }
+        let mut weights = [0.0; 16];
+        weights[5] = 2.0;
+        let sum: f64 = (0..5).map(|b| 2.0 * number(4, b, 5, 1)).sum();
+        assert_eq!(pixels.weighed(&weights).at(1, 1)[1], sum);
+        assert!(matches!(o.pixels("t", true), Err(ApplyError::Missing { .. })));
+        let s = o.slices.get_mut("s").expect("it");
+        (s.mean, s.error) = (
+            s.mean.select(AxisKind::StokesIn, 0),
+            s.error.select(AxisKind::StokesIn, 0),
+        );
+        assert!(matches!(o.pixels("s", true), Err(ApplyError::Axis { .. })));
+    }
+}

@@ -1,0 +1,172 @@
+//! Weights and biases of equation (descattering) of Baek & Heide (2021) by L-BFGS (Liu & Nocedal 1989; crate argmin), as the
+//! paper finds them.
+//!
+//! minimize over W, b: mean of (Σₑ Wₑ (xₑ + bₑ) - y)². The biases act by Σ Wₑ bₑ alone, one number, so the problem has no more
+//! to it than linear least squares ([`super::least_squares`] is the best that it can reach), but it is not convex. The paper
+//! states no starting point; ours is the image itself: W = 1 for M00, 0 for the others, b = 0.
+
+use super::moments::{Linear, Moments};
+use nalgebra::{DMatrix, DVector};
+use polarimetry::reconstruct::optimize::{Smooth, quasi_newton};
+use std::cmp::Ordering;
+
+/// Steps at most.
+const ITERATIONS: u64 = 2000;
+
+/// The mean squared difference as a sum of squares, which no rounding makes negative: Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in
+/// which the first feature's root mean square is 1, and so is y's.
+struct Problem {
+    rows: DMatrix<f64>,
+}
+
+impl Problem {
+    fn new(m: &Moments, first: f64, target: f64) -> Option<Self> {
+        let n = m.x.len();
+        let unit = DVector::from_fn(n + 2, |i, _| match i.cmp(&n) {
+            Ordering::Less => 1.0 / first,
+            Ordering::Equal => 1.0,
+            Ordering::Greater => 1.0 / target,
+        });
+        let second = DMatrix::from_fn(n + 2, n + 2, |i, j| {
+            let (a, b) = (i.min(j), i.max(j));
+            let moment = match (a < n, b) {
+                (true, b) if b < n => m.xx[(a, b)],
+                (true, b) if b == n => m.x[a],
+                (true, _) => m.xy[a],
+                (false, b) if b == n => m.count,
+                (false, _) if a == n => m.y,
+                (false, _) => m.yy,
+            };
+            moment / m.count * unit[i] * unit[j]
+        });
+        // A trifle on the diagonal, more where rounding asks for it, makes it positive definite.
+        let trace = second.trace();
+        let loaded =
+            |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
+        let factor = (-14..0).find_map(loaded)?;
+        Some(Self {
+            rows: factor.l().transpose(),
+        })
+    }
+}
+
+impl Smooth for Problem {
+    fn evaluate(&self, p: &[f64]) -> (f64, Vec<f64>) {
+        let n = p.len() / 2;
+        let offset: f64 = p[..n].iter().zip(&p[n..]).map(|(w, b)| w * b).sum();
+        let whole = DVector::from_fn(n + 2, |i, _| match i.cmp(&n) {
+            Ordering::Less => p[i],
+            Ordering::Equal => offset,
+            Ordering::Greater => -1.0,
+        });
+        let residual = &self.rows * whole;
+        let slope = self.rows.tr_mul(&residual) * 2.0;
+        let weights = (0..n).map(|i| slope[i] + slope[n] * p[n + i]);
+        let biases = (0..n).map(|i| slope[n] * p[i]);
+        (residual.norm_squared(), weights.chain(biases).collect())
+    }
+}
+
+/// Weights and biases, and what they come to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightsAndBiases {
+    /// W, one for each feature.
+    pub weights: Vec<f64>,
+    /// b, one for each feature, in the features' unit.
+    pub biases: Vec<f64>,
+    /// Σ W (x + b).
+    pub fit: Linear,
+}
+
+/// Minimizes from the image itself: weight 1 for the first feature.
+///
+/// # Errors
+/// If the images or what they are to become are dark or not finite.
+pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
+    let n = moments.x.len();
+    let first = (moments.xx[(0, 0)] / moments.count).sqrt();
+    let target = (moments.yy / moments.count).sqrt();
+    if !(first > 0.0 && target > 0.0 && first.is_finite() && target.is_finite()) {
+        return Err("the images are dark".into());
+    }
+    let mut start = vec![0.0; 2 * n];
+    // One in the features' own unit.
+    start[0] = first / target;
+    let problem = Problem::new(moments, first, target).ok_or("the images are not finite")?;
+    let p = quasi_newton(&problem, &start, ITERATIONS).x;
+    let weights: Vec<f64> = p[..n].iter().map(|w| w * target / first).collect();
+    let biases: Vec<f64> = p[n..].iter().map(|b| b * first).collect();
+    let offset = weights.iter().zip(&biases).map(|(w, b)| w * b).sum();
+    Ok(WeightsAndBiases {
+        fit: Linear {
+            weights: DVector::from_column_slice(&weights),
+            offset,
+        },
+        weights,
+        biases,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::least_squares::least_squares;
+    use super::super::least_squares::tests::{normal, random};
+    use super::*;
+
+    fn examples() -> Moments {
+        let mut r = random(9);
+        let (mut x, mut y) = (vec![], vec![]);
+        for _ in 0..500 {
+            let m00 = 5.0 + normal(&mut r);
+            let rest: Vec<f64> = (0..5).map(|_| 0.3 * normal(&mut r) * m00).collect();
+            y.push(0.7 * m00 - 2.0 * rest[0] + 0.5 * rest[3] + 3.0 + 0.1 * normal(&mut r));
+            x.push(m00);
+            x.extend(rest);
+        }
+        Moments::of(6, &x, &vec![0.0; x.len()], &y)
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_cost() {
+        let problem = Problem::new(&examples(), 2.0, 3.0).expect("a problem");
+        // The cost is the loss, in y's unit.
+        let moments = examples();
+        let mut image = vec![0.0; 12];
+        (image[0], image[6]) = (0.8, 1.5);
+        let fit = Linear {
+            weights: DVector::from_column_slice(&[0.8 * 3.0 / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            offset: 1.2 * 3.0,
+        };
+        approx::assert_relative_eq!(
+            problem.evaluate(&image).0,
+            moments.loss(&fit) / 9.0,
+            epsilon = 1e-9
+        );
+        let p: Vec<f64> = (0..12).map(|i| 0.1 * f64::from(i) - 0.4).collect();
+        let gradient = problem.evaluate(&p).1;
+        for i in 0..12 {
+            let at = |step: f64| {
+                let mut p = p.clone();
+                p[i] += step;
+                problem.evaluate(&p).0
+            };
+            let numeric = (at(1e-5) - at(-1e-5)) / 2e-5;
+            approx::assert_relative_eq!(gradient[i], numeric, epsilon = 1e-5, max_relative = 1e-6);
+        }
+    }
+
+    #[test]
+    fn it_comes_to_what_closed_form_least_squares_reaches() {
+        let moments = examples();
+        let found = minimize(&moments).expect("a minimum");
+        let best = moments.loss(&least_squares(&moments));
+        let reached = moments.loss(&found.fit);
+        assert!(
+            reached >= best * (1.0 - 1e-9) && reached < best * 1.001,
+            "{reached} {best}"
+        );
+        let offset: f64 = found.weights.iter().zip(&found.biases).map(|(w, b)| w * b).sum();
+        approx::assert_relative_eq!(offset, found.fit.offset, epsilon = 1e-9);
+        assert!(minimize(&Moments::none(3)).is_err());
+    }
+}

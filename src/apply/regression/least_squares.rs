@@ -1,0 +1,207 @@
+//! Linear least squares in closed form, with a free offset: w = (Σxx + R)⁻¹ σxy.
+//!
+//! R is nothing; λ diag(Σxx), ridge regression of standardized features (Hoerl & Kennard 1970), with λ by leaving one group of
+//! examples out after the other; or minus the features' own noise (Fuller 1987, section 2.2): noise in x makes weights too
+//! small, and taken away it leaves the weights that noise-free features have. For examples as noisy as those learnt from, the
+//! plain solution predicts best.
+
+use super::moments::{Centred, Linear, Moments};
+use nalgebra::{DMatrix, DVector};
+
+/// What is added to the diagonal of standardized covariances at least: features that depend on each other share their weight.
+const LOADING: f64 = 1e-10;
+
+/// A variance below this share of the squared mean is rounding.
+const ROUNDING: f64 = 1e-13;
+
+/// Of the noise that leaves covariances positive definite, so much is taken away.
+const TAKEN: f64 = 0.95;
+
+/// Halvings of the interval in which that lies.
+const HALVINGS: usize = 30;
+
+/// Least squares; where features depend on each other, standardized weights of least norm.
+#[must_use]
+pub fn least_squares(moments: &Moments) -> Linear {
+    let c = moments.centred();
+    solve(&c, c.xx.clone())
+}
+
+/// Ridge regression.
+#[must_use]
+pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
+    let c = moments.centred();
+    let mut xx = c.xx.clone();
+    for i in 0..xx.nrows() {
+        xx[(i, i)] *= 1.0 + lambda;
+    }
+    solve(&c, xx)
+}
+
+/// Ridge regression with the λ, among powers of √10 from 1e-8 to 10, of least mean loss on groups of examples that it was not
+/// learnt from; with that λ.
+#[must_use]
+pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
+    let all = Moments::sum(groups);
+    if groups.len() < 2 {
+        return (ridge(&all, 1e-4), 1e-4);
+    }
+    let loss = |lambda: f64| {
+        let each = groups.iter().enumerate();
+        each.map(|(i, group)| group.loss(&ridge(&Moments::without(groups, i), lambda)) * group.count)
+            .sum::<f64>()
+    };
+    let grid = (-16..=2).map(|k| 10_f64.powf(f64::from(k) / 2.0));
+    let losses = grid.map(|lambda| (lambda, loss(lambda)));
+    let best = losses
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or(1e-4, |(lambda, _)| lambda);
+    (ridge(&all, best), best)
+}
+
+/// Least squares as if the features had no noise of their own: as much of it is taken away as leaves the covariances positive
+/// definite; with the share that was. Errors of different features are taken as independent.
+#[must_use]
+pub fn without_noise(moments: &Moments) -> (Linear, f64) {
+    let c = moments.centred();
+    let stays_positive = |share: f64| {
+        (&c.xx - DMatrix::from_diagonal(&c.noise) * share)
+            .cholesky()
+            .is_some()
+    };
+    let (mut low, mut high) = (0.0, 1.0 / TAKEN);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if stays_positive(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let share = TAKEN * low;
+    let xx = &c.xx - DMatrix::from_diagonal(&c.noise) * share;
+    (solve(&c, xx), share)
+}
+
+/// Weights from covariances, standardized; features that never change get none. NaN of what is not finite.
+fn solve(c: &Centred, xx: DMatrix<f64>) -> Linear {
+    let n = c.mean.len();
+    let changes = |i: &usize| xx[(*i, *i)] > ROUNDING * c.mean[*i].powi(2);
+    let used: Vec<usize> = (0..n).filter(changes).collect();
+    let scale: Vec<f64> = used.iter().map(|i| 1.0 / xx[(*i, *i)].sqrt()).collect();
+    let m = used.len();
+    let standard = DMatrix::from_fn(m, m, |i, j| {
+        let loading = if i == j { LOADING } else { 0.0 };
+        xx[(used[i], used[j])] * scale[i] * scale[j] + loading
+    });
+    let along = DVector::from_fn(m, |i, _| c.xy[used[i]] * scale[i]);
+    let mut weights = DVector::zeros(n);
+    match standard.cholesky() {
+        Some(cholesky) => {
+            let solved = cholesky.solve(&along);
+            for (k, i) in used.iter().enumerate() {
+                weights[*i] = solved[k] * scale[k];
+            }
+        }
+        None => weights.fill(f64::NAN),
+    }
+    let offset = c.y - weights.dot(&c.mean);
+    Linear { weights, offset }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use rand_pcg::Pcg64Mcg;
+    use rand_pcg::rand_core::{Rng, SeedableRng};
+
+    /// A normal number by Box and Muller.
+    pub(crate) fn normal(random: &mut Pcg64Mcg) -> f64 {
+        let mut uniform = || ((random.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
+        (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
+    }
+
+    pub(crate) fn random(seed: u64) -> Pcg64Mcg {
+        Pcg64Mcg::seed_from_u64(seed)
+    }
+
+    /// Examples y = 2 a - 3 b + 1, of which a and b are seen with noise.
+    fn examples(n: usize, noise: f64) -> Moments {
+        let mut r = random(1);
+        let (mut x, mut y) = (vec![], vec![]);
+        for _ in 0..n {
+            let (a, b) = (normal(&mut r), 0.3 * normal(&mut r) + 5.0);
+            y.push(2.0 * a - 3.0 * b + 1.0);
+            x.extend([a + noise * normal(&mut r), b + noise * normal(&mut r)]);
+        }
+        Moments::of(2, &x, &vec![noise; x.len()], &y)
+    }
+
+    #[test]
+    fn exact_examples_are_solved_exactly() {
+        let moments = examples(50, 0.0);
+        for fit in [
+            least_squares(&moments),
+            ridge(&moments, 0.0),
+            without_noise(&moments).0,
+        ] {
+            approx::assert_relative_eq!(fit.weights, DVector::from_row_slice(&[2.0, -3.0]), epsilon = 1e-8);
+            approx::assert_relative_eq!(fit.offset, 1.0, epsilon = 1e-7);
+            assert!(moments.loss(&fit) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn noise_shrinks_weights_and_its_correction_restores_them() {
+        // Attenuation in closed form: w = σ²/(σ² + noise²) of the true one, for independent features.
+        let n = 200_000;
+        let moments = examples(n, 0.3);
+        let plain = least_squares(&moments);
+        // Standard error of a weight: residual spread over the feature's, over √n.
+        let residual = moments.loss(&plain).sqrt();
+        let error = |feature: f64| residual / feature / (n as f64).sqrt();
+        assert!((plain.weights[0] - 2.0 / 1.09).abs() < 5.0 * error(1.09_f64.sqrt()));
+        assert!((plain.weights[1] + 1.5).abs() < 5.0 * error(0.18_f64.sqrt()));
+        let (fit, share) = without_noise(&moments);
+        assert!(share > 0.9);
+        // Twice as far off for the feature that is half noise; share of the correction that was held back included.
+        assert!((fit.weights[0] - 2.0).abs() < 0.03, "{fit:?} {share}");
+        assert!((fit.weights[1] + 3.0).abs() < 0.3, "{fit:?} {share}");
+        // And the plain solution predicts better what is as noisy.
+        assert!(moments.loss(&plain) < moments.loss(&fit));
+    }
+
+    #[test]
+    fn features_that_depend_on_each_other_have_the_shortest_solution() {
+        let x: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), f64::from(i), 7.0]).collect();
+        let y: Vec<f64> = (0..20).map(|i| f64::from(4 * i + 1)).collect();
+        let fit = least_squares(&Moments::of(3, &x, &[0.0; 60], &y));
+        approx::assert_relative_eq!(
+            fit.weights,
+            DVector::from_row_slice(&[2.0, 2.0, 0.0]),
+            epsilon = 1e-4
+        );
+        approx::assert_relative_eq!(fit.offset, 1.0, epsilon = 1e-4);
+    }
+
+    #[test]
+    fn cross_validation_shrinks_what_is_noise() {
+        // Forty features that say nothing, few examples: plain least squares follows the noise.
+        let mut r = random(3);
+        let mut group = |n: usize| {
+            let (mut x, mut y) = (vec![], vec![]);
+            for _ in 0..n {
+                let features: Vec<f64> = (0..40).map(|_| normal(&mut r)).collect();
+                y.push(features[0] + normal(&mut r));
+                x.extend(features);
+            }
+            Moments::of(40, &x, &vec![0.0; x.len()], &y)
+        };
+        let groups: Vec<Moments> = (0..4).map(|_| group(20)).collect();
+        let test = group(5000);
+        let plain = test.loss(&least_squares(&Moments::sum(&groups)));
+        let (fit, lambda) = ridge_by_cross_validation(&groups);
+        assert!(lambda > 0.01, "{lambda}");
+        assert!(test.loss(&fit) < plain, "{} {plain}", test.loss(&fit));
+    }
+}

@@ -1,0 +1,202 @@
+//! First and second moments of examples: all that linear least squares needs, and small however many examples there are.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Sums over examples (x, y), x a vector of features and y what is to be found from it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moments {
+    /// Examples.
+    pub count: f64,
+    /// Σ x.
+    pub x: DVector<f64>,
+    /// Σ y.
+    pub y: f64,
+    /// Σ x xᵀ.
+    pub xx: DMatrix<f64>,
+    /// Σ x y.
+    pub xy: DVector<f64>,
+    /// Σ y².
+    pub yy: f64,
+    /// Σ of the squared standard errors of x.
+    pub noise: DVector<f64>,
+}
+
+/// y ≈ weights · x + offset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linear {
+    /// One weight for each feature.
+    pub weights: DVector<f64>,
+    /// What is added.
+    pub offset: f64,
+}
+
+impl Linear {
+    /// The estimate from features.
+    #[must_use]
+    pub fn of(&self, features: &[f64]) -> f64 {
+        self.offset
+            + features
+                .iter()
+                .zip(self.weights.iter())
+                .map(|(x, w)| x * w)
+                .sum::<f64>()
+    }
+}
+
+impl Moments {
+    /// Of no examples of so many features.
+    #[must_use]
+    pub fn none(features: usize) -> Self {
+        Self {
+            count: 0.0,
+            x: DVector::zeros(features),
+            y: 0.0,
+            xx: DMatrix::zeros(features, features),
+            xy: DVector::zeros(features),
+            yy: 0.0,
+            noise: DVector::zeros(features),
+        }
+    }
+
+    /// Of examples: features and their standard errors, an example after the other, and what is to be found.
+    #[must_use]
+    pub fn of(features: usize, x: &[f64], errors: &[f64], y: &[f64]) -> Self {
+        let all = DMatrix::from_column_slice(features, y.len(), x);
+        let target = DVector::from_column_slice(y);
+        let mut noise = DVector::zeros(features);
+        for one in errors.chunks_exact(features.max(1)) {
+            noise.iter_mut().zip(one).for_each(|(n, e)| *n += e * e);
+        }
+        Self {
+            count: y.len() as f64,
+            x: all.column_sum(),
+            y: target.sum(),
+            xx: &all * all.transpose(),
+            xy: &all * &target,
+            yy: target.norm_squared(),
+            noise,
+        }
+    }
+
+    /// Adds those of other examples.
+    pub fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.x += &other.x;
+        self.y += other.y;
+        self.xx += &other.xx;
+        self.xy += &other.xy;
+        self.yy += other.yy;
+        self.noise += &other.noise;
+    }
+
+    /// Those of all parts but one.
+    #[must_use]
+    pub fn without(parts: &[Self], left_out: usize) -> Self {
+        let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
+        parts
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| *i != left_out)
+            .for_each(|(_, p)| all.add(p));
+        all
+    }
+
+    /// Those of all parts.
+    #[must_use]
+    pub fn sum(parts: &[Self]) -> Self {
+        Self::without(parts, usize::MAX)
+    }
+
+    /// Those of the single feature Σ wᵢ xᵢ.
+    #[must_use]
+    pub fn projected(&self, w: &DVector<f64>) -> Self {
+        Self {
+            count: self.count,
+            x: DVector::from_element(1, w.dot(&self.x)),
+            y: self.y,
+            xx: DMatrix::from_element(1, 1, w.dot(&(&self.xx * w))),
+            xy: DVector::from_element(1, w.dot(&self.xy)),
+            yy: self.yy,
+            noise: DVector::from_element(1, self.noise.iter().zip(w.iter()).map(|(n, w)| n * w * w).sum()),
+        }
+    }
+
+    /// Mean squared difference between y and its estimate.
+    #[must_use]
+    pub fn loss(&self, fit: &Linear) -> f64 {
+        let (w, b) = (&fit.weights, fit.offset);
+        let sum = w.dot(&(&self.xx * w)) + self.count * b * b + self.yy + 2.0 * b * w.dot(&self.x)
+            - 2.0 * w.dot(&self.xy)
+            - 2.0 * b * self.y;
+        let mean = sum / self.count;
+        // Rounding may go below zero; what is not a number stays so.
+        if mean < 0.0 { 0.0 } else { mean }
+    }
+
+    /// Covariances of the features, of the features with y, and the means: what is left when an offset is free.
+    #[must_use]
+    pub fn centred(&self) -> Centred {
+        let n = self.count;
+        let mean = &self.x / n;
+        let y = self.y / n;
+        Centred {
+            xx: &self.xx / n - &mean * mean.transpose(),
+            xy: &self.xy / n - &mean * y,
+            noise: &self.noise / n,
+            mean,
+            y,
+        }
+    }
+}
+
+/// Covariances and means.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Centred {
+    /// Covariances of the features.
+    pub xx: DMatrix<f64>,
+    /// Covariances of the features with y.
+    pub xy: DVector<f64>,
+    /// Mean squared standard errors of the features.
+    pub noise: DVector<f64>,
+    /// Means of the features.
+    pub mean: DVector<f64>,
+    /// Mean of y.
+    pub y: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loss_is_that_of_the_examples() {
+        let x = [1.0, 2.0, -1.0, 0.5, 3.0, 1.0, 0.0, -2.0];
+        let y = [1.0, 0.0, 2.0, -1.0];
+        let moments = Moments::of(2, &x, &[0.1; 8], &y);
+        let fit = Linear {
+            weights: DVector::from_row_slice(&[0.3, -0.7]),
+            offset: 0.2,
+        };
+        let direct = x
+            .chunks_exact(2)
+            .zip(y)
+            .map(|(x, y)| (fit.of(x) - y).powi(2))
+            .sum::<f64>()
+            / 4.0;
+        approx::assert_relative_eq!(moments.loss(&fit), direct, epsilon = 1e-12);
+        approx::assert_relative_eq!(moments.noise[1], 0.04, epsilon = 1e-12);
+        // Parts add up, and one left out is one left out.
+        let parts: Vec<Moments> = (0..4)
+            .map(|i| Moments::of(2, &x[2 * i..2 * i + 2], &[0.1; 2], &y[i..=i]))
+            .collect();
+        approx::assert_relative_eq!(Moments::sum(&parts).xx, moments.xx, epsilon = 1e-12);
+        let three = Moments::of(2, &x[2..], &[0.1; 6], &y[1..]);
+        approx::assert_relative_eq!(Moments::without(&parts, 0).xy, three.xy, epsilon = 1e-12);
+        // A projection is the moments of the projected examples.
+        let w = DVector::from_row_slice(&[2.0, -1.0]);
+        let line: Vec<f64> = x.chunks_exact(2).map(|x| 2.0 * x[0] - x[1]).collect();
+        let direct = Moments::of(1, &line, &[0.0; 4], &y);
+        approx::assert_relative_eq!(moments.projected(&w).xx, direct.xx, epsilon = 1e-12);
+        approx::assert_relative_eq!(moments.projected(&w).xy, direct.xy, epsilon = 1e-12);
+    }
+}

@@ -1,0 +1,224 @@
+//! Seeing through scattering: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
+//!
+//! What is seen is light that came back from the milk, T_b, and light that came back from the things behind it, T_o. Every method
+//! here estimates the image without milk linearly from some numbers of a pixel, wavelength by wavelength; the methods differ in
+//! the numbers. Gains and offsets of all of them, the baselines' too, are learnt from the training variants alone.
+//!
+//! The numbers carry the render's noise, which makes learnt weights too small (see [`crate::regression::least_squares`]): as
+//! noise in captures does. Ridge regression and the errors-in-variables solution stand beside plain least squares for that.
+
+mod confocal;
+mod conventional;
+mod cross_polarization;
+mod linear;
+mod seen;
+mod striping;
+mod time_gating;
+mod weights;
+
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
+use crate::observation::Observation;
+use crate::regression::moments::Linear;
+use linear::Descattering;
+use rayon::prelude::*;
+use seen::Seen;
+
+/// The application.
+#[derive(Clone, Copy, Debug)]
+pub struct Scattering;
+
+/// Variants of one arrangement of things: the first without milk, then five concentrations.
+const CONCENTRATIONS: u64 = 6;
+
+/// Parts of the ruler, by depth.
+const PARTS: usize = 3;
+
+/// Contrast that marks have in clear water at least, to be counted.
+const LEAST_CONTRAST: f64 = 0.2;
+
+const METRICS: [Metric; 2 + PARTS] = [
+    metric("PSNR", "dB"),
+    metric("SSIM", ""),
+    metric("contrast kept, near marks", ""),
+    metric("contrast kept, middle marks", ""),
+    metric("contrast kept, far marks", ""),
+];
+
+const fn metric(name: &'static str, unit: &'static str) -> Metric {
+    Metric {
+        name,
+        unit,
+        more_is_better: true,
+    }
+}
+
+/// All methods, ours first.
+fn descatterings() -> Vec<Box<dyn Descattering>> {
+    vec![
+        Box::new(weights::Weights(weights::Solver::Lbfgs)),
+        Box::new(weights::Weights(weights::Solver::LeastSquares)),
+        Box::new(weights::Weights(weights::Solver::Ridge)),
+        Box::new(weights::Weights(weights::Solver::WithoutNoise)),
+        Box::new(weights::Gated),
+        Box::new(conventional::Conventional),
+        Box::new(confocal::EpipolarConfocal),
+        Box::new(cross_polarization::CrossPolarization::LINEAR),
+        Box::new(cross_polarization::CrossPolarization::CIRCULAR),
+        Box::new(striping::PolarizedStriping),
+        Box::new(time_gating::TimeGating),
+    ]
+}
+
+impl Application for Scattering {
+    fn name(&self) -> &'static str {
+        "scattering"
+    }
+
+    fn shows(&self) -> &'static str {
+        "a doll and a ruler in milky water: weights and biases of all epipolar Mueller elements against descattering by space, \
+         polarization and time (Fig. 12)"
+    }
+
+    fn plan(&self) -> Plan {
+        let of = |things: &[u64], milk: &[u64]| {
+            things
+                .iter()
+                .flat_map(|t| milk.iter().map(move |m| t * CONCENTRATIONS + m))
+                .collect()
+        };
+        Plan {
+            scene: "milky_tank/variants.toml",
+            train: of(&[0, 2], &[2, 4]),
+            test: of(&[1, 3], &[1, 3, 5]),
+            slices: vec!["polarimetric", "epipolar", "gated", "transient"],
+            truth: vec![
+                Truth::Reference {
+                    name: "clear",
+                    slice: "polarimetric",
+                    of: |variant| variant - variant % CONCENTRATIONS,
+                    samples: 4,
+                },
+                Truth::Material {
+                    name: "inside",
+                    of: &["apple", "card", "doll", "pear", "ruler"],
+                },
+                Truth::Material {
+                    name: "ruler",
+                    of: &["ruler"],
+                },
+                Truth::Texture("texture"),
+            ],
+            preview: Size { pixels: 72, spp: 16 },
+            full: Size { pixels: 240, spp: 64 },
+        }
+    }
+
+    fn methods(&self) -> Vec<Method> {
+        descatterings().iter().map(|m| m.method()).collect()
+    }
+
+    fn metrics(&self) -> Vec<Metric> {
+        METRICS.to_vec()
+    }
+
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
+        let (train, test) = (read(train)?, read(test)?);
+        let wavelengths = seen::wavelengths(&train, &test)?;
+        let mut outcome = Outcome::default();
+        for method in descatterings() {
+            let name = method.method().name;
+            let fits: Vec<Linear> = (0..wavelengths)
+                .into_par_iter()
+                .map(|lane| method.learn(&train, lane))
+                .collect::<Result<_, _>>()?;
+            outcome.notes.extend(method.note(&fits));
+            if let Some(map) = weight_map(&fits) {
+                outcome.pictures.push(Picture {
+                    method: name,
+                    name: "weights",
+                    variant: None,
+                    shared: false,
+                    map,
+                });
+            }
+            for seen in &test {
+                let map = image(&*method, &fits, seen);
+                outcome.scores.extend(scores(name, &map, seen));
+                outcome.pictures.push(Picture {
+                    method: name,
+                    name: "image",
+                    variant: Some(seen.variant),
+                    shared: true,
+                    map,
+                });
+            }
+        }
+        for seen in &test {
+            outcome.pictures.push(Picture {
+                method: "truth: clear water",
+                name: "image",
+                variant: Some(seen.variant),
+                shared: true,
+                map: seen.truth.clone(),
+            });
+        }
+        outcome.notes.push(
+            "gains and offsets of every method are learnt from the training variants; negative estimates count as dark; only \
+             pixels that see what stands in the milk count"
+                .into(),
+        );
+        Ok(outcome)
+    }
+}
+
+/// What a method sees of a variant; never below zero, as radiance is not.
+fn image(method: &dyn Descattering, fits: &[Linear], seen: &Seen) -> Map {
+    let (w, h) = (seen.truth.width, seen.truth.height);
+    Map::from_fn(w, h, fits.len(), |x, y, out| {
+        for (lane, (o, fit)) in out.iter_mut().zip(fits).enumerate() {
+            let (features, _) = method.features(seen, y * w + x, lane);
+            let value = fit.of(&features);
+            *o = if value < 0.0 { 0.0 } else { value };
+        }
+    })
+}
+
+/// The weights of 16 elements, or of their bins side by side: four rows, four columns a bin, a channel a wavelength.
+fn weight_map(fits: &[Linear]) -> Option<Map> {
+    let n = fits.first()?.weights.len();
+    if n % 16 != 0 {
+        return None;
+    }
+    Some(Map::from_fn(n / 4, 4, fits.len(), |x, y, out| {
+        let at = x / 4 * 16 + y * 4 + x % 4;
+        out.iter_mut().zip(fits).for_each(|(o, fit)| *o = fit.weights[at]);
+    }))
+}
+
+fn scores(method: &'static str, map: &Map, seen: &Seen) -> Vec<Score> {
+    let truth = &seen.truth;
+    let kept = {
+        let by = |m: &Map| contrast::by_depth(m, truth, &seen.depth, &seen.ruler, PARTS, LEAST_CONTRAST);
+        let (found, there) = (by(map), by(truth));
+        found.into_iter().zip(there).map(|(a, b)| a / b)
+    };
+    let values = [
+        psnr(map, truth, &seen.mask, seen.peak),
+        ssim(map, truth, &seen.mask, seen.peak),
+    ];
+    let all = METRICS.iter().zip(values.into_iter().chain(kept));
+    all.map(|(metric, value)| Score {
+        method,
+        metric: metric.name,
+        variant: seen.variant,
+        value,
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,103 @@
+//! One variant of the tank as the methods see it.
+
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::{Observation, Pixels};
+
+/// Slices of a variant, and the truth.
+pub(super) struct Seen {
+    pub variant: u64,
+    /// Σ over all projector pixels.
+    pub polarimetric: Pixels,
+    /// Σ over the projector pixels of each camera pixel's epipolar line.
+    pub epipolar: Pixels,
+    /// The same in bins of travel time.
+    pub gated: Pixels,
+    /// M00 over all projector pixels, in bins of travel time.
+    pub transient: Pixels,
+    /// The image without milk, a channel a wavelength.
+    pub truth: Map,
+    /// Largest value of the truth among the pixels that count.
+    pub peak: f64,
+    /// Pixels that count: those of what stands in the milk.
+    pub mask: Vec<bool>,
+    /// Those of the ruler.
+    pub ruler: Vec<bool>,
+    /// Place along the ruler, from its near end: 0..1.
+    pub depth: Vec<f64>,
+}
+
+impl Seen {
+    pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
+        let whole = |name: &str| -> Result<Vec<bool>, ApplyError> {
+            let map = o.truth(name)?;
+            Ok(map
+                .data
+                .iter()
+                .step_by(map.channels.max(1))
+                .map(|v| *v >= 1.0)
+                .collect())
+        };
+        let texture = o.truth("texture")?;
+        let mut seen = Self {
+            variant: o.variant,
+            polarimetric: o.pixels("polarimetric", true)?,
+            epipolar: o.pixels("epipolar", true)?,
+            gated: o.pixels("gated", true)?,
+            transient: o.pixels("transient", false)?,
+            truth: o.truth("clear")?.clone(),
+            peak: 0.0,
+            mask: whole("inside")?,
+            ruler: whole("ruler")?,
+            depth: texture
+                .data
+                .iter()
+                .step_by(texture.channels.max(1))
+                .copied()
+                .collect(),
+        };
+        let [n, lanes] = [seen.polarimetric.count(), seen.polarimetric.wavelengths];
+        let slices = [&seen.epipolar, &seen.gated, &seen.transient];
+        let alike = slices.iter().all(|p| p.count() == n && p.wavelengths == lanes)
+            && seen.truth.width == seen.polarimetric.width
+            && seen.truth.data.len() == n * lanes
+            && [seen.mask.len(), seen.ruler.len(), seen.depth.len()] == [n; 3];
+        if !alike {
+            return Err(ApplyError::Sizes {
+                variant: o.variant,
+                what: "slices and truth maps".into(),
+            });
+        }
+        let counted = seen
+            .truth
+            .data
+            .chunks_exact(lanes.max(1))
+            .zip(&seen.mask)
+            .filter(|(_, m)| **m);
+        seen.peak = counted.flat_map(|(v, _)| v.iter().copied()).fold(0.0, f64::max);
+        if seen.peak <= 0.0 {
+            return Err(ApplyError::Empty(format!(
+                "variant {}: no lit pixel shows what stands in the tank; check the camera",
+                o.variant
+            )));
+        }
+        Ok(seen)
+    }
+}
+
+/// How many wavelengths, and that all variants have as many, and as many bins.
+pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
+    let (Some(first), Some(_)) = (train.first(), test.first()) else {
+        return Err(ApplyError::Empty(
+            "give variants to learn from and to be judged on".into(),
+        ));
+    };
+    let shape = |s: &Seen| [s.polarimetric.wavelengths, s.gated.bins, s.transient.bins];
+    match train.iter().chain(test).find(|s| shape(s) != shape(first)) {
+        Some(other) => Err(ApplyError::Sizes {
+            variant: other.variant,
+            what: "wavelengths or bins".into(),
+        }),
+        None => Ok(first.polarimetric.wavelengths),
+    }
+}

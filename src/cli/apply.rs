@@ -1,0 +1,203 @@
+//! `sunstone apply`: the paper's applications from scene files.
+
+use super::failure::Failure;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use sunstone::applications::report::ReportError;
+use sunstone::applications::{self, ApplicationError, Report, Settings, report};
+use sunstone::apply::application::Application;
+use sunstone::apply::catalog;
+use sunstone::apply::metrics::paired::Estimate;
+use sunstone::render::{RenderError, SinkError, Summary, Watch};
+
+/// Run one of the paper's applications: render its scenes, fit every method on some variants and judge it on others.
+///
+/// Prints what each method is worth and by how much the first differs from it, with standard errors over variants and seeds,
+/// and writes tables (CSV, JSON) and pictures. Renders stay in a folder: what is finished is not rendered again.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// `list`, or the application's name.
+    name: String,
+    /// Small, noisy renders: minutes instead of hours.
+    #[arg(long)]
+    preview: bool,
+    /// Seeds: the whole of it is done so many times.
+    #[arg(long, default_value_t = 5)]
+    seeds: u64,
+    /// Folder for tables and pictures [default: out/apply/<name>, with _preview].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Folder of renders, which are kept [default: out/apply/renders].
+    #[arg(long)]
+    renders: Option<PathBuf>,
+    /// Folder of scenes [default: `scenes`, here or in a folder above].
+    #[arg(long)]
+    scenes: Option<PathBuf>,
+}
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Says how far a render is, every few seconds, and ends it when asked to.
+struct Progress {
+    last: std::sync::Mutex<std::time::Instant>,
+}
+
+impl Watch for Progress {
+    fn tile_done(&self, s: &Summary) {
+        let mut last = self
+            .last
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        if last.elapsed() > std::time::Duration::from_secs(10) {
+            *last = std::time::Instant::now();
+            eprintln!("{} of {} tiles of a render", s.tiles_done, s.tiles);
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if a.name == "list" {
+        let all = catalog::all();
+        let lines: Vec<String> = all
+            .iter()
+            .map(|a| format!("{:14} {}", a.name(), a.shows()))
+            .collect();
+        return super::output::print(&lines.join("\n"));
+    }
+    let application = catalog::find(&a.name).ok_or_else(|| {
+        let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
+        Failure::input(format!(
+            "there is no application `{}`; there are {}",
+            a.name,
+            known.join(", ")
+        ))
+    })?;
+    if a.seeds == 0 {
+        return Err(Failure::input("--seeds is 0; give at least 1"));
+    }
+    let scene = application.plan().scene;
+    let scenes = match &a.scenes {
+        Some(folder) => folder.clone(),
+        None => applications::find_scenes(Path::new("."), scene)
+            .or_else(|| applications::find_scenes(&std::env::current_dir().ok()?, scene))
+            .ok_or_else(|| {
+                Failure::input(format!(
+                    "there is no scenes/{scene} here or above; name the folder of the scenes that came with sunstone by --scenes"
+                ))
+            })?,
+    };
+    let out = PathBuf::from("out").join("apply");
+    let suffix = if a.preview { "_preview" } else { "" };
+    let folder = a
+        .output
+        .clone()
+        .unwrap_or_else(|| out.join(format!("{}{suffix}", a.name)));
+    let settings = Settings {
+        scenes,
+        renders: a.renders.clone().unwrap_or_else(|| out.join("renders")),
+        preview: a.preview,
+        seeds: a.seeds,
+    };
+    std::fs::create_dir_all(&settings.renders).map_err(|e| {
+        Failure::input(format!(
+            "cannot make {}: {e}; name another by --renders",
+            settings.renders.display()
+        ))
+    })?;
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
+    });
+    let progress = Progress {
+        last: std::sync::Mutex::new(std::time::Instant::now()),
+    };
+    let done = applications::run(&*application, &settings, &progress).map_err(failure)?;
+    report::write(&*application, &done, &folder).map_err(|e| match e {
+        ReportError::Write { .. } => Failure::failed(e),
+        ReportError::Figure(_) => Failure::failed(e),
+    })?;
+    super::output::print(&table(&*application, &done, &folder))
+}
+
+fn failure(e: ApplicationError) -> Failure {
+    match e {
+        ApplicationError::Scene(e) => e.into(),
+        ApplicationError::Interrupted => Failure::Interrupted(e.to_string()),
+        ApplicationError::Render(
+            RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }),
+        ) => Failure::failed(e),
+        ApplicationError::Render(RenderError::Sink(SinkError::Create(ref cause))) => {
+            Failure::of_system(cause.is_of_system(), e)
+        }
+        ApplicationError::Access(ref cause) => Failure::of_system(cause.is_of_system(), e),
+        _ => Failure::input(e),
+    }
+}
+
+/// The table, for people.
+fn table(application: &dyn Application, r: &Report, folder: &Path) -> String {
+    let plan = application.plan();
+    let mut out = format!(
+        "{}: {}\n{} variants learnt from, {} judged on, {} seeds; {} pixels across, {} samples a pixel\n",
+        application.name(),
+        application.shows(),
+        plan.train.len(),
+        plan.test.len(),
+        r.seeds,
+        r.size.pixels,
+        r.size.spp
+    );
+    let mut metric = "";
+    for row in &r.rows {
+        if row.metric.name != metric {
+            metric = row.metric.name;
+            let unit = if row.metric.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" [{}]", row.metric.unit)
+            };
+            let better = if row.metric.more_is_better { "more" } else { "less" };
+            let _ = write!(
+                out,
+                "\n{:42} {:>18}   {:>20}\n",
+                format!("{metric}{unit}, {better} is better"),
+                "mean",
+                "first less this"
+            );
+        }
+        let difference = row.ours_less_this.as_ref().map_or(String::new(), shown);
+        let _ = writeln!(
+            out,
+            "  {:40} {:>18}   {difference:>20}",
+            row.method.name,
+            shown(&row.value)
+        );
+    }
+    let _ = writeln!(out);
+    for note in &r.first.notes {
+        let _ = writeln!(out, "note: {note}");
+    }
+    let _ = write!(
+        out,
+        "{}: tables and pictures ({} renders made now)",
+        folder.display(),
+        r.rendered
+    );
+    out
+}
+
+/// A mean with its standard error.
+fn shown(e: &Estimate) -> String {
+    if e.mean.is_finite() {
+        format!("{:.4} ± {:.4}", e.mean, e.error)
+    } else {
+        "-".into()
+    }
+}

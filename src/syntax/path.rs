@@ -1,0 +1,108 @@
+//! Paths in a TOML document: keys with dots between them; in lists a name, or a number from 0.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Keys of a path as TOML writes them.
+pub(crate) fn keys(path: &str) -> Option<Vec<String>> {
+    let line = format!("{path} = 0");
+    let table = DeTable::parse(&line).ok()?.into_inner();
+    let mut keys = vec![];
+    let mut here = DeValue::Table(table);
+    let mut end = 0;
+    while let DeValue::Table(table) = here {
+        let mut entries = table.into_iter();
+        let (key, value) = entries.next()?;
+        if entries.next().is_some() {
+            return None;
+        }
+        end = key.span().end;
+        keys.push(key.into_inner().into_owned());
+        here = value.into_inner();
+    }
+    // Nothing but the keys stood there.
+    (here.as_integer().is_some_and(|n| n.as_str() == "0") && end == path.trim_end().len()).then_some(keys)
+}
+
+/// The value at a path; what is known where it ends, if there is none.
+pub(crate) fn find<'t, 'i>(
+    document: &'t mut DeTable<'i>,
+    keys: &[String],
+) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
+    let (first, rest) = keys
+        .split_first()
+        .ok_or_else(|| "give at least one key".to_owned())?;
+    let known = known(document.keys().map(|k| k.get_ref().as_ref()));
+    let mut here = document.get_mut(first.as_str()).ok_or(known)?;
+    for key in rest {
+        let known = known_in(here.get_ref());
+        here = match here.get_mut() {
+            DeValue::Table(table) => table.get_mut(key.as_str()),
+            DeValue::Array(list) => position(list, key).and_then(|i| list.get_mut(i)),
+            _ => None,
+        }
+        .ok_or(known)?;
+    }
+    Ok(here)
+}
+
+/// [`find`] to read.
+pub(crate) fn find_in<'t, 'i>(
+    document: &'t DeTable<'i>,
+    keys: &[String],
+) -> Option<&'t Spanned<DeValue<'i>>> {
+    let (first, rest) = keys.split_first()?;
+    rest.iter()
+        .try_fold(document.get(first.as_str())?, |here, key| match here.get_ref() {
+            DeValue::Table(table) => table.get(key.as_str()),
+            DeValue::Array(list) => list.get(position(list, key)?),
+            _ => None,
+        })
+}
+
+/// Where in a list something is: by its name, else by its number.
+fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
+    let named = |v: &Spanned<DeValue>| {
+        let name = v.get_ref().as_table().and_then(|t| t.get("name"));
+        name.and_then(|n| n.get_ref().as_str()) == Some(key)
+    };
+    list.iter()
+        .position(named)
+        .or_else(|| key.parse().ok().filter(|i| *i < list.len()))
+}
+
+/// What keys there are, as a mend.
+fn known<'k>(keys: impl Iterator<Item = &'k str>) -> String {
+    let mut all: Vec<&str> = keys.collect();
+    let more = all.len().saturating_sub(12);
+    all.truncate(12);
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    format!("there are {}{more}", all.join(", "))
+}
+
+fn known_in(value: &DeValue) -> String {
+    match value {
+        DeValue::Table(table) => known(table.keys().map(|k| k.get_ref().as_ref())),
+        DeValue::Array(list) => {
+            let names = list
+                .iter()
+                .filter_map(|v| v.get_ref().as_table()?.get("name")?.get_ref().as_str());
+            let names: Vec<&str> = names.collect();
+            if names.is_empty() {
+                format!("there is a list of {} there, counted from 0", list.len())
+            } else {
+                known(names.into_iter())
+            }
+        }
+        other => format!("{} stands there, which has no parts", article(other.type_str())),
+    }
+}
+
+pub(crate) fn article(kind: &str) -> String {
+    let vowel = kind.starts_with(['a', 'e', 'i', 'o', 'u']);
+    format!("{} {kind}", if vowel { "an" } else { "a" })
+}

@@ -1,0 +1,401 @@
+//! Variants of a scene: its file with the values of `[vary]` put in.
+//!
+//! Values are put into the parsed document, where they keep the place at which they stand in the file: whatever is wrong with
+//! one is told at its place in `[vary]`.
+//!
+//! A number of a range is min + u (max - min), with u of 53 bits of SplitMix64's finalizer (Steele, Lea & Flood 2014) over
+//! the parameter's name, ⌊k / every⌋ and the number's place in its list: a parameter more changes no other.
+
+use crate::path::{article, find, find_in, keys};
+use crate::scene::SceneFile;
+use crate::vary::{AnyValue, ParameterFile, RangeFile};
+use crate::{Syntax, mend};
+use base::document;
+use base::locate::{InputError, Located};
+use optics::sampling::mix::mix;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Tables that say nothing of the scene's light.
+const FIXED: [&str; 3] = ["name", "figures", "vary"];
+
+/// The odd number next to 2⁶⁴ over the golden ratio.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// A variant of a scene.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// The scene file with its values.
+    pub file: SceneFile,
+    /// Its values, by the names of the parameters.
+    pub values: BTreeMap<String, toml::Value>,
+}
+
+/// Reads a variant of a scene file from its text; `path` names it in messages.
+///
+/// # Errors
+/// [`InputError`] as for the scene file, at the values of `[vary]` where these are wrong; if there is no such variant.
+pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError> {
+    let file = SceneFile::read(path, text)?;
+    let vary = Vary::new(path, text, &file)?;
+    let fault = |message: String, help: &str| InputError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: None,
+        message,
+        help: Some(help.to_owned()),
+    };
+    if file.vary.is_empty() {
+        return Err(fault(
+            format!("there is no variant {number}: the scene has no [vary]"),
+            "add one, or leave --variant out",
+        ));
+    }
+    if let Some(count) = vary.count.filter(|n| number >= *n) {
+        return Err(fault(
+            format!("there is no variant {number}: the scene has {count}, from 0 on"),
+            "give a smaller number, or add values",
+        ));
+    }
+    vary.variant(number)
+}
+
+/// Checks `[vary]`, and says how many variants there are: `None` if there is no end of them.
+///
+/// # Errors
+/// [`InputError`] at the place in `[vary]`.
+pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, InputError> {
+    if file.vary.is_empty() {
+        return Ok(Some(0));
+    }
+    Vary::new(path, text, file).map(|v| v.count)
+}
+
+/// `[vary]` of a file, checked.
+struct Vary<'a> {
+    path: &'a Path,
+    text: &'a str,
+    file: &'a SceneFile,
+    /// Keys of all paths, by parameter.
+    keys: BTreeMap<&'a str, Vec<Vec<String>>>,
+    count: Option<u64>,
+}
+
+impl<'a> Vary<'a> {
+    fn new(path: &'a Path, text: &'a str, file: &'a SceneFile) -> Result<Self, InputError> {
+        let mut vary = Self {
+            path,
+            text,
+            file,
+            keys: BTreeMap::new(),
+            count: None,
+        };
+        let mut document = vary.document()?;
+        for (name, parameter) in &file.vary {
+            let all = vary.check(name, parameter, &mut document)?;
+            for (keys, written) in all.into_iter().zip(&parameter.path.0) {
+                vary.alone(&keys, written, parameter)?;
+                vary.keys.entry(name).or_default().push(keys);
+            }
+        }
+        vary.count = vary.counted()?;
+        Ok(vary)
+    }
+
+    fn error(&self, span: Range<usize>, message: String, help: impl Into<String>) -> InputError {
+        InputError {
+            file: self.path.to_owned(),
+            text: self.text.into(),
+            span: Some(span),
+            message,
+            help: Some(help.into()),
+        }
+    }
+
+    fn document(&self) -> Result<DeTable<'a>, InputError> {
+        let read = DeTable::parse(self.text);
+        read.map(Spanned::into_inner).map_err(|e| {
+            let span = e.span().unwrap_or(0..0);
+            self.error(span, e.message().to_owned(), mend(e.message()))
+        })
+    }
+
+    /// One parameter by itself: the keys of its paths.
+    fn check(
+        &self,
+        name: &str,
+        parameter: &Located<ParameterFile>,
+        document: &mut DeTable,
+    ) -> Result<Vec<Vec<String>>, InputError> {
+        if *parameter.every == 0 {
+            let help = "give how many variants in a row have the same value, 1 or more";
+            return Err(self.error(parameter.every.span(), format!("vary.{name}: every is 0"), help));
+        }
+        let at = parameter.path.span();
+        let paths = &parameter.path.0;
+        if paths.is_empty() {
+            let help = "name the value that it sets, as in path = \"media.milk.milk.concentration\"";
+            return Err(self.error(at, format!("vary.{name} has no path"), help));
+        }
+        let mut all = vec![];
+        for written in paths {
+            let keys = keys(written).ok_or_else(|| {
+                let help = "write keys with dots between them; in quotes where they hold more than letters, digits, _ and -";
+                self.error(at.clone(), format!("`{written}` is no path"), help)
+            })?;
+            if FIXED.contains(&keys[0].as_str()) {
+                let message = format!("`{written}`: {} is the same for all variants", keys[0]);
+                return Err(self.error(
+                    at.clone(),
+                    message,
+                    "vary what the scene is made of, or how it is rendered",
+                ));
+            }
+            let slot = find(document, &keys).map_err(|known| {
+                let help = format!(
+                    "{known}; a value to be varied must be written down in the scene, even where it is the default"
+                );
+                self.error(at.clone(), format!("the scene has no `{written}`"), help)
+            })?;
+            self.kind(name, parameter, slot.get_ref())?;
+            all.push(keys);
+        }
+        Ok(all)
+    }
+
+    /// That the values of a parameter may stand where `present` does, as far as their kind tells.
+    fn kind(&self, name: &str, p: &Located<ParameterFile>, present: &DeValue) -> Result<(), InputError> {
+        match (&p.values, &p.range) {
+            (Some(values), None) => self.listed(name, values),
+            (None, Some(range)) => self.ranged(name, range, present),
+            _ => Err(self.error(
+                p.span(),
+                format!("vary.{name} needs either `values` or `range`"),
+                "give values = [..], or range = { min = .., max = .. }",
+            )),
+        }
+    }
+
+    fn listed(&self, name: &str, values: &Located<Vec<AnyValue>>) -> Result<(), InputError> {
+        if values.is_empty() {
+            let message = format!("vary.{name} has no values");
+            return Err(self.error(values.span(), message, "list one value or more"));
+        }
+        if let Some(i) = values.iter().position(|v| !is_finite(&v.0)) {
+            let message = format!("value {i} of vary.{name} is not a finite number");
+            return Err(self.error(values.span(), message, "leave nan and inf out"));
+        }
+        Ok(())
+    }
+
+    fn ranged(&self, name: &str, range: &Located<RangeFile>, present: &DeValue) -> Result<(), InputError> {
+        let refuse = |message: String, help: &str| Err(self.error(range.span(), message, help));
+        let (Some(min), Some(max)) = (numbers(&range.min.0), numbers(&range.max.0)) else {
+            return refuse(
+                format!("the range of vary.{name} is not between numbers"),
+                "give min and max as numbers, or as lists of numbers; anything else goes into `values`",
+            );
+        };
+        let shape = |v: &AnyValue| v.0.as_array().map(Vec::len);
+        let wanted = match present {
+            DeValue::Integer(_) | DeValue::Float(_) => None,
+            DeValue::Array(list)
+                if list
+                    .iter()
+                    .all(|v| v.get_ref().is_integer() || v.get_ref().is_float()) =>
+            {
+                Some(list.len())
+            }
+            other => {
+                return refuse(
+                    format!("vary.{name} sets {} to a number", article(other.type_str())),
+                    "give a path to a number or to a list of numbers, or `values`",
+                );
+            }
+        };
+        if shape(&range.min) != wanted || shape(&range.max) != wanted {
+            let said = wanted.map_or("one number".to_owned(), |n| format!("a list of {n} numbers"));
+            return refuse(
+                format!("the range of vary.{name} is not of the form of what it sets, {said}"),
+                "give min and max the form that stands at the path",
+            );
+        }
+        for (a, b) in min.iter().zip(&max) {
+            if !(a.is_finite() && b.is_finite() && a <= b && (b - a).is_finite()) {
+                return refuse(
+                    format!("the range of vary.{name} goes from {a} to {b}"),
+                    "give finite numbers, min not above max",
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// That no earlier path sets the same, or a part of it, or what it is a part of.
+    fn alone(
+        &self,
+        keys: &[String],
+        written: &str,
+        parameter: &Located<ParameterFile>,
+    ) -> Result<(), InputError> {
+        for (other, paths) in &self.keys {
+            if paths.iter().any(|p| p.iter().zip(keys).all(|(a, b)| a == b)) {
+                let message = format!("`{written}` is set by another path of vary.{other} as well");
+                return Err(self.error(parameter.path.span(), message, "leave one of them out"));
+            }
+        }
+        Ok(())
+    }
+
+    /// How many variants differ: no end of them with a range, else as many as the longest list with its `every` takes.
+    fn counted(&self) -> Result<Option<u64>, InputError> {
+        let mut longest: Option<(&str, u64)> = None;
+        let mut endless = false;
+        let period = |p: &ParameterFile| {
+            p.values
+                .as_ref()
+                .map(|v| (v.len() as u64).saturating_mul(*p.every))
+        };
+        for (name, parameter) in &self.file.vary {
+            match period(parameter) {
+                None => endless = true,
+                Some(n) if longest.is_none_or(|(_, most)| n > most) => longest = Some((name, n)),
+                Some(_) => {}
+            }
+        }
+        let Some((name, most)) = longest else {
+            return Ok(None);
+        };
+        for (other, parameter) in &self.file.vary {
+            if let Some(n) = period(parameter).filter(|n| !most.is_multiple_of(*n)) {
+                let values = parameter.values.as_ref().map_or(0..0, Located::span);
+                let message = format!(
+                    "the values of vary.{other} last for {n} variants, those of vary.{name} for {most}"
+                );
+                let help = "give lists of one length, or `every` so that the shorter one fits into the longer a whole number of times";
+                return Err(self.error(values, message, help));
+            }
+        }
+        Ok((!endless).then_some(most))
+    }
+
+    fn variant(&self, number: u64) -> Result<Variant, InputError> {
+        let index = |p: &ParameterFile| number / *p.every;
+        // Texts of drawn values, which the document refers to.
+        let mut drawn = BTreeMap::new();
+        for (name, p) in &self.file.vary {
+            if let Some(range) = &p.range {
+                drawn.insert(
+                    name.as_str(),
+                    (draw(name, index(p), range).to_string(), range.span()),
+                );
+            }
+        }
+        let mut document = self.document()?;
+        let original = document.clone();
+        let mut values = BTreeMap::new();
+        for (name, p) in &self.file.vary {
+            let value = match (drawn.get(name.as_str()), &p.values) {
+                (Some((text, span)), _) => {
+                    let parsed = DeValue::parse(text).map_err(|e| {
+                        self.error(span.clone(), e.message().to_owned(), "give finite numbers")
+                    })?;
+                    values.insert(
+                        name.clone(),
+                        text.parse().unwrap_or(toml::Value::String(text.clone())),
+                    );
+                    moved(parsed.into_inner(), span)
+                }
+                (None, Some(list)) => {
+                    let i = (index(p) % list.len() as u64) as usize;
+                    values.insert(name.clone(), list[i].0.clone());
+                    let own = [
+                        "vary".to_owned(),
+                        name.clone(),
+                        "values".to_owned(),
+                        i.to_string(),
+                    ];
+                    let found = find_in(&original, &own);
+                    found.cloned().ok_or_else(|| {
+                        self.error(
+                            list.span(),
+                            format!("vary.{name} has no value {i}"),
+                            "list its values",
+                        )
+                    })?
+                }
+                (None, None) => continue,
+            };
+            for keys in &self.keys[name.as_str()] {
+                if let Ok(slot) = find(&mut document, keys) {
+                    *slot = value.clone();
+                }
+            }
+        }
+        let table = Spanned::new(0..self.text.len(), document);
+        let file = document::parse_table(self.path, self.text, table, mend)?;
+        Ok(Variant { file, values })
+    }
+}
+
+/// A value that was drawn stands where its range does.
+fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
+    let value = match value {
+        DeValue::Array(list) => {
+            DeValue::Array(list.iter().map(|v| moved(v.get_ref().clone(), span)).collect())
+        }
+        other => other,
+    };
+    Spanned::new(span.clone(), value)
+}
+
+/// The numbers of a number or of a list of them.
+fn numbers(value: &toml::Value) -> Option<Vec<f64>> {
+    let one = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
+    match value {
+        toml::Value::Array(list) => list.iter().map(one).collect(),
+        single => one(single).map(|v| vec![v]),
+    }
+}
+
+fn is_finite(value: &toml::Value) -> bool {
+    match value {
+        toml::Value::Float(v) => v.is_finite(),
+        toml::Value::Array(list) => list.iter().all(is_finite),
+        toml::Value::Table(table) => table.values().all(is_finite),
+        _ => true,
+    }
+}
+
+/// The draw of a range.
+fn draw(name: &str, index: u64, range: &RangeFile) -> toml::Value {
+    let key = name
+        .bytes()
+        .fold(0, |key, byte| mix(key ^ u64::from(byte)).wrapping_add(GOLDEN));
+    let number = |place: usize, min: f64, max: f64| {
+        let bits =
+            mix(mix(key ^ mix(index.wrapping_add(GOLDEN))).wrapping_add((place as u64).wrapping_mul(GOLDEN)));
+        let u = (bits >> 11) as f64 / (1_u64 << 53) as f64;
+        (min + u * (max - min)).clamp(min, max)
+    };
+    let ends = numbers(&range.min.0)
+        .zip(numbers(&range.max.0))
+        .unwrap_or_default();
+    let drawn = ends
+        .0
+        .iter()
+        .zip(&ends.1)
+        .enumerate()
+        .map(|(i, (a, b))| toml::Value::Float(number(i, *a, *b)));
+    let drawn: Vec<toml::Value> = drawn.collect();
+    match (range.min.0.is_array(), &drawn[..]) {
+        (false, [one]) => one.clone(),
+        _ => toml::Value::Array(drawn),
+    }
+}
+
+#[cfg(test)]
+mod tests;

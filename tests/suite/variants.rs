@@ -1,0 +1,271 @@
+//! Variants of scene files as a user meets them: rendered, told apart, refused where they are mixed; and applications of them.
+
+use crate::harness::{assert_same_store, read, run, stderr};
+use serde_json::json;
+use std::path::Path;
+use sunstone::applications::truth;
+use sunstone::apply::catalog;
+use sunstone::scene;
+use sunstone::scene::objects::ObjectSurfaces;
+use sunstone::scene::syntax::Syntax;
+use sunstone::scene::syntax::scene::SceneFile;
+use sunstone::store::zarr::TensorStore;
+use sunstone::tensor::field::Field;
+
+const SCENE: &str = r#"
+[render]
+spp = 2
+[camera]
+resolution = [8, 8]
+fov_x_deg = 30
+pose.look_at = { origin = [0, 0, 3], target = [0, 0, 0], up = [0, 1, 0] }
+[projector]
+resolution = [8, 8]
+fov_x_deg = 40
+pose.look_at = { origin = [0.2, 0, 3], target = [0, 0, 0], up = [0, 1, 0] }
+[materials]
+wall.diffuse.albedo = 0.5
+[[objects]]
+name = "wall"
+shape.rectangle = { corner = [-2, -2, 0], u = [4, 0, 0], v = [0, 4, 0] }
+material = "wall"
+[[slices]]
+name = "photo"
+"#;
+
+const VARY: &str = r#"
+[vary.shade]
+path = "materials.wall.diffuse.albedo"
+values = [0.25, 0.75, 0.5, 1.5]
+"#;
+
+fn mean(at: &Path) -> f64 {
+    let store = TensorStore::open(at).expect("a store");
+    let data = read(&store, "photo", Field::Mean).data;
+    data.iter().map(|v| f64::from(*v)).sum::<f64>() / data.len() as f64
+}
+
+#[test]
+fn variants_are_rendered_told_apart_and_not_mixed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("plain.toml"), format!("name = \"s\"\n{SCENE}")).expect("writes");
+    std::fs::write(at.join("varied.toml"), format!("name = \"s\"\n{SCENE}{VARY}")).expect("writes");
+    let render = |scene: &str, more: &[&str], code| {
+        run(at, &[&["render", scene, "--no-figures"], more].concat(), code)
+    };
+    // As it is written the scene is the same with [vary] and without: its hash, and its numbers.
+    render("plain.toml", &["-o", "plain.zarr"], 0);
+    render("varied.toml", &[], 0);
+    let attributes = |store: &str| TensorStore::open(&at.join(store)).expect("a store").attributes();
+    assert_eq!(
+        attributes("plain.zarr")["scene_sha256"],
+        attributes("out/s.zarr")["scene_sha256"]
+    );
+    assert!(!attributes("out/s.zarr").contains_key("variant"));
+    assert_eq!(mean(&at.join("plain.zarr")), mean(&at.join("out/s.zarr")));
+    // Light of one bounce is in proportion to the albedo.
+    for (k, albedo) in [("0", 0.25), ("1", 0.75)] {
+        render("varied.toml", &["--variant", k], 0);
+        let store = format!("out/s_variant{k}.zarr");
+        let ratio = mean(&at.join(&store)) / mean(&at.join("plain.zarr"));
+        assert!((ratio - albedo / 0.5).abs() < 1e-5, "{ratio}");
+        let expected =
+            json!({"number": k.parse::<u64>().expect("a number"), "values": {"shade": albedo.to_string()}});
+        assert_eq!(attributes(&store)["variant"], expected);
+        assert_ne!(
+            attributes(&store)["scene_sha256"],
+            attributes("plain.zarr")["scene_sha256"]
+        );
+    }
+    // The same variant twice is the same store.
+    render("varied.toml", &["--variant", "1", "-o", "again.zarr"], 0);
+    assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
+    // Another variant neither resumes it nor is pooled with it.
+    let said = stderr(&render(
+        "varied.toml",
+        &["--variant", "0", "--resume", "-o", "again.zarr"],
+        2,
+    ));
+    assert!(said.contains("variant differs"), "{said}");
+    render(
+        "varied.toml",
+        &["--variant", "0", "--seed", "5", "-o", "other.zarr"],
+        0,
+    );
+    let said = stderr(&run(
+        at,
+        &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"],
+        2,
+    ));
+    assert!(said.contains("different scenes"), "{said}");
+    // What is wrong with a variant is told at its place in [vary]; there are no more than four.
+    let said = stderr(&render("varied.toml", &["--variant", "3", "-o", "no.zarr"], 2));
+    let line = format!("name = \"s\"\n{SCENE}{VARY}")
+        .lines()
+        .position(|l| l.contains("1.5"))
+        .expect("there")
+        + 1;
+    assert!(
+        said.contains(&format!("varied.toml:{line}:")) && said.contains("1.5"),
+        "{said}"
+    );
+    let said = stderr(&render("varied.toml", &["--variant", "4", "-o", "no.zarr"], 2));
+    assert!(said.contains("has 4"), "{said}");
+    let said = stderr(&render("plain.toml", &["--variant", "0", "-o", "no.zarr"], 2));
+    assert!(said.contains("no [vary]"), "{said}");
+    assert!(!at.join("no.zarr").exists());
+    let told = run(at, &["info", "varied.toml"], 0);
+    let told = String::from_utf8_lossy(&told.stdout).into_owned();
+    assert!(
+        told.contains("vary shade") && told.contains("0.25, 0.75, 0.5, 1.5"),
+        "{told}"
+    );
+    let told = run(at, &["info", "out/s_variant1.zarr"], 0);
+    assert!(String::from_utf8_lossy(&told.stdout).contains("\"number\":1"));
+}
+
+/// All that an application asks of its scene is there, for every variant that it names.
+#[test]
+fn scenes_of_applications_have_their_variants() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    for application in catalog::all() {
+        let plan = application.plan();
+        let path = root.join(plan.scene);
+        let text = scene::read(&path).expect("a scene file");
+        let mut hashes = std::collections::BTreeSet::new();
+        for number in plan.train.iter().chain(&plan.test) {
+            let variant = scene::variant_from_text(&path, &text, *number).expect("a variant");
+            assert!(
+                hashes.insert(variant.sha256.clone()),
+                "variant {number} of {} is another's twin",
+                plan.scene
+            );
+            for name in &plan.slices {
+                assert!(variant.slices.iter().any(|s| s.name == *name), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn applications_are_listed_run_resumed_and_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let listed = run(at, &["apply", "list"], 0);
+    let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
+    for application in catalog::all() {
+        assert!(listed.contains(application.name()), "{listed}");
+    }
+    assert!(stderr(&run(at, &["apply", "alchemy"], 2)).contains("metamerism"));
+    assert!(stderr(&run(at, &["apply", "metamerism", "--preview"], 2)).contains("--scenes"));
+    assert!(stderr(&run(at, &["apply", "metamerism", "--seeds", "0"], 2)).contains("--seeds"));
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = scenes.to_str().expect("UTF-8");
+    let arguments = [
+        "apply",
+        "metamerism",
+        "--preview",
+        "--seeds",
+        "1",
+        "--scenes",
+        scenes,
+    ];
+    let first = run(at, &arguments, 0);
+    let first = String::from_utf8_lossy(&first.stdout).into_owned();
+    assert!(first.contains("(20 renders made now)"), "{first}");
+    let report = at.join("out/apply/metamerism_preview");
+    for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
+        assert!(report.join(name).is_file(), "{name}");
+    }
+    // The bound is above all, and colour tells little: the fruit are metamers.
+    let table = std::fs::read_to_string(report.join("table.csv")).expect("a table");
+    let area = |method: &str| -> f64 {
+        let line = table
+            .lines()
+            .find(|l| l.contains(&format!("\"{method}\"")))
+            .expect("a row");
+        line.split(',')
+            .nth(if method.contains(',') { 5 } else { 4 })
+            .and_then(|v| v.parse().ok())
+            .expect("a number")
+    };
+    assert!(
+        area("all epipolar elements") > 0.98 && area("RGB") < 0.7,
+        "{table}"
+    );
+    assert!(area("-(2,2) epipolar") > area("RGB"), "{table}");
+    // Again: nothing is rendered, and nothing is otherwise.
+    let again = run(at, &arguments, 0);
+    let again = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert_eq!(again.replace("(0 renders", "(20 renders"), first);
+    // A render that was lost is made again, to the same numbers.
+    let renders = at.join("out/apply/renders");
+    let one = std::fs::read_dir(&renders)
+        .expect("renders")
+        .next()
+        .expect("one")
+        .expect("one")
+        .path();
+    std::fs::remove_dir_all(one).expect("removes");
+    let third = run(at, &arguments, 0);
+    let third = String::from_utf8_lossy(&third.stdout).into_owned();
+    assert_eq!(third.replace("(1 renders", "(20 renders"), first);
+}
+
+/// A wall behind a pane of glass, and a ball between: shares, numbers and texture coordinates in closed form.
+#[test]
+fn truth_maps_look_through_glass() {
+    let text = r#"
+[camera]
+resolution = [64, 64]
+fov_x_deg = 40
+pose.look_at = { origin = [0, 0, 2], target = [0, 0, 0], up = [0, 1, 0] }
+[projector]
+resolution = [8, 8]
+fov_x_deg = 40
+pose.look_at = { origin = [0.2, 0, 2], target = [0, 0, 0], up = [0, 1, 0] }
+[materials]
+wall.diffuse.albedo = 0.5
+ball.diffuse.albedo = 0.1
+glass.dielectric = { ior = 1.5 }
+[[objects]]
+shape.rectangle = { corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }
+material = "wall"
+[[objects]]
+shape.cube = { min = [-2, -2, 0.7], max = [2, 2, 1] }
+material = "glass"
+[[objects]]
+shape.sphere = { center = [0, 0, 1.5], radius = 0.05 }
+material = "ball"
+"#;
+    let path = Path::new("scene.toml");
+    let file = SceneFile::read(path, text).expect("a scene file");
+    let built = scene::from_file(path, text, &file).expect("a scene");
+    let objects = ObjectSurfaces::new(path, text, &file).expect("objects");
+    let object = truth::object(&built, &objects);
+    assert_eq!((object.at(32, 32)[0], object.at(2, 60)[0]), (2.0, 0.0));
+    // The ball fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels, nine rays a pixel.
+    let focal = 32.0 / 20.0_f64.to_radians().tan();
+    let area = std::f64::consts::PI * (focal * 0.1_f64.asin().tan()).powi(2);
+    let ball: f64 = truth::material(&built, &objects, &["ball"]).data.iter().sum();
+    assert!((ball / area - 1.0).abs() < 0.02, "{ball} {area}");
+    let wall = truth::material(&built, &objects, &["wall", "ball"]);
+    assert!(
+        wall.data.iter().all(|v| *v == 1.0),
+        "all rays end at one of the two"
+    );
+    // In the pane a ray at θ goes on at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer to the axis.
+    let texture = truth::texture(&built, &objects);
+    for x in [4, 50, 63] {
+        let across = (x as f64 + 0.5 - 32.0) / focal;
+        let down = (20.0 + 0.5 - 32.0) / focal;
+        let slope = across.hypot(down);
+        let within = (slope.atan().sin() / 1.5).asin().tan();
+        let reach = (1.7 * slope + 0.3 * within) / slope;
+        let expected = [0.5 + 0.5 * across * reach, 0.5 - 0.5 * down * reach];
+        for (found, expected) in texture.at(x, 20).iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+        }
+    }
+}
