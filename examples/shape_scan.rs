@@ -35,6 +35,7 @@ fn slices(rows: u32) -> Vec<Slice> {
         polarization,
         bounces: false,
         split_first_bounce: false,
+        labels: false,
     };
     let half_width_px = BAND * rows as f32 / 128.0;
     let along = ProjectorAxis::U;
