@@ -1,6 +1,6 @@
 //! Truth maps from the geometry of a scene: what the camera's rays meet first behind smooth glass and water.
 //!
-//! Rays are followed through interfaces that bend light but do not scatter it. Shares of a pixel are of [`GRID`]² rays.
+//! Rays are followed through interfaces that bend light but do not scatter it. Shares of a pixel are of a grid of rays.
 
 use apply::map::Map;
 use glam::DVec2;
