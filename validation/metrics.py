@@ -1,12 +1,23 @@
-"""SSIM and PSNR of scikit-image on the pictures of the tests in src/apply/metrics/ssim.rs, whose numbers stand there.
+#!/usr/bin/env python3
+"""SSIM and PSNR, live: scikit-image on the pictures of the tests in src/apply/metrics/ssim.rs, against the numbers that stand there.
 
-    pip install scikit-image
-    python3 validation/metrics.py
+    python3 validation/metrics.py [--power]
+
+--power gives scikit-image pictures that differ by 1e-9: that must be found.
 """
 
-import numpy as np
-import skimage
-from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+import re
+import sys
+
+import environment
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import numpy as np
+    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+# Twelve decimals stand in the tests.
+CLOSE = 1e-11
 
 
 def picture(seed, width, height):
@@ -21,14 +32,30 @@ def picture(seed, width, height):
 
 def ssim(a, b, data_range):
     """With the parameters of Wang et al. (2004)."""
-    return structural_similarity(
-        a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=data_range
-    )
+    return structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=data_range)
 
 
-a, b = picture(1, 32, 24), picture(2, 32, 24)
-print(f"scikit-image {skimage.__version__}")
-print(f"SSIM, range 1: {ssim(a, b, 1.0):.12f}")
-print(f"SSIM of 0.7 a + 0.1, range 1: {ssim(a, 0.7 * a + 0.1, 1.0):.12f}")
-print(f"SSIM, range 0.5: {ssim(a, b, 0.5):.12f}")
-print(f"PSNR, peak 1: {peak_signal_noise_ratio(a, b, data_range=1.0):.12f} dB")
+def main():
+    if {"-h", "--help"} & set(sys.argv):
+        sys.exit(__doc__)
+    power = "--power" in sys.argv
+    a, b = picture(1, 32, 24), picture(2, 32, 24)
+    flatter = 0.7 * a + 0.1
+    if power:
+        b, flatter = b + 1e-9 * np.arange(32), flatter + 1e-9 * np.arange(32)
+    theirs = [ssim(a, b, 1.0), ssim(a, flatter, 1.0), ssim(a, b, 0.5), peak_signal_noise_ratio(a, b, data_range=1.0)]
+    text = (environment.ROOT / "src/apply/metrics/ssim.rs").read_text()
+    test = text[text.index("fn scikit_image_gives_the_same") :]
+    ours = [float(n) for n in re.findall(r"\d+\.\d{12}", test)[:4]]
+    if len(ours) != len(theirs):
+        sys.exit("the test in src/apply/metrics/ssim.rs does not hold four numbers")
+    off = [abs(t - o) for t, o in zip(theirs, ours)]
+    for t, o in zip(theirs, ours):
+        print(f"scikit-image {t:.12f}, in the tests {o:.12f}")
+    if (max(off) > CLOSE) != power:
+        sys.exit("a planted difference was not found" if power else "they differ")
+    print("the planted difference is found" if power else "they agree")
+
+
+if __name__ == "__main__":
+    main()

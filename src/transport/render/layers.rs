@@ -6,7 +6,7 @@
 //! the lens sees.
 //!
 //! The first surface counts, but for boundaries that light does not notice; on request what stands behind smooth interfaces and
-//! sheets, where every ray is bent as refraction bends it ([`super::sight`]).
+//! sheets, where every ray is bent as refraction bends it (`sight.rs`).
 
 use super::emission::surroundings;
 use super::sight::{Place, Sight, look};
