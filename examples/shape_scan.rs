@@ -7,10 +7,10 @@
 
 use std::path::PathBuf;
 use sunstone::apply::map::Map;
+use sunstone::apply::pinhole::{Pinhole, Rig};
 use sunstone::apply::shape::column_light::ColumnLight;
 use sunstone::apply::shape::errors::{angular, depth_errors};
 use sunstone::apply::shape::methods::{Code, Inputs, Light, Method, Parameters, run};
-use sunstone::apply::shape::pinhole::{Pinhole, Rig};
 use sunstone::tensor::slice::{
     CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect,
 };

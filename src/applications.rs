@@ -12,8 +12,8 @@ use apply::comparison::{Row, compare};
 use apply::error::ApplyError;
 use apply::map::Map;
 use apply::observation::{Observation, Slice};
+use apply::pinhole::Rig;
 use base::locate::InputError;
-use scene::objects::ObjectSurfaces;
 use scene::syntax::scene::SceneFile;
 use scene::syntax::variant::{self, Variant};
 use std::collections::BTreeMap;
@@ -22,6 +22,7 @@ use store::sink::{SinkError, Target};
 use store::zarr::{AccessError, OpenError, TensorStore};
 use tensor::axes::AxisKind;
 use tensor::field::Field;
+use transport::render::layers;
 use transport::render::schedule::{RenderError, Watch};
 use transport::scene::Scene;
 
@@ -145,6 +146,14 @@ pub fn run(
     })
 }
 
+/// What no method may see of a variant but to learn from it and to be judged by it.
+#[derive(Clone, Default)]
+struct Known {
+    rig: Option<Rig>,
+    maps: BTreeMap<String, Map>,
+    slices: BTreeMap<String, Slice>,
+}
+
 /// Renders variants of one scene file.
 struct Studio<'a> {
     path: PathBuf,
@@ -154,8 +163,8 @@ struct Studio<'a> {
     settings: &'a Settings,
     watch: &'a dyn Watch,
     rendered: usize,
-    /// Truth maps by variant: they are the same for all seeds.
-    truths: BTreeMap<u64, BTreeMap<String, Map>>,
+    /// What is known by variant: it is the same for all seeds.
+    truths: BTreeMap<u64, Known>,
 }
 
 impl Studio<'_> {
@@ -168,34 +177,50 @@ impl Studio<'_> {
         let values = values.collect();
         let slices = self.plan.slices.clone();
         let store = self.render(number, &variant, seed, self.size.spp, &slices)?;
+        let known = self.truth(number, &variant)?;
         let mut observation = Observation {
             variant: number,
             seed,
             values,
-            slices: BTreeMap::new(),
-            truth: self.truth(number, &variant)?,
+            rig: known.rig,
+            slices: known.slices,
+            truth: known.maps,
         };
         for name in slices {
-            let stored = store.slice(name)?;
-            let slice = Slice {
-                mean: stored.read_all(Field::Mean)?,
-                error: stored.read_all(Field::StdError)?,
-            };
-            observation.slices.insert(name.to_owned(), slice);
+            observation.slices.insert(name.to_owned(), read(&store, name)?);
         }
         Ok(observation)
     }
 
-    fn truth(&mut self, number: u64, variant: &Variant) -> Result<BTreeMap<String, Map>, ApplicationError> {
+    fn truth(&mut self, number: u64, variant: &Variant) -> Result<Known, ApplicationError> {
         if let Some(known) = self.truths.get(&number) {
             return Ok(known.clone());
         }
-        let mut maps = BTreeMap::new();
         let file = self.sized(variant, &[])?;
         let scene = scene::from_file(&self.path, &self.text, &file)?;
-        let objects = ObjectSurfaces::new(&self.path, &self.text, &file)?;
+        let mut known = Known {
+            rig: truth::rig(&scene),
+            ..Known::default()
+        };
         for truth in &self.plan.truth {
             let (name, map) = match *truth {
+                Truth::Slice { name, slice, samples } => {
+                    let spp = self.size.spp.saturating_mul(samples);
+                    let store = self.render(number, variant, TRUTH_SEED, spp, &[slice])?;
+                    known.slices.insert(name.to_owned(), read(&store, slice)?);
+                    continue;
+                }
+                Truth::Layer { name, layer, through } => {
+                    let options = layers::Options {
+                        through,
+                        ..layers::Options::default()
+                    };
+                    let map = truth::layer(&layers::layers(&scene, options), layer);
+                    (
+                        name,
+                        map.ok_or_else(|| self.lacks(format!("there is no layer `{layer}`")))?,
+                    )
+                }
                 Truth::Reference {
                     name,
                     slice,
@@ -206,15 +231,15 @@ impl Studio<'_> {
                     if let Some(unknown) = of.iter().find(|m| !file.materials.contains_key(**m)) {
                         return Err(self.lacks(format!("there is no material `{unknown}`")));
                     }
-                    (name, truth::material(&scene, &objects, of))
+                    (name, truth::material(&scene, of))
                 }
-                Truth::Object(name) => (name, truth::object(&scene, &objects)),
-                Truth::Texture(name) => (name, truth::texture(&scene, &objects)),
+                Truth::Object(name) => (name, truth::object(&scene)),
+                Truth::Texture(name) => (name, truth::texture(&scene)),
             };
-            maps.insert(name.to_owned(), map);
+            known.maps.insert(name.to_owned(), map);
         }
-        self.truths.insert(number, maps.clone());
-        Ok(maps)
+        self.truths.insert(number, known.clone());
+        Ok(known)
     }
 
     /// M00 of a slice of a variant, a channel a wavelength.
@@ -250,16 +275,11 @@ impl Studio<'_> {
         spp: u32,
         slices: &[&'static str],
     ) -> Result<TensorStore, ApplicationError> {
-        let file = self.sized(variant, slices)?;
-        let mut scene = scene::from_file(&self.path, &self.text, &file)?;
-        scene.variant = Some(transport::scene::Variant {
-            number,
-            values: variant
-                .values
-                .iter()
-                .map(|(name, v)| (name.clone(), v.to_string()))
-                .collect(),
-        });
+        let variant = Variant {
+            file: self.sized(variant, slices)?,
+            values: variant.values.clone(),
+        };
+        let mut scene = scene::from_variant(&self.path, &self.text, &variant, number)?;
         scene.settings.seed = seed;
         scene.settings.spp = spp.max(1);
         scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
@@ -321,6 +341,15 @@ impl Studio<'_> {
             mend: "give back the scene file that came with the program".into(),
         }
     }
+}
+
+/// A slice of a finished store.
+fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
+    let stored = store.slice(name)?;
+    Ok(Slice {
+        mean: stored.read_all(Field::Mean)?,
+        error: stored.read_all(Field::StdError)?,
+    })
 }
 
 /// Where scenes are, seen from a folder: `scenes` in it, or in one of those that it is in.

@@ -1,99 +1,94 @@
-//! Truth maps from the geometry of a scene: what the camera's rays meet first behind smooth glass and water.
-//!
-//! Rays are followed through interfaces that bend light but do not scatter it. Shares of a pixel are of a grid of rays.
+//! Truth maps from the geometry of a scene: what the camera's rays meet first behind smooth glass and water ([`Viewer`]).
 
 use apply::map::Map;
+use apply::pinhole::{Pinhole, Rig};
 use glam::DVec2;
-use scene::objects::ObjectSurfaces;
-use transport::geometry::ray::{Ray, Surface};
-use transport::material::lobe::Lobe;
+use tensor::layers::{LayerSet, LayerValues};
+use transport::device::pinhole::Pinhole as Device;
+use transport::render::sight::{Sight, Viewer};
 use transport::scene::Scene;
 
-/// Rays along each side of a pixel.
+/// Rays along each side of a pixel, of which shares of it are.
 const GRID: u32 = 3;
 
-/// Interfaces that are followed at most.
-const MOST: u32 = 16;
-
-/// Follows a ray of the camera through a point (pixels) of its image: the last ray, which meets the surface that is seen.
-fn follow(scene: &Scene, at: DVec2) -> Option<Ray> {
-    let mut ray = Ray {
-        origin: scene.camera.origin,
-        dir: scene.camera.direction(at),
-    };
-    for _ in 0..MOST {
-        let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
-        let surface = scene.geometry.surface(&ray, &hit);
-        let through = scene
-            .materials
-            .specular(surface.material, &surface, -ray.dir, Lobe::Transmitted, 0);
-        let Some(through) = through else {
-            return Some(ray);
-        };
-        // Light comes from where it lies; the ray goes there.
-        ray = Ray {
-            origin: scene.geometry.leave(&surface, through.wi),
-            dir: through.wi,
-        };
-    }
-    None
-}
-
-/// Mean over the rays of each pixel.
-fn shares(scene: &Scene, mut share: impl FnMut(Option<Ray>) -> f64) -> Map {
-    let [w, h] = scene.camera.resolution.map(|n| n as usize);
-    Map::from_fn(w, h, 1, |x, y, out| {
-        for i in 0..GRID * GRID {
-            let within = |n: u32| (f64::from(n) + 0.5) / f64::from(GRID);
-            let at = DVec2::new(x as f64 + within(i % GRID), y as f64 + within(i / GRID));
-            out[0] += share(follow(scene, at));
-        }
-        out[0] /= f64::from(GRID * GRID);
-    })
-}
-
 /// What the ray through each pixel's centre ends at.
-fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Ray, &mut [f64])) -> Map {
+fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64])) -> Map {
+    let viewer = Viewer::new(scene);
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
     Map::from_fn(w, h, channels, |x, y, out| {
         out.fill(f64::NAN);
-        if let Some(end) = follow(scene, DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) {
-            fill(end, out);
+        if let Some(sight) = viewer.look(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), true) {
+            fill(sight, out);
         }
     })
-}
-
-/// The surface that a ray ends on; its material is the number of its object.
-fn surface(objects: &ObjectSurfaces, end: &Ray) -> Option<Surface> {
-    let hit = objects.geometry.intersect(end, f32::INFINITY)?;
-    Some(objects.geometry.surface(end, &hit))
 }
 
 /// Share of each pixel that is of one of the materials.
 #[must_use]
-pub fn material(scene: &Scene, objects: &ObjectSurfaces, of: &[&str]) -> Map {
-    shares(scene, |end| {
-        let found = end.and_then(|e| objects.materials.get(surface(objects, &e)?.material as usize));
-        f64::from(u8::from(found.is_some_and(|m| of.contains(&m.as_str()))))
+pub fn material(scene: &Scene, of: &[&str]) -> Map {
+    let (viewer, names) = (Viewer::new(scene), &scene.names);
+    let [w, h] = scene.camera.resolution.map(|n| n as usize);
+    let is_one = |at| {
+        let name = names.material(viewer.look(at, true)?.material)?;
+        of.contains(&names.materials.get(name as usize)?.as_str())
+            .then_some(())
+    };
+    Map::from_fn(w, h, 1, |x, y, out| {
+        let within = |n: u32| (f64::from(n) + 0.5) / f64::from(GRID);
+        let at = |i: u32| DVec2::new(x as f64 + within(i % GRID), y as f64 + within(i / GRID));
+        let met = (0..GRID * GRID).filter(|i| is_one(at(*i)).is_some()).count();
+        out[0] = met as f64 / f64::from(GRID * GRID);
     })
 }
 
-/// Number of the object at each pixel's centre; NaN of nothing.
+/// Number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN of nothing.
 #[must_use]
-pub fn object(scene: &Scene, objects: &ObjectSurfaces) -> Map {
-    centres(scene, 1, |end, out| {
-        if let Some(s) = surface(objects, &end) {
-            out[0] = f64::from(s.material);
-        }
-    })
+pub fn object(scene: &Scene) -> Map {
+    centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
 }
 
 /// Texture coordinates at each pixel's centre; NaN of nothing.
 #[must_use]
-pub fn texture(scene: &Scene, objects: &ObjectSurfaces) -> Map {
-    centres(scene, 2, |end, out| {
-        if let Some(s) = surface(objects, &end) {
-            out.iter_mut().zip(s.uv).for_each(|(o, uv)| *o = f64::from(uv));
-        }
+pub fn texture(scene: &Scene) -> Map {
+    centres(scene, 2, |sight, out| {
+        out.iter_mut()
+            .zip(sight.surface.uv)
+            .for_each(|(o, uv)| *o = f64::from(uv));
     })
+}
+
+/// A layer; `None` if there is none of this name.
+#[must_use]
+pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
+    let layer = layers.get(name)?;
+    let [width, height] = layers.size.map(|n| n as usize);
+    Some(Map {
+        width,
+        height,
+        channels: layers.channels(layer),
+        data: match &layer.values {
+            LayerValues::Real(all) => all.iter().map(|v| f64::from(*v)).collect(),
+            LayerValues::Number(all) => all.iter().map(|v| f64::from(*v)).collect(),
+        },
+    })
+}
+
+/// Camera and projector of a scene as if calibrated without error.
+#[must_use]
+pub fn rig(scene: &Scene) -> Option<Rig> {
+    Some(Rig {
+        camera: pinhole(&scene.camera),
+        projector: pinhole(&scene.projector.as_ref()?.pinhole),
+    })
+}
+
+fn pinhole(device: &Device) -> Pinhole {
+    let axes = [device.axes.x_axis, device.axes.y_axis, device.axes.z_axis];
+    Pinhole::new(
+        device.resolution.map(|n| n as usize),
+        device.focal.to_array(),
+        device.principal.to_array(),
+        device.origin.as_dvec3().to_array(),
+        axes.map(|a| a.as_dvec3().to_array()),
+    )
 }

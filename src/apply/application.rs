@@ -64,6 +64,25 @@ pub enum Truth {
     Object(&'static str),
     /// Texture coordinates of that surface, two channels.
     Texture(&'static str),
+    /// A layer of the scene's geometry and materials by its name in `sunstone layers`, of what most of 4 x 4 rays a pixel meet; NaN, or
+    /// -1 of numbers, where there is nothing.
+    Layer {
+        /// Name of the map.
+        name: &'static str,
+        /// Name of the layer.
+        layer: &'static str,
+        /// Of what stands behind smooth interfaces and sheets.
+        through: bool,
+    },
+    /// A slice of the variant, rendered with a seed of its own: it is with the observation's slices, by this name.
+    Slice {
+        /// Name of the truth.
+        name: &'static str,
+        /// Slice.
+        slice: &'static str,
+        /// Samples, as a multiple of those of the rest.
+        samples: u32,
+    },
     /// Mean of M00 of a slice of another variant, rendered with a seed of its own.
     Reference {
         /// Name of the map.

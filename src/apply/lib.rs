@@ -14,6 +14,7 @@ pub mod map;
 pub mod metamerism;
 pub mod metrics;
 pub mod observation;
+pub mod pinhole;
 pub mod regression;
 pub mod scattering;
 pub mod shape;

@@ -2,6 +2,7 @@
 
 use crate::error::ApplyError;
 use crate::map::Map;
+use crate::pinhole::Rig;
 use std::collections::BTreeMap;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
@@ -15,6 +16,8 @@ pub struct Observation {
     pub seed: u64,
     /// The variant's values of the scene's parameters that are numbers.
     pub values: BTreeMap<String, f64>,
+    /// Camera and projector as calibrated; `None` of a scene without a projector.
+    pub rig: Option<Rig>,
     /// Slices by name.
     pub slices: BTreeMap<String, Slice>,
     /// Maps of the truth by name.

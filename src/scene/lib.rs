@@ -14,8 +14,8 @@ pub mod mitsuba;
 
 pub use syntax;
 
-pub use build::assemble::{from_file, from_text, load, read, variant_from_text};
-pub use build::{materials, media, objects};
+pub use build::assemble::{from_file, from_text, from_variant, load, read, variant_from_text};
+pub use build::{materials, media};
 pub use builder::SceneBuilder;
 
 /// The camera of a [`SceneBuilder`].

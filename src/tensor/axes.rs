@@ -40,6 +40,17 @@ pub enum AxisKind {
     Wavelength,
 }
 
+impl ProjectorAxis {
+    /// The axis of a slice that it is.
+    #[must_use]
+    pub fn kind(self) -> AxisKind {
+        match self {
+            Self::U => AxisKind::U,
+            Self::V => AxisKind::V,
+        }
+    }
+}
+
 impl AxisKind {
     /// All kinds, in storage order.
     pub const ALL: [Self; 11] = [
@@ -270,10 +281,13 @@ impl SliceLayout {
                     push(AxisKind::V, binned(ph, *ny), whole);
                     push(AxisKind::U, binned(pw, *nx), whole);
                 }
-                ProjectorSelect::EpipolarAlong { along, .. } => match along {
-                    ProjectorAxis::U => push(AxisKind::U, indices(pw), whole),
-                    ProjectorAxis::V => push(AxisKind::V, indices(ph), whole),
-                },
+                ProjectorSelect::EpipolarAlong { along, .. } => {
+                    let size = match along {
+                        ProjectorAxis::U => pw,
+                        ProjectorAxis::V => ph,
+                    };
+                    push(along.kind(), indices(size), whole);
+                }
                 ProjectorSelect::Sum
                 | ProjectorSelect::Mask { .. }
                 | ProjectorSelect::Epipolar { .. }

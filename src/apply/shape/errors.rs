@@ -1,7 +1,7 @@
 //! How far a shape is off: angles between normals, and differences of depth, over the pixels of an object.
 
 use crate::map::Map;
-use nalgebra::Vector3;
+use crate::metrics::angle::angle_deg;
 
 /// Errors over the pixels where truth and estimate are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +41,7 @@ pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
         .zip(truth.data.chunks_exact(3))
         .enumerate();
     let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
-        let [n, t] = [n, t].map(Vector3::from_column_slice);
-        (t.x.is_finite() && inside(mask, i)).then(|| n.cross(&t).norm().atan2(n.dot(&t)).to_degrees())
+        (t[0].is_finite() && inside(mask, i)).then(|| angle_deg(n, t))
     };
     summary(pairs.filter_map(of))
 }

@@ -10,8 +10,8 @@
 //! 1/(1 + r²/(c²σ²)), c = 2.385, refitted in rounds.
 
 use super::log_depth::{LogDepth, Step};
-use super::pinhole::Pinhole;
 use crate::map::Map;
+use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 
 /// Cauchy's constant for 95 % efficiency under normal errors.

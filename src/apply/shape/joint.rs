@@ -11,10 +11,10 @@
 //! those of the coarse surface (median of the absolute differences).
 
 use super::fusion::{Believed, fuse};
-use super::pinhole::Pinhole;
 use super::polarization::{Cues, Reflection, cues, frame, nearest};
 use super::surface_normals::{Window, normals};
 use crate::map::Map;
+use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 
 /// Most rounds.

@@ -4,12 +4,12 @@
 
 use super::column_light::{CodeError, ColumnLight, Decoded};
 use super::joint::{Options, Surface, reconstruct};
-use super::pinhole::Rig;
 use super::polarization::{Reflection, cues, stokes};
 use super::surface_normals::{Window, normals};
 use super::triangulation::{depth, depth_per_column};
 use super::{gray_code, logical_codes, micro_phase_shift, phase_shift, propagation};
 use crate::map::Map;
+use crate::pinhole::Rig;
 use thiserror::Error;
 
 /// A code of structured light.

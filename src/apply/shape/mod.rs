@@ -21,7 +21,6 @@ pub mod logical_codes;
 pub mod methods;
 pub mod micro_phase_shift;
 pub mod phase_shift;
-pub mod pinhole;
 pub mod polarization;
 pub mod propagation;
 pub mod surface_normals;

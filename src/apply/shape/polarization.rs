@@ -10,9 +10,9 @@
 //! With the projector near the camera, light that is mirrored once keeps its circular polarization with the other sign,
 //! T33 = -T00, and light from below the surface has lost it (Baek et al. 2018): T00 + T33 is that from below alone.
 
-use super::pinhole::Pinhole;
 use super::zenith;
 use crate::map::Map;
+use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 

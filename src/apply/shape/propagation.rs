@@ -4,9 +4,9 @@
 //! decided pixel by pixel, those of large zenith angle first, each for the candidate nearest to its decided neighbours. True of convex
 //! objects; hollows come out turned by half a turn.
 
-use super::pinhole::Pinhole;
 use super::polarization::{Cues, candidates};
 use crate::map::Map;
+use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

@@ -5,8 +5,8 @@
 //! those of Tukey's biweight at 4.685 robust standard deviations (1.4826 medians of the absolute residuals; Huber 1981), so
 //! that neighbours beyond an edge do not bend it.
 
-use super::pinhole::Pinhole;
 use crate::map::Map;
+use crate::pinhole::Pinhole;
 use nalgebra::{Matrix3, Vector3};
 
 /// Tukey's constant for 95 % efficiency under normal errors.

@@ -1,8 +1,8 @@
 //! Light of which all is known, for tests: rows of T(s, u), a calibrated pair, planes and spheres before it.
 
 use super::column_light::ColumnLight;
-use super::pinhole::{Pinhole, Rig};
 use crate::map::Map;
+use crate::pinhole::{Pinhole, Rig};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use optics::sampling::stream::Stream;
 use std::f64::consts::TAU;

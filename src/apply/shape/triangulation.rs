@@ -3,8 +3,8 @@
 //! The plane of column u holds the projector's centre p and is perpendicular to m = R_p (1, 0, -x), x = (u - c)/f. The ray
 //! o + z·d, d of depth 1, meets it at z = m·(p - o) / m·d.
 
-use super::pinhole::Rig;
 use crate::map::Map;
+use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
 /// Depth along the camera's axis of the point that column coordinate `column` lights in camera pixel (x, y); `None` where

@@ -53,7 +53,19 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 /// # Errors
 /// As [`load`], at the values of `[vary]` where these are wrong; if there is no such variant.
 pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
-    let variant = variant::read(path, text, number)?;
+    from_variant(path, text, &variant::read(path, text, number)?, number)
+}
+
+/// Builds a variant of a scene, the one of this number; `path` and `text` as in [`from_file`].
+///
+/// # Errors
+/// As [`load`].
+pub fn from_variant(
+    path: &Path,
+    text: &str,
+    variant: &variant::Variant,
+    number: u64,
+) -> Result<Scene, InputError> {
     let mut scene = from_file(path, text, &variant.file)?;
     scene.variant = Some(Variant {
         number,

@@ -10,7 +10,6 @@ mod lens;
 pub(crate) mod lights;
 pub mod materials;
 pub mod media;
-pub mod objects;
 mod places;
 mod polarizing;
 mod pose;

@@ -129,10 +129,7 @@ fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<Strin
         P::Mask { name, .. } => format!("mask {name}"),
         P::Epipolar { half_width_px } => format!("epipolar, half width {half_width_px} px"),
         P::EpipolarAlong { half_width_px, along } => {
-            let along = match along {
-                tensor::slice::ProjectorAxis::U => "u",
-                tensor::slice::ProjectorAxis::V => "v",
-            };
+            let along = along.kind().name();
             format!("epipolar, half width {half_width_px} px, along {along}")
         }
         P::NonEpipolar { half_width_px } => format!("nonepipolar, half width {half_width_px} px"),

@@ -8,8 +8,7 @@
 //! The first surface counts, but for boundaries that light does not notice; on request what stands behind smooth interfaces and
 //! sheets, where every ray is bent as refraction bends it (`sight.rs`).
 
-use super::emission::surroundings;
-use super::sight::{Place, Sight, look};
+use super::sight::{Sight, Viewer};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3A};
 use rayon::prelude::*;
@@ -163,19 +162,13 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
 pub fn layers(scene: &Scene, options: Options) -> LayerSet {
     let [w, h] = scene.camera.resolution;
     let side = options.side.max(1);
-    let place = Place {
-        origin: scene.camera.origin,
-        nest: surroundings(scene, scene.camera.origin),
-    };
-    let lane = scene.wavelengths.count() / 2;
+    let viewer = Viewer::new(scene);
     let part = |i: u32| (f64::from(i) + 0.5) / f64::from(side);
     let rows = (0..h).into_par_iter().flat_map_iter(|y| {
         (0..w).map(move |x| {
             let at = |i: u32| DVec2::new(f64::from(x) + part(i % side), f64::from(y) + part(i / side));
-            let rays = (0..side * side).map(|i| scene.camera.direction(at(i)));
-            let sights: Vec<_> = rays
-                .map(|dir| look(scene, place, dir, options.through, lane))
-                .collect();
+            let points = (0..side * side).map(at);
+            let sights: Vec<_> = points.map(|at| viewer.look(at, options.through)).collect();
             pixel(scene, &sights)
         })
     });

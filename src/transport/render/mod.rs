@@ -34,7 +34,7 @@ mod route;
 pub mod schedule;
 mod selected;
 mod sheets;
-mod sight;
+pub mod sight;
 mod spill;
 mod splats;
 mod split_way;

@@ -1,47 +1,72 @@
 //! What one ray of the camera meets first, or first behind what lets it through: ground truth, without any light.
 
 use super::bridge::{pass, surrounding, unnoticed};
+use super::emission::surroundings;
 use crate::geometry::ray::{Owner, Ray, Surface};
 use crate::geometry::rounding::met;
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
-use glam::{DVec3, Vec3A};
+use glam::{DVec2, DVec3, Vec3A};
 
 /// Surfaces that a ray passes at most.
 const MOST: u32 = 256;
 
 /// What a ray meets.
-pub(super) struct Sight {
-    /// Number of the object, and that of the copy of a group that it is in.
+pub struct Sight {
+    /// Number of the object.
     pub object: u32,
+    /// The copy of a group that it is in.
     pub copy: Owner,
     /// Number of the material of the whole surface: that of the blend, not of its parts.
     pub material: u32,
     /// Where the ray meets it, metres.
     pub at: DVec3,
-    /// Length of the ray up to there, bends included, and the same times the index on every part of it, metres.
+    /// Length of the ray up to there, bends included, metres.
     pub length: f64,
+    /// The same with every part times the refractive index there, metres.
     pub optical: f64,
-    /// The surface there, and the direction back along the ray.
+    /// The surface there.
     pub surface: Surface,
+    /// Direction back along the ray.
     pub wo: Vec3A,
 }
 
-/// Where a device's rays begin.
+/// A scene's camera; of one with a lens the middle of the lens sees.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
-    pub origin: Vec3A,
+pub struct Viewer<'a> {
+    scene: &'a Scene,
     /// The filled objects around it.
-    pub nest: Nest,
+    nest: Nest,
+    /// The middle one of the wavelengths.
+    lane: usize,
 }
 
-/// Follows a ray to the first surface that light notices; `through`: to the first that does not let it through by a smooth interface or
-/// a sheet. It is bent as geometry says, for the wavelength of `lane`; where all light is reflected, that surface is what is met. `None`
-/// where there is nothing.
-pub(super) fn look(scene: &Scene, from: Place, dir: Vec3A, through: bool, lane: usize) -> Option<Sight> {
-    let Place { origin, mut nest } = from;
+impl<'a> Viewer<'a> {
+    /// Of a scene.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        Self {
+            scene,
+            nest: surroundings(scene, scene.camera.origin),
+            lane: scene.wavelengths.count() / 2,
+        }
+    }
+
+    /// What is seen at a point of the image, pixels: the first surface that light notices; `through`: the first that does not let it
+    /// through by a smooth interface or a sheet. The ray is bent as geometry says; where all light is reflected, that surface is what is
+    /// met. `None` where there is nothing.
+    #[must_use]
+    pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
+        let camera = &self.scene.camera;
+        let (origin, dir) = (camera.origin, camera.direction(at));
+        follow(self.scene, Ray { origin, dir }, self.nest, through, self.lane)
+    }
+}
+
+/// Follows a ray from a place within the filled objects of `nest`, for the wavelength of `lane`.
+fn follow(scene: &Scene, mut ray: Ray, mut nest: Nest, through: bool, lane: usize) -> Option<Sight> {
     let mut filling = surrounding(scene, &nest, lane);
-    let (mut ray, mut start) = (Ray { origin, dir }, origin.as_dvec3());
+    let mut start = ray.origin.as_dvec3();
     let (mut length, mut optical) = (0.0, 0.0);
     for _ in 0..MOST {
         let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;

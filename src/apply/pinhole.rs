@@ -88,16 +88,16 @@ pub struct Rig {
 
 #[cfg(test)]
 mod tests {
-    use crate::shape::synthetic;
+    use super::*;
 
     #[test]
     fn points_of_rays_are_in_their_pixels() {
-        for device in [synthetic::rig(64, 256).camera, synthetic::rig(64, 256).projector] {
-            for (x, y, z) in [(0, 0, 0.1), (63, 20, 0.3), (31, 63, 2.0)] {
-                let at = device.project(device.point(x, y, z)).expect("in front");
-                assert!((at[0] - x as f64 - 0.5).abs() < 1e-9 && (at[1] - y as f64 - 0.5).abs() < 1e-9);
-            }
-            assert_eq!(device.project(device.point(3, 3, -1.0)), None);
+        let turned = [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]];
+        let device = Pinhole::new([64, 64], [70.0, 75.0], [31.0, 33.5], [0.1, -0.2, 0.3], turned);
+        for (x, y, z) in [(0, 0, 0.1), (63, 20, 0.3), (31, 63, 2.0)] {
+            let at = device.project(device.point(x, y, z)).expect("in front");
+            assert!((at[0] - x as f64 - 0.5).abs() < 1e-9 && (at[1] - y as f64 - 0.5).abs() < 1e-9);
         }
+        assert_eq!(device.project(device.point(3, 3, -1.0)), None);
     }
 }
