@@ -197,7 +197,8 @@ impl Studio<'_> {
             return Ok(known.clone());
         }
         let file = self.sized(variant, &[])?;
-        let scene = scene::from_file(&self.path, &self.text, &file)?;
+        let mut scene = scene::from_file(&self.path, &self.text, &file)?;
+        scene.keep_texture_coordinates();
         let mut known = Known {
             rig: truth::rig(&scene),
             ..Known::default()

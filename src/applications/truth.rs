@@ -47,7 +47,7 @@ pub fn object(scene: &Scene) -> Map {
     centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
 }
 
-/// Texture coordinates at each pixel's centre; NaN of nothing.
+/// Texture coordinates at each pixel's centre, of a scene that keeps them ([`Scene::keep_texture_coordinates`]); NaN of nothing.
 #[must_use]
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |sight, out| {

@@ -85,6 +85,11 @@ impl Scene {
         }
     }
 
+    /// Tells texture coordinates of surfaces even if no texture asks for them, until materials are replaced.
+    pub fn keep_texture_coordinates(&mut self) {
+        self.geometry.textured = true;
+    }
+
     /// What follows from the tables, here and nowhere else.
     fn derive(&mut self) {
         self.sheets = self.materials.any_straight();

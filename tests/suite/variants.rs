@@ -6,11 +6,11 @@ use std::path::Path;
 use sunstone::applications::truth;
 use sunstone::apply::catalog;
 use sunstone::scene;
-use sunstone::scene::objects::ObjectSurfaces;
 use sunstone::scene::syntax::Syntax;
 use sunstone::scene::syntax::scene::SceneFile;
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
+use sunstone::transport::render::layers::{Options, layers};
 
 const SCENE: &str = r#"
 [render]
@@ -241,22 +241,22 @@ material = "ball"
 "#;
     let path = Path::new("scene.toml");
     let file = SceneFile::read(path, text).expect("a scene file");
-    let built = scene::from_file(path, text, &file).expect("a scene");
-    let objects = ObjectSurfaces::new(path, text, &file).expect("objects");
-    let object = truth::object(&built, &objects);
+    let mut built = scene::from_file(path, text, &file).expect("a scene");
+    built.keep_texture_coordinates();
+    let object = truth::object(&built);
     assert_eq!((object.at(32, 32)[0], object.at(2, 60)[0]), (2.0, 0.0));
     // The ball fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels, nine rays a pixel.
     let focal = 32.0 / 20.0_f64.to_radians().tan();
     let area = std::f64::consts::PI * (focal * 0.1_f64.asin().tan()).powi(2);
-    let ball: f64 = truth::material(&built, &objects, &["ball"]).data.iter().sum();
+    let ball: f64 = truth::material(&built, &["ball"]).data.iter().sum();
     assert!((ball / area - 1.0).abs() < 0.02, "{ball} {area}");
-    let wall = truth::material(&built, &objects, &["wall", "ball"]);
+    let wall = truth::material(&built, &["wall", "ball"]);
     assert!(
         wall.data.iter().all(|v| *v == 1.0),
         "all rays end at one of the two"
     );
     // In the pane a ray at θ goes on at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer to the axis.
-    let texture = truth::texture(&built, &objects);
+    let texture = truth::texture(&built);
     for x in [4, 50, 63] {
         let across = (x as f64 + 0.5 - 32.0) / focal;
         let down = (20.0 + 0.5 - 32.0) / focal;
@@ -268,4 +268,24 @@ material = "ball"
             assert!((found - expected).abs() < 1e-5, "{found} {expected}");
         }
     }
+    // As layers: the ball's nearest point is 0.45 m away, and where the calibration says.
+    let set = layers(
+        &built,
+        Options {
+            side: 4,
+            through: true,
+        },
+    );
+    let depth = truth::layer(&set, "depth").expect("a layer");
+    assert!(
+        (depth.at(32, 32)[0] - 0.45).abs() < 1e-3,
+        "{}",
+        depth.at(32, 32)[0]
+    );
+    let at = truth::layer(&set, "position").expect("a layer");
+    let seen: [f64; 3] = at.at(32, 32).try_into().expect("a position");
+    let camera = truth::rig(&built).expect("a rig").camera;
+    let pixel = camera.project(seen.into()).expect("in front");
+    assert!(pixel.iter().all(|p| (p - 32.5).abs() < 0.01), "{pixel:?}");
+    assert!(truth::layer(&set, "colour").is_none());
 }
