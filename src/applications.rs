@@ -4,6 +4,9 @@
 //! A render is named by variant, seed, size, samples and the hash of its scene, which changes with all that it shows. What is
 //! finished is not rendered again; what was cut off goes on where it was. Delete the folder to render anew.
 
+pub mod chain;
+pub mod curves;
+pub mod links;
 pub mod report;
 pub mod truth;
 
@@ -14,6 +17,8 @@ use apply::map::Map;
 use apply::observation::{Observation, Slice};
 use apply::pinhole::Rig;
 use base::locate::InputError;
+use chain::ChainFailure;
+use links::{Links, Through};
 use scene::syntax::scene::SceneFile;
 use scene::syntax::variant::{self, Variant};
 use std::collections::BTreeMap;
@@ -45,6 +50,8 @@ pub struct Settings {
     pub preview: bool,
     /// Seeds, from 1 on.
     pub seeds: u64,
+    /// Ways of capturing that each give a table beside that of the slices as they were rendered.
+    pub links: Links,
 }
 
 /// Why an application was not run to its end.
@@ -78,6 +85,9 @@ pub enum ApplicationError {
     /// A slice of one cannot be read back.
     #[error(transparent)]
     Access(#[from] AccessError),
+    /// A slice cannot be captured.
+    #[error(transparent)]
+    Chain(ChainFailure),
     /// The methods found what they were given wanting.
     #[error(transparent)]
     Apply(#[from] ApplyError),
@@ -96,6 +106,8 @@ pub struct Report {
     pub size: Size,
     /// Seeds.
     pub seeds: u64,
+    /// What the methods are worth on captured slices.
+    pub through: Vec<Through>,
     /// Renders that were made now, not taken from the folder.
     pub rendered: usize,
 }
@@ -126,12 +138,14 @@ pub fn run(
         truths: BTreeMap::new(),
     };
     let (mut runs, mut scores, mut first) = (vec![], vec![], None);
+    let mut through = vec![];
     for seed in 1..=settings.seeds {
         let mut all = |variants: &[u64]| -> Result<Vec<Observation>, ApplicationError> {
             variants.iter().map(|v| studio.observe(*v, seed)).collect()
         };
         let (train, test) = (all(&plan.train)?, all(&plan.test)?);
         let outcome = application.run(&train, &test)?;
+        links::capture(application, &settings.links, &train, &test, &mut through)?;
         scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
         runs.push(outcome.scores.clone());
         first.get_or_insert(outcome);
@@ -140,6 +154,7 @@ pub fn run(
         rows: compare(application, &runs),
         scores,
         first: first.unwrap_or_default(),
+        through: through.into_iter().map(|t| t.compared(application)).collect(),
         size,
         seeds: settings.seeds,
         rendered: studio.rendered,
