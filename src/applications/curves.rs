@@ -2,7 +2,8 @@
 
 use super::Report;
 use super::links::{Part, Through, WHOLE};
-use apply::application::{Application, Metric, Score};
+use apply::application::{Metric, Score};
+use apply::chain::few::Task;
 use apply::metrics::paired::{Estimate, difference, estimate};
 use figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
 
@@ -48,10 +49,7 @@ fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
 
 /// Points of a sweep: all methods through every link.
 #[must_use]
-pub fn of_sweep(application: &dyn Application, report: &Report) -> Vec<Point> {
-    let Some(metric) = application.metrics().first().copied() else {
-        return vec![];
-    };
+pub fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
     let mut out = vec![];
     for t in &report.through {
         for row in t.rows.iter().filter(|r| r.metric == metric) {
@@ -74,16 +72,16 @@ fn is_baseline(t: &Through, method: &str) -> bool {
         .is_none_or(|task| task.baselines.contains(&method))
 }
 
-/// Points of few captures: ours through every link, and the best baseline through all captures.
+/// The link of all captures.
+fn whole(report: &Report) -> Option<(&Through, &Task)> {
+    let found = report.through.iter().find(|t| t.place.series == WHOLE)?;
+    Some((found, found.task.as_ref()?))
+}
+
+/// Points of few captures: ours through every link, and baselines through all captures.
 #[must_use]
-pub fn of_captures(application: &dyn Application, report: &Report) -> Vec<Point> {
-    let (Some(metric), Some(whole)) = (
-        application.metrics().first().copied(),
-        report.through.iter().find(|t| t.place.series == WHOLE),
-    ) else {
-        return vec![];
-    };
-    let Some(task) = &whole.task else {
+pub fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
+    let Some((whole, task)) = whole(report) else {
         return vec![];
     };
     let of = |t: &Through, method: &str| table(&t.scores, method, metric.name);
@@ -122,74 +120,66 @@ fn wins(metric: Metric, d: &Estimate) -> bool {
     better(metric, d.mean) > SURE * d.error
 }
 
-/// For each series of a sweep and each baseline, where the first method no more beats it, a sentence each.
+/// By each metric, for each series of a sweep the last value, from good parts to bad, down to which the first method beats each
+/// baseline; a sentence each.
 #[must_use]
 pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
     let mut out = vec![];
     for of in points.chunk_by(|a, b| a.series == b.series) {
-        let mut baselines: Vec<&str> = of.iter().filter(|p| p.baseline).map(|p| p.method).collect();
-        baselines.sort_unstable();
-        baselines.dedup();
-        for name in baselines {
-            let own = || of.iter().filter(|p| p.method == name);
+        let mut baselines: Vec<&str> = vec![];
+        for p in of.iter().filter(|p| p.baseline) {
+            if !baselines.contains(&p.method) {
+                baselines.push(p.method);
+            }
+        }
+        let last = |name: &&str| {
+            let own = || of.iter().filter(|p| p.method == *name);
             let mut values: Vec<f64> = own().map(|p| p.value).collect();
             part.better_first(&mut values);
-            let at = |v: f64| own().find(|p| p.value == v).and_then(|p| p.ours_less_this);
-            let all: Vec<(f64, Estimate)> = values.into_iter().filter_map(|v| Some((v, at(v)?))).collect();
-            let tell = |(v, d): &(f64, Estimate)| {
-                format!(
-                    "{} (by {:+.4} ± {:.4})",
-                    part.shown(*v),
-                    better(metric, d.mean),
-                    d.error
-                )
+            let won = |v: &f64| {
+                let found = own().find(|p| p.value == *v);
+                found.and_then(|p| p.ours_less_this).is_some_and(|d| wins(metric, &d))
             };
-            let verdict = match all.iter().position(|(_, d)| !wins(metric, d)) {
-                None => "wins at all values".to_owned(),
-                Some(0) => format!("does not win even at {}", all.first().map_or(String::new(), tell)),
-                Some(i) => format!("wins down to {}, no more at {}", tell(&all[i - 1]), tell(&all[i])),
+            let all = values.len();
+            let won: Vec<f64> = values.into_iter().take_while(won).collect();
+            let verdict = match won.last() {
+                None => "never".to_owned(),
+                Some(_) if won.len() == all => "always".to_owned(),
+                Some(v) => format!("down to {}", part.shown(*v)),
             };
-            out.push(format!("{}, against {name}: {verdict}", of[0].series));
-        }
+            format!("{name} {verdict}")
+        };
+        let told: Vec<String> = baselines.iter().map(last).collect();
+        out.push(format!("{}, {}: beats {}", metric.name, of[0].series, told.join("; ")));
     }
     out
 }
 
-/// For each choice of captures and each baseline the least number of captures that beats it, a sentence each. Baselines are seen through
-/// all captures.
+/// For each choice of captures the least number that beats each baseline, a sentence each. Baselines are seen through all captures.
 #[must_use]
-pub fn least(application: &dyn Application, report: &Report) -> Vec<String> {
-    let (Some(metric), Some(whole)) = (
-        application.metrics().first().copied(),
-        report.through.iter().find(|t| t.place.series == WHOLE),
-    ) else {
+pub fn least(metric: Metric, report: &Report) -> Vec<String> {
+    let Some((whole, task)) = whole(report) else {
         return vec![];
     };
-    let Some(task) = &whole.task else {
-        return vec![];
-    };
-    let few: Vec<&Through> = report
-        .through
-        .iter()
-        .filter(|t| t.place.series != WHOLE)
-        .collect();
+    let few: Vec<&Through> = report.through.iter().filter(|t| t.place.series != WHOLE).collect();
     let mut out = vec![];
     for of in few.chunk_by(|a, b| a.place.series == b.place.series) {
-        for baseline in &task.baselines {
+        let least = |baseline: &&'static str| {
             let theirs = table(&whole.scores, baseline, metric.name);
             let won = |t: &&&Through| {
-                wins(
-                    metric,
-                    &difference(&table(&t.scores, task.method, metric.name), &theirs),
-                )
+                wins(metric, &difference(&table(&t.scores, task.method, metric.name), &theirs))
             };
-            let all: Vec<f64> = of.iter().filter(won).map(|t| t.place.value).collect();
-            let verdict = match all.iter().copied().reduce(f64::min) {
-                None => "no number of captures wins".to_owned(),
-                Some(k) => format!("{k} captures win"),
-            };
-            out.push(format!("{}, against {baseline}: {verdict}", of[0].place.series));
-        }
+            let all = of.iter().filter(won).map(|t| t.place.value);
+            let least = all.reduce(f64::min).map_or("none".to_owned(), |k| k.to_string());
+            format!("{baseline} {least}")
+        };
+        let told: Vec<String> = task.baselines.iter().map(least).collect();
+        out.push(format!(
+            "{}, {}: least captures that beat {}",
+            metric.name,
+            of[0].place.series,
+            told.join("; ")
+        ));
     }
     out
 }

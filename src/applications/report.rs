@@ -66,14 +66,12 @@ pub fn write(
 /// What a sweep, or few captures, say in words.
 #[must_use]
 pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -> Vec<String> {
-    let Some(metric) = application.metrics().first().copied() else {
-        return vec![];
-    };
-    match links {
-        Links::Sweep(_, part, _) => curves::verdicts(metric, *part, &curves::of_sweep(application, report)),
-        Links::Few(..) => curves::least(application, report),
+    let of = |metric| match links {
+        Links::Sweep(_, part, _) => curves::verdicts(metric, *part, &curves::of_sweep(metric, report)),
+        Links::Few(..) => curves::least(metric, report),
         Links::None | Links::Chain(_) => vec![],
-    }
+    };
+    application.metrics().into_iter().flat_map(of).collect()
 }
 
 /// The table and the charts of a sweep, or of few captures.
@@ -95,11 +93,11 @@ fn curve(
         Links::None | Links::Chain(_) => return Ok(()),
         Links::Sweep(_, part, _) => {
             let log = matches!(part, Part::Photons | Part::Extinction);
-            let points = curves::of_sweep(application, report);
+            let points = curves::of_sweep(metric, report);
             (format!("sweep_{}", part.name()), part.label(), log, points)
         }
         Links::Few(..) => {
-            let points = curves::of_captures(application, report);
+            let points = curves::of_captures(metric, report);
             ("captures".to_owned(), "captures", false, points)
         }
     };
