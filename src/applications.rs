@@ -17,8 +17,7 @@ use apply::map::Map;
 use apply::observation::{Observation, Slice};
 use apply::pinhole::Rig;
 use base::locate::InputError;
-use chain::ChainFailure;
-use links::{Links, Through};
+use links::{Links, LinksError, Through};
 use scene::syntax::scene::SceneFile;
 use scene::syntax::variant::{self, Variant};
 use std::collections::BTreeMap;
@@ -87,7 +86,7 @@ pub enum ApplicationError {
     Access(#[from] AccessError),
     /// A slice cannot be captured.
     #[error(transparent)]
-    Chain(ChainFailure),
+    Captured(#[from] LinksError),
     /// The methods found what they were given wanting.
     #[error(transparent)]
     Apply(#[from] ApplyError),

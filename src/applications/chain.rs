@@ -1,6 +1,5 @@
 //! Observations through the capture chain: the rig of each seed, its calibration, and all slices of a variant.
 
-use super::ApplicationError;
 use apply::chain::error::ChainError;
 use apply::chain::exposure::mean_reading;
 use apply::chain::file::{Belief, Chain, Sample};
@@ -245,10 +244,4 @@ pub fn calibrated(
         }
     }
     Ok(samples::calibrate(&all, &Parameter::all(plan))?.scheme)
-}
-
-impl From<ChainFailure> for ApplicationError {
-    fn from(e: ChainFailure) -> Self {
-        Self::Chain(e)
-    }
 }

@@ -138,7 +138,9 @@ pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
             part.better_first(&mut values);
             let won = |v: &f64| {
                 let found = own().find(|p| p.value == *v);
-                found.and_then(|p| p.ours_less_this).is_some_and(|d| wins(metric, &d))
+                found
+                    .and_then(|p| p.ours_less_this)
+                    .is_some_and(|d| wins(metric, &d))
             };
             let all = values.len();
             let won: Vec<f64> = values.into_iter().take_while(won).collect();
@@ -150,7 +152,12 @@ pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
             format!("{name} {verdict}")
         };
         let told: Vec<String> = baselines.iter().map(last).collect();
-        out.push(format!("{}, {}: beats {}", metric.name, of[0].series, told.join("; ")));
+        out.push(format!(
+            "{}, {}: beats {}",
+            metric.name,
+            of[0].series,
+            told.join("; ")
+        ));
     }
     out
 }
@@ -161,13 +168,20 @@ pub fn least(metric: Metric, report: &Report) -> Vec<String> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
     };
-    let few: Vec<&Through> = report.through.iter().filter(|t| t.place.series != WHOLE).collect();
+    let few: Vec<&Through> = report
+        .through
+        .iter()
+        .filter(|t| t.place.series != WHOLE)
+        .collect();
     let mut out = vec![];
     for of in few.chunk_by(|a, b| a.place.series == b.place.series) {
         let least = |baseline: &&'static str| {
             let theirs = table(&whole.scores, baseline, metric.name);
             let won = |t: &&&Through| {
-                wins(metric, &difference(&table(&t.scores, task.method, metric.name), &theirs))
+                wins(
+                    metric,
+                    &difference(&table(&t.scores, task.method, metric.name), &theirs),
+                )
             };
             let all = of.iter().filter(won).map(|t| t.place.value);
             let least = all.reduce(f64::min).map_or("none".to_owned(), |k| k.to_string());

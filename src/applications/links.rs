@@ -1,7 +1,6 @@
 //! The ways of capturing that an application is run through: a chain's beliefs, a sweep of one thing, few captures.
 
-use super::ApplicationError;
-use super::chain::{Link, wavelengths};
+use super::chain::{ChainFailure, Link, wavelengths};
 use apply::application::{Application, Score};
 use apply::chain::exposure::Laboratory;
 use apply::chain::few::{Choice, Expected, Task, chosen};
@@ -13,6 +12,17 @@ use apply::comparison::{Row, compare};
 use apply::error::ApplyError;
 use apply::observation::Observation;
 use std::ops::RangeInclusive;
+
+/// Why an application was not run on captured slices.
+#[derive(Debug, thiserror::Error)]
+pub enum LinksError {
+    /// A slice cannot be captured.
+    #[error(transparent)]
+    Chain(#[from] ChainFailure),
+    /// The methods found what they were given wanting.
+    #[error(transparent)]
+    Apply(#[from] ApplyError),
+}
 
 /// One thing of a chain, of which many values are tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -237,7 +247,7 @@ pub(super) fn capture(
     train: &[Observation],
     test: &[Observation],
     all: &mut Vec<Running>,
-) -> Result<(), ApplicationError> {
+) -> Result<(), LinksError> {
     if all.is_empty() {
         *all = links.settled(application, train)?;
     }
@@ -246,7 +256,7 @@ pub(super) fn capture(
     let nm = wavelengths(train);
     for running in all {
         let rig = running.link.rig(seed, &nm)?;
-        let mut captured = |observations: &[Observation]| -> Result<Vec<Observation>, ApplicationError> {
+        let mut captured = |observations: &[Observation]| -> Result<Vec<Observation>, LinksError> {
             let each = observations.iter();
             each.map(|o| Ok(running.link.observe(&rig, o, &slices, &mut running.count)?))
                 .collect()
@@ -265,7 +275,7 @@ impl Links {
         &self,
         application: &dyn Application,
         train: &[Observation],
-    ) -> Result<Vec<Running>, ApplicationError> {
+    ) -> Result<Vec<Running>, LinksError> {
         match self {
             Self::None => Ok(vec![]),
             Self::Chain(chain) => Ok(chain
@@ -328,7 +338,7 @@ fn few(
     range: RangeInclusive<usize>,
     application: &dyn Application,
     train: &[Observation],
-) -> Result<Vec<Running>, ApplicationError> {
+) -> Result<Vec<Running>, LinksError> {
     let task = application.task(train)?.ok_or_else(|| {
         ApplyError::Empty(format!(
             "what `{}` makes of Mueller matrices is not linear, so no captures can be chosen for it; metamerism and scattering are",
@@ -353,21 +363,20 @@ fn few(
     whole.task = Some(task.clone());
     let mut out = vec![whole];
     let plan = application.plan();
-    let noise = |scheme: &polarimetry::capture::scheme::Scheme| -> Result<f64, ApplicationError> {
+    let noise = |scheme: &polarimetry::capture::scheme::Scheme| -> Result<f64, LinksError> {
         let Some(o) = train.first() else {
             return Ok(0.0);
         };
         let lights = plan.slices.iter().filter_map(|s| o.slices.get(*s)).map(Light::of);
-        let lights: Vec<Light> =
-            lights
-                .collect::<Result<_, _>>()
-                .map_err(|cause| super::chain::ChainFailure::Slice {
-                    variant: o.variant,
-                    cause,
-                })?;
+        let lights: Vec<Light> = lights
+            .collect::<Result<_, _>>()
+            .map_err(|cause| ChainFailure::Slice {
+                variant: o.variant,
+                cause,
+            })?;
         let lights: Vec<&Light> = lights.iter().collect();
         let detectors = chain.laboratory.exposed(&lights, scheme);
-        let detectors = detectors.map_err(|cause| super::chain::ChainFailure::Slice {
+        let detectors = detectors.map_err(|cause| ChainFailure::Slice {
             variant: o.variant,
             cause,
         })?;

@@ -191,7 +191,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     };
     let optics = match file.optics.as_deref() {
         None => Optics::Drawn(Tolerances::default()),
-        Some(OpticsFrom::File(p)) => Optics::Known(scheme_file::load(&beside(p))?),
+        Some(OpticsFrom::File(p)) => Optics::Known(Box::new(scheme_file::load(&beside(p))?)),
         Some(OpticsFrom::Drawn(t)) => {
             let span = file.optics.as_ref().map_or(0..0, Located::span);
             let degrees = |v: f64| (0.0..=90.0).contains(&v);

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::Deserialize;
 
 /// What the parts of a rig may be off by. Each rig (a seed) has its own parts.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tolerances {
     /// Standard deviation of each element's axis, degrees.
@@ -19,23 +19,13 @@ pub struct Tolerances {
     pub extinction: f64,
 }
 
-impl Default for Tolerances {
-    fn default() -> Self {
-        Self {
-            axis_error_deg: 0.0,
-            retardance_error_deg: 0.0,
-            extinction: 0.0,
-        }
-    }
-}
-
 /// Elements of a rig in truth.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Optics {
     /// Drawn.
     Drawn(Tolerances),
     /// Those of a scheme; its settings are of no meaning.
-    Known(Scheme),
+    Known(Box<Scheme>),
 }
 
 impl Optics {
