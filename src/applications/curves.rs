@@ -120,8 +120,8 @@ fn wins(metric: Metric, d: &Estimate) -> bool {
     better(metric, d.mean) > SURE * d.error
 }
 
-/// By each metric, for each series of a sweep the last value, from good parts to bad, down to which the first method beats each
-/// baseline; a sentence each.
+/// For each series of a sweep the last value, from good parts to bad, down to which the first method beats each baseline, or all values at
+/// which it does; a sentence each.
 #[must_use]
 pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
     let mut out = vec![];
@@ -142,12 +142,19 @@ pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
                     .and_then(|p| p.ours_less_this)
                     .is_some_and(|d| wins(metric, &d))
             };
-            let all = values.len();
-            let won: Vec<f64> = values.into_iter().take_while(won).collect();
-            let verdict = match won.last() {
-                None => "never".to_owned(),
-                Some(_) if won.len() == all => "always".to_owned(),
-                Some(v) => format!("down to {}", part.shown(*v)),
+            let all: Vec<(f64, bool)> = values.into_iter().map(|v| (v, won(&v))).collect();
+            let first = all.iter().take_while(|(_, won)| *won).count();
+            let wins = all.iter().filter(|(_, won)| *won).count();
+            let verdict = if wins == 0 {
+                "never".to_owned()
+            } else if wins == all.len() {
+                "always".to_owned()
+            } else if wins == first {
+                format!("down to {}", part.shown(all[first - 1].0))
+            } else {
+                // Not with the best parts alone: baselines suffer, too.
+                let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
+                format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };
             format!("{name} {verdict}")
         };
