@@ -19,3 +19,4 @@ pub mod pinhole;
 pub mod regression;
 pub mod scattering;
 pub mod shape;
+pub mod transient;

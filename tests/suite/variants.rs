@@ -4,6 +4,7 @@ use crate::harness::{assert_same_store, read, run, stderr};
 use serde_json::json;
 use std::path::Path;
 use sunstone::applications::truth;
+use sunstone::apply::application::Truth;
 use sunstone::apply::catalog;
 use sunstone::scene;
 use sunstone::scene::syntax::Syntax;
@@ -141,7 +142,11 @@ fn scenes_of_applications_have_their_variants() {
                 "variant {number} of {} is another's twin",
                 plan.scene
             );
-            for name in &plan.slices {
+            let of_truth = plan.truth.iter().filter_map(|t| match t {
+                Truth::Slice { slice, .. } | Truth::Reference { slice, .. } => Some(slice),
+                _ => None,
+            });
+            for name in plan.slices.iter().chain(of_truth) {
                 assert!(variant.slices.iter().any(|s| s.name == *name), "{name}");
             }
         }
