@@ -266,7 +266,7 @@ fn pictures(method: &'static str, bench: &Bench, found: &[f64]) -> [Picture; 2] 
         map,
     };
     [
-        picture("-(2,3)", map(&|found, _| -found[ELEMENT_23])),
+        picture("minus 23", map(&|found, _| -found[ELEMENT_23])),
         picture(
             "error",
             map(&|found, truth| {
