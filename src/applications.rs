@@ -176,7 +176,6 @@ impl Studio<'_> {
         });
         let values = values.collect();
         let slices = self.plan.slices.clone();
-        let store = self.render(number, &variant, seed, self.size.spp, &slices)?;
         let known = self.truth(number, &variant)?;
         let mut observation = Observation {
             variant: number,
@@ -186,8 +185,11 @@ impl Studio<'_> {
             slices: known.slices,
             truth: known.maps,
         };
-        for name in slices {
-            observation.slices.insert(name.to_owned(), read(&store, name)?);
+        if !slices.is_empty() {
+            let store = self.render(number, &variant, seed, self.size.spp, &slices)?;
+            for name in slices {
+                observation.slices.insert(name.to_owned(), read(&store, name)?);
+            }
         }
         Ok(observation)
     }

@@ -40,7 +40,7 @@ pub struct Plan {
     pub train: Vec<u64>,
     /// Variants to be judged on, none of which is in `train`.
     pub test: Vec<u64>,
-    /// Slices of every variant, by name.
+    /// Slices of every variant, by name. None where seeds are of something else than renders, as of a detector: truth alone is rendered.
     pub slices: Vec<&'static str>,
     /// Ground truth of every variant.
     pub truth: Vec<Truth>,

@@ -1,13 +1,20 @@
 //! All applications.
 
 use crate::application::Application;
+use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
 use crate::scattering::Scattering;
+use crate::transient::Transient;
 
 /// All applications, in the paper's order.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
-    vec![Box::new(Scattering), Box::new(Metamerism)]
+    vec![
+        Box::new(Transient),
+        Box::new(Ellipsometry),
+        Box::new(Scattering),
+        Box::new(Metamerism),
+    ]
 }
 
 /// The application of a name.

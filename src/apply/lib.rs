@@ -9,6 +9,7 @@
 pub mod application;
 pub mod catalog;
 pub mod comparison;
+pub mod ellipsometry;
 pub mod error;
 pub mod map;
 pub mod metamerism;
@@ -18,3 +19,4 @@ pub mod pinhole;
 pub mod regression;
 pub mod scattering;
 pub mod shape;
+pub mod transient;
