@@ -144,7 +144,7 @@ impl Drawing {
             fontdb: Arc::clone(fonts),
             ..Options::default()
         };
-        Tree::from_str(&self.svg(), &options).map_err(encode)
+        Tree::from_str(&self.in_pixels(), &options).map_err(encode)
     }
 
     /// The drawing in pixels.
@@ -188,7 +188,9 @@ impl Drawing {
             compress,
             ..svg2pdf::ConversionOptions::default()
         };
-        let page = svg2pdf::PageOptions { dpi: PER_INCH };
+        let page = svg2pdf::PageOptions {
+            dpi: self.per_inch().map_or(PER_INCH, |n| n as f32),
+        };
         let pdf = svg2pdf::to_pdf(&self.tree()?, options, page).map_err(encode)?;
         Ok(in_order(&pdf))
     }
