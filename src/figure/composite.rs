@@ -6,6 +6,8 @@
 
 mod draw;
 pub mod layout;
+#[cfg(test)]
+mod tests;
 
 use super::error::FigureError;
 use super::tile::Tile;

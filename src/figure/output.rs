@@ -9,6 +9,7 @@ use std::sync::{Arc, OnceLock};
 
 use base::whole_file;
 use image::codecs::gif::{GifEncoder, Repeat};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{Delay, DynamicImage, Frame, ImageFormat, RgbImage};
 use resvg::tiny_skia::{Color, ColorU8, Pixmap, Transform};
 use resvg::usvg::fontdb::Database;
@@ -169,9 +170,14 @@ impl Drawing {
     /// [`FigureError::Encode`] if it is too large.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
         let mut bytes = Cursor::new(Vec::new());
-        self.pixels()?
-            .write_to(&mut bytes, ImageFormat::Png)
-            .map_err(encode)?;
+        let pixels = self.pixels()?;
+        if self.per_inch().is_some() {
+            // What goes to a printer has many pixels, and most of them are like those above.
+            let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Up);
+            pixels.write_with_encoder(encoder).map_err(encode)?;
+        } else {
+            pixels.write_to(&mut bytes, ImageFormat::Png).map_err(encode)?;
+        }
         Ok(bytes.into_inner())
     }
 

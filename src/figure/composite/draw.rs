@@ -8,7 +8,9 @@ use super::super::ticks::Ticks;
 use super::super::tile::{Lines, Ramp, Tile};
 use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SPACE, TICK, layout, ticks};
 use super::{Composite, Ink, Part};
+use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
+use std::borrow::Cow;
 
 /// Pixels per inch of a figure; twice as many if an image has more pixels than it has room.
 const PER_INCH: f64 = 300.0;
@@ -52,17 +54,30 @@ pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     Ok(pen.page)
 }
 
-/// Pixels per inch at which no image has more pixels than its place, or twice [`PER_INCH`].
+/// Pixels per inch at which no image of a camera has more pixels than its place, or twice [`PER_INCH`].
 fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     let crowded = places.panels.iter().any(|placed| {
         let part = figure.parts[placed.part].as_ref();
-        let first = part.and_then(|p| p.tile.cells.first()).zip(placed.cells.first());
+        let of_camera = part.filter(|p| p.tile.axes.is_none());
+        let first = of_camera
+            .and_then(|p| p.tile.cells.first())
+            .zip(placed.cells.first());
         first.is_some_and(|((image, _), r)| {
             let room = PER_INCH / MM_PER_INCH;
             f64::from(image.width()) > r.w * room || f64::from(image.height()) > r.h * room
         })
     });
     if crowded { 2.0 * PER_INCH } else { PER_INCH }
+}
+
+/// An image with no more pixels than its place: colours of those that share one are averaged. Only maps have so many.
+fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
+    let [w, h] = [place.w, place.h].map(|v| v as u32);
+    if image.width() <= w && image.height() <= h {
+        return Cow::Borrowed(image);
+    }
+    let (w, h) = (image.width().min(w), image.height().min(h));
+    Cow::Owned(imageops::resize(image, w, h, FilterType::Triangle))
 }
 
 /// Draws lengths in millimetres.
@@ -126,7 +141,7 @@ impl Scribe {
         let tile = &part.tile;
         for ((image, tag), r) in tile.cells.iter().zip(&placed.cells) {
             let place = self.snapped(*r);
-            self.page.image(place, image);
+            self.page.image(place, &shrunk(image, place));
             self.tag(tag, *r);
         }
         if let Some(lines) = &tile.chart {
@@ -139,7 +154,7 @@ impl Scribe {
         for (inset, (crop, large)) in part.insets.iter().zip(&placed.insets) {
             if let (Some([w, h]), Some((image, _))) = (tile.size(), tile.cells.first()) {
                 let [x, y, w, h] = inset.pixels([w, h]);
-                let cut = image::imageops::crop_imm(image, x, y, w, h).to_image();
+                let cut = imageops::crop_imm(image, x, y, w, h).to_image();
                 let place = self.snapped(*large);
                 self.page.image(place, &cut);
             }

@@ -14,7 +14,7 @@ use super::{Composite, Inset, Part, letter};
 /// Millimetres in a point.
 const POINT: f64 = 25.4 / 72.0;
 /// Free edge around all.
-pub const EDGE: f64 = 0.8;
+pub const EDGE: f64 = 1.2;
 /// Between columns.
 pub const GAP: f64 = 2.4;
 /// Between rows.
