@@ -1,63 +1,30 @@
 //! Figures from files alone: a figure file lists scenes, what is shown of them, applications and a layout.
 //!
-//! [`file::Source::read`] reads one, [`prepare`] checks it against its scenes and applications, before anything is rendered, and
+//! [`Source::read`] reads one, [`prepare`] checks it against its scenes and applications, before anything is rendered, and
 //! [`draw`] makes the drawing. Renders are kept ([`crate::studio`]): what is finished is not rendered again.
 
 mod application;
 mod caption;
 pub mod file;
+mod source;
+mod stage;
 mod view;
 
+pub use source::Source;
+pub use stage::{FigureFileError, Settings};
+
 use apply::application::Size;
-use base::locate::{InputError, Located};
+use base::locate::Located;
 use figure::composite::{self, Composite, Part};
 use figure::{Drawing, FigureError};
-use scene::syntax::variant::Variant;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
-use store::zarr::{AccessError, OpenError, TensorStore};
 use transport::render::schedule::Watch;
-use transport::scene::Scene;
 
-use crate::applications::ApplicationError;
-use crate::studio::{Studio, StudioError};
+use crate::studio::Studio;
 use application::Applications;
 use caption::Value;
-use file::{PanelFile, SizeFile, Source, ViewFile};
-
-/// Where to and how to run.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// Folder of renders.
-    pub renders: PathBuf,
-    /// Folder of the scenes of applications; without one, `scenes` in a folder above the figure file or the current one.
-    pub scenes: Option<PathBuf>,
-    /// At preview size, else at full size.
-    pub preview: bool,
-}
-
-/// Why there is no figure.
-#[derive(Debug, thiserror::Error)]
-pub enum FigureFileError {
-    /// The figure file is wrong.
-    #[error(transparent)]
-    Input(#[from] InputError),
-    /// A scene is wrong, or a render of it stopped.
-    #[error(transparent)]
-    Studio(#[from] StudioError),
-    /// An application was not run.
-    #[error(transparent)]
-    Application(#[from] ApplicationError),
-    /// A slice is not there.
-    #[error(transparent)]
-    Open(#[from] OpenError),
-    /// A slice cannot be read.
-    #[error(transparent)]
-    Access(#[from] AccessError),
-    /// The figure cannot be drawn.
-    #[error(transparent)]
-    Figure(#[from] FigureError),
-}
+use file::{PanelFile, SizeFile, ViewFile};
+use stage::Stage;
 
 /// A figure.
 #[derive(Clone, Debug)]
@@ -66,19 +33,6 @@ pub struct Made {
     pub drawing: Drawing,
     /// Renders that were made now, not taken from the folder.
     pub rendered: usize,
-}
-
-/// A scene of the figure.
-struct Stage<'a> {
-    studio: Studio<'a>,
-    variant: Variant,
-    number: Option<u64>,
-    seed: u64,
-    size: Size,
-    /// Slices that panels show.
-    slices: Vec<String>,
-    scene: Scene,
-    store: Option<TensorStore>,
 }
 
 /// A figure file whose scenes and applications have all that it names.
@@ -248,32 +202,4 @@ impl Prepared<'_> {
             scale_bar,
         }))
     }
-}
-
-impl Stage<'_> {
-    /// Values that captions may name.
-    fn values(&self) -> Vec<(String, Value)> {
-        let number = |name: &str, v: f64| (name.to_owned(), Value::Number(v));
-        let mut out = vec![
-            number("seed", self.seed as f64),
-            number("pixels", f64::from(self.size.pixels)),
-            number("spp", f64::from(self.size.spp)),
-        ];
-        out.extend(self.number.map(|n| number("variant", n as f64)));
-        out.extend(varied(&self.variant));
-        out
-    }
-}
-
-/// Values of a variant's parameters.
-fn varied(variant: &Variant) -> impl Iterator<Item = (String, Value)> {
-    variant.values.iter().map(|(name, v)| {
-        let number = v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
-        let value = match (number, v.as_str()) {
-            (Some(v), _) => Value::Number(v),
-            (None, Some(text)) => Value::Text(text.to_owned()),
-            (None, None) => Value::Text(v.to_string()),
-        };
-        (format!("vary {name}"), value)
-    })
 }

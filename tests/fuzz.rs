@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use sunstone::figure_file::file::Source;
+use sunstone::figure_file::Source;
 use sunstone::tensor::field::Field;
 use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::write;

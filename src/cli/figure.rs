@@ -1,6 +1,7 @@
 //! `sunstone figure`.
 
 use super::failure::Failure;
+use super::figure_file::Extension;
 use super::{figure_file, places};
 use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
@@ -58,27 +59,6 @@ pub struct Arguments {
     /// Read what an unfinished render has: NaN where nothing is rendered yet.
     #[arg(long)]
     partial: bool,
-}
-
-/// Formats of a figure.
-#[derive(Clone, Copy, clap::ValueEnum)]
-pub enum Extension {
-    /// Pixels.
-    Png,
-    /// Vectors.
-    Svg,
-    /// Vectors on a page.
-    Pdf,
-}
-
-impl Extension {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Png => "png",
-            Self::Svg => "svg",
-            Self::Pdf => "pdf",
-        }
-    }
 }
 
 /// The kinds of picture.

@@ -1,13 +1,32 @@
 //! `sunstone figure` of figure files.
 
 use super::failure::Failure;
-use super::figure::Extension;
 use super::places;
 use super::progress::Progress;
 use std::path::{Path, PathBuf};
 use sunstone::figure::{Format, save};
-use sunstone::figure_file::file::Source;
-use sunstone::figure_file::{FigureFileError, Settings, prepare};
+use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
+
+/// Formats of a figure.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum Extension {
+    /// Pixels.
+    Png,
+    /// Vectors.
+    Svg,
+    /// Vectors on a page.
+    Pdf,
+}
+
+impl Extension {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Svg => "svg",
+            Self::Pdf => "pdf",
+        }
+    }
+}
 
 /// What is said of figure files alone.
 #[derive(clap::Args)]

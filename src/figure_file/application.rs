@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 use transport::render::schedule::Watch;
 
 use super::caption::Value;
-use super::file::{ApplyFile, Source, ViewFile};
-use super::{FigureFileError, Settings, varied};
+use super::file::{ApplyFile, ViewFile};
+use super::source::Source;
+use super::stage::{FigureFileError, Settings, varied};
 use crate::applications::{self, Report, find_scenes};
 use crate::studio::Studio;
 

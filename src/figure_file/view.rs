@@ -18,7 +18,7 @@ use transport::render::sight::Viewer;
 use transport::scene::Scene;
 
 use super::file::{DecompositionFile, LayerFile, PanelFile, QuantityFile, ScaleBarFile, ViewFile};
-use super::{FigureFileError, Stage};
+use super::stage::{FigureFileError, Stage};
 
 /// The view of a slice that the room `figure` knows.
 fn plain(view: &ViewFile) -> Option<View> {

@@ -3,8 +3,7 @@
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use sunstone::figure_file::file::Source;
-use sunstone::figure_file::{FigureFileError, Settings, prepare};
+use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
 use sunstone::render::{Summary, Unwatched, Watch};
 use sunstone::studio::StudioError;
 

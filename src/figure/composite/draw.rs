@@ -1,13 +1,13 @@
 //! A composite as a drawing, from its layout alone.
 
-use super::super::drawing::{Drawing, Pen, Point, Rect};
-use super::super::error::FigureError;
-use super::super::layout::GRID;
-use super::super::text::{Align, INK, Style, fit, width};
-use super::super::ticks::Ticks;
-use super::super::tile::{Lines, Ramp, Tile};
 use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SPACE, TICK, layout, ticks};
-use super::{Composite, Ink, Part};
+use super::parts::{Composite, Ink, Part};
+use crate::drawing::{Drawing, Pen, Point, Rect};
+use crate::error::FigureError;
+use crate::layout::GRID;
+use crate::text::{Align, INK, Style, fit, width};
+use crate::ticks::Ticks;
+use crate::tile::{Lines, Ramp, Tile};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use std::borrow::Cow;

@@ -4,12 +4,12 @@
 //! p = (W - 2 edge - row headings - Σ room beside the columns - (n - 1) gap) / n. Room beside a column is what the widest axis at its
 //! left and the widest colour bar at its right need; the room above and below a row likewise.
 
-use super::super::drawing::{Point, Rect};
-use super::super::error::FigureError;
-use super::super::text::{INK, Style, width, wrap};
-use super::super::ticks::Ticks;
-use super::super::tile::{Scaled, Tile};
-use super::{Composite, Inset, Part, letter};
+use super::parts::{Composite, Inset, Part, letter};
+use crate::drawing::{Point, Rect};
+use crate::error::FigureError;
+use crate::text::{INK, Style, width, wrap};
+use crate::ticks::Ticks;
+use crate::tile::{Scaled, Tile};
 
 /// Millimetres in a point.
 const POINT: f64 = 25.4 / 72.0;

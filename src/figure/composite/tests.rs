@@ -3,7 +3,7 @@
 use super::layout::{BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SPACE, layout};
 use super::*;
 use crate::spec::{MuellerView, View};
-use crate::tile::{Scale, of_values, of_view};
+use crate::tile::{Scale, Tile, of_values, of_view};
 use crate::{Panel, Rect};
 use image::{Rgb, RgbImage};
 use proptest::prelude::*;
