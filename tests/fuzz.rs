@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::InputError;
+use sunstone::figure_file::Source;
 use sunstone::tensor::field::Field;
 use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::write;
@@ -505,6 +506,25 @@ fn mutated_templates_vary_or_say_why() {
         built.into_inner() > 100 && refused.into_inner() > 100,
         "the mutations are too tame or too wild"
     );
+}
+
+/// A figure file with every feature of the syntax.
+const FIGURE: &str = include_str!("fuzz/figure.toml");
+
+#[test]
+fn mutated_figure_files_are_read_or_say_why() {
+    let _alone = alone();
+    let read = |text: &str| Source::of_text(Path::new("figure.toml"), text);
+    read(FIGURE).expect("everything is right");
+    let changes = prop::collection::vec(change(), 1..4);
+    let tested = runner(3000).run(&changes, |changes| {
+        let text = changes.iter().fold(FIGURE.to_owned(), |text, c| apply(&text, c));
+        if let Err(e) = read(&text) {
+            prop_assert!(!e.message.is_empty() && e.help.is_some());
+        }
+        Ok(())
+    });
+    tested.unwrap_or_else(|e| panic!("{e}"));
 }
 
 /// Sizes that are right one by one must not multiply to more memory than a machine has.
