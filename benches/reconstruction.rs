@@ -63,6 +63,7 @@ fn loss(c: &mut Criterion) {
             second_moment: SecondMoment::new(Moment::identity()),
             estimator,
             rays: vec![Ray::axial(550.0)],
+            metric: None,
         };
         c.bench_function(&format!("loss and gradient, {estimator:?}"), |b| {
             b.iter(|| objective.gradient(black_box(&scheme)));

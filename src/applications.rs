@@ -4,6 +4,9 @@
 //! A render is named by variant, seed, size, samples and the hash of its scene, which changes with all that it shows. What is
 //! finished is not rendered again; what was cut off goes on where it was. Delete the folder to render anew.
 
+pub mod chain;
+pub mod curves;
+pub mod links;
 pub mod report;
 pub mod truth;
 
@@ -13,6 +16,7 @@ use apply::error::ApplyError;
 use apply::map::Map;
 use apply::observation::{Observation, Slice};
 use apply::pinhole::Rig;
+use links::{Links, LinksError, Through};
 use scene::syntax::variant::Variant;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -35,6 +39,8 @@ pub struct Settings {
     pub preview: bool,
     /// Seeds, from 1 on.
     pub seeds: u64,
+    /// Ways of capturing that each give a table beside that of the slices as they were rendered.
+    pub links: Links,
 }
 
 /// Why an application was not run to its end.
@@ -52,6 +58,9 @@ pub enum ApplicationError {
     /// A slice of one cannot be read back.
     #[error(transparent)]
     Access(#[from] AccessError),
+    /// A slice cannot be captured.
+    #[error(transparent)]
+    Captured(#[from] LinksError),
     /// The methods found what they were given wanting.
     #[error(transparent)]
     Apply(#[from] ApplyError),
@@ -70,6 +79,8 @@ pub struct Report {
     pub size: Size,
     /// Seeds.
     pub seeds: u64,
+    /// What the methods are worth on captured slices.
+    pub through: Vec<Through>,
     /// Renders that were made now, not taken from the folder.
     pub rendered: usize,
 }
@@ -96,12 +107,14 @@ pub fn run(
         truths: BTreeMap::new(),
     };
     let (mut runs, mut scores, mut first) = (vec![], vec![], None);
+    let mut through = vec![];
     for seed in 1..=settings.seeds {
         let mut all = |variants: &[u64]| -> Result<Vec<Observation>, ApplicationError> {
             variants.iter().map(|v| observer.observe(*v, seed)).collect()
         };
         let (train, test) = (all(&plan.train)?, all(&plan.test)?);
         let outcome = application.run(&train, &test)?;
+        links::capture(application, &settings.links, &train, &test, &mut through)?;
         scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
         runs.push(outcome.scores.clone());
         first.get_or_insert(outcome);
@@ -110,6 +123,7 @@ pub fn run(
         rows: compare(application, &runs),
         scores,
         first: first.unwrap_or_default(),
+        through: through.into_iter().map(|t| t.compared(application)).collect(),
         size,
         seeds: settings.seeds,
         rendered: observer.studio.rendered(),

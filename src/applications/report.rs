@@ -1,10 +1,13 @@
 //! Tables and pictures of a [`Report`], as files.
 
-use super::Report;
+use super::curves::{self, Point};
+use super::links::{Links, Part, WHOLE};
+use super::{Report, Settings};
 use apply::application::{Application, Picture};
 use apply::comparison::Row;
 use apply::metrics::paired::Estimate;
 use figure::FigureError;
+use figure::chart::{self, ChartAxis};
 use figure::maps::{self, Quantity};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -29,11 +32,17 @@ pub enum ReportError {
 /// Maps in a row of a page.
 const COLUMNS: usize = 4;
 
-/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is made.
+/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is made; of a sweep and of few captures also
+/// their tables and charts.
 ///
 /// # Errors
 /// [`ReportError`].
-pub fn write(application: &dyn Application, report: &Report, folder: &Path) -> Result<(), ReportError> {
+pub fn write(
+    application: &dyn Application,
+    report: &Report,
+    settings: &Settings,
+    folder: &Path,
+) -> Result<(), ReportError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |cause| ReportError::Write { path, cause }
@@ -41,7 +50,7 @@ pub fn write(application: &dyn Application, report: &Report, folder: &Path) -> R
     std::fs::create_dir_all(folder).map_err(failed(folder))?;
     let text = serde_json::to_string_pretty(&document(application, report)).unwrap_or_default();
     for (name, text) in [
-        ("table.csv", table_csv(&report.rows)),
+        ("table.csv", table_csv(report)),
         ("scores.csv", scores_csv(report)),
         ("report.json", text + "\n"),
     ] {
@@ -50,6 +59,74 @@ pub fn write(application: &dyn Application, report: &Report, folder: &Path) -> R
     }
     for (name, title, page) in pages(&report.first.pictures) {
         draw(&folder.join(format!("{name}.png")), &title, &page)?;
+    }
+    curve(application, report, &settings.links, folder)
+}
+
+/// What a sweep, or few captures, say in words.
+#[must_use]
+pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -> Vec<String> {
+    let of = |metric| match links {
+        Links::Sweep(_, part, _) => curves::verdicts(metric, *part, &curves::of_sweep(metric, report)),
+        Links::Few(..) => curves::least(metric, report),
+        Links::None | Links::Chain(_) => vec![],
+    };
+    application.metrics().into_iter().flat_map(of).collect()
+}
+
+/// The table and the charts of a sweep, or of few captures.
+fn curve(
+    application: &dyn Application,
+    report: &Report,
+    links: &Links,
+    folder: &Path,
+) -> Result<(), ReportError> {
+    let Some(metric) = application.metrics().first().copied() else {
+        return Ok(());
+    };
+    let axis = |label: &str, log| ChartAxis {
+        label: label.into(),
+        log,
+        range: None,
+    };
+    let (name, label, log, points) = match links {
+        Links::None | Links::Chain(_) => return Ok(()),
+        Links::Sweep(_, part, _) => {
+            let log = matches!(part, Part::Photons | Part::Extinction);
+            let points = curves::of_sweep(metric, report);
+            (format!("sweep_{}", part.name()), part.label(), log, points)
+        }
+        Links::Few(..) => {
+            let points = curves::of_captures(metric, report);
+            ("captures".to_owned(), "captures", false, points)
+        }
+    };
+    let path = folder.join(format!("{name}.csv"));
+    std::fs::write(&path, curves::csv(metric, label, &points))
+        .map_err(|cause| ReportError::Write { path, cause })?;
+    let mut charts: Vec<(String, String, Vec<(String, Point)>)> = vec![];
+    if let Links::Few(..) = links {
+        let named = |p: &Point| {
+            let name = if p.series == WHOLE {
+                format!("{}, {WHOLE}", p.method)
+            } else {
+                p.series.clone()
+            };
+            (name, p.clone())
+        };
+        let title = format!("{}: few captures", application.name());
+        charts.push((name, title, points.iter().map(named).collect()));
+    } else {
+        for of in points.chunk_by(|a, b| a.series == b.series) {
+            let series = &of[0].series;
+            let title = format!("{}: {label}, {series}", application.name());
+            let own = of.iter().map(|p| (p.method.to_owned(), p.clone())).collect();
+            charts.push((format!("{name}_{series}"), title, own));
+        }
+    }
+    for (name, title, points) in charts {
+        let drawing = chart::draw(&curves::chart(&title, metric, axis(label, log), &points))?;
+        figure::save(&drawing, &folder.join(format!("{name}.png")))?;
     }
     Ok(())
 }
@@ -68,11 +145,17 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-fn table_csv(rows: &[Row]) -> String {
+/// Rows of the slices as they were rendered, then of every link.
+fn tables(report: &Report) -> impl Iterator<Item = (&str, &[Row])> {
+    let through = report.through.iter().map(|t| (t.label.as_str(), &t.rows[..]));
+    [("", &report.rows[..])].into_iter().chain(through)
+}
+
+fn table_csv(report: &Report) -> String {
     let mut out = String::from(
-        "metric,unit,method,source,mean,standard_error,variants,seeds,ours_less_this,standard_error_of_difference\n",
+        "metric,unit,method,source,mean,standard_error,variants,seeds,ours_less_this,standard_error_of_difference,captured\n",
     );
-    for row in rows {
+    for (label, row) in tables(report).flat_map(|(label, rows)| rows.iter().map(move |row| (label, row))) {
         let difference = row.ours_less_this;
         let of = |f: fn(&Estimate) -> f64| difference.as_ref().map_or(String::new(), |d| cell(f(d)));
         let cells = [
@@ -86,6 +169,7 @@ fn table_csv(rows: &[Row]) -> String {
             row.value.counts[1].to_string(),
             of(|d| d.mean),
             of(|d| d.error),
+            quoted(label),
         ];
         out += &(cells.join(",") + "\n");
     }
@@ -93,24 +177,40 @@ fn table_csv(rows: &[Row]) -> String {
 }
 
 fn scores_csv(report: &Report) -> String {
-    let mut out = String::from("metric,method,variant,seed,value\n");
-    for (seed, s) in &report.scores {
-        let [metric, method] = [quoted(s.metric), quoted(s.method)];
-        out += &format!("{metric},{method},{},{seed},{}\n", s.variant, cell(s.value));
+    let mut out = String::from("metric,method,variant,seed,value,captured\n");
+    let own = report.scores.iter().map(|s| ("", s));
+    let through = report.through.iter();
+    let others = through.flat_map(|t| t.scores.iter().map(|s| (t.label.as_str(), s)));
+    for (label, (seed, s)) in own.chain(others) {
+        let [metric, method, label] = [quoted(s.metric), quoted(s.method), quoted(label)];
+        out += &format!(
+            "{metric},{method},{},{seed},{},{label}\n",
+            s.variant,
+            cell(s.value)
+        );
     }
     out
 }
 
 fn document(application: &dyn Application, report: &Report) -> Value {
     let estimate = |e: &Estimate| json!({"mean": e.mean, "standard_error": e.error, "variants": e.counts[0], "seeds": e.counts[1]});
-    let rows: Vec<Value> = report
-        .rows
+    let rows = |rows: &[Row]| -> Vec<Value> {
+        rows.iter()
+            .map(|r| {
+                json!({
+                    "metric": r.metric.name, "unit": r.metric.unit, "more_is_better": r.metric.more_is_better,
+                    "method": r.method.name, "source": r.method.source,
+                    "value": estimate(&r.value), "ours_less_this": r.ours_less_this.as_ref().map(estimate),
+                })
+            })
+            .collect()
+    };
+    let through: Vec<Value> = report
+        .through
         .iter()
-        .map(|r| {
+        .map(|t| {
             json!({
-                "metric": r.metric.name, "unit": r.metric.unit, "more_is_better": r.metric.more_is_better,
-                "method": r.method.name, "source": r.method.source,
-                "value": estimate(&r.value), "ours_less_this": r.ours_less_this.as_ref().map(estimate),
+                "captured": t.label, "pixels": t.count.pixels, "clipped": t.count.clipped, "rows": rows(&t.rows),
             })
         })
         .collect();
@@ -120,7 +220,7 @@ fn document(application: &dyn Application, report: &Report) -> Value {
         "by": format!("sunstone {}", env!("CARGO_PKG_VERSION")),
         "scene": plan.scene, "train": plan.train, "test": plan.test,
         "pixels": report.size.pixels, "spp": report.size.spp, "seeds": report.seeds,
-        "rows": rows, "notes": report.first.notes,
+        "rows": rows(&report.rows), "through": through, "notes": report.first.notes,
     })
 }
 

@@ -3,6 +3,7 @@
 //! Whoever runs one renders the variants that its [`Plan`] names, as many times as there are seeds, and gives it what came
 //! out. It sees tensors and maps; no scene, no renderer, no file.
 
+use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::Observation;
@@ -29,6 +30,15 @@ pub trait Application: Send + Sync {
     /// # Errors
     /// [`ApplyError`].
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError>;
+
+    /// What the first method makes of Mueller matrices, where that is a few linear functionals of them, learnt from `train`: captures can
+    /// then be chosen for it.
+    ///
+    /// # Errors
+    /// [`ApplyError`].
+    fn task(&self, _train: &[Observation]) -> Result<Option<Task>, ApplyError> {
+        Ok(None)
+    }
 }
 
 /// What an application needs to be rendered.

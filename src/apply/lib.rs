@@ -8,6 +8,7 @@
 
 pub mod application;
 pub mod catalog;
+pub mod chain;
 pub mod comparison;
 pub mod ellipsometry;
 pub mod error;

@@ -3,11 +3,15 @@
 use super::failure::Failure;
 use super::progress::Progress;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use sunstone::applications::links::{Links, Part, WHOLE};
 use sunstone::applications::report::ReportError;
 use sunstone::applications::{self, ApplicationError, Report, Settings, report};
-use sunstone::apply::application::Application;
+use sunstone::apply::application::{Application, Metric};
 use sunstone::apply::catalog;
+use sunstone::apply::chain::file;
+use sunstone::apply::comparison::Row;
 use sunstone::apply::metrics::paired::Estimate;
 use sunstone::render::{RenderError, SinkError};
 use sunstone::studio::StudioError;
@@ -35,6 +39,27 @@ pub struct Arguments {
     /// Folder of scenes [default: `scenes`, here or in a folder above].
     #[arg(long)]
     scenes: Option<PathBuf>,
+    /// Also judge methods on slices as a rig captures them: noise, imperfect optics, calibration, reconstruction
+    /// (examples: rigs/chains).
+    #[arg(long, value_name = "CHAIN.toml")]
+    capture: Option<PathBuf>,
+    /// Try values of one thing of the chain: photons, extinction, retardance, axis or calibration; as photons=30,300,3000.
+    #[arg(long, value_name = "PART", requires = "capture", conflicts_with = "captures", value_parser = Part::parse)]
+    sweep: Option<(Part, Vec<f64>)>,
+    /// Try few captures, chosen for what the application makes of them: 1-16.
+    #[arg(long, value_name = "FROM-TO", requires = "capture", value_parser = range)]
+    captures: Option<RangeInclusive<usize>>,
+}
+
+/// Most captures that are chosen.
+const MOST: usize = 64;
+
+fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
+    let (a, b) = text.split_once('-').unwrap_or((text, text));
+    let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
+    pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST)
+        .map(|(a, b)| a..=b)
+        .ok_or_else(|| format!("give a range of numbers of captures within 1-{MOST}, as 1-16"))
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -74,7 +99,29 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .output
         .clone()
         .unwrap_or_else(|| out.join(format!("{}{suffix}", a.name)));
+    let links = match &a.capture {
+        None => Links::None,
+        Some(path) => {
+            let chain = file::load(path)?;
+            match (&a.sweep, &a.captures) {
+                (Some((part, values)), _) => {
+                    if values.iter().any(|v| part.with(&chain, *v).is_none()) {
+                        return Err(Failure::input(format!(
+                            "{}: its optics are those of a file, so `{}` of them cannot be swept; give optics = {{ axis_error_deg, \
+                             retardance_error_deg, extinction }}",
+                            path.display(),
+                            part.name()
+                        )));
+                    }
+                    Links::Sweep(chain, *part, values.clone())
+                }
+                (None, Some(range)) => Links::Few(chain, range.clone()),
+                (None, None) => Links::Chain(chain),
+            }
+        }
+    };
     let settings = Settings {
+        links,
         scenes,
         renders: a.renders.clone().unwrap_or_else(|| out.join("renders")),
         preview: a.preview,
@@ -88,11 +135,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     })?;
     let progress = Progress::start();
     let done = applications::run(&*application, &settings, &progress).map_err(failure)?;
-    report::write(&*application, &done, &folder).map_err(|e| match e {
+    report::write(&*application, &done, &settings, &folder).map_err(|e| match e {
         ReportError::Write { .. } => Failure::failed(e),
         ReportError::Figure(_) => Failure::failed(e),
     })?;
-    super::output::print(&table(&*application, &done, &folder))
+    let mut text = table(&*application, &done, &settings.links);
+    for verdict in report::verdicts(&*application, &done, &settings.links) {
+        let _ = writeln!(text, "{verdict}");
+    }
+    let _ = write!(
+        text,
+        "{}: tables and pictures ({} renders made now)",
+        folder.display(),
+        done.rendered
+    );
+    super::output::print(&text)
 }
 
 /// Why an application was not run, as a failure of the command.
@@ -121,7 +178,7 @@ impl From<StudioError> for Failure {
 }
 
 /// The table, for people.
-fn table(application: &dyn Application, r: &Report, folder: &Path) -> String {
+fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
     let plan = application.plan();
     let mut out = format!(
         "{}: {}\n{} variants learnt from, {} judged on, {} seeds; {} pixels across, {} samples a pixel\n",
@@ -133,8 +190,39 @@ fn table(application: &dyn Application, r: &Report, folder: &Path) -> String {
         r.size.pixels,
         r.size.spp
     );
+    rows(&mut out, &r.rows, None);
+    let first = application.metrics().first().copied();
+    for through in &r.through {
+        let share = 100.0 * through.count.clipped as f64 / through.count.pixels.max(1) as f64;
+        let clipped = if through.count.clipped > 0 {
+            format!("; {share:.3} % of pixels clipped")
+        } else {
+            String::new()
+        };
+        let _ = write!(out, "\ncaptured: {}{clipped}", through.label);
+        // Of many links the metric that counts.
+        let alone = first.filter(|_| !matches!(links, Links::Chain(_)));
+        match (links, &through.task) {
+            (Links::Few(..), Some(task)) if through.place.series != WHOLE => {
+                let own = through.rows.iter();
+                for row in own.filter(|r| Some(r.metric) == first && r.method.name == task.method) {
+                    let _ = write!(out, "\n  {:40} {:>18}\n", row.method.name, shown(&row.value));
+                }
+            }
+            _ => rows(&mut out, &through.rows, alone),
+        }
+    }
+    let _ = writeln!(out);
+    for note in &r.first.notes {
+        let _ = writeln!(out, "note: {note}");
+    }
+    out
+}
+
+/// Rows of one table, of all metrics or of one.
+fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
     let mut metric = "";
-    for row in &r.rows {
+    for row in rows.iter().filter(|r| only.is_none_or(|m| m == r.metric)) {
         if row.metric.name != metric {
             metric = row.metric.name;
             let unit = if row.metric.unit.is_empty() {
@@ -159,17 +247,6 @@ fn table(application: &dyn Application, r: &Report, folder: &Path) -> String {
             shown(&row.value)
         );
     }
-    let _ = writeln!(out);
-    for note in &r.first.notes {
-        let _ = writeln!(out, "note: {note}");
-    }
-    let _ = write!(
-        out,
-        "{}: tables and pictures ({} renders made now)",
-        folder.display(),
-        r.rendered
-    );
-    out
 }
 
 /// A mean with its standard error.

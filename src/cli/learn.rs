@@ -306,6 +306,7 @@ fn one(
         second_moment: SecondMoment::new(materials.map_or_else(Moment::identity, |m| m.all)),
         estimator: estimator.estimator(),
         rays: rays(a),
+        metric: None,
     };
     let folds = materials.map_or(&[][..], |m| &m.folds);
     learn_and_validate(template, &objective, &search, folds)

@@ -116,6 +116,7 @@ impl<'a> Applications<'a> {
                 renders: self.settings.renders.clone(),
                 preview: self.settings.preview,
                 seeds: run.seeds,
+                links: applications::links::Links::default(),
             };
             run.report = Some(applications::run(&*run.application, &settings, self.watch)?);
         }

@@ -7,6 +7,7 @@ mod arrays;
 mod bytes;
 mod calibrate;
 mod capture;
+mod chain;
 mod commands;
 mod decompose;
 mod denoise;

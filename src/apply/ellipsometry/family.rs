@@ -57,6 +57,7 @@ impl Family {
                     Estimator::LeastSquares
                 },
                 rays: vec![Ray::axial(550.0)],
+                metric: None,
             };
             learn(&template, &objective, &SEARCH).scheme
         } else {

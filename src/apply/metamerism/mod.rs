@@ -10,6 +10,7 @@ mod scores;
 mod seen;
 
 use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::roc::{self, Group};
@@ -148,6 +149,15 @@ impl Application for Metamerism {
             outcome.notes.push(intervals(method.name, test[0].seed, &groups));
         }
         Ok(outcome)
+    }
+
+    fn task(&self, _train: &[Observation]) -> Result<Option<Task>, ApplyError> {
+        Ok(Some(Task {
+            slice: "epipolar",
+            method: METHODS[0].method.name,
+            baselines: METHODS[2..5].iter().map(|m| m.method.name).collect(),
+            functionals: vec![std::array::from_fn(|e| if e == 10 { -1.0 } else { 0.0 })],
+        }))
     }
 }
 

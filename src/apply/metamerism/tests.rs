@@ -176,3 +176,17 @@ fn without_fruit_it_says_so() {
         Err(ApplyError::Empty(_))
     ));
 }
+
+/// Few captures are chosen for what the methods of the table look at.
+#[test]
+fn the_task_is_that_of_the_first_method() {
+    let task = Metamerism
+        .task(&[])
+        .expect("nothing to learn")
+        .expect("it is linear");
+    let names: Vec<&str> = Metamerism.methods().iter().map(|m| m.name).collect();
+    assert_eq!(task.method, names[0]);
+    assert_eq!(task.baselines, ["RGB", "epipolar RGB", "degree of polarization"]);
+    assert!(Metamerism.plan().slices.contains(&task.slice));
+    assert_eq!(task.functionals[0].iter().sum::<f64>(), -1.0);
+}

@@ -17,6 +17,7 @@ mod time_gating;
 mod weights;
 
 use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
@@ -172,6 +173,30 @@ impl Application for Scattering {
                 .into(),
         );
         Ok(outcome)
+    }
+
+    fn task(&self, train: &[Observation]) -> Result<Option<Task>, ApplyError> {
+        let train = train.iter().map(Seen::new).collect::<Result<Vec<_>, _>>()?;
+        let wavelengths = seen::wavelengths(&train, &train)?;
+        let ours = weights::Weights(weights::Solver::Lbfgs);
+        let functional = |lane| -> Result<[f64; 16], ApplyError> {
+            let fit = ours.learn(&train, lane)?;
+            Ok(std::array::from_fn(|e| fit.weights[e]))
+        };
+        let baselines: [&dyn Descattering; 6] = [
+            &conventional::Conventional,
+            &confocal::EpipolarConfocal,
+            &cross_polarization::CrossPolarization::LINEAR,
+            &cross_polarization::CrossPolarization::CIRCULAR,
+            &striping::PolarizedStriping,
+            &time_gating::TimeGating,
+        ];
+        Ok(Some(Task {
+            slice: "epipolar",
+            method: ours.method().name,
+            baselines: baselines.iter().map(|b| b.method().name).collect(),
+            functionals: (0..wavelengths).map(functional).collect::<Result<_, _>>()?,
+        }))
     }
 }
 

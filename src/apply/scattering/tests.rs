@@ -268,3 +268,25 @@ fn what_is_missing_is_said() {
         Err(ApplyError::Missing { .. })
     ));
 }
+
+/// Few captures are chosen for what the methods of the table look at.
+#[test]
+fn the_task_is_that_of_the_first_method() {
+    let milk = Milk {
+        linear: 0.5,
+        circular: 0.3,
+        things: 0.2,
+        epipolar: 0.5,
+        bins: 2,
+    };
+    let all = observations(milk, 3);
+    let task = Scattering
+        .task(&all[..2])
+        .expect("it learns")
+        .expect("it is linear");
+    let names: Vec<&str> = Scattering.methods().iter().map(|m| m.name).collect();
+    assert_eq!(task.method, names[0]);
+    assert!(task.baselines.len() == 6 && task.baselines.iter().all(|b| names[1..].contains(b)));
+    assert!(Scattering.plan().slices.contains(&task.slice));
+    assert!(task.functionals.len() == 3 && task.functionals.iter().all(|w| w[0] != 0.0));
+}

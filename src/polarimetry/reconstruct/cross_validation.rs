@@ -175,6 +175,7 @@ mod tests {
                 second_moment: SecondMoment::new(moment(9)),
                 estimator,
                 rays: vec![Ray::axial(550.0)],
+                metric: None,
             };
             learn_and_validate(&template, &objective, &search, folds)
         };

@@ -195,6 +195,7 @@ mod tests {
     use super::*;
     use crate::capture::design_matrix::a_optimal_bound;
     use crate::capture::element::Ray;
+    use crate::reconstruct::loss::metric;
     use crate::reconstruct::second_moment::SecondMoment;
 
     fn objective(estimator: Estimator, angle_error: f64) -> Objective {
@@ -208,11 +209,18 @@ mod tests {
             second_moment: SecondMoment::new(s),
             estimator,
             rays: vec![Ray::axial(450.0), Ray::axial(550.0)],
+            metric: None,
         }
     }
 
+    /// What counts: two functionals of the elements.
+    fn functionals() -> Moment {
+        let of = |f: f64| std::array::from_fn(|e| (f * e as f64).cos());
+        metric(&[of(1.3), of(0.4)])
+    }
+
     /// Analytic gradients against central differences: both sensors, both estimates, few and many captures, with and without
-    /// errors of the stages, plates that differ with wavelength, and liquid crystals.
+    /// errors of the stages, of all elements and of a few functionals, plates that differ with wavelength, and liquid crystals.
     #[test]
     fn gradients_are_exact() {
         let mut checked = 0;
@@ -225,8 +233,16 @@ mod tests {
             (18, false, true),
         ] {
             for estimator in [Estimator::LeastSquares, Estimator::Prior] {
-                for angle_error in [0.0, 0.01] {
-                    let objective = objective(estimator, angle_error);
+                for (angle_error, metric) in [
+                    (0.0, None),
+                    (0.01, None),
+                    (0.0, Some(functionals())),
+                    (0.01, Some(functionals())),
+                ] {
+                    let objective = Objective {
+                        metric,
+                        ..objective(estimator, angle_error)
+                    };
                     let scheme = if crystals {
                         Scheme::liquid_crystal(captures, array)
                     } else {
@@ -256,7 +272,72 @@ mod tests {
                 }
             }
         }
-        assert!(checked > 150);
+        assert!(checked > 300);
+    }
+
+    /// With M = 1 it is the error of all elements, and with M = Σ w wᵀ the sum of those of the functionals, each by itself.
+    #[test]
+    fn errors_are_those_of_what_counts() {
+        for (captures, estimator) in [
+            (20, Estimator::LeastSquares),
+            (9, Estimator::LeastSquares),
+            (5, Estimator::Prior),
+        ] {
+            let scheme = Scheme::qrpr(captures, false).expect("a scheme");
+            let of = |metric| {
+                let objective = Objective {
+                    metric,
+                    ..objective(estimator, 0.01)
+                };
+                objective.gradient(&scheme)
+            };
+            let (all, identity) = (of(None), of(Some(Moment::identity())));
+            assert!((all.0 - identity.0).abs() <= 1e-12 * all.0);
+            let size = all.1.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+            for (a, b) in all.1.iter().zip(&identity.1) {
+                assert!((a - b).abs() <= 1e-9 * size, "{a} is not {b}");
+            }
+            let unit = |i: usize| std::array::from_fn(|e| f64::from(u8::from(e == i)));
+            let apart: f64 = (0..16).map(|i| of(Some(metric(&[unit(i)]))).0).sum();
+            assert!((all.0 - apart).abs() < 1e-9 * all.0, "{apart} is not {}", all.0);
+        }
+    }
+
+    /// The brightness in unpolarized light takes one capture: with light of which nothing else is known but that it may be anything,
+    /// M00 and one captured number I = a·t + η are Gaussian together, and the best error is 1 - (a₀₀)²/(|a|² + σ²). Behind
+    /// polarizers every row has |a|² = 4 a₀₀²: three quarters remain whatever the angles, and K captures at rest no less; of the
+    /// prior that light is never polarized, K captures leave σ²/(K a₀₀² + σ²).
+    #[test]
+    fn few_captures_reach_the_bound_of_one_functional() {
+        let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));
+        let sigma = 5e-3;
+        let mut unpolarized = Moment::zeros();
+        unpolarized[(0, 0)] = 1.0;
+        let a2 = 1.0 / 16.0;
+        for (captures, prior, bound) in [
+            (1, Moment::identity(), 1.0 - a2 / (4.0 * a2 + sigma * sigma)),
+            (1, unpolarized, sigma * sigma / (a2 + sigma * sigma)),
+            (4, unpolarized, sigma * sigma / (4.0 * a2 + sigma * sigma)),
+        ] {
+            let objective = Objective {
+                sigma,
+                second_moment: SecondMoment::new(prior),
+                metric: Some(metric(&[brightness])),
+                ..objective(Estimator::Prior, 0.0)
+            };
+            let search = Search {
+                starts: 4,
+                iterations: 100,
+                adam_steps: 0,
+                seed: 1,
+            };
+            let template = Scheme::quad(captures, false).expect("a scheme");
+            let found = learn(&template, &objective, &search).loss;
+            assert!(
+                (found / bound - 1.0).abs() < 1e-6,
+                "{captures}: {found} is not {bound}"
+            );
+        }
     }
 
     /// The closed form is the mean of the paper's Monte Carlo loss (eq. 8), over noise, data and errors of the stages.

@@ -13,6 +13,10 @@
 //!
 //! Stages that miss their angles by independent errors of variance σ_θ² add noise in proportion to the light: for capture
 //! k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are normalized, T00 = 1.
+//!
+//! What is made of matrices often is a few linear functionals of them, w·t. Their expected squared errors together are
+//! E|wᵀ(t̂ - t)|² summed, tr M E[(t̂ - t)(t̂ - t)ᵀ] with the metric M = Σ w wᵀ, which stands in every trace above; M = 1 is the
+//! error of all elements alike. The prior's estimate is the best for every functional at once, so M chooses angles alone.
 
 use super::second_moment::{Moment, SecondMoment};
 use crate::capture::design_matrix::minimum_norm;
@@ -46,6 +50,16 @@ pub struct Objective {
     pub estimator: Estimator,
     /// Wavelengths (and directions) whose errors are averaged.
     pub rays: Vec<Ray>,
+    /// What errors of the elements count: Σ w wᵀ over the functionals w·t that matter ([`metric`]); `None`: all alike.
+    pub metric: Option<Moment>,
+}
+
+/// The metric M = Σ w wᵀ of functionals of a matrix's elements.
+#[must_use]
+pub fn metric(functionals: &[[f64; 16]]) -> Moment {
+    let all = functionals.iter().map(|w| Elements::from_row_slice(w));
+    all.map(|w| w * w.transpose())
+        .fold(Moment::zeros(), |sum, m| sum + m)
 }
 
 /// A capture's rows of A with the states that they are products of.
@@ -116,7 +130,7 @@ struct Parts {
 }
 
 impl Objective {
-    /// Expected sum of the 16 squared errors, T00 = 1; infinite if that overflows.
+    /// Expected sum of the 16 squared errors, or of those of the metric, T00 = 1; infinite if that overflows.
     #[must_use]
     pub fn loss(&self, scheme: &Scheme) -> f64 {
         self.with_gradient(scheme, false).0
@@ -193,7 +207,10 @@ impl Objective {
     fn parts(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
         match self.estimator {
             Estimator::Prior => self.prior(a, noise),
-            Estimator::LeastSquares => Some(full_rank(a, noise).unwrap_or_else(|| self.least_norm(a, noise))),
+            Estimator::LeastSquares => Some(
+                self.full_rank(a, noise)
+                    .unwrap_or_else(|| self.least_norm(a, noise)),
+            ),
         }
     }
 
@@ -206,11 +223,20 @@ impl Objective {
         let p = root * Cholesky::new(inner)?.inverse() * root.transpose();
         let p_dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)]);
         let w = &p_dynamic * weighted.transpose();
+        let counted = self.counted(&w);
         Some(Parts {
-            loss: p.trace(),
-            by_a: w.transpose() * &p_dynamic * -2.0,
-            by_noise: outer_blocks(&w, noise),
+            loss: self.metric.map_or(p.trace(), |m| (m * p).trace()),
+            by_a: counted.transpose() * &p_dynamic * -2.0,
+            by_noise: outer_blocks(&w, &counted, noise),
         })
+    }
+
+    /// M times a matrix of 16 rows.
+    fn counted(&self, w: &DMatrix<f64>) -> DMatrix<f64> {
+        match &self.metric {
+            Some(m) => DMatrix::from_fn(16, 16, |i, j| m[(i, j)]) * w,
+            None => w.clone(),
+        }
     }
 
     /// W = A⁺ of any rank, which settings near by share. The derivative of A⁺ is Golub & Pereyra's (1973, eq. 4.12):
@@ -220,16 +246,48 @@ impl Objective {
         let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment.matrix()[(i, j)]);
         let unseen = DMatrix::identity(16, 16) - &w * a;
         let left = DMatrix::identity(a.nrows(), a.nrows()) - a * &w;
-        let noisy = blocks(noise, &w.transpose());
-        // d/dW of tr W Σ Wᵀ + tr (1 - WA) S (1 - WA)ᵀ; (1 - WA) W = 0, so that A itself adds nothing.
-        let v = noisy.transpose() * 2.0 - &unseen * &s * a.transpose() * 2.0;
+        let counted = self.counted(&w);
+        let bias = self.counted(&(&unseen * &s));
+        let noisy = blocks(noise, &counted.transpose());
+        // d/dW of tr M W Σ Wᵀ + tr M (1 - WA) S (1 - WA)ᵀ.
+        let v = noisy.transpose() * 2.0 - &bias * a.transpose() * 2.0;
         let (wt, vt) = (w.transpose(), v.transpose());
-        let by_a = left * &vt * &w * &wt + &wt * &w * &vt * &unseen - &wt * &v * &wt;
-        Parts {
-            loss: (&unseen * &s * unseen.transpose()).trace() + (&w * noisy).trace(),
-            by_a,
-            by_noise: outer_blocks(&w, noise),
+        let mut by_a = left * &vt * &w * &wt + &wt * &w * &vt * &unseen - &wt * &v * &wt;
+        if self.metric.is_some() {
+            // What A itself adds; of M = 1 nothing, as Wᵀ(1 - WA) = 0.
+            by_a -= &wt * &bias * 2.0;
         }
+        Parts {
+            loss: (&bias * unseen.transpose()).trace() + (&w * noisy).trace(),
+            by_a,
+            by_noise: outer_blocks(&w, &counted, noise),
+        }
+    }
+
+    /// W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
+    fn full_rank(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
+        if a.nrows() < 16 {
+            return None;
+        }
+        let normal = fixed(&(a.transpose() * a));
+        let inverse = Cholesky::new(normal)?.inverse();
+        let inverse = DMatrix::from_fn(16, 16, |i, j| inverse[(i, j)]);
+        let w = &inverse * a.transpose();
+        // Pivots do not show what an inverse is worth; that it inverts does.
+        let recovered = &w * a - DMatrix::identity(16, 16);
+        if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-6) {
+            return None;
+        }
+        let counted = self.counted(&w);
+        let noisy = blocks(noise, &counted.transpose());
+        let v = noisy.transpose() * 2.0;
+        // tr M W Σ Wᵀ through dW = N⁻¹ dAᵀ - N⁻¹ (dAᵀ A + Aᵀ dA) W.
+        let z = &w * v.transpose() * &inverse;
+        Some(Parts {
+            loss: (&w * noisy).trace(),
+            by_a: v.transpose() * &inverse - a * (&z + z.transpose()),
+            by_noise: outer_blocks(&w, &counted, noise),
+        })
     }
 
     /// From derivatives for A and Σ to those for the settings.
@@ -282,31 +340,6 @@ impl Objective {
     }
 }
 
-/// W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
-fn full_rank(a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
-    if a.nrows() < 16 {
-        return None;
-    }
-    let normal = fixed(&(a.transpose() * a));
-    let inverse = Cholesky::new(normal)?.inverse();
-    let inverse = DMatrix::from_fn(16, 16, |i, j| inverse[(i, j)]);
-    let w = &inverse * a.transpose();
-    // Pivots do not show what an inverse is worth; that it inverts does.
-    let recovered = &w * a - DMatrix::identity(16, 16);
-    if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-6) {
-        return None;
-    }
-    let noisy = blocks(noise, &w.transpose());
-    let v = noisy.transpose() * 2.0;
-    // tr W Σ Wᵀ through dW = N⁻¹ dAᵀ - N⁻¹ (dAᵀ A + Aᵀ dA) W.
-    let z = &w * v.transpose() * &inverse;
-    Some(Parts {
-        loss: (&w * noisy).trace(),
-        by_a: v.transpose() * &inverse - a * (&z + z.transpose()),
-        by_noise: outer_blocks(&w, noise),
-    })
-}
-
 /// A block-diagonal matrix times a matrix. Blocks have one row a channel, one or four: too small for products of matrices.
 fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(m.nrows(), m.ncols());
@@ -323,16 +356,16 @@ fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// The diagonal blocks of WᵀW.
-fn outer_blocks(w: &DMatrix<f64>, like: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+/// The diagonal blocks of WᵀMW, from W and MW.
+fn outer_blocks(w: &DMatrix<f64>, counted: &DMatrix<f64>, like: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
     let mut first = 0;
     like.iter()
         .map(|block| {
             let n = block.nrows();
-            let columns = w.columns(first, n);
+            let (columns, others) = (w.columns(first, n), counted.columns(first, n));
             first += n;
             let dot = |i: usize, j: usize| {
-                let pairs = columns.column(i).into_iter().zip(columns.column(j));
+                let pairs = columns.column(i).into_iter().zip(others.column(j));
                 pairs.map(|(a, b)| a * b).sum()
             };
             DMatrix::from_fn(n, n, dot)

@@ -13,6 +13,7 @@ pub mod loss;
 pub mod optimize;
 pub mod pca;
 pub mod pixels;
+pub mod predicted;
 pub mod product;
 pub mod second_moment;
 pub mod weighted;

@@ -1,14 +1,13 @@
 //! From a run's intensities to Mueller matrices with standard errors, and their store.
 
 use super::image::{ImageError, Intensities, Run};
-use polarimetry::capture::design_matrix::DesignMatrix;
 use polarimetry::capture::detector::polarizer_array::Method;
 use polarimetry::capture::directions::Directions;
-use polarimetry::capture::element::Ray;
+
 use polarimetry::capture::simulate::Layout;
 use polarimetry::reconstruct::along_rays::{Places, reconstruct};
 use polarimetry::reconstruct::pixels::{Options, Tally};
-use rayon::prelude::*;
+use polarimetry::reconstruct::predicted::predicted;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use store::probe::ProbeError;
@@ -86,7 +85,9 @@ impl Run {
             let plain = Options::default();
             let first = &mut image.mean;
             reconstruct(&self.scheme, places, &plain, &values, None, first, None).map_err(failed)?;
-            variances = self.predicted(&rays, layout, first, &|radiance| spad.variance(radiance, self.nm));
+            variances = predicted(&self.scheme, &rays, layout, first, &|radiance, nm| {
+                spad.variance(radiance, nm)
+            });
         }
         image.tally = reconstruct(
             &self.scheme,
@@ -99,56 +100,6 @@ impl Run {
         )
         .map_err(failed)?;
         Ok(image)
-    }
-
-    /// Variances that matrices predict: of the mean of each measurement over a pixel's neighbours in time, since a bin's own
-    /// estimate is as noisy as what it is to weigh.
-    fn predicted(
-        &self,
-        rays: &[Ray],
-        layout: Layout,
-        matrices: &[f32],
-        variance: &(dyn Fn(f64) -> f64 + Sync),
-    ) -> Vec<f32> {
-        const NEAR: usize = 4;
-        let pixels = layout.pixels();
-        let count = self.scheme.measurements();
-        let axial = (rays.len() == layout.lanes).then(|| DesignMatrix::new(&self.scheme, &rays[0]));
-        let place = |p: usize| -> Vec<f32> {
-            let own = (rays.len() != layout.lanes).then(|| DesignMatrix::new(&self.scheme, &rays[p]));
-            let Some(design) = axial.as_ref().or(own.as_ref()) else {
-                return vec![];
-            };
-            let mut out = Vec::with_capacity(count * layout.times);
-            for m in 0..count {
-                let clean: Vec<f64> = (0..layout.times)
-                    .map(|t| {
-                        let matrix = &matrices[(p * layout.times + t) * 16..][..16];
-                        (0..16)
-                            .map(|e| design.a[(m, e)] * f64::from(matrix[e]))
-                            .sum::<f64>()
-                    })
-                    .collect();
-                for t in 0..layout.times {
-                    let near = &clean[t.saturating_sub(NEAR)..(t + NEAR + 1).min(layout.times)];
-                    let known = near.iter().filter(|v| v.is_finite());
-                    let (n, sum) = known.fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + v));
-                    out.push(variance(if n > 0.0 { sum / n } else { 0.0 }) as f32);
-                }
-            }
-            out
-        };
-        let places: Vec<Vec<f32>> = (0..layout.height * layout.width)
-            .into_par_iter()
-            .map(place)
-            .collect();
-        let mut out = vec![0.0; count * pixels];
-        for (p, all) in places.iter().enumerate() {
-            for (m, times) in all.chunks_exact(layout.times.max(1)).enumerate() {
-                out[m * pixels + p * layout.times..][..layout.times].copy_from_slice(times);
-            }
-        }
-        out
     }
 }
 

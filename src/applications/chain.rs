@@ -1,0 +1,247 @@
+//! Observations through the capture chain: the rig of each seed, its calibration, and all slices of a variant.
+
+use apply::chain::error::ChainError;
+use apply::chain::exposure::mean_reading;
+use apply::chain::file::{Belief, Chain, Sample};
+use apply::chain::light::Light;
+use apply::chain::optics::with_elements;
+use apply::chain::readings::{Count, Readings};
+use apply::observation::Observation;
+use polarimetry::capture::detector::error::DetectorError;
+use polarimetry::capture::element::Ray;
+use polarimetry::capture::mueller_image::DEFAULT_NM;
+use polarimetry::capture::scheme::Scheme;
+use polarimetry::capture::simulate::{Layout, Noise, simulate};
+use polarimetry::reconstruct::second_moment::Moment;
+use rig::calibrate::polarimetric::parameters::Parameter;
+use rig::calibrate::polarimetric::samples::{self, CalibrationError};
+use rig::session::rig_file::sample_of;
+use tensor::axes::AxisKind;
+
+/// Pixels of a camera that calibration averages, on each side.
+const SIDE: usize = 16;
+
+/// Captures of a sample: all elements turn.
+const CAPTURES: usize = 36;
+
+/// Why a chain gave nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum ChainFailure {
+    /// A slice cannot be captured.
+    #[error("variant {variant}: {cause}")]
+    Slice {
+        /// The variant.
+        variant: u64,
+        /// Why not.
+        cause: ChainError,
+    },
+    /// The elements cannot be calibrated.
+    #[error("calibration: {0}; give `samples` air, mirror and polarizer")]
+    Calibration(#[from] CalibrationError),
+    /// A detector refuses to see the samples.
+    #[error("calibration: {0}")]
+    Detector(#[from] DetectorError),
+}
+
+/// A way of capturing that gives a table.
+#[derive(Clone, Debug)]
+pub struct Link {
+    /// What it is called.
+    pub label: String,
+    /// How slices are captured.
+    pub chain: Chain,
+    /// What is believed of the elements.
+    pub belief: Belief,
+    /// What is known of matrices, where the captures alone are too few.
+    pub prior: Option<Moment>,
+    /// The slice that goes through it, if not all of them do.
+    pub only: Option<String>,
+}
+
+/// A rig of one seed.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    real: Scheme,
+    believed: Scheme,
+}
+
+/// A seed that is another one for all other numbers and names (SplitMix64 over them).
+fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
+    let bytes = name.bytes().map(u64::from);
+    numbers.iter().copied().chain(bytes).fold(seed, |state, n| {
+        let mut z = (state ^ n).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    })
+}
+
+impl Link {
+    /// Elements in truth of a seed's rig, at the settings of a scheme.
+    fn real(&self, settings: &Scheme, seed: u64) -> Scheme {
+        let rig = mixed(self.chain.seed, &[seed], "rig");
+        self.chain.laboratory.optics.of(settings, rig)
+    }
+
+    /// The rig of a seed, calibrated at the wavelengths `nm` if it is to be.
+    ///
+    /// # Errors
+    /// [`ChainFailure`].
+    pub fn rig(&self, seed: u64, nm: &[f64]) -> Result<Rig, ChainFailure> {
+        let nominal = &self.chain.nominal;
+        let real = self.real(nominal, seed);
+        let believed = match self.belief {
+            Belief::Nominal => nominal.clone(),
+            Belief::Exact => real.clone(),
+            Belief::Calibrated => {
+                let array = nominal.sensor.channels() == 4;
+                let quad = Scheme::quad(CAPTURES, array).map(|quad| with_elements(&quad, nominal));
+                let quad = quad.ok().filter(|q| same_elements(q, nominal));
+                let plan = quad.as_ref().unwrap_or(nominal);
+                let optics = self.real(plan, seed);
+                let noise = self.sample_noise(&optics);
+                let key = mixed(self.chain.seed, &[seed], "calibration");
+                let found = calibrated(plan, &optics, &self.chain.samples, &noise, nm, key)?;
+                with_elements(nominal, &found)
+            }
+        };
+        Ok(Rig { real, believed })
+    }
+
+    /// The camera at the exposure that makes the mean reading of a sample with T00 = 1 what is asked for.
+    fn sample_noise(&self, real: &Scheme) -> Noise {
+        let Some(mut camera) = self.chain.laboratory.camera.clone() else {
+            return Noise::None;
+        };
+        let per = camera.quantum_efficiency.at(550.0) * camera.exposure_s * mean_reading(real);
+        camera.photons_per_unit = self.chain.laboratory.exposure.electrons / per.max(1e-300);
+        Noise::Cmos {
+            camera,
+            demosaic: None,
+        }
+    }
+
+    /// An observation with all of `slices`, or the link's only one, captured; truths stay as they are.
+    ///
+    /// # Errors
+    /// [`ChainFailure`].
+    pub fn observe(
+        &self,
+        rig: &Rig,
+        o: &Observation,
+        slices: &[&str],
+        count: &mut Count,
+    ) -> Result<Observation, ChainFailure> {
+        let failed = |cause| ChainFailure::Slice {
+            variant: o.variant,
+            cause,
+        };
+        let lights: Vec<Light> = slices
+            .iter()
+            .filter_map(|name| o.slices.get(*name))
+            .map(Light::of)
+            .collect::<Result<_, _>>()
+            .map_err(failed)?;
+        let lights: Vec<&Light> = lights.iter().collect();
+        let detectors = self
+            .chain
+            .laboratory
+            .exposed(&lights, &rig.real)
+            .map_err(failed)?;
+        let mut out = o.clone();
+        let passes = |name: &&&str| self.only.as_ref().is_none_or(|only| only == **name);
+        for name in slices.iter().filter(passes) {
+            let Some(slice) = o.slices.get(*name) else {
+                continue;
+            };
+            let seed = mixed(self.chain.seed, &[o.seed, o.variant], name);
+            let readings = Readings::of(slice, &rig.real, &detectors, seed).map_err(failed)?;
+            let (found, seen) = readings
+                .reconstructed(&rig.believed, self.prior.as_ref())
+                .map_err(failed)?;
+            count.pixels += seen.pixels;
+            count.clipped += seen.clipped;
+            out.slices.insert((*name).to_owned(), found);
+        }
+        Ok(out)
+    }
+}
+
+/// Wavelengths of the first slice that has them, nanometres.
+#[must_use]
+pub fn wavelengths(all: &[Observation]) -> Vec<f64> {
+    let slices = all.iter().flat_map(|o| o.slices.values());
+    let mut known = slices.filter_map(|s| {
+        let axis = s.mean.find(AxisKind::Wavelength)?;
+        Some(s.mean.axes[axis].coords.clone())
+    });
+    known.next().unwrap_or_else(|| vec![DEFAULT_NM])
+}
+
+/// Whether both have the same elements, by name.
+fn same_elements(a: &Scheme, b: &Scheme) -> bool {
+    let names = |s: &Scheme| -> Vec<String> {
+        let all = s.generator().iter().chain(s.analyzer());
+        all.map(|e| e.name.clone()).collect()
+    };
+    names(a) == names(b)
+}
+
+/// The least standard deviation of a sample's readings: without noise, rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// The elements as captures of known samples tell them, by what `sunstone rig calibrate` runs.
+///
+/// # Errors
+/// [`ChainFailure`].
+pub fn calibrated(
+    plan: &Scheme,
+    real: &Scheme,
+    things: &[Sample],
+    noise: &Noise,
+    nm: &[f64],
+    seed: u64,
+) -> Result<Scheme, ChainFailure> {
+    let places = SIDE * SIDE;
+    let mut all = vec![];
+    for thing in things {
+        let Some(mueller) = sample_of(thing.name()) else {
+            continue;
+        };
+        let mueller = mueller.map(f64::from);
+        for (k, nm) in nm.iter().enumerate() {
+            let ray = Ray::axial(*nm);
+            let layout = Layout {
+                height: SIDE,
+                width: SIDE,
+                times: 1,
+                lanes: 1,
+            };
+            let seed = mixed(seed, &[k as u64], thing.name());
+            let seen = simulate(&mueller.repeat(places), layout, real, &[ray], noise, seed)?;
+            let (mut intensities, mut sigmas) = (vec![], vec![]);
+            for (m, readings) in seen.intensities.chunks_exact(places).enumerate() {
+                let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+                for (p, v) in readings.iter().enumerate().filter(|(_, v)| v.is_finite()) {
+                    n += 1.0;
+                    sum += f64::from(*v);
+                    squares += seen
+                        .variances
+                        .as_ref()
+                        .map_or(0.0, |s| f64::from(s[m * places + p]));
+                }
+                intensities.push(sum / n);
+                sigmas.push(f64::max(squares.sqrt() / n, ROUNDING));
+            }
+            all.push(samples::Sample {
+                name: format!("{} at {nm} nm", thing.name()),
+                mueller,
+                scheme: plan.clone(),
+                ray,
+                intensities,
+                sigmas,
+            });
+        }
+    }
+    Ok(samples::calibrate(&all, &Parameter::all(plan))?.scheme)
+}

@@ -1,0 +1,407 @@
+//! The ways of capturing that an application is run through: a chain's beliefs, a sweep of one thing, few captures.
+
+use super::chain::{ChainFailure, Link, wavelengths};
+use apply::application::{Application, Score};
+use apply::chain::exposure::Laboratory;
+use apply::chain::few::{Choice, Expected, Task, chosen};
+use apply::chain::file::{Belief, Chain};
+use apply::chain::light::Light;
+use apply::chain::optics::{Optics, Tolerances};
+use apply::chain::readings::Count;
+use apply::comparison::{Row, compare};
+use apply::error::ApplyError;
+use apply::observation::Observation;
+use std::ops::RangeInclusive;
+
+/// Why an application was not run on captured slices.
+#[derive(Debug, thiserror::Error)]
+pub enum LinksError {
+    /// A slice cannot be captured.
+    #[error(transparent)]
+    Chain(#[from] ChainFailure),
+    /// The methods found what they were given wanting.
+    #[error(transparent)]
+    Apply(#[from] ApplyError),
+}
+
+/// One thing of a chain, of which many values are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Electrons of a reading (and counts of a counter's), where they are exposed for.
+    Photons,
+    /// Extinction ratio of all polarizers.
+    Extinction,
+    /// Standard deviation of retardances.
+    Retardance,
+    /// Standard deviation of axes.
+    Axis,
+    /// What is believed of the elements.
+    Calibration,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Photons,
+        Self::Extinction,
+        Self::Retardance,
+        Self::Axis,
+        Self::Calibration,
+    ];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Photons => "photons",
+            Self::Extinction => "extinction",
+            Self::Retardance => "retardance",
+            Self::Axis => "axis",
+            Self::Calibration => "calibration",
+        }
+    }
+
+    /// Its name on an axis, with its unit.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Photons => "electrons of a reading",
+            Self::Extinction => "extinction ratio of the polarizers",
+            Self::Retardance => "standard deviation of retardances [°]",
+            Self::Axis => "standard deviation of axes [°]",
+            Self::Calibration => "calibration",
+        }
+    }
+
+    /// Values that are tried.
+    #[must_use]
+    pub fn values(self) -> &'static [f64] {
+        match self {
+            Self::Photons => &[30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0],
+            Self::Extinction => &[10.0, 100.0, 1000.0, 10_000.0, f64::INFINITY],
+            Self::Retardance => &[0.0, 1.0, 3.0, 10.0, 20.0],
+            Self::Axis => &[0.0, 0.3, 1.0, 3.0, 10.0],
+            Self::Calibration => &[0.0, 1.0, 2.0],
+        }
+    }
+
+    /// From text: a name, and after `=` values instead of the usual ones, divided by commas.
+    ///
+    /// # Errors
+    /// In words.
+    pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
+        let (name, values) = text.split_once('=').unwrap_or((text, ""));
+        let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
+            let known = Self::ALL.map(Self::name).join(", ");
+            format!("nothing of a chain is called `{name}`; give {known}")
+        })?;
+        if values.is_empty() || part == Self::Calibration {
+            return Ok((part, part.values().to_vec()));
+        }
+        let value = |v: &str| {
+            let found = v.trim().parse::<f64>().ok();
+            found
+                .filter(|x| part.takes(*x))
+                .ok_or_else(|| format!("`{v}` is no value of `{name}`; as in {name}={}", part.values()[1]))
+        };
+        let values: Result<Vec<f64>, String> = values.split(',').map(value).collect();
+        Ok((part, values?))
+    }
+
+    fn takes(self, x: f64) -> bool {
+        match self {
+            Self::Photons => x > 0.0 && x <= 1e9,
+            Self::Extinction => x >= 1.0,
+            Self::Retardance | Self::Axis => (0.0..=90.0).contains(&x),
+            Self::Calibration => false,
+        }
+    }
+
+    /// Values from the best part to the worst.
+    pub fn better_first(self, values: &mut [f64]) {
+        values.sort_by(f64::total_cmp);
+        if !matches!(self, Self::Retardance | Self::Axis) {
+            values.reverse();
+        }
+    }
+
+    /// Words for a value.
+    #[must_use]
+    pub fn shown(self, value: f64) -> String {
+        match self {
+            Self::Photons => format!("{value} e⁻"),
+            Self::Extinction if value.is_finite() => format!("{value}:1"),
+            Self::Extinction => "no leak".into(),
+            Self::Retardance | Self::Axis => format!("{value}°"),
+            Self::Calibration => BELIEFS[value as usize % 3].name().into(),
+        }
+    }
+
+    /// A chain with this value; `None` if its elements are those of a file, whose errors are no tolerances.
+    #[must_use]
+    pub fn with(self, chain: &Chain, value: f64) -> Option<Chain> {
+        let mut out = chain.clone();
+        let Laboratory { optics, exposure, .. } = &mut out.laboratory;
+        let tolerances: Option<&mut Tolerances> = match optics {
+            Optics::Drawn(t) => Some(t),
+            Optics::Known(_) => None,
+        };
+        match self {
+            Self::Photons => (exposure.electrons, exposure.counts) = (value, value),
+            Self::Extinction => tolerances?.extinction = 1.0 / value,
+            Self::Retardance => tolerances?.retardance_error_deg = value,
+            Self::Axis => tolerances?.axis_error_deg = value,
+            Self::Calibration => {}
+        }
+        Some(out)
+    }
+}
+
+const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
+
+/// What slices go through.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Links {
+    /// Nothing.
+    #[default]
+    None,
+    /// A chain with each of its beliefs.
+    Chain(Chain),
+    /// A chain with other values of one thing.
+    Sweep(Chain, Part, Vec<f64>),
+    /// Few captures.
+    Few(Chain, RangeInclusive<usize>),
+}
+
+/// Where a link stands in a sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Name of the series that it is in.
+    pub series: String,
+    /// Value along the axis.
+    pub value: f64,
+}
+
+/// What methods are worth through one link.
+#[derive(Clone, Debug)]
+pub struct Through {
+    /// The link's name.
+    pub label: String,
+    /// Where it stands.
+    pub place: Place,
+    /// As of [`super::Report`].
+    pub rows: Vec<Row>,
+    /// Scores, with their seeds.
+    pub scores: Vec<(u64, Score)>,
+    /// Pixels that were captured, and that were clipped.
+    pub count: Count,
+    /// What was learnt, of few captures.
+    pub task: Option<Task>,
+}
+
+/// A link with what came of it so far.
+pub(super) struct Running {
+    link: Link,
+    place: Place,
+    task: Option<Task>,
+    runs: Vec<Vec<Score>>,
+    scores: Vec<(u64, Score)>,
+    count: Count,
+}
+
+impl Running {
+    fn new(label: String, chain: Chain, belief: Belief, place: Place) -> Self {
+        Self {
+            link: Link {
+                label,
+                chain,
+                belief,
+                prior: None,
+                only: None,
+            },
+            place,
+            task: None,
+            runs: vec![],
+            scores: vec![],
+            count: Count::default(),
+        }
+    }
+
+    /// With its table.
+    pub(super) fn compared(self, application: &dyn Application) -> Through {
+        Through {
+            label: self.link.label,
+            place: self.place,
+            rows: compare(application, &self.runs),
+            scores: self.scores,
+            count: self.count,
+            task: self.task,
+        }
+    }
+}
+
+/// Captures one seed's observations in all ways, and runs the application on each. Ways are settled by the first seed.
+pub(super) fn capture(
+    application: &dyn Application,
+    links: &Links,
+    train: &[Observation],
+    test: &[Observation],
+    all: &mut Vec<Running>,
+) -> Result<(), LinksError> {
+    if all.is_empty() {
+        *all = links.settled(application, train)?;
+    }
+    let slices = application.plan().slices;
+    let seed = train.first().map_or(0, |o| o.seed);
+    let nm = wavelengths(train);
+    for running in all {
+        let rig = running.link.rig(seed, &nm)?;
+        let mut captured = |observations: &[Observation]| -> Result<Vec<Observation>, LinksError> {
+            let each = observations.iter();
+            each.map(|o| Ok(running.link.observe(&rig, o, &slices, &mut running.count)?))
+                .collect()
+        };
+        let (train, test) = (captured(train)?, captured(test)?);
+        let outcome = application.run(&train, &test)?;
+        let scores = outcome.scores.iter().map(|s| (seed, s.clone()));
+        running.scores.extend(scores);
+        running.runs.push(outcome.scores);
+    }
+    Ok(())
+}
+
+impl Links {
+    fn settled(
+        &self,
+        application: &dyn Application,
+        train: &[Observation],
+    ) -> Result<Vec<Running>, LinksError> {
+        match self {
+            Self::None => Ok(vec![]),
+            Self::Chain(chain) => Ok(chain
+                .beliefs
+                .iter()
+                .map(|b| {
+                    let place = Place {
+                        series: "belief".into(),
+                        value: f64::NAN,
+                    };
+                    Running::new(b.name().into(), chain.clone(), *b, place)
+                })
+                .collect()),
+            Self::Sweep(chain, part, values) => {
+                let task = application.task(train)?;
+                let mut all = sweep(chain, *part, values);
+                all.iter_mut().for_each(|r| r.task.clone_from(&task));
+                Ok(all)
+            }
+            Self::Few(chain, range) => few(chain, range.clone(), application, train),
+        }
+    }
+}
+
+/// Each value with each of the chain's beliefs, a series a belief.
+fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
+    let mut out = vec![];
+    if part == Part::Calibration {
+        for (i, belief) in BELIEFS.into_iter().enumerate() {
+            let place = Place {
+                series: part.label().into(),
+                value: i as f64,
+            };
+            out.push(Running::new(belief.name().into(), chain.clone(), belief, place));
+        }
+        return out;
+    }
+    for belief in &chain.beliefs {
+        for value in values {
+            let Some(with) = part.with(chain, *value) else {
+                continue;
+            };
+            let place = Place {
+                series: belief.name().into(),
+                value: *value,
+            };
+            let label = format!("{}, {}", belief.name(), part.shown(*value));
+            out.push(Running::new(label, with, *belief, place));
+        }
+    }
+    out
+}
+
+/// Name of the series of all captures, by which baselines are measured.
+pub const WHOLE: &str = "all captures";
+
+/// The chain as it is, then few captures chosen in each way.
+fn few(
+    chain: &Chain,
+    range: RangeInclusive<usize>,
+    application: &dyn Application,
+    train: &[Observation],
+) -> Result<Vec<Running>, LinksError> {
+    let task = application.task(train)?.ok_or_else(|| {
+        ApplyError::Empty(format!(
+            "what `{}` makes of Mueller matrices is not linear, so no captures can be chosen for it; metamerism and scattering are",
+            application.name()
+        ))
+    })?;
+    let expected = Expected::of(train, task.slice)?;
+    let calibrated = chain.beliefs.contains(&Belief::Calibrated);
+    let belief = calibrated.then_some(Belief::Calibrated);
+    let belief = belief.or(chain.beliefs.first().copied()).unwrap_or(Belief::Exact);
+    let place = |series: &str, value| Place {
+        series: series.into(),
+        value,
+    };
+    let own = chain.nominal.captures();
+    let mut whole = Running::new(
+        format!("{} ({belief})", chain.nominal.name, belief = belief.name()),
+        chain.clone(),
+        belief,
+        place(WHOLE, own as f64),
+    );
+    whole.task = Some(task.clone());
+    let mut out = vec![whole];
+    let plan = application.plan();
+    let noise = |scheme: &polarimetry::capture::scheme::Scheme| -> Result<f64, LinksError> {
+        let Some(o) = train.first() else {
+            return Ok(0.0);
+        };
+        let lights = plan.slices.iter().filter_map(|s| o.slices.get(*s)).map(Light::of);
+        let lights: Vec<Light> = lights
+            .collect::<Result<_, _>>()
+            .map_err(|cause| ChainFailure::Slice {
+                variant: o.variant,
+                cause,
+            })?;
+        let lights: Vec<&Light> = lights.iter().collect();
+        let detectors = chain.laboratory.exposed(&lights, scheme);
+        let detectors = detectors.map_err(|cause| ChainFailure::Slice {
+            variant: o.variant,
+            cause,
+        })?;
+        Ok(detectors.relative_noise(expected.brightness))
+    };
+    let sigma = noise(&chain.nominal)?;
+    for choice in Choice::EVERY {
+        for k in range.clone() {
+            let scheme = chosen(choice, k, &task, &expected, sigma, chain.seed);
+            let scheme = scheme.map_err(|e| ApplyError::Empty(e.to_string()))?;
+            let chain = Chain {
+                nominal: scheme,
+                ..chain.clone()
+            };
+            let mut running = Running::new(
+                format!("{k} captures, {}", choice.name()),
+                chain,
+                belief,
+                place(choice.name(), k as f64),
+            );
+            running.link.prior = Some(expected.moment);
+            running.link.only = Some(task.slice.into());
+            running.task = Some(task.clone());
+            out.push(running);
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,214 @@
+//! How long to expose: by a photograph, as of a camera with automatic exposure.
+//!
+//! The photograph is the brightest slice of whole matrices without time bins, T00, all wavelengths together. Where it is as
+//! bright as is asked for (its mean, or a percentile), a reading of all captures' mean fills so many electrons. All slices of
+//! the variant are then captured so; a photon counter runs until the same place has given so many counts in all bins.
+
+use super::error::ChainError;
+use super::light::Light;
+use super::optics::Optics;
+use polarimetry::capture::design_matrix::DesignMatrix;
+use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::error::DetectorError;
+use polarimetry::capture::detector::file::with_bins;
+use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::scheme::Scheme;
+use polarimetry::capture::simulate::Noise;
+use serde::Deserialize;
+
+/// Where a photograph is as bright as is exposed for.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Meter {
+    /// Its mean.
+    Mean,
+    /// A percentile, 0 to 100.
+    Percentile(f64),
+}
+
+/// What one reading is to hold there.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Exposure {
+    /// Where.
+    pub meter: Meter,
+    /// Electrons of a camera's reading.
+    pub electrons: f64,
+    /// Counts of a photon counter's reading, all bins together.
+    pub counts: f64,
+    /// Counts a laser pulse; far below 1, or counts pile up.
+    pub counts_per_pulse: f64,
+}
+
+impl Default for Exposure {
+    fn default() -> Self {
+        Self {
+            meter: Meter::Percentile(95.0),
+            electrons: 3000.0,
+            counts: 3000.0,
+            counts_per_pulse: 0.02,
+        }
+    }
+}
+
+/// A laboratory: elements in truth, detectors (without one nothing has noise) and exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Laboratory {
+    /// The elements.
+    pub optics: Optics,
+    /// The camera; its `photons_per_unit` is set by the exposure.
+    pub camera: Option<Cmos>,
+    /// The photon counter for slices with time bins; `photons_per_unit` and `pulses` are set by the exposure.
+    pub counter: Option<Spad>,
+    /// The exposure.
+    pub exposure: Exposure,
+}
+
+/// Detectors at an exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Detectors {
+    camera: Option<Cmos>,
+    counter: Option<Spad>,
+    /// T00 that is exposed for, and the mean reading over it.
+    level: [f64; 2],
+    exposure: Exposure,
+}
+
+impl Exposure {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// In words that name the first bad one.
+    pub fn check(&self) -> Result<(), ChainError> {
+        let demand = |field, value: f64, holds, need| {
+            let bad = DetectorError::Field { field, value, need };
+            if holds { Ok(()) } else { Err(bad) }
+        };
+        let number = |field, value: f64, need| demand(field, value, positive(value), need);
+        number("electrons", self.electrons, "a positive number")?;
+        number("counts", self.counts, "a positive number")?;
+        let rate = self.counts_per_pulse;
+        demand(
+            "counts_per_pulse",
+            rate,
+            positive(rate) && rate <= 0.5,
+            "above 0, at most 0.5",
+        )?;
+        if let Meter::Percentile(p) = self.meter {
+            demand("percentile", p, (0.0..=100.0).contains(&p), "0 to 100")?;
+        }
+        Ok(())
+    }
+
+    /// T00 that is exposed for.
+    fn level(&self, light: &Light) -> f64 {
+        let t00 = light.image.matrices.iter().step_by(16).copied();
+        let mut known: Vec<f64> = t00.filter(|v| v.is_finite()).collect();
+        match self.meter {
+            Meter::Mean => known.iter().sum::<f64>() / known.len() as f64,
+            Meter::Percentile(p) => {
+                known.sort_by(f64::total_cmp);
+                let last = known.len().saturating_sub(1);
+                let at = (p / 100.0 * last as f64).round() as usize;
+                known.get(at).copied().unwrap_or(f64::NAN)
+            }
+        }
+    }
+}
+
+/// A number of which products of several stay finite.
+fn positive(v: f64) -> bool {
+    v > 0.0 && v <= 1e20
+}
+
+/// Mean reading of a scheme's captures in unpolarized light over T00.
+#[must_use]
+pub fn mean_reading(scheme: &Scheme) -> f64 {
+    let design = DesignMatrix::new(scheme, &polarimetry::capture::element::Ray::axial(550.0));
+    design.a.column(0).mean()
+}
+
+impl Laboratory {
+    /// Its detectors at the exposure for a photograph, which is the brightest of `lights` that it can be; `scheme` is what
+    /// it is taken through.
+    ///
+    /// # Errors
+    /// [`ChainError::Dark`] if there is none; [`ChainError::Detector`] of an exposure that is none.
+    pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
+        self.exposure.check()?;
+        let photograph = lights
+            .iter()
+            .filter(|l| l.polarized && l.image.bin_ps.is_none())
+            .max_by(|a, b| a.image.mean().total_cmp(&b.image.mean()));
+        let level = photograph.map_or(f64::NAN, |l| self.exposure.level(l));
+        let noisy = self.camera.is_some() || self.counter.is_some();
+        if noisy && !positive(level) {
+            return Err(ChainError::Dark(
+                "expose for the mean, or for a higher percentile".into(),
+            ));
+        }
+        let level = [level, mean_reading(scheme)];
+        let camera = self.camera.clone().map(|mut c| {
+            let per = c.quantum_efficiency.at(550.0) * c.exposure_s;
+            c.photons_per_unit = self.exposure.electrons / (per * level[0] * level[1]).max(1e-300);
+            c
+        });
+        Ok(Detectors {
+            camera,
+            counter: self.counter.clone(),
+            level,
+            exposure: self.exposure,
+        })
+    }
+}
+
+impl Detectors {
+    /// What reads some light: the counter what has time bins, the camera the rest. Intensities are read as if behind the same
+    /// elements: so much less of their light comes through.
+    ///
+    /// # Errors
+    /// [`ChainError::Detector`] if the counter's settings do not fit the bins.
+    pub fn noise(&self, light: &Light) -> Result<Noise, ChainError> {
+        let [t00, reading] = self.level;
+        let through = if light.polarized { 1.0 } else { reading };
+        match (light.image.bin_ps, &self.camera, &self.counter) {
+            (Some(bin_ps), _, Some(counter)) => {
+                let mut diode = with_bins(counter, light.image.layout.times, bin_ps)?;
+                let per = diode.detection_efficiency.at(550.0).max(1e-300);
+                diode.photons_per_unit = self.exposure.counts_per_pulse / (per * t00 * reading) * through;
+                if counter.period_ps == Spad::default().period_ps {
+                    // Nothing comes later than the bins and the response to the last of them: a longer period is all zeros.
+                    let late = 3.0 * diode.irf_fwhm_ps + 10.0 * diode.irf_tail_ps * diode.irf_tail;
+                    let bins = light.image.layout.times as f64 + (late / bin_ps).ceil();
+                    diode.period_ps = bins * bin_ps;
+                }
+                diode.pulses = (self.exposure.counts / self.exposure.counts_per_pulse)
+                    .ceil()
+                    .max(1.0) as u64;
+                diode.check()?;
+                Ok(Noise::Spad(diode))
+            }
+            (None, Some(camera), _) => {
+                let mut camera = camera.clone();
+                camera.photons_per_unit *= through;
+                camera.check()?;
+                Ok(Noise::Cmos {
+                    camera,
+                    demosaic: None,
+                })
+            }
+            _ => Ok(Noise::None),
+        }
+    }
+
+    /// Standard deviation of a reading's noise over T00 where T00 is so bright; 0 without a camera.
+    #[must_use]
+    pub fn relative_noise(&self, t00: f64) -> f64 {
+        let Some(camera) = &self.camera else {
+            return 0.0;
+        };
+        let electrons = self.exposure.electrons * t00 / self.level[0];
+        let variance = if camera.shot_noise { electrons } else { 0.0 } + camera.read_noise_e.powi(2);
+        self.level[1] * variance.sqrt() / electrons
+    }
+}

@@ -1,0 +1,320 @@
+//! Chain files: a few lines that say through what rig slices go.
+//!
+//! ```toml
+//! scheme = { kind = "drr", captures = 36 }     # drr, qrpr, quad or learned; array = true for a polarizer array; or "scheme.toml"
+//! optics = { axis_error_deg = 0.5, retardance_error_deg = 2, extinction = 1e-3 }   # drawn for each seed; or "optics.toml"
+//! calibration = ["nominal", "calibrated", "exact"]   # what the reconstruction believes of them; one table each
+//! samples = ["air", "mirror", "polarizer"]     # what calibration captures
+//! exposure = { meter = { percentile = 95 }, electrons = 3000, counts = 3000 }
+//! seed = 1
+//! [cmos]                                       # without it the camera has no noise
+//! bracket = [1, 0.1]
+//! [spad]                                       # of slices with time bins
+//! ```
+
+use super::exposure::{Exposure, Laboratory};
+use super::optics::{Optics, Tolerances};
+use base::document;
+use base::locate::{InputError, Located};
+use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::scheme::Scheme;
+use polarimetry::capture::scheme_file;
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// What a reconstruction believes of the elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Belief {
+    /// That they are what their data sheets say.
+    Nominal,
+    /// What captures of known samples told of them.
+    Calibrated,
+    /// The truth.
+    Exact,
+}
+
+impl Belief {
+    /// Its name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nominal => "nominal",
+            Self::Calibrated => "calibrated",
+            Self::Exact => "exact",
+        }
+    }
+}
+
+/// Something known that calibration captures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sample {
+    /// Nothing: light goes straight on.
+    Air,
+    /// A metal mirror at normal incidence, gold or another: all are alike but for their brightness.
+    Mirror,
+    /// A polarizer at 0°.
+    Polarizer,
+}
+
+impl Sample {
+    /// Its name, as rigs have it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Air => "air",
+            Self::Mirror => "mirror",
+            Self::Polarizer => "polarizer",
+        }
+    }
+}
+
+/// A chain: what captures, and what reconstruction believes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    /// Elements as they are meant to be, and their settings.
+    pub nominal: Scheme,
+    /// Elements in truth, and detectors.
+    pub laboratory: Laboratory,
+    /// Beliefs, each of which gives a table.
+    pub beliefs: Vec<Belief>,
+    /// What is captured to calibrate.
+    pub samples: Vec<Sample>,
+    /// Seed of rigs and noise, beside that of the render.
+    pub seed: u64,
+}
+
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a scheme file, or { kind, captures, array }"
+)]
+enum SchemeFrom {
+    File(PathBuf),
+    Kind(Kind),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kind {
+    kind: String,
+    captures: usize,
+    #[serde(default)]
+    array: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a scheme file, or { axis_error_deg, retardance_error_deg, extinction }"
+)]
+enum OpticsFrom {
+    File(PathBuf),
+    Drawn(Tolerances),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ChainFile {
+    scheme: Located<SchemeFrom>,
+    optics: Option<Located<OpticsFrom>>,
+    #[serde(default = "all_beliefs")]
+    calibration: Located<Vec<Belief>>,
+    #[serde(default = "all_samples")]
+    samples: Located<Vec<Sample>>,
+    exposure: Option<Located<Exposure>>,
+    #[serde(default)]
+    seed: u64,
+    cmos: Option<Located<Cmos>>,
+    spad: Option<Located<Spad>>,
+}
+
+fn all_beliefs() -> Located<Vec<Belief>> {
+    Located::at(0..0, vec![Belief::Nominal, Belief::Calibrated, Belief::Exact])
+}
+
+fn all_samples() -> Located<Vec<Sample>> {
+    Located::at(0..0, vec![Sample::Air, Sample::Mirror, Sample::Polarizer])
+}
+
+const MEND: &str = "a chain has `scheme` and, as it has them, `optics`, `calibration`, `samples`, `exposure`, `seed`, [cmos] and [spad]";
+
+/// Most captures of a scheme.
+const MOST_CAPTURES: usize = 1000;
+
+/// Reads a chain.
+///
+/// # Errors
+/// [`InputError`] naming file, place and mend.
+pub fn load(path: &Path) -> Result<Chain, InputError> {
+    let text = document::read(path, "chain", "there are examples in rigs/chains")?;
+    from_toml(path, &text)
+}
+
+/// A chain from TOML text; files that it names are beside `path`.
+///
+/// # Errors
+/// As [`load`].
+pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
+    let file: ChainFile = document::parse(path, text, |_| MEND.to_owned())?;
+    let fault = |span: Range<usize>, message: String, mend: &str| InputError {
+        file: path.to_owned(),
+        text: text.into(),
+        span: Some(span),
+        message,
+        help: Some(mend.to_owned()),
+    };
+    let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
+    let nominal = match &*file.scheme {
+        SchemeFrom::File(p) => scheme_file::load(&beside(p))?,
+        SchemeFrom::Kind(k) => {
+            let known = "give `kind` drr, qrpr, quad or learned, or the name of a scheme file";
+            if !(1..=MOST_CAPTURES).contains(&k.captures) {
+                let message = format!("{} captures", k.captures);
+                return Err(fault(file.scheme.span(), message, "give 1 to 1000"));
+            }
+            let made = match k.kind.as_str() {
+                "drr" => Scheme::drr(k.captures, k.array),
+                "qrpr" => Scheme::qrpr(k.captures, k.array),
+                "quad" => Scheme::quad(k.captures, k.array),
+                "learned" => super::few::learned(k.captures, k.array),
+                other => {
+                    let message = format!("no scheme is called `{other}`");
+                    return Err(fault(file.scheme.span(), message, known));
+                }
+            };
+            made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
+        }
+    };
+    let optics = match file.optics.as_deref() {
+        None => Optics::Drawn(Tolerances::default()),
+        Some(OpticsFrom::File(p)) => Optics::Known(Box::new(scheme_file::load(&beside(p))?)),
+        Some(OpticsFrom::Drawn(t)) => {
+            let span = file.optics.as_ref().map_or(0..0, Located::span);
+            let degrees = |v: f64| (0.0..=90.0).contains(&v);
+            if !degrees(t.axis_error_deg) || !degrees(t.retardance_error_deg) {
+                return Err(fault(
+                    span,
+                    "an error of the optics is no angle".into(),
+                    "give 0 to 90 degrees",
+                ));
+            }
+            if !(0.0..=1.0).contains(&t.extinction) {
+                let message = format!("`extinction` is {}", t.extinction);
+                let mend = "give least over greatest transmittance, 0 to 1: 1e-3 of a polarizer of 1000:1";
+                return Err(fault(span, message, mend));
+            }
+            Optics::Drawn(*t)
+        }
+    };
+    let exposure = file.exposure.as_ref().map_or_else(Exposure::default, |e| **e);
+    if let Some(at) = &file.exposure {
+        exposure.check().map_err(|e| {
+            fault(
+                at.span(),
+                e.to_string(),
+                "mend it, or leave it out for the default",
+            )
+        })?;
+        if file.cmos.is_none() && file.spad.is_none() {
+            let mend = "add [cmos] for a camera's noise, or [spad] for a counter's; all their settings have defaults";
+            return Err(fault(
+                at.span(),
+                "there is an exposure, and no detector".into(),
+                mend,
+            ));
+        }
+    }
+    let listed = [
+        (
+            file.calibration.is_empty(),
+            file.calibration.span(),
+            "calibration",
+        ),
+        (file.samples.is_empty(), file.samples.span(), "samples"),
+    ];
+    if let Some((_, span, name)) = listed.into_iter().find(|(empty, _, _)| *empty) {
+        return Err(fault(
+            span,
+            format!("`{name}` is empty"),
+            "name one, or leave it out for all",
+        ));
+    }
+    if let Some(camera) = &file.cmos {
+        let bad = camera.check().err().map(|e| e.to_string());
+        let bad = bad.or_else(|| (camera.binning > 1).then(|| "`binning` would make slices smaller".into()));
+        if let Some(message) = bad {
+            return Err(fault(
+                camera.span(),
+                message,
+                "mend it, or leave it out for the default",
+            ));
+        }
+    }
+    Ok(Chain {
+        nominal,
+        laboratory: Laboratory {
+            optics,
+            camera: file.cmos.map(|c| (*c).clone()),
+            counter: file.spad.map(|c| (*c).clone()),
+            exposure,
+        },
+        beliefs: file.calibration.to_vec(),
+        samples: file.samples.to_vec(),
+        seed: file.seed,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const WHOLE: &str = "scheme = { kind = \"drr\", captures = 36 }\noptics = { axis_error_deg = 0.5 }\n\
+                         calibration = [\"exact\"]\nexposure = { meter = \"mean\", electrons = 100 }\n[cmos]\nread_noise_e = 3\n";
+
+    fn told(text: &str) -> String {
+        from_toml(Path::new("c.toml"), text)
+            .expect_err("a fault")
+            .to_string()
+    }
+
+    #[test]
+    fn chains_are_read_and_faults_named() {
+        let chain = from_toml(Path::new("c.toml"), WHOLE).expect("a chain");
+        assert_eq!(chain.beliefs, [Belief::Exact]);
+        assert_eq!(chain.samples.len(), 3);
+        assert_eq!(chain.nominal.captures(), 36);
+        assert_eq!(chain.laboratory.camera.expect("a camera").read_noise_e, 3.0);
+        for (from, to, words) in [
+            ("\"drr\"", "\"drx\"", "c.toml:1:10: no scheme is called `drx`"),
+            ("36", "0", "0 captures"),
+            ("0.5", "-0.5", "no angle"),
+            ("[\"exact\"]", "[]", "`calibration` is empty"),
+            ("[\"exact\"]", "[\"exakt\"]", "unknown variant `exakt`"),
+            ("\"mean\"", "{ percentile = 101 }", "`percentile`"),
+            ("100", "-1", "`electrons`"),
+            ("[cmos]\nread_noise_e = 3\n", "", "no detector"),
+            ("read_noise_e = 3", "read_noise_e = -3", "read_noise_e"),
+            ("read_noise_e = 3", "binning = 2", "binning"),
+            ("axis_error_deg", "axis", "c.toml:2"),
+            ("scheme", "shceme", "unknown field `shceme`"),
+        ] {
+            let text = WHOLE.replace(from, to);
+            assert!(told(&text).contains(words), "{to}: {}", told(&text));
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn damage_is_survived(text in "[ -~\n]{0,40}", at in 0_usize..160) {
+            let mut whole = WHOLE.to_owned();
+            whole.insert_str(at.min(whole.len()), &text);
+            let _ = from_toml(Path::new("c.toml"), &whole);
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! Elements as they are in truth: drawn within tolerances, or known from a scheme file.
+
+use polarimetry::capture::detector::random::stream;
+use polarimetry::capture::element::{Element, ElementKind};
+use polarimetry::capture::scheme::{Scheme, Sensor, Side};
+use polarimetry::capture::spectral_value::SpectralValue;
+use rand_distr::{Distribution, StandardNormal};
+use serde::Deserialize;
+
+/// What the parts of a rig may be off by. Each rig (a seed) has its own parts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tolerances {
+    /// Standard deviation of each element's axis, degrees.
+    pub axis_error_deg: f64,
+    /// Standard deviation of each retarder's retardance, degrees.
+    pub retardance_error_deg: f64,
+    /// Least over greatest transmittance of all polarizers: 1e-3 of an extinction ratio of 1000:1.
+    pub extinction: f64,
+}
+
+/// Elements of a rig in truth.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Optics {
+    /// Drawn.
+    Drawn(Tolerances),
+    /// Those of a scheme; its settings are of no meaning.
+    Known(Box<Scheme>),
+}
+
+impl Optics {
+    /// A scheme with these elements at its own settings. Rigs of one number have the same parts, whatever the scheme's
+    /// settings.
+    #[must_use]
+    pub fn of(&self, nominal: &Scheme, rig: u64) -> Scheme {
+        match self {
+            Self::Known(optics) => with_elements(nominal, optics),
+            Self::Drawn(t) => t.drawn(nominal, rig),
+        }
+    }
+}
+
+impl Tolerances {
+    fn drawn(&self, nominal: &Scheme, rig: u64) -> Scheme {
+        let mut out = nominal.clone();
+        let mut random = stream(rig, 0, 0);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        for (side, n) in [
+            (Side::Generator, nominal.generator().len()),
+            (Side::Analyzer, nominal.analyzer().len()),
+        ] {
+            for i in 0..n {
+                // Both are drawn of every element, so that a rig keeps its axes when its retarders change.
+                let [axis, retardance] = [normal(), normal()];
+                out.imperfect(side, i, |e| {
+                    e.axis_offset += (self.axis_error_deg * axis).to_radians();
+                    match &mut e.kind {
+                        ElementKind::Polarizer { extinction } => {
+                            *extinction = SpectralValue::Same(self.extinction)
+                        }
+                        ElementKind::Retarder { error, .. } => {
+                            *error = shifted(error, (self.retardance_error_deg * retardance).to_radians());
+                        }
+                    }
+                });
+            }
+        }
+        if let Sensor::PolarizerArray {
+            extinction,
+            axis_offsets,
+        } = &mut out.sensor
+        {
+            *extinction = SpectralValue::Same(self.extinction);
+            // That at 0° is the frame's.
+            for offset in &mut axis_offsets[1..] {
+                *offset += (self.axis_error_deg * normal()).to_radians();
+            }
+        }
+        out
+    }
+}
+
+fn shifted(value: &SpectralValue, by: f64) -> SpectralValue {
+    match value {
+        SpectralValue::Same(v) => SpectralValue::Same(v + by),
+        SpectralValue::Table(rows) => {
+            SpectralValue::Table(rows.iter().map(|[nm, v]| [*nm, v + by]).collect())
+        }
+    }
+}
+
+/// A scheme at its own settings with the elements of another, by their names.
+#[must_use]
+pub fn with_elements(settings: &Scheme, elements: &Scheme) -> Scheme {
+    let mut out = settings.clone();
+    for (side, own, others) in [
+        (Side::Generator, settings.generator(), elements.generator()),
+        (Side::Analyzer, settings.analyzer(), elements.analyzer()),
+    ] {
+        for (i, e) in own.iter().enumerate() {
+            if let Some(other) = others.iter().find(|o| o.name == e.name && same_kind(o, e)) {
+                out.imperfect(side, i, |e| *e = other.clone());
+            }
+        }
+    }
+    if settings.sensor.channels() == elements.sensor.channels() {
+        out.sensor = elements.sensor.clone();
+    }
+    out.coaxial.clone_from(&elements.coaxial);
+    out
+}
+
+fn same_kind(a: &Element, b: &Element) -> bool {
+    matches!(a.kind, ElementKind::Polarizer { .. }) == matches!(b.kind, ElementKind::Polarizer { .. })
+}

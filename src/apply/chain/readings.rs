@@ -1,0 +1,208 @@
+//! Captures of a slice, and what a reconstruction makes of them.
+
+use super::error::ChainError;
+use super::exposure::Detectors;
+use super::light::Light;
+use crate::observation::Slice;
+use polarimetry::capture::element::{Element, ElementKind, Setting};
+use polarimetry::capture::scheme::{Scheme, Sensor};
+use polarimetry::capture::simulate::{Captured, Noise};
+use polarimetry::capture::spectral_value::SpectralValue;
+use polarimetry::reconstruct::along_rays::{Places, reconstruct};
+use polarimetry::reconstruct::pixels::Options;
+use polarimetry::reconstruct::predicted::predicted;
+use polarimetry::reconstruct::second_moment::Moment;
+use tensor::array::Tensor;
+
+/// What was read of a slice.
+#[derive(Clone, Debug)]
+pub struct Readings<'a> {
+    slice: &'a Slice,
+    light: Light,
+    noise: Noise,
+    captured: Captured,
+}
+
+/// What became of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Count {
+    /// All of them, times and wavelengths too.
+    pub pixels: usize,
+    /// Those of which saturation left too few readings: they were found from readings at the brim.
+    pub clipped: usize,
+}
+
+/// A pane of glass: what stands before a camera that reads intensities.
+fn open() -> Result<Scheme, ChainError> {
+    let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
+    glass.kind = ElementKind::Polarizer {
+        extinction: SpectralValue::Same(1.0),
+    };
+    Scheme::new("photograph", vec![glass], vec![], Sensor::Intensity).map_err(|e| ChainError::Axes {
+        slice: e.to_string(),
+        what: "no capture",
+    })
+}
+
+impl<'a> Readings<'a> {
+    /// Captures a slice through elements as they are. Its values alone are light; its errors are kept.
+    ///
+    /// # Errors
+    /// [`ChainError`].
+    pub fn of(slice: &'a Slice, real: &Scheme, detectors: &Detectors, seed: u64) -> Result<Self, ChainError> {
+        let light = Light::of(slice)?;
+        let noise = detectors.noise(&light)?;
+        let captured = if light.polarized {
+            light.image.capture(real, &noise, seed)?
+        } else {
+            light.image.capture(&open()?, &noise, seed)?
+        };
+        Ok(Self {
+            slice,
+            light,
+            noise,
+            captured,
+        })
+    }
+
+    /// The slice as elements that are `believed` to be so tell it, with a prior where they are too few; standard errors are those
+    /// of the slice and of the captures together. Believed elements stand where the real ones stood.
+    ///
+    /// # Errors
+    /// [`ChainError::Rank`] if the captures do not determine a matrix and there is no prior.
+    pub fn reconstructed(
+        &self,
+        believed: &Scheme,
+        prior: Option<&Moment>,
+    ) -> Result<(Slice, Count), ChainError> {
+        let captured = &self.captured;
+        let pixels = captured.layout.pixels();
+        let (mut out, mut errors) = (vec![0.0_f32; pixels * 16], vec![0.0_f32; pixels * 16]);
+        let mut count = Count { pixels, clipped: 0 };
+        if self.light.polarized {
+            count.clipped = self.matrices(believed, prior, &mut out, &mut errors)?;
+        } else {
+            let brim = self.brim();
+            for (p, v) in captured.intensities.iter().enumerate() {
+                let known = v.is_finite();
+                let nm = self.light.image.rays[p % captured.layout.lanes].nm;
+                count.clipped += usize::from(!known);
+                let value = if known { f64::from(*v) } else { brim[0] };
+                out[16 * p] = value as f32;
+                errors[16 * p] = match &self.noise {
+                    Noise::Spad(diode) => diode.variance(value, nm),
+                    _ => self.variance(0, p).filter(|_| known).unwrap_or(brim[1]),
+                }
+                .sqrt() as f32;
+            }
+        }
+        let mean = Light::tensor(&self.slice.mean, &out);
+        let own = Light::tensor(&self.slice.mean, &errors);
+        let error = Tensor {
+            data: own
+                .data
+                .iter()
+                .zip(&self.slice.error.data)
+                .map(|(a, b)| a.hypot(*b))
+                .collect(),
+            ..self.slice.error.clone()
+        };
+        Ok((Slice { mean, error }, count))
+    }
+
+    /// Whole matrices and their errors; the number of pixels that were found from readings at the brim.
+    fn matrices(
+        &self,
+        believed: &Scheme,
+        prior: Option<&Moment>,
+        out: &mut [f32],
+        errors: &mut [f32],
+    ) -> Result<usize, ChainError> {
+        let layout = self.captured.layout;
+        let rays = &self.light.image.rays;
+        let places = Places {
+            rays,
+            times: layout.times,
+            lanes: layout.lanes,
+        };
+        let clean = matches!(self.noise, Noise::None);
+        let mut variances = self.captured.variances.clone();
+        if let Noise::Spad(diode) = &self.noise {
+            let first = &mut *out;
+            let readings = &self.captured.intensities;
+            let plain = Options {
+                noise: None,
+                prior: prior.copied(),
+                ..Options::default()
+            };
+            reconstruct(believed, places, &plain, readings, None, first, None)?;
+            variances = Some(predicted(believed, rays, layout, first, &|radiance, nm| {
+                diode.variance(radiance, nm)
+            }));
+        }
+        let options = Options {
+            noise: self.captured.typical_noise(&self.noise).filter(|s| *s > 0.0),
+            prior: prior.copied(),
+            ..Options::default()
+        };
+        let mut readings = self.captured.intensities.clone();
+        let tally = reconstruct(
+            believed,
+            places,
+            &options,
+            &readings,
+            variances.as_deref(),
+            out,
+            (!clean).then_some(&mut *errors),
+        )?;
+        if tally.lost == 0 {
+            return Ok(0);
+        }
+        // What saturated is at least as bright as can be read: of pixels that are lost without it, that is what is known.
+        let [most, spread] = self.brim();
+        for (i, v) in readings.iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
+            *v = most as f32;
+            if let Some(variances) = &mut variances {
+                variances[i] = spread as f32;
+            }
+        }
+        let (mut all, mut all_errors) = (vec![0.0; out.len()], vec![0.0; out.len()]);
+        reconstruct(
+            believed,
+            places,
+            &options,
+            &readings,
+            variances.as_deref(),
+            &mut all,
+            Some(&mut all_errors),
+        )?;
+        for (p, matrix) in out.chunks_exact_mut(16).enumerate() {
+            if matrix.iter().any(|v| !v.is_finite()) {
+                matrix.copy_from_slice(&all[16 * p..][..16]);
+                errors[16 * p..][..16].copy_from_slice(&all_errors[16 * p..][..16]);
+            }
+        }
+        Ok(tally.lost)
+    }
+
+    fn variance(&self, m: usize, p: usize) -> Option<f64> {
+        let all = self.captured.variances.as_ref()?;
+        Some(f64::from(all[m * self.captured.layout.pixels() + p]))
+    }
+
+    /// The most radiance that a camera reads, and its variance.
+    fn brim(&self) -> [f64; 2] {
+        let Noise::Cmos { camera, .. } = &self.noise else {
+            return [0.0; 2];
+        };
+        let nm = self.light.image.rays.first().map_or(550.0, |r| r.nm);
+        let dn = camera.saturation_dn().saturating_sub(1);
+        let of = |factor: &f64| camera.estimate(dn, nm, *factor);
+        let brightest = camera
+            .bracket
+            .iter()
+            .map(of)
+            .max_by(|a, b| a.radiance.total_cmp(&b.radiance));
+        brightest.map_or([0.0; 2], |e| [e.radiance, e.variance])
+    }
+}

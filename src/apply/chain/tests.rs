@@ -1,0 +1,316 @@
+//! Slices through rigs whose parts and noise are known.
+
+use super::exposure::{Exposure, Laboratory, Meter};
+use super::few::{Choice, Expected, Task, chosen, objective};
+use super::light::Light;
+use super::optics::{Optics, Tolerances, with_elements};
+use super::readings::Readings;
+use crate::observation::{Observation, Slice, tests::slice};
+use polarimetry::capture::detector::cmos::Cmos;
+use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::element::ElementKind;
+use polarimetry::capture::scheme::{Scheme, Side};
+use polarimetry::capture::spectral_value::SpectralValue;
+use tensor::array::Tensor;
+use tensor::axes::AxisKind;
+
+/// Matrices of no symmetry, brighter along rows, in picosecond bins if there are several and at three wavelengths.
+fn some(size: [usize; 4]) -> Slice {
+    let mut s = slice(size, 0.0, |p, b, e, k| {
+        let bright = 1.0 + 0.1 * (p % 4) as f64 + 0.2 * b as f64 + 0.1 * k as f64;
+        let share = if e == 0 {
+            1.0
+        } else {
+            0.25 * (1.7 * e as f64 + 0.3 * p as f64).sin()
+        };
+        bright * share
+    });
+    for tensor in [&mut s.mean, &mut s.error] {
+        for axis in &mut tensor.axes {
+            match axis.kind {
+                AxisKind::Wavelength => axis.coords.iter_mut().for_each(|c| *c = 450.0 + 100.0 * *c),
+                AxisKind::T => axis.coords.iter_mut().for_each(|c| *c = 1000.0 + 120.0 * *c),
+                _ => {}
+            }
+        }
+    }
+    s
+}
+
+fn laboratory(tolerances: Tolerances, electrons: Option<f64>) -> Laboratory {
+    Laboratory {
+        optics: Optics::Drawn(tolerances),
+        camera: electrons.map(|_| Cmos::default()),
+        counter: electrons.map(|_| Spad {
+            irf_fwhm_ps: 1e-3,
+            irf_tail: 0.0,
+            ..Spad::default()
+        }),
+        exposure: Exposure {
+            meter: Meter::Mean,
+            electrons: electrons.unwrap_or(3000.0),
+            counts: electrons.unwrap_or(3000.0),
+            ..Exposure::default()
+        },
+    }
+}
+
+/// A slice through a rig, with the exposure of `photograph`.
+fn through(
+    s: &Slice,
+    photograph: &Slice,
+    lab: &Laboratory,
+    [real, believed]: [&Scheme; 2],
+    seed: u64,
+) -> Slice {
+    let light = Light::of(photograph).expect("light");
+    let detectors = lab.exposed(&[&light], real).expect("an exposure");
+    let readings = Readings::of(s, real, &detectors, seed).expect("captures");
+    readings.reconstructed(believed, None).expect("rank 16").0
+}
+
+fn off(a: &Tensor, b: &Tensor) -> f64 {
+    let pairs = a.data.iter().zip(&b.data);
+    pairs.map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
+}
+
+fn intensities(s: &Slice) -> Slice {
+    let only = |t: &Tensor| t.select(AxisKind::StokesOut, 0).select(AxisKind::StokesIn, 0);
+    Slice {
+        mean: only(&s.mean),
+        error: only(&s.error),
+    }
+}
+
+#[test]
+fn perfect_rigs_return_the_slice() {
+    let real = Scheme::drr(36, false).expect("a scheme");
+    let array = Scheme::quad(12, true).expect("a scheme");
+    let lab = laboratory(Tolerances::default(), None);
+    for size in [[5, 3, 1, 3], [4, 2, 6, 2]] {
+        let s = some(size);
+        for scheme in [&real, &array] {
+            let found = through(&s, &s, &lab, [scheme, scheme], 1);
+            assert!(off(&found.mean, &s.mean) < 2e-5, "{}", off(&found.mean, &s.mean));
+            assert_eq!(found.error, s.error);
+        }
+        let plain = intensities(&s);
+        let found = through(&plain, &s, &lab, [&real, &real], 1);
+        assert!(off(&found.mean, &plain.mean) < 1e-6);
+    }
+}
+
+/// Optics that are off, known exactly, are undone; believed to be as meant they are not. A retarder whose axes are taken for each
+/// other (retardance of the wrong sign) turns over what it should keep: found by the matrices, far beyond the tolerance above.
+#[test]
+fn wrong_optics_are_found() {
+    let nominal = Scheme::quad(24, false).expect("a scheme");
+    let tolerances = Tolerances {
+        axis_error_deg: 1.0,
+        retardance_error_deg: 3.0,
+        extinction: 1e-3,
+    };
+    let lab = laboratory(tolerances, None);
+    let s = some([5, 3, 1, 3]);
+    let real = lab.optics.of(&nominal, 5);
+    assert_ne!(real, lab.optics.of(&nominal, 6));
+    let found = through(&s, &s, &lab, [&real, &real], 1);
+    assert!(off(&found.mean, &s.mean) < 5e-5);
+    let found = through(&s, &s, &lab, [&real, &nominal], 1);
+    assert!(off(&found.mean, &s.mean) > 1e-2);
+    for side in [Side::Generator, Side::Analyzer] {
+        let mut wrong = nominal.clone();
+        wrong.imperfect(side, usize::from(side == Side::Generator), |e| {
+            if let ElementKind::Retarder { error, .. } = &mut e.kind {
+                *error = SpectralValue::Same(-std::f64::consts::PI);
+            }
+        });
+        let found = through(&s, &s, &lab, [&nominal, &wrong], 1);
+        assert!(off(&found.mean, &s.mean) > 0.2, "{side:?}");
+        // Elements alone, not settings, go from one scheme to another.
+        let few = Scheme::drr(7, false).expect("a scheme");
+        let moved = with_elements(&few, &wrong);
+        assert_eq!((moved.captures(), moved.parameters()), (7, few.parameters()));
+        assert_eq!(with_elements(&wrong, &nominal), nominal);
+    }
+}
+
+/// Behind a polarizer that leaks ε of the wrong light, unpolarized light is ½(1 + ε, (1 - ε)u) and not ½(1, u): matrices are found as
+/// D T D with D = diag(1 + ε, 1 - ε, 1 - ε, 1 - ε).
+#[test]
+fn leaking_polarizers_bias_in_closed_form() {
+    let epsilon = 0.05;
+    let nominal = Scheme::quad(40, false).expect("a scheme");
+    let tolerances = Tolerances {
+        extinction: epsilon,
+        ..Tolerances::default()
+    };
+    let lab = laboratory(tolerances, None);
+    let real = lab.optics.of(&nominal, 1);
+    let mut depolarizer = some([2, 2, 1, 1]);
+    for (i, v) in depolarizer.mean.data.iter_mut().enumerate() {
+        *v = if i % 16 == 0 { 1.0 } else { 0.0 };
+    }
+    let found = through(&depolarizer, &depolarizer, &lab, [&real, &nominal], 1);
+    for (i, v) in found.mean.data.iter().enumerate() {
+        let want = if i % 16 == 0 { (1.0 + epsilon).powi(2) } else { 0.0 };
+        assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: {v} is not {want}");
+    }
+    // Of diag(1, a, a, a) the polarized part is seen through both diattenuations.
+    let a = 0.6;
+    let mut diagonal = depolarizer;
+    for (i, v) in diagonal.mean.data.iter_mut().enumerate() {
+        *v = [1.0, a, a, a][i % 16 / 5] as f32 * f32::from(u8::from(i % 16 % 5 == 0));
+    }
+    let found = through(&diagonal, &diagonal, &lab, [&real, &nominal], 1);
+    for (i, v) in found.mean.data.iter().enumerate() {
+        let want = match i % 16 {
+            0 => (1.0 + epsilon).powi(2),
+            5 | 10 | 15 => a * (1.0 - epsilon).powi(2),
+            _ => 0.0,
+        };
+        assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: {v} is not {want}");
+    }
+}
+
+/// Scatter over 400 seeds against stated errors: χ²/n is 1 within 5 standard errors, which the spread of the squares over seeds gives, and
+/// biases are below 5 of theirs and a tenth of an error. For a camera, a polarizer array, a counter, and intensities of both. A
+/// counter's light is as bright in all bins here, because variances are of a mean over neighbours in time, as of a rig's scans; and it
+/// counts far less than one photon a pulse, because they leave pile-up out.
+#[test]
+fn stated_errors_are_the_scatter() {
+    let tolerances = Tolerances {
+        axis_error_deg: 0.5,
+        retardance_error_deg: 2.0,
+        extinction: 1e-3,
+    };
+    let mut lab = laboratory(tolerances, Some(2000.0));
+    lab.exposure.counts_per_pulse = 2e-4;
+    let photograph = some([4, 3, 1, 2]);
+    let mut timed = some([4, 3, 4, 2]);
+    let (bin, all) = (16 * 2, 4 * 16 * 2);
+    for i in 0..timed.mean.data.len() {
+        timed.mean.data[i] = timed.mean.data[i / all * all + i % bin];
+    }
+    let drr = lab.optics.of(&Scheme::drr(36, false).expect("a scheme"), 3);
+    let array = lab.optics.of(&Scheme::quad(10, true).expect("a scheme"), 3);
+    for (name, s, real) in [
+        ("camera", photograph.clone(), &drr),
+        ("array", photograph.clone(), &array),
+        ("counter", timed.clone(), &drr),
+        ("photograph", intensities(&photograph), &drr),
+        ("counts", intensities(&timed), &drr),
+    ] {
+        let seeds = 400;
+        let (mut sum, mut squares) = (0.0, 0.0);
+        let mut bias = vec![0.0; s.mean.data.len()];
+        for seed in 0..seeds {
+            let found = through(&s, &photograph, &lab, [real, real], 1000 + seed);
+            let z =
+                |i: usize| f64::from(found.mean.data[i] - s.mean.data[i]) / f64::from(found.error.data[i]);
+            let chi2 = (0..bias.len()).map(|i| z(i).powi(2)).sum::<f64>() / bias.len() as f64;
+            bias.iter_mut()
+                .enumerate()
+                .for_each(|(i, b)| *b += z(i) / seeds as f64);
+            sum += chi2;
+            squares += chi2 * chi2;
+        }
+        let n = seeds as f64;
+        let mean = sum / n;
+        let error = ((squares / n - mean * mean) / (n - 1.0)).sqrt();
+        println!("{name}: χ²/n = {mean:.4} ± {error:.4}");
+        assert!((mean - 1.0).abs() < 5.0 * error, "{name}: {mean} ± {error}");
+        let worst = bias.iter().fold(0.0, |m: f64, b| m.max(b.abs()));
+        assert!(worst < 5.0 / n.sqrt() + 0.1, "{name}: bias of {worst}");
+    }
+}
+
+#[test]
+fn one_seed_is_one_capture_on_any_number_of_threads() {
+    let lab = laboratory(Tolerances::default(), Some(500.0));
+    let real = Scheme::drr(20, false).expect("a scheme");
+    let (s, timed) = (some([9, 7, 1, 3]), some([5, 3, 4, 2]));
+    let all = || {
+        [&s, &timed].map(|x| {
+            let found = through(x, &s, &lab, [&real, &real], 7);
+            (found.mean.data, found.error.data)
+        })
+    };
+    let with = |n| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+        pool.expect("threads").install(all)
+    };
+    let first = with(1);
+    assert_eq!(first, with(3));
+    assert_ne!(first[0], {
+        let found = through(&s, &s, &lab, [&real, &real], 8);
+        (found.mean.data, found.error.data)
+    });
+}
+
+/// Highlights far above the full well are told from the readings that hold them, or clipped: no number is lost.
+#[test]
+fn highlights_are_clipped_and_counted() {
+    let lab = laboratory(Tolerances::default(), Some(3000.0));
+    let real = Scheme::drr(36, false).expect("a scheme");
+    let photograph = some([5, 3, 1, 3]);
+    let mut s = photograph.clone();
+    for (i, v) in s.mean.data.iter_mut().enumerate() {
+        *v *= if i < 48 { 100.0 } else { 1.0 };
+    }
+    let light = Light::of(&photograph).expect("light");
+    let detectors = lab.exposed(&[&light], &real).expect("an exposure");
+    let readings = Readings::of(&s, &real, &detectors, 1).expect("captures");
+    let (found, count) = readings.reconstructed(&real, None).expect("rank 16");
+    assert_eq!((count.pixels, count.clipped), (45, 3));
+    assert!(found.mean.data.iter().all(|v| v.is_finite()));
+    assert!(found.mean.data[0] < s.mean.data[0]);
+}
+
+/// Captures for one functional have less error of it than those for all elements, and these less of all.
+#[test]
+fn captures_are_chosen_for_what_counts() {
+    let mut o = Observation::default();
+    o.slices.insert("epipolar".into(), some([8, 6, 1, 1]));
+    let expected = Expected::of(&[o], "epipolar").expect("a moment");
+    assert!((expected.moment[(0, 0)] - 1.0).abs() < 1e-12 && expected.nm == [450.0]);
+    let task = Task {
+        slice: "epipolar",
+        method: "it",
+        baselines: vec![],
+        functionals: vec![std::array::from_fn(|e| f64::from(u8::from(e == 10)))],
+    };
+    let sigma = 5e-3;
+    let loss = |by: Choice, chosen_by: Choice| {
+        let scheme = chosen(chosen_by, 2, &task, &expected, sigma, 1).expect("a scheme");
+        assert_eq!(scheme.captures(), 2);
+        objective(by, &task, &expected, sigma).loss(&scheme)
+    };
+    for (by, other) in [(Choice::Task, Choice::All), (Choice::All, Choice::Task)] {
+        for worse in [other, Choice::Dual] {
+            assert!(loss(by, by) <= loss(by, worse) * (1.0 + 1e-9), "{by:?} {worse:?}");
+        }
+    }
+}
+
+#[test]
+fn what_no_camera_sees_is_refused() {
+    let s = some([4, 3, 1, 2]);
+    let part = Slice {
+        mean: s.mean.select(AxisKind::StokesIn, 0),
+        error: s.error.select(AxisKind::StokesIn, 0),
+    };
+    assert!(
+        Light::of(&part)
+            .expect_err("a part")
+            .to_string()
+            .contains("a part of the Stokes")
+    );
+    let lab = laboratory(Tolerances::default(), Some(100.0));
+    let mut dark = s.clone();
+    dark.mean.data.fill(0.0);
+    let light = Light::of(&dark).expect("light");
+    let real = Scheme::drr(36, false).expect("a scheme");
+    let told = lab.exposed(&[&light], &real).expect_err("no light").to_string();
+    assert!(told.contains("no exposure"), "{told}");
+}
