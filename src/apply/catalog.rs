@@ -3,11 +3,12 @@
 use crate::application::Application;
 use crate::metamerism::Metamerism;
 use crate::scattering::Scattering;
+use crate::shape::application::ShapeScan;
 
 /// All applications, in the paper's order.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
-    vec![Box::new(Scattering), Box::new(Metamerism)]
+    vec![Box::new(ShapeScan), Box::new(Scattering), Box::new(Metamerism)]
 }
 
 /// The application of a name.
