@@ -1,6 +1,7 @@
 //! All applications.
 
 use crate::application::Application;
+use crate::crystals::Crystals;
 use crate::metamerism::Metamerism;
 use crate::scattering::Scattering;
 use crate::shape::application::ShapeScan;
@@ -8,7 +9,12 @@ use crate::shape::application::ShapeScan;
 /// All applications, in the paper's order.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
-    vec![Box::new(ShapeScan), Box::new(Scattering), Box::new(Metamerism)]
+    vec![
+        Box::new(Crystals),
+        Box::new(ShapeScan),
+        Box::new(Scattering),
+        Box::new(Metamerism),
+    ]
 }
 
 /// The application of a name.

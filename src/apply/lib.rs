@@ -9,6 +9,7 @@
 pub mod application;
 pub mod catalog;
 pub mod comparison;
+pub mod crystals;
 pub mod error;
 pub mod map;
 pub mod metamerism;

@@ -41,7 +41,7 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
 /// Ours first; the pseudo truth of the paper last.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
-        "epipolar micro phase shift + epipolar polarization",
+        "epipolar micro phase shift + polarization",
         "Baek & Heide 2021",
         Way::Joint(Code::Micro, Light::Epipolar),
         false,

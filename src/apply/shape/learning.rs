@@ -20,6 +20,8 @@ pub(super) struct Route {
 pub(super) enum Free {
     /// Radius of the window for normals of scans, pixels.
     ScanRadius,
+    /// Radius of the window for normals of fused surfaces, pixels.
+    FusedRadius,
     /// Mean period of micro phase shifting, columns.
     MicroPeriod,
     /// Refractive index where no scan tells it.
@@ -39,6 +41,7 @@ impl Free {
     pub(super) const fn values(self) -> &'static [f64] {
         match self {
             Self::ScanRadius => &[1.0, 2.0, 3.0, 4.0, 5.0],
+            Self::FusedRadius => &[1.0, 2.0, 3.0],
             Self::MicroPeriod => &[10.0, 16.0, 24.0],
             Self::Index => &[1.3, 1.4, 1.5, 1.6],
             Self::MirroredOff => &[0.0, 1.0],
@@ -51,6 +54,7 @@ impl Free {
     fn name(self) -> &'static str {
         match self {
             Self::ScanRadius => "radius of the scan's window",
+            Self::FusedRadius => "of the surface's window",
             Self::MicroPeriod => "period",
             Self::Index => "index",
             Self::MirroredOff => "mirrored light left out",
@@ -63,6 +67,7 @@ impl Free {
     fn set(self, p: &mut Parameters, value: f64) {
         match self {
             Self::ScanRadius => p.scan_window.radius = value as usize,
+            Self::FusedRadius => p.fused_window.radius = value as usize,
             Self::MicroPeriod => p.micro_period = value,
             Self::Index => p.index = Some(value),
             Self::MirroredOff => p.mirrored_off = value > 0.5,
@@ -82,6 +87,8 @@ impl Route {
             Method::Polarization(_) => &[Free::Index, Free::MirroredOff],
             Method::Joint(..) => &[
                 Free::ScanRadius,
+                Free::FusedRadius,
+                Free::MicroPeriod,
                 Free::SigmaColumns,
                 Free::SigmaNormals,
                 Free::SigmaSurface,

@@ -74,7 +74,7 @@ impl Method {
         match self {
             Self::StructuredLight(c, l) => format!("{}{}", light(l), code(c)),
             Self::Polarization(l) => format!("{}polarization", light(l)),
-            Self::Joint(c, l) => format!("{0}{1} + {0}polarization", light(l), code(c)),
+            Self::Joint(c, l) => format!("{}{} + polarization", light(l), code(c)),
         }
     }
 }
