@@ -10,7 +10,7 @@ use crate::map::Map;
 use crate::observation::Observation;
 use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Wavelength whose mean index bends the rays of the layers, nanometres.
 pub const MIDDLE: f64 = 550.0;
@@ -136,6 +136,7 @@ pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     #[test]
     fn folds_are_what_a_decomposition_sees() {
