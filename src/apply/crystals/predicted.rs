@@ -83,6 +83,9 @@ impl Slab {
     }
 
     /// All pixels that are wholly of the slab, seen from front to back face.
+    ///
+    /// # Errors
+    /// [`ApplyError`] if layers are missing or not of the camera's size.
     pub fn pixels(&self, camera: &Pinhole, o: &Observation, nm: &[f64]) -> Result<Vec<Pixel>, ApplyError> {
         let [w, h] = camera.resolution;
         let layer = |name: &str, channels: usize| -> Result<&Map, ApplyError> {
