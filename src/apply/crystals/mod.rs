@@ -4,7 +4,8 @@
 //! A decomposition knows a retardance between 0 and π: the truth is folded there. The order is told by three wavelengths together
 //! ([`predicted::order`]). Learnt on training variants is one number a method: the error that is not that of samples (the
 //! retardance's change within a pixel, reflections inside, the plate beside the place that is seen), added to the
-//! standard errors so that half of the errors are within 0.6745 of them.
+//! standard errors so that half of the errors are within 0.6745 of them. So the share within two stated errors tests that number on
+//! other slabs, not the errors of samples.
 
 pub mod measured;
 pub mod mineral;
