@@ -192,6 +192,16 @@ impl Observer<'_> {
                     known.slices.insert(name.to_owned(), read(&store, slice)?);
                     continue;
                 }
+                Truth::Twin {
+                    name,
+                    slice,
+                    of,
+                    samples,
+                } => {
+                    let store = self.other(of(number), slice, samples)?;
+                    known.slices.insert(name.to_owned(), read(&store, slice)?);
+                    continue;
+                }
                 Truth::Layer { name, layer, through } => {
                     let options = layers::Options {
                         through,
@@ -224,11 +234,21 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// M00 of a slice of a variant, a channel a wavelength.
-    fn reference(&mut self, number: u64, slice: &'static str, samples: u32) -> Result<Map, ApplicationError> {
+    /// A finished store of a slice of a variant that is known to another one as truth.
+    fn other(
+        &mut self,
+        number: u64,
+        slice: &'static str,
+        samples: u32,
+    ) -> Result<TensorStore, ApplicationError> {
         let variant = self.studio.variant(Some(number))?;
         let spp = self.size.spp.saturating_mul(samples);
-        let store = self.render(number, &variant, TRUTH_SEED, spp, &[slice])?;
+        self.render(number, &variant, TRUTH_SEED, spp, &[slice])
+    }
+
+    /// M00 of a slice of a variant, a channel a wavelength.
+    fn reference(&mut self, number: u64, slice: &'static str, samples: u32) -> Result<Map, ApplicationError> {
+        let store = self.other(number, slice, samples)?;
         let mean = store.slice(slice)?.read_all(Field::Mean)?;
         let intensity = mean
             .select(AxisKind::StokesOut, 0)

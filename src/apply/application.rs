@@ -93,6 +93,17 @@ pub enum Truth {
         /// Samples, as a multiple of those of the rest.
         samples: u32,
     },
+    /// A slice of another variant, rendered with a seed of its own: it is with the observation's slices, by this name.
+    Twin {
+        /// Name of the truth.
+        name: &'static str,
+        /// Slice.
+        slice: &'static str,
+        /// The variant that is the twin of a variant.
+        of: fn(u64) -> u64,
+        /// Samples, as a multiple of those of the rest.
+        samples: u32,
+    },
     /// Mean of M00 of a slice of another variant, rendered with a seed of its own.
     Reference {
         /// Name of the map.

@@ -1,17 +1,21 @@
 //! All applications.
 
 use crate::application::Application;
+use crate::crystals::Crystals;
 use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
 use crate::scattering::Scattering;
+use crate::shape::application::ShapeScan;
 use crate::transient::Transient;
 
 /// All applications, in the paper's order.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
     vec![
+        Box::new(Crystals),
         Box::new(Transient),
         Box::new(Ellipsometry),
+        Box::new(ShapeScan),
         Box::new(Scattering),
         Box::new(Metamerism),
     ]

@@ -10,6 +10,7 @@ pub mod application;
 pub mod catalog;
 pub mod chain;
 pub mod comparison;
+pub mod crystals;
 pub mod ellipsometry;
 pub mod error;
 pub mod map;
