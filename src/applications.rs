@@ -15,6 +15,7 @@ use apply::observation::{Observation, Slice};
 use apply::pinhole::Rig;
 use base::locate::InputError;
 use scene::syntax::scene::SceneFile;
+use scene::syntax::slice::CameraSelectFile;
 use scene::syntax::variant::{self, Variant};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -330,7 +331,24 @@ impl Studio<'_> {
         }
         let scaled =
             |n: u32| (u64::from(n) * u64::from(self.size.pixels) / u64::from(w.max(h))).max(1) as u32;
+        // A number past the end stays past the end: the scene's reader says so.
+        let moved = |at: u32, of: u32| (u64::from(at) * u64::from(scaled(of)) / u64::from(of)) as u32;
         camera.resolution = [scaled(w), scaled(h)].into();
+        // Rows and columns that a slice keeps stay where they are in the image.
+        for slice in &mut file.slices {
+            let kept = match &*slice.camera {
+                CameraSelectFile::Rows(rows) => {
+                    CameraSelectFile::Rows(rows.iter().map(|r| moved(*r, h)).collect())
+                }
+                CameraSelectFile::Columns(columns) => {
+                    CameraSelectFile::Columns(columns.iter().map(|c| moved(*c, w)).collect())
+                }
+                _ => continue,
+            };
+            let mut scaled = (**slice).clone();
+            scaled.camera = base::locate::Located::at(slice.camera.span(), kept);
+            *slice = base::locate::Located::at(slice.span(), scaled);
+        }
         file.camera = base::locate::Located::at(file.camera.span(), camera);
         Ok(file)
     }

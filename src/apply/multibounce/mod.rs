@@ -1,0 +1,65 @@
+//! Untangling multi-bounce light: Baek & Heide (2021), section 6.4, Fig. 13, on a disco ball among painted walls and on coins before
+//! a mirror.
+//!
+//! The paper names an element of the tensor for each kind of light. Here each is judged as a detector and as an image of the light
+//! that it is said to isolate, against the renderer's labels, as it is written and with the sign that suits the training variants;
+//! beside it what any element of space and polarization reaches, and what polarization, space, time or intensity alone do.
+
+mod coins;
+mod disco_ball;
+
+pub use coins::Coins;
+pub use disco_ball::DiscoBall;
+
+use crate::application::Size;
+use crate::isolation::{Family, Isolation};
+
+const fn any(space: bool, time: bool, polarization: bool) -> Family {
+    Family::Any {
+        space,
+        time,
+        polarization,
+    }
+}
+
+/// All methods; the paper's is the first.
+const METHODS: [Isolation; 7] = [
+    Isolation::new("the named element", "Baek & Heide 2021", Family::Named),
+    Isolation::new(
+        "the named element, either sign",
+        "its sign learnt",
+        Family::NamedEitherSign,
+    ),
+    Isolation::new(
+        "any element of space and polarization",
+        "learnt: the bound of single elements",
+        any(true, false, true),
+    ),
+    Isolation::new(
+        "polarization only",
+        "learnt element of all light",
+        any(false, false, true),
+    ),
+    Isolation::new(
+        "space only",
+        "learnt: (0,0) of epipolar or other light (O'Toole et al. 2012)",
+        any(true, false, false),
+    ),
+    Isolation::new(
+        "time only",
+        "learnt: (0,0) of early or late light",
+        any(false, true, false),
+    ),
+    Isolation::new("intensity only", "a photograph", any(false, false, false)),
+];
+
+const PREVIEW: Size = Size { pixels: 64, spp: 32 };
+const FULL: Size = Size {
+    pixels: 128,
+    spp: 128,
+};
+/// Samples of the truth, as a multiple of those of the rest.
+const TRUTH_SAMPLES: u32 = 16;
+
+#[cfg(test)]
+mod tests;
