@@ -46,6 +46,20 @@ fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64)
     )
 }
 
+/// The brightness that 98 % of the lit places of a scanline stay below.
+fn brightest(intensity: &Map) -> f64 {
+    let mut lit: Vec<f64> = intensity.data.iter().copied().filter(|v| *v > 0.0).collect();
+    lit.sort_by(f64::total_cmp);
+    lit.get(lit.len() * 98 / 100).copied().unwrap_or(0.0)
+}
+
+fn clipped(mut map: Map, bright: f64) -> Map {
+    for v in &mut map.data {
+        *v = v.max(-bright).min(bright);
+    }
+    map
+}
+
 /// All of a variant.
 ///
 /// # Errors
@@ -77,12 +91,14 @@ pub(super) fn pictures(o: &Observation) -> Result<Vec<Picture>, ApplyError> {
         }
         let rows = t.extent(AxisKind::Y);
         let row = ((ROW * rows as f64) as usize).min(rows.saturating_sub(1));
+        // A highlight outshines all else by far: what is brighter than 98 % of the lit places is drawn as bright as those.
+        let bright = brightest(&scanline(t, row, up, [0, 0], 1.0));
         out.extend(SHOWN.iter().map(|&(method, i, j, sign)| Picture {
             method,
             name,
             variant: Some(o.variant),
             shared: true,
-            map: scanline(t, row, up, [i, j], sign),
+            map: clipped(scanline(t, row, up, [i, j], sign), bright),
         }));
     }
     Ok(out)

@@ -36,6 +36,8 @@ pub struct Element {
     pub index: [usize; 2],
     /// Whether its sign is turned.
     pub negative: bool,
+    /// Whether it is √(Σ squares) of the elements that mix when devices turn about their axes: rows 1 and 2, columns 1 and 2.
+    pub magnitude: bool,
 }
 
 impl Element {
@@ -46,6 +48,16 @@ impl Element {
             part: (space, Time::All),
             index,
             negative: false,
+            magnitude: false,
+        }
+    }
+
+    /// The same of whatever azimuth.
+    #[must_use]
+    pub const fn magnitude(self) -> Self {
+        Self {
+            magnitude: true,
+            ..self
         }
     }
 
@@ -67,7 +79,12 @@ impl fmt::Display for Element {
             Space::Epipolar => "epipolar",
             Space::NonEpipolar => "non-epipolar",
         };
-        write!(f, "{sign}({},{}) {space}", self.index[0], self.index[1])?;
+        let [i, j] = self.index;
+        if self.magnitude {
+            write!(f, "{sign}|({i},{j})| {space}")?;
+        } else {
+            write!(f, "{sign}({i},{j}) {space}")?;
+        }
         match self.part.1 {
             Time::All => Ok(()),
             Time::Early(k) => write!(f, ", up to bin {k} after the first light"),

@@ -8,28 +8,64 @@ use std::fmt;
 
 /// A detector and an image.
 pub(super) struct Learnt {
-    /// The element whose values tell pixels apart.
-    detector: Element,
-    /// Whether they are taken over the photograph.
-    over: bool,
+    /// What tells pixels apart.
+    detector: Shown,
     /// Values of at least this are said to be of the light.
     pub threshold: f64,
-    /// The element whose image is the light.
-    image: Element,
+    /// What is an image of the light's share.
+    image: Shown,
     /// Times this.
     pub gain: f64,
     /// Area and correlation on the training variants.
     reached: [f64; 2],
 }
 
-impl fmt::Display for Learnt {
+/// An element, or an element over the photograph.
+#[derive(Clone, Copy)]
+struct Shown {
+    element: Element,
+    over: bool,
+}
+
+impl Shown {
+    fn values(self, seen: &Seen) -> Option<Vec<f64>> {
+        let image = seen.image(self.element)?;
+        Some(if self.over {
+            seen.over_photograph(&image)
+        } else {
+            image
+        })
+    }
+}
+
+impl fmt::Display for Shown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let over = if self.over { " over the photograph" } else { "" };
+        write!(f, "{}{over}", self.element)
+    }
+}
+
+impl fmt::Display for Learnt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "found by {}{over} of {:.3e} and more (area {:.3} in training); drawn by {} times {:.3} (correlation {:.3})",
+            "found by {} of {:.3e} and more (area {:.3} in training); drawn by {} times {:.3} (correlation {:.3})",
             self.detector, self.threshold, self.reached[0], self.image, self.gain, self.reached[1]
         )
+    }
+}
+
+/// Keeps a candidate, or with `either` the same of the other sign, if it reaches more than the best so far.
+fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
+    let turn = either && turned > plain;
+    let value = if turn { turned } else { plain };
+    if value.is_finite() && best.is_none_or(|b| value > b.0) {
+        let element = if turn {
+            shown.element.negative()
+        } else {
+            shown.element
+        };
+        *best = Some((value, Shown { element, ..shown }));
     }
 }
 
@@ -46,47 +82,29 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 impl Learnt {
     /// The best of the candidates for a task; `None` if no variant has such light, or no candidate is known. Of equals the first.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
-        let mut detector: Option<(f64, Element, bool)> = None;
-        let mut image: Option<(f64, Element)> = None;
-        for candidate in candidates {
-            let images: Vec<Vec<f64>> = train.iter().map(|s| s.image(*candidate)).collect::<Option<_>>()?;
+        let mut detector: Option<(f64, Shown)> = None;
+        let mut image: Option<(f64, Shown)> = None;
+        for element in candidates {
             for over in [false, true] {
-                let of = |(seen, image): (&Seen, &Vec<f64>)| {
-                    let truth = &seen.truth[task];
-                    let values = if over {
-                        seen.over_photograph(image)
-                    } else {
-                        image.clone()
-                    };
-                    let (positive, negative) = parted(&values, &truth.classes);
-                    area(&positive, &negative)
+                let shown = Shown {
+                    element: *element,
+                    over,
                 };
-                let reached = mean(train.iter().zip(&images).map(of));
+                let values: Vec<Vec<f64>> = train.iter().map(|s| shown.values(s)).collect::<Option<_>>()?;
+                let all = || train.iter().zip(&values);
+                let reached = mean(all().map(|(seen, values)| {
+                    let (positive, negative) = parted(values, &seen.truth[task].classes);
+                    area(&positive, &negative)
+                }));
                 // The other sign has the rest of the area.
-                let turned = either && reached < 0.5;
-                let value = if turned { 1.0 - reached } else { reached };
-                if value.is_finite() && detector.is_none_or(|best| value > best.0) {
-                    let element = if turned { candidate.negative() } else { *candidate };
-                    detector = Some((value, element, over));
-                }
-            }
-            let reached = mean(
-                train
-                    .iter()
-                    .zip(&images)
-                    .map(|(seen, image)| correlation(image, &seen.truth[task].light)),
-            );
-            let turned = either && reached < 0.0;
-            let value = if turned { -reached } else { reached };
-            if value.is_finite() && image.is_none_or(|best| value > best.0) {
-                let element = if turned { candidate.negative() } else { *candidate };
-                image = Some((value, element));
+                keep(&mut detector, shown, reached, 1.0 - reached, either);
+                let reached = mean(all().map(|(seen, values)| correlation(values, &seen.truth[task].share)));
+                keep(&mut image, shown, reached, -reached, either);
             }
         }
-        let ((found, detector, over), (drawn, image)) = (detector?, image?);
+        let ((found, detector), (drawn, image)) = (detector?, image?);
         let mut learnt = Self {
             detector,
-            over,
             threshold: f64::INFINITY,
             image,
             gain: 1.0,
@@ -101,22 +119,17 @@ impl Learnt {
         learnt.threshold = threshold(&positive, &negative)?;
         let images: Vec<Vec<f64>> = train.iter().map(|s| learnt.image(s)).collect();
         let pairs = images.iter().zip(train);
-        learnt.gain = gain(pairs.map(|(image, seen)| (&image[..], &seen.truth[task].light[..])));
+        learnt.gain = gain(pairs.map(|(image, seen)| (&image[..], &seen.truth[task].share[..])));
         Some(learnt)
     }
 
     /// What pixels are judged by.
     pub(super) fn values(&self, seen: &Seen) -> Vec<f64> {
-        let image = seen.image(self.detector).unwrap_or_default();
-        if self.over {
-            seen.over_photograph(&image)
-        } else {
-            image
-        }
+        self.detector.values(seen).unwrap_or_default()
     }
 
-    /// The element that is the image of the light, as it is.
+    /// The image of the light's share, before its gain.
     pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
-        seen.image(self.image).unwrap_or_default()
+        self.image.values(seen).unwrap_or_default()
     }
 }

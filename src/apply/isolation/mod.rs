@@ -1,8 +1,9 @@
 //! Isolating light paths: one element of the tensor, chosen or named, as a detector and as an image of one kind of light.
 //!
 //! A [`Task`] names the light. A method is a set of elements that it may look at ([`Family`]); of these it takes the one that does
-//! best on the training variants, with the sign that does: as a detector by the area under the curve, over the photograph or not;
-//! as an image by correlation. Thresholds and gains are learnt from the training variants too.
+//! best on the training variants, with the sign that does, over the photograph or not: as a detector by the area under the curve, as an
+//! image by correlation with the share of each pixel's light. (Not with the truth: a few pixels that shine, and a few samples
+//! that are too bright, would outweigh all others.) Thresholds and gains are learnt from the training variants too.
 
 pub mod element;
 mod learnt;
@@ -19,6 +20,9 @@ use element::{Element, Space, Time};
 use learnt::Learnt;
 use seen::Seen;
 
+/// Pixels of a variant.
+pub type Region = fn(&Observation) -> Result<Vec<bool>, ApplyError>;
+
 /// Light that is to be isolated.
 #[derive(Clone, Copy, Debug)]
 pub struct Task {
@@ -28,8 +32,8 @@ pub struct Task {
     pub metrics: [Metric; 6],
     /// Paths that it is of.
     pub light: fn(Path) -> bool,
-    /// A truth map: only pixels of which it is at least a half count as having that light.
-    pub region: Option<&'static str>,
+    /// Only these pixels count as having that light.
+    pub region: Option<Region>,
     /// A pixel of which it is at least this share is to be found.
     pub share: f64,
     /// The element that the paper names for it, if it does.
@@ -65,6 +69,8 @@ pub enum Family {
     Named,
     /// The same with either sign.
     NamedEitherSign,
+    /// Its magnitude, whatever the azimuth of the planes of incidence ([`Element::magnitude`]).
+    NamedAnyAzimuth,
     /// Every element of the parts that it may tell apart.
     Any {
         /// Whether it may tell epipolar light from other light.
@@ -102,6 +108,15 @@ impl Family {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),
             Self::NamedEitherSign => (task.named.into_iter().collect(), true),
+            Self::NamedAnyAzimuth => {
+                let named = task.named.into_iter();
+                (
+                    named
+                        .map(|e| Element::of(e.part.0, e.index).magnitude())
+                        .collect(),
+                    true,
+                )
+            }
             Self::Any {
                 space,
                 time,
@@ -117,6 +132,7 @@ impl Family {
                         part,
                         index: [e / 4, e % 4],
                         negative: false,
+                        magnitude: false,
                     }));
                 }
                 (all, true)
@@ -147,10 +163,10 @@ pub(crate) fn run(
     let mut outcome = Outcome::default();
     for (number, task) in tasks.iter().enumerate() {
         outcome.pictures.push(picture(
-            "the light itself",
+            "the truth",
             task,
             shown,
-            shown.truth[number].light.clone(),
+            shown.truth[number].share.clone(),
         ));
         for isolation in methods {
             let (candidates, either) = isolation.family.candidates(task, example);
@@ -197,8 +213,8 @@ fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
         f1,
         precision,
         counts.recall(),
-        correlation(&image, &truth.light),
-        error(&image, &truth.light, learnt.gain),
+        correlation(&image, &truth.share),
+        error(&image, &truth.share, learnt.gain),
     ]
 }
 

@@ -41,10 +41,19 @@ pub struct Seen {
 
 /// What is true of a task.
 pub struct Truth {
-    /// The light that is to be isolated; none outside the task's region.
-    pub light: Vec<f64>,
+    /// The share of each pixel's light that is to be isolated; none outside the task's region.
+    pub share: Vec<f64>,
     /// What its pixels are to a detector.
     pub classes: Vec<Class>,
+}
+
+/// Pixels of whose truth map a test holds.
+///
+/// # Errors
+/// [`ApplyError::Missing`].
+pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Result<Vec<bool>, ApplyError> {
+    let map = o.truth(map)?;
+    Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
 }
 
 /// `[element][pixel]` of the bins that a pixel keeps.
@@ -140,18 +149,26 @@ impl Seen {
         for task in tasks {
             let mut light = paths.of(task.light).data;
             if let Some(region) = task.region {
-                let map = o.truth(region)?;
-                if map.data.len() != light.len() {
+                let within = region(o)?;
+                if within.len() != light.len() {
                     return Err(sizes("slices and truth maps"));
                 }
-                for (light, share) in light.iter_mut().zip(&map.data) {
-                    if *share < 0.5 {
+                for (light, within) in light.iter_mut().zip(&within) {
+                    if !within {
                         *light = 0.0;
                     }
                 }
             }
             let classes = classes(&light, &everything, task.share);
-            truth.push(Truth { light, classes });
+            let share = |(light, (all, class)): (&f64, (&f64, &Class))| {
+                if *class == Class::Dark { 0.0 } else { light / all }
+            };
+            let share = light
+                .iter()
+                .zip(everything.iter().zip(&classes))
+                .map(share)
+                .collect();
+            truth.push(Truth { share, classes });
         }
         Ok(Self {
             variant: o.variant,
@@ -169,9 +186,20 @@ impl Seen {
 
     /// An element as an image with its sign; `None` if it is not known.
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
-        let plain = self.images.get(&e.part)?.get(4 * e.index[0] + e.index[1])?;
+        let images = self.images.get(&e.part)?;
         let sign = if e.negative { -1.0 } else { 1.0 };
-        Some(plain.iter().map(|v| sign * v).collect())
+        if !e.magnitude {
+            let plain = images.get(4 * e.index[0] + e.index[1])?;
+            return Some(plain.iter().map(|v| sign * v).collect());
+        }
+        // Linear parts, 1 and 2, turn into each other.
+        let mixed = |i: usize| if i == 1 || i == 2 { 1..=2 } else { i..=i };
+        let together: Vec<&Vec<f64>> = mixed(e.index[0])
+            .flat_map(|i| mixed(e.index[1]).map(move |j| 4 * i + j))
+            .map(|k| images.get(k))
+            .collect::<Option<_>>()?;
+        let length = |p: usize| together.iter().map(|m| m[p].powi(2)).sum::<f64>().sqrt();
+        Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
     /// An image over the photograph; 0 where that is dark.

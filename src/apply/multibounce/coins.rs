@@ -27,7 +27,7 @@ pub(super) const TASKS: [Task; 5] = [
         metrics: metrics!("one reflection by metal"),
         light: |p| metal(p, 1),
         region: None,
-        share: 0.5,
+        share: 0.2,
         named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
     },
     Task {
@@ -43,7 +43,7 @@ pub(super) const TASKS: [Task; 5] = [
         metrics: metrics!("three reflections by metal"),
         light: |p| metal(p, 3),
         region: None,
-        share: 0.5,
+        share: 0.2,
         named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
     },
     // As -(1,0) of the floor under the disco ball.
@@ -51,7 +51,7 @@ pub(super) const TASKS: [Task; 5] = [
         name: "mirror to table",
         metrics: metrics!("mirror to table"),
         light: Path::one_mirror_one_diffuse,
-        region: Some("table"),
+        region: Some(|o| seen::within(o, "table", |share| share[0] >= 0.5)),
         share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     },

@@ -18,6 +18,17 @@ fn patch(p: Path) -> bool {
     p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
 }
 
+/// Pixels of the walls that are up to the right of the ball's centre or down to the left of it (`side` = 1), or on the other diagonal.
+pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
+    let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
+    let [x, y] = [value("ball_x"), value("ball_y")];
+    let on_it = seen::within(o, "position", |p| {
+        p.len() == 3 && side * (p[0] - x) * (p[1] - y) > 0.0
+    })?;
+    let walls = seen::within(o, "walls", |share| share[0] >= 0.5)?;
+    Ok(on_it.iter().zip(&walls).map(|(a, b)| *a && *b).collect())
+}
+
 /// What the captions of Fig. 13 say.
 pub(super) const TASKS: [Task; 6] = [
     // c: "isolates the remaining specular reflection on the diffuse planes".
@@ -26,7 +37,7 @@ pub(super) const TASKS: [Task; 6] = [
         metrics: metrics!("gloss of walls"),
         light: Path::single_specular,
         region: None,
-        share: 0.1,
+        share: 0.05,
         named: Some(Element::of(Space::Epipolar, [0, 1])),
     },
     // d: "removes the specular reflection".
@@ -35,7 +46,7 @@ pub(super) const TASKS: [Task; 6] = [
         metrics: metrics!("walls without gloss"),
         light: |p| p.label == DIFFUSE,
         region: None,
-        share: 0.9,
+        share: 0.8,
         named: Some(Element::of(Space::Epipolar, [2, 1])),
     },
     // e: "captures the diffuse direct interreflections between the red and blue planes".
@@ -52,25 +63,27 @@ pub(super) const TASKS: [Task; 6] = [
         name: "walls and ball to floor",
         metrics: metrics!("walls and ball to floor"),
         light: |p| p.bounces > 1,
-        region: Some("floor"),
+        region: Some(|o| seen::within(o, "floor", |share| share[0] >= 0.5)),
         share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     },
-    // i, j: "the reflections with different directions from the disco ball to the planes".
+    // i, j: "the reflections with different directions from the disco ball to the planes". A facet that sends light up to the right or
+    // down to the left has its plane of incidence at +45°, one that sends it along the other diagonal at -45°: of all directions those
+    // are what the sign of (0,2) can tell.
     Task {
-        name: "ball to left wall",
-        metrics: metrics!("ball to left wall"),
+        name: "ball along one diagonal",
+        metrics: metrics!("ball along one diagonal"),
         light: patch,
-        region: Some("left wall"),
-        share: 0.1,
+        region: Some(|o| diagonal(o, 1.0)),
+        share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [0, 2])),
     },
     Task {
-        name: "ball to right wall",
-        metrics: metrics!("ball to right wall"),
+        name: "ball along the other",
+        metrics: metrics!("ball along the other"),
         light: patch,
-        region: Some("right wall"),
-        share: 0.1,
+        region: Some(|o| diagonal(o, -1.0)),
+        share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [0, 2]).negative()),
     },
 ];
@@ -101,12 +114,13 @@ impl Application for DiscoBall {
                     of: &["floor"],
                 },
                 Truth::Material {
-                    name: "left wall",
-                    of: &["red"],
+                    name: "walls",
+                    of: &["floor", "white", "red", "blue"],
                 },
-                Truth::Material {
-                    name: "right wall",
-                    of: &["blue"],
+                Truth::Layer {
+                    name: "position",
+                    layer: "position",
+                    through: false,
                 },
             ],
             preview: PREVIEW,

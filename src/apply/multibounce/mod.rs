@@ -23,12 +23,17 @@ const fn any(space: bool, time: bool, polarization: bool) -> Family {
 }
 
 /// All methods; the paper's is the first.
-const METHODS: [Isolation; 7] = [
+const METHODS: [Isolation; 8] = [
     Isolation::new("the named element", "Baek & Heide 2021", Family::Named),
     Isolation::new(
         "the named element, either sign",
         "its sign learnt",
         Family::NamedEitherSign,
+    ),
+    Isolation::new(
+        "the named element, any azimuth",
+        "its magnitude: rows and columns 1 and 2 together",
+        Family::NamedAnyAzimuth,
     ),
     Isolation::new(
         "any element of space and polarization",
