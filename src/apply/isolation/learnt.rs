@@ -2,7 +2,7 @@
 
 use super::element::Element;
 use super::seen::Seen;
-use crate::metrics::isolation::{correlation, gain, parted, threshold};
+use crate::metrics::isolation::{cosine, gain, parted, threshold};
 use crate::metrics::roc::area;
 use std::fmt;
 
@@ -16,7 +16,7 @@ pub(super) struct Learnt {
     image: Shown,
     /// Times this.
     pub gain: f64,
-    /// Area and correlation on the training variants.
+    /// Area and cosine on the training variants.
     reached: [f64; 2],
 }
 
@@ -49,7 +49,7 @@ impl fmt::Display for Learnt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "found by {} of {:.3e} and more (area {:.3} in training); drawn by {} times {:.3} (correlation {:.3})",
+            "found by {} of {:.3e} and more (area {:.3} in training); drawn by {} times {:.3} (cosine {:.3})",
             self.detector, self.threshold, self.reached[0], self.image, self.gain, self.reached[1]
         )
     }
@@ -98,7 +98,7 @@ impl Learnt {
                 }));
                 // The other sign has the rest of the area.
                 keep(&mut detector, shown, reached, 1.0 - reached, either);
-                let reached = mean(all().map(|(seen, values)| correlation(values, &seen.truth[task].share)));
+                let reached = mean(all().map(|(seen, values)| cosine(values, &seen.truth[task].share)));
                 keep(&mut image, shown, reached, -reached, either);
             }
         }

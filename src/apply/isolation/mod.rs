@@ -2,8 +2,9 @@
 //!
 //! A [`Task`] names the light. A method is a set of elements that it may look at ([`Family`]); of these it takes the one that does
 //! best on the training variants, with the sign that does, over the photograph or not: as a detector by the area under the curve, as an
-//! image by correlation with the share of each pixel's light. (Not with the truth: a few pixels that shine, and a few samples
-//! that are too bright, would outweigh all others.) Thresholds and gains are learnt from the training variants too.
+//! image by the cosine to the share of each pixel's light, which says what is left of it at the best gain. (Not to the light as it
+//! is: a few pixels that shine, and a few samples that are too bright, would outweigh all others.) Thresholds and gains are learnt
+//! from the training variants too.
 
 pub mod element;
 mod learnt;

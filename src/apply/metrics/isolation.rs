@@ -96,6 +96,14 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     }
 }
 
+/// The cosine between image and light as vectors of pixels: with the image's best gain √(1 - cosine²) of the light is left. Unlike
+/// [`correlation`] it wants an image that is dark where the light is not. NaN where either is nothing.
+#[must_use]
+pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    product(image, light) / (product(image, image) * product(light, light)).sqrt()
+}
+
 /// The gain that brings images nearest to the light in the least squares of all pixels, and never a negative one.
 #[must_use]
 pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 {
@@ -147,6 +155,7 @@ mod tests {
         let half: Vec<f64> = light.iter().map(|l| 0.5 * l).collect();
         let g = gain([(&half[..], &light[..])]);
         assert_eq!((g, error(&half, &light, g)), (2.0, 0.0));
+        approx::assert_relative_eq!(cosine(&half, &light), 1.0, epsilon = 1e-12);
     }
 
     #[test]
@@ -156,6 +165,11 @@ mod tests {
         let g = gain([(&all[..], &light[..])]);
         approx::assert_relative_eq!(g, 0.6, epsilon = 1e-12);
         approx::assert_relative_eq!(error(&all, &light, g), (0.4_f64 / 4.0).sqrt(), epsilon = 1e-12);
+        approx::assert_relative_eq!(
+            error(&all, &light, g),
+            (1.0 - cosine(&all, &light).powi(2)).sqrt(),
+            epsilon = 1e-12
+        );
         // Over a background of 1 above and 4 below the light is 2/3 and 1/3 of its pixels.
         let [light, all] = columns(|i| if i < 32 { 1.0 } else { 4.0 });
         let classes = classes(&light, &all, 0.5);
