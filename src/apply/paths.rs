@@ -215,7 +215,8 @@ pub(crate) mod tests {
                 .map(|&(label, bounces)| bring(Path { label, bounces }));
             2.0 * each.sum::<f64>()
         };
-        let cases: [(fn(Path) -> bool, &[(u8, u32)]); 7] = [
+        type Case = (fn(Path) -> bool, &'static [(u8, u32)]);
+        let cases: [Case; 7] = [
             (Path::single_diffuse, &[(8, 1)]),
             (Path::diffuse_interreflection, &[(8, 2)]),
             (Path::single_specular, &[(2, 1), (4, 1), (6, 1)]),

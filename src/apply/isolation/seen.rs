@@ -56,6 +56,9 @@ pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Res
     Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
 }
 
+/// Whether a pixel keeps a bin.
+type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
+
 /// `[element][pixel]` of the bins that a pixel keeps.
 fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
     let image = |e: usize| {
@@ -92,6 +95,9 @@ fn first_light(p: &Pixels) -> Vec<usize> {
 
 impl Seen {
     /// Reads a variant; `timed` says whether epipolar light is to be read in bins too.
+    ///
+    /// # Errors
+    /// [`ApplyError`].
     pub fn new(o: &Observation, tasks: &[Task], timed: bool) -> Result<Self, ApplyError> {
         let polarimetric = o.pixels(POLARIMETRIC, true)?;
         let (width, height) = (polarimetric.width, polarimetric.height);
@@ -125,8 +131,7 @@ impl Seen {
         for cut in CUTS {
             let early = |pixel: usize, bin: usize| bin <= first[pixel] + cut;
             let late = |pixel: usize, bin: usize| bin > first[pixel] + cut;
-            let windows: [(Time, &dyn Fn(usize, usize) -> bool); 2] =
-                [(Time::Early(cut), &early), (Time::Late(cut), &late)];
+            let windows: [(Time, &Kept); 2] = [(Time::Early(cut), &early), (Time::Late(cut), &late)];
             for (time, keep) in windows {
                 let whole = images(&transient, keep);
                 if let Some(gated) = &gated {
@@ -185,6 +190,7 @@ impl Seen {
     }
 
     /// An element as an image with its sign; `None` if it is not known.
+    #[must_use]
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
         let images = self.images.get(&e.part)?;
         let sign = if e.negative { -1.0 } else { 1.0 };
@@ -203,6 +209,7 @@ impl Seen {
     }
 
     /// An image over the photograph; 0 where that is dark.
+    #[must_use]
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };

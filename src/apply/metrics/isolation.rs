@@ -28,12 +28,11 @@ pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
         .iter()
         .zip(all)
         .map(|(light, all)| {
-            if !(*all > DARK * mean) {
-                Class::Dark
-            } else if light / all >= share {
-                Class::Positive
-            } else {
-                Class::Negative
+            let lit = *all > DARK * mean;
+            match (lit, light / all >= share) {
+                (false, _) => Class::Dark,
+                (true, true) => Class::Positive,
+                (true, false) => Class::Negative,
             }
         })
         .collect()
