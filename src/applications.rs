@@ -331,23 +331,13 @@ impl Studio<'_> {
         }
         let scaled =
             |n: u32| (u64::from(n) * u64::from(self.size.pixels) / u64::from(w.max(h))).max(1) as u32;
-        // A number past the end stays past the end: the scene's reader says so.
-        let moved = |at: u32, of: u32| (u64::from(at) * u64::from(scaled(of)) / u64::from(of)) as u32;
         camera.resolution = [scaled(w), scaled(h)].into();
-        // Rows and columns that a slice keeps stay where they are in the image.
         for slice in &mut file.slices {
-            let kept = match &*slice.camera {
-                CameraSelectFile::Rows(rows) => {
-                    CameraSelectFile::Rows(rows.iter().map(|r| moved(*r, h)).collect())
-                }
-                CameraSelectFile::Columns(columns) => {
-                    CameraSelectFile::Columns(columns.iter().map(|c| moved(*c, w)).collect())
-                }
-                _ => continue,
-            };
-            let mut scaled = (**slice).clone();
-            scaled.camera = base::locate::Located::at(slice.camera.span(), kept);
-            *slice = base::locate::Located::at(slice.span(), scaled);
+            if let Some(camera) = moved(&slice.camera, [w, h], [scaled(w), scaled(h)]) {
+                let mut changed = (**slice).clone();
+                changed.camera = base::locate::Located::at(slice.camera.span(), camera);
+                *slice = base::locate::Located::at(slice.span(), changed);
+            }
         }
         file.camera = base::locate::Located::at(file.camera.span(), camera);
         Ok(file)
@@ -359,6 +349,20 @@ impl Studio<'_> {
             what,
             mend: "give back the scene file that came with the program".into(),
         }
+    }
+}
+
+/// Rows and columns where they are in the image of a camera of another size; `None` of other choices. A number past the end stays past
+/// the end, which the scene's reader refuses.
+fn moved(kept: &CameraSelectFile, from: [u32; 2], to: [u32; 2]) -> Option<CameraSelectFile> {
+    let all = |list: &[u32], axis: usize| -> Vec<u32> {
+        let place = |at: &u32| u64::from(*at) * u64::from(to[axis]) / u64::from(from[axis]);
+        list.iter().map(|at| place(at) as u32).collect()
+    };
+    match kept {
+        CameraSelectFile::Rows(rows) => Some(CameraSelectFile::Rows(all(rows, 1))),
+        CameraSelectFile::Columns(columns) => Some(CameraSelectFile::Columns(all(columns, 0))),
+        _ => None,
     }
 }
 
@@ -377,4 +381,24 @@ pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
     from.ancestors()
         .map(|folder| folder.join("scenes"))
         .find(|s| s.join(scene).is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_and_columns_stay_where_they_are() {
+        let rows = CameraSelectFile::Rows(vec![0, 77, 127, 128]);
+        let CameraSelectFile::Rows(at) = moved(&rows, [200, 128], [100, 64]).expect("rows") else {
+            panic!("rows stay rows");
+        };
+        assert_eq!(at, [0, 38, 63, 64]);
+        let columns = CameraSelectFile::Columns(vec![50]);
+        let CameraSelectFile::Columns(at) = moved(&columns, [200, 128], [400, 256]).expect("columns") else {
+            panic!("columns stay columns");
+        };
+        assert_eq!(at, [100]);
+        assert!(moved(&CameraSelectFile::All, [200, 128], [100, 64]).is_none());
+    }
 }
