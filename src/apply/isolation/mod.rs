@@ -7,140 +7,23 @@
 //! from the training variants too.
 
 pub mod element;
+mod family;
 mod learnt;
 pub mod seen;
+mod task;
 
-use crate::application::{Method, Metric, Outcome, Picture, Score};
+pub use family::{Family, Isolation};
+pub use task::{Region, Task};
+pub(crate) use task::{metrics, metrics_of};
+
+use crate::application::{Outcome, Picture, Score};
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::isolation::{correlation, decided, error, parted};
 use crate::metrics::roc::area;
 use crate::observation::Observation;
-use crate::paths::Path;
-use element::{Element, Space, Time};
 use learnt::Learnt;
 use seen::Seen;
-
-/// Pixels of a variant.
-pub type Region = fn(&Observation) -> Result<Vec<bool>, ApplyError>;
-
-/// Light that is to be isolated.
-#[derive(Clone, Copy, Debug)]
-pub struct Task {
-    /// What it is called.
-    pub name: &'static str,
-    /// Its numbers, by [`task!`].
-    pub metrics: [Metric; 6],
-    /// Paths that it is of.
-    pub light: fn(Path) -> bool,
-    /// Only these pixels count as having that light.
-    pub region: Option<Region>,
-    /// A pixel of which it is at least this share is to be found.
-    pub share: f64,
-    /// The element that the paper names for it, if it does.
-    pub named: Option<Element>,
-}
-
-/// The numbers of a task by its name: area under the curve, F1, precision, recall, correlation, error.
-macro_rules! metrics {
-    ($name:literal) => {{
-        const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {
-            $crate::application::Metric {
-                name,
-                unit: "",
-                more_is_better,
-            }
-        }
-        [
-            metric(concat!($name, ": area"), true),
-            metric(concat!($name, ": F1"), true),
-            metric(concat!($name, ": precision"), true),
-            metric(concat!($name, ": recall"), true),
-            metric(concat!($name, ": correlation"), true),
-            metric(concat!($name, ": error"), false),
-        ]
-    }};
-}
-pub(crate) use metrics;
-
-/// What a method may look at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Family {
-    /// The element that the paper names for the task, as it is written.
-    Named,
-    /// The same with either sign.
-    NamedEitherSign,
-    /// Its magnitude, whatever the azimuth of the planes of incidence ([`Element::magnitude`]).
-    NamedAnyAzimuth,
-    /// Every element of the parts that it may tell apart.
-    Any {
-        /// Whether it may tell epipolar light from other light.
-        space: bool,
-        /// Whether it may tell early light from late.
-        time: bool,
-        /// Whether it may look at other elements than (0,0).
-        polarization: bool,
-    },
-}
-
-/// A method of isolation.
-#[derive(Clone, Copy, Debug)]
-pub struct Isolation {
-    /// What it is called.
-    pub method: Method,
-    /// What it may look at.
-    pub family: Family,
-}
-
-impl Isolation {
-    /// A method.
-    #[must_use]
-    pub const fn new(name: &'static str, source: &'static str, family: Family) -> Self {
-        Self {
-            method: Method { name, source },
-            family,
-        }
-    }
-}
-
-impl Family {
-    /// Elements with positive sign (but the named one), and whether signs are to be learnt.
-    fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
-        match self {
-            Self::Named => (task.named.into_iter().collect(), false),
-            Self::NamedEitherSign => (task.named.into_iter().collect(), true),
-            Self::NamedAnyAzimuth => {
-                let named = task.named.into_iter();
-                (
-                    named
-                        .map(|e| Element::of(e.part.0, e.index).magnitude())
-                        .collect(),
-                    true,
-                )
-            }
-            Self::Any {
-                space,
-                time,
-                polarization,
-            } => {
-                let mut all = vec![];
-                for (part, elements) in seen.parts() {
-                    if !space && part.0 != Space::All || !time && part.1 != Time::All {
-                        continue;
-                    }
-                    let kept = if polarization { elements } else { elements.min(1) };
-                    all.extend((0..kept).map(|e| Element {
-                        part,
-                        index: [e / 4, e % 4],
-                        negative: false,
-                        magnitude: false,
-                    }));
-                }
-                (all, true)
-            }
-        }
-    }
-}
 
 /// Fits every method to every task on `train` and judges it on `test`; `timed` as [`Seen::new`] has it.
 pub(crate) fn run(
@@ -232,11 +115,6 @@ fn picture(method: &'static str, task: &Task, seen: &Seen, data: Vec<f64>) -> Pi
             data,
         },
     }
-}
-
-/// Numbers of all tasks.
-pub(crate) fn metrics_of(tasks: &[Task]) -> Vec<Metric> {
-    tasks.iter().flat_map(|t| t.metrics).collect()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! One variant as detectors see it: images of all elements of every part of its light, and what is true of each task.
 
-use super::Task;
 use super::element::{Element, Part, Space, Time};
+use super::task::Task;
 use crate::error::ApplyError;
 use crate::metrics::isolation::{Class, classes};
 use crate::observation::{Observation, Pixels};

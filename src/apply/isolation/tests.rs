@@ -1,8 +1,10 @@
 //! Rooms of pixels that each hold one kind of light, kinds that differ in one known way: every family tells what it may look at.
 
+use super::element::{Element, Space};
 use super::*;
 use crate::application::Score;
 use crate::observation::tests::slice;
+use crate::paths::Path;
 use crate::paths::tests::labelled;
 use crate::regression::least_squares::tests::{normal, random};
 

@@ -1,6 +1,6 @@
 //! A disco ball among painted walls (Fig. 13 a to j).
 
-use super::{FULL, METHODS, PREVIEW, TRUTH_SAMPLES};
+use super::methods::{FULL, METHODS, PREVIEW, TRUTH_SAMPLES};
 use crate::application::{Application, Method, Metric, Outcome, Plan, Truth};
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};
