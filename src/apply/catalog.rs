@@ -1,9 +1,11 @@
 //! All applications.
 
+use crate::analysis::Analysis;
 use crate::application::Application;
 use crate::crystals::Crystals;
 use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
+use crate::multibounce::{Coins, DiscoBall};
 use crate::scattering::Scattering;
 use crate::shape::application::ShapeScan;
 use crate::transient::Transient;
@@ -12,11 +14,14 @@ use crate::transient::Transient;
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
     vec![
+        Box::new(Analysis),
         Box::new(Crystals),
         Box::new(Transient),
         Box::new(Ellipsometry),
         Box::new(ShapeScan),
         Box::new(Scattering),
+        Box::new(DiscoBall),
+        Box::new(Coins),
         Box::new(Metamerism),
     ]
 }

@@ -6,6 +6,7 @@
 
 #![warn(missing_docs)]
 
+pub mod analysis;
 pub mod application;
 pub mod catalog;
 pub mod chain;
@@ -13,10 +14,13 @@ pub mod comparison;
 pub mod crystals;
 pub mod ellipsometry;
 pub mod error;
+pub mod isolation;
 pub mod map;
 pub mod metamerism;
 pub mod metrics;
+pub mod multibounce;
 pub mod observation;
+pub mod paths;
 pub mod pinhole;
 pub mod regression;
 pub mod scattering;
