@@ -83,7 +83,7 @@ impl Scale {
     }
 
     /// The colour bar of M00.
-    fn bar<'a>(self, colour: &'a dyn Fn(f32) -> Rgb<u8>) -> Bar<'a> {
+    fn bar(self, colour: &dyn Fn(f32) -> Rgb<u8>) -> Bar<'_> {
         let ticks = self.ticks();
         let label = format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT));
         Bar::new(label, ticks, colour)

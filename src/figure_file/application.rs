@@ -4,6 +4,7 @@ use apply::application::{Application, Picture};
 use apply::catalog;
 use base::locate::Located;
 use figure::tile::{self, Scale, Tile};
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use transport::render::schedule::Watch;
@@ -74,7 +75,10 @@ impl<'a> Applications<'a> {
             let help = format!("name one of: {}", list(&plan.test));
             return Err(source.error(at, message, help).into());
         }
-        if let Some([low, high]) = view.limits.filter(|[low, high]| !(low < high)) {
+        if let Some([low, high]) = view
+            .limits
+            .filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
+        {
             let message = format!("limits = [{low}, {high}] are no range");
             return Err(source
                 .error(at, message, "give the smaller first, then the larger")

@@ -117,7 +117,7 @@ fn applications_are_checked_before_they_are_run() {
 
 #[test]
 fn the_same_files_give_the_same_bytes_and_one_render() {
-    let (_scenes, text) = sound();
+    let (scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("f.toml"), &text).expect("a figure");
     let make = |out: &str, renders: &str| {
@@ -144,7 +144,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
         );
     }
     // A scene that changed is rendered anew, and looks otherwise.
-    let scene = _scenes.path().join("scene.toml");
+    let scene = scenes.path().join("scene.toml");
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
     assert!(make("d.png", "r").contains("(1 renders made now)"));
     assert_ne!(read("a.png"), read("d.png"));
