@@ -56,7 +56,7 @@ impl Tolerances {
                     e.axis_offset += (self.axis_error_deg * axis).to_radians();
                     match &mut e.kind {
                         ElementKind::Polarizer { extinction } => {
-                            *extinction = SpectralValue::Same(self.extinction)
+                            *extinction = SpectralValue::Same(self.extinction);
                         }
                         ElementKind::Retarder { error, .. } => {
                             *error = shifted(error, (self.retardance_error_deg * retardance).to_radians());
