@@ -16,27 +16,17 @@ use apply::error::ApplyError;
 use apply::map::Map;
 use apply::observation::{Observation, Slice};
 use apply::pinhole::Rig;
-use base::locate::InputError;
 use links::{Links, LinksError, Through};
-use scene::syntax::scene::SceneFile;
-use scene::syntax::variant::{self, Variant};
+use scene::syntax::variant::Variant;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use store::sink::{SinkError, Target};
 use store::zarr::{AccessError, OpenError, TensorStore};
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 use transport::render::layers;
-use transport::render::schedule::{RenderError, Watch};
-use transport::scene::Scene;
+use transport::render::schedule::Watch;
 
-use crate::render::Render;
-
-/// Seed of renders that are the truth: none of the seeds that methods see.
-const TRUTH_SEED: u64 = 1 << 32;
-
-/// Groups of samples that standard errors are estimated from, at least.
-const REPLICATES: u32 = 8;
+use crate::studio::{Studio, StudioError, TRUTH_SEED};
 
 /// Where to and how to run.
 #[derive(Clone, Debug)]
@@ -56,28 +46,12 @@ pub struct Settings {
 /// Why an application was not run to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum ApplicationError {
-    /// The scene file, or a variant of it, is wrong.
+    /// The scene file is wrong, or a render of it stopped.
     #[error(transparent)]
-    Scene(#[from] InputError),
-    /// The scene file lacks what the plan names.
-    #[error("{file}: {what}; {mend}")]
-    Plan {
-        /// The scene file.
-        file: PathBuf,
-        /// What is wrong.
-        what: String,
-        /// How to mend it.
-        mend: String,
-    },
+    Studio(#[from] StudioError),
     /// There is nothing to average over.
     #[error("no seeds: give 1 or more")]
     NoSeeds,
-    /// A render stopped.
-    #[error(transparent)]
-    Render(#[from] RenderError<SinkError>),
-    /// The user stopped it; what is finished stays.
-    #[error("stopped; run the same command again to go on")]
-    Interrupted,
     /// A render cannot be read back.
     #[error(transparent)]
     Open(#[from] OpenError),
@@ -126,21 +100,17 @@ pub fn run(
     let plan = application.plan();
     let size = if settings.preview { plan.preview } else { plan.full };
     let path = settings.scenes.join(plan.scene);
-    let mut studio = Studio {
-        text: scene::read(&path)?,
-        path,
+    let mut observer = Observer {
+        studio: Studio::open(&path, &settings.renders, watch)?,
         plan: &plan,
         size,
-        settings,
-        watch,
-        rendered: 0,
         truths: BTreeMap::new(),
     };
     let (mut runs, mut scores, mut first) = (vec![], vec![], None);
     let mut through = vec![];
     for seed in 1..=settings.seeds {
         let mut all = |variants: &[u64]| -> Result<Vec<Observation>, ApplicationError> {
-            variants.iter().map(|v| studio.observe(*v, seed)).collect()
+            variants.iter().map(|v| observer.observe(*v, seed)).collect()
         };
         let (train, test) = (all(&plan.train)?, all(&plan.test)?);
         let outcome = application.run(&train, &test)?;
@@ -156,7 +126,7 @@ pub fn run(
         through: through.into_iter().map(|t| t.compared(application)).collect(),
         size,
         seeds: settings.seeds,
-        rendered: studio.rendered,
+        rendered: observer.studio.rendered(),
     })
 }
 
@@ -168,29 +138,24 @@ struct Known {
     slices: BTreeMap<String, Slice>,
 }
 
-/// Renders variants of one scene file.
-struct Studio<'a> {
-    path: PathBuf,
-    text: String,
+/// Observes variants of one scene file.
+struct Observer<'a> {
+    studio: Studio<'a>,
     plan: &'a Plan,
     size: Size,
-    settings: &'a Settings,
-    watch: &'a dyn Watch,
-    rendered: usize,
     /// What is known by variant: it is the same for all seeds.
     truths: BTreeMap<u64, Known>,
 }
 
-impl Studio<'_> {
+impl Observer<'_> {
     fn observe(&mut self, number: u64, seed: u64) -> Result<Observation, ApplicationError> {
-        let variant = variant::read(&self.path, &self.text, number)?;
+        let variant = self.studio.variant(Some(number))?;
         let values = variant.values.iter().filter_map(|(name, v)| {
             let value = v.as_float().or_else(|| v.as_integer().map(|i| i as f64))?;
             Some((name.clone(), value))
         });
         let values = values.collect();
         let slices = self.plan.slices.clone();
-        let store = self.render(number, &variant, seed, self.size.spp, &slices)?;
         let known = self.truth(number, &variant)?;
         let mut observation = Observation {
             variant: number,
@@ -200,8 +165,11 @@ impl Studio<'_> {
             slices: known.slices,
             truth: known.maps,
         };
-        for name in slices {
-            observation.slices.insert(name.to_owned(), read(&store, name)?);
+        if !slices.is_empty() {
+            let store = self.render(number, &variant, seed, self.size.spp, &slices)?;
+            for name in slices {
+                observation.slices.insert(name.to_owned(), read(&store, name)?);
+            }
         }
         Ok(observation)
     }
@@ -210,8 +178,7 @@ impl Studio<'_> {
         if let Some(known) = self.truths.get(&number) {
             return Ok(known.clone());
         }
-        let file = self.sized(variant, &[])?;
-        let mut scene = scene::from_file(&self.path, &self.text, &file)?;
+        let mut scene = self.studio.scene(variant, self.size.pixels, &[])?;
         scene.keep_texture_coordinates();
         let mut known = Known {
             rig: truth::rig(&scene),
@@ -222,6 +189,16 @@ impl Studio<'_> {
                 Truth::Slice { name, slice, samples } => {
                     let spp = self.size.spp.saturating_mul(samples);
                     let store = self.render(number, variant, TRUTH_SEED, spp, &[slice])?;
+                    known.slices.insert(name.to_owned(), read(&store, slice)?);
+                    continue;
+                }
+                Truth::Twin {
+                    name,
+                    slice,
+                    of,
+                    samples,
+                } => {
+                    let store = self.other(of(number), slice, samples)?;
                     known.slices.insert(name.to_owned(), read(&store, slice)?);
                     continue;
                 }
@@ -243,7 +220,7 @@ impl Studio<'_> {
                     samples,
                 } => (name, self.reference(of(number), slice, samples)?),
                 Truth::Material { name, of } => {
-                    if let Some(unknown) = of.iter().find(|m| !file.materials.contains_key(**m)) {
+                    if let Some(unknown) = of.iter().find(|m| !variant.file.materials.contains_key(**m)) {
                         return Err(self.lacks(format!("there is no material `{unknown}`")));
                     }
                     (name, truth::material(&scene, of))
@@ -257,11 +234,21 @@ impl Studio<'_> {
         Ok(known)
     }
 
+    /// A finished store of a slice of a variant that is known to another one as truth.
+    fn other(
+        &mut self,
+        number: u64,
+        slice: &'static str,
+        samples: u32,
+    ) -> Result<TensorStore, ApplicationError> {
+        let variant = self.studio.variant(Some(number))?;
+        let spp = self.size.spp.saturating_mul(samples);
+        self.render(number, &variant, TRUTH_SEED, spp, &[slice])
+    }
+
     /// M00 of a slice of a variant, a channel a wavelength.
     fn reference(&mut self, number: u64, slice: &'static str, samples: u32) -> Result<Map, ApplicationError> {
-        let variant = variant::read(&self.path, &self.text, number)?;
-        let spp = self.size.spp.saturating_mul(samples);
-        let store = self.render(number, &variant, TRUTH_SEED, spp, &[slice])?;
+        let store = self.other(number, slice, samples)?;
         let mean = store.slice(slice)?.read_all(Field::Mean)?;
         let intensity = mean
             .select(AxisKind::StokesOut, 0)
@@ -288,73 +275,15 @@ impl Studio<'_> {
         variant: &Variant,
         seed: u64,
         spp: u32,
-        slices: &[&'static str],
+        slices: &[&str],
     ) -> Result<TensorStore, ApplicationError> {
-        let variant = Variant {
-            file: self.sized(variant, slices)?,
-            values: variant.values.clone(),
-        };
-        let mut scene = scene::from_variant(&self.path, &self.text, &variant, number)?;
-        scene.settings.seed = seed;
-        scene.settings.spp = spp.max(1);
-        scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
-        let path = self.settings.renders.join(self.file_name(&scene, number, seed));
-        let target = Target {
-            resume: path.exists(),
-            path,
-            replace: false,
-        };
-        let summary = Render::new(&scene).watch(self.watch).to_target(&target)?;
-        if !summary.complete {
-            return Err(ApplicationError::Interrupted);
-        }
-        self.rendered += usize::from(summary.samples > 0);
-        Ok(TensorStore::open(&target.path)?)
-    }
-
-    fn file_name(&self, scene: &Scene, number: u64, seed: u64) -> String {
-        let [w, h] = scene.camera.resolution;
-        let hash: String = scene.sha256.chars().take(16).collect();
-        let seed = if seed == TRUTH_SEED {
-            "truth".to_owned()
-        } else {
-            format!("seed{seed}")
-        };
-        format!(
-            "{}_variant{number}_{seed}_{w}x{h}_{}spp_{hash}.zarr",
-            scene.name, scene.settings.spp
-        )
-    }
-
-    /// The variant's file with these slices alone, its camera as large as the plan says.
-    fn sized(&self, variant: &Variant, slices: &[&'static str]) -> Result<SceneFile, ApplicationError> {
-        let mut file = variant.file.clone();
-        if let Some(missing) = slices
-            .iter()
-            .find(|s| !file.slices.iter().any(|f| f.name.as_str() == **s))
-        {
-            return Err(self.lacks(format!("there is no slice `{missing}`")));
-        }
-        file.slices.retain(|s| slices.contains(&s.name.as_str()));
-        file.figures.clear();
-        let mut camera = (*file.camera).clone();
-        let [w, h] = *camera.resolution;
-        if camera.fov_x_deg.is_none() && camera.fov_y_deg.is_none() || w == 0 || h == 0 {
-            return Err(self.lacks("the camera has no field of view to be rendered at another size".into()));
-        }
-        let scaled =
-            |n: u32| (u64::from(n) * u64::from(self.size.pixels) / u64::from(w.max(h))).max(1) as u32;
-        camera.resolution = [scaled(w), scaled(h)].into();
-        file.camera = base::locate::Located::at(file.camera.span(), camera);
-        Ok(file)
+        let size = Size { spp, ..self.size };
+        Ok(self.studio.render(Some(number), variant, seed, size, slices)?)
     }
 
     fn lacks(&self, what: String) -> ApplicationError {
-        ApplicationError::Plan {
-            file: self.path.clone(),
-            what,
-            mend: "give back the scene file that came with the program".into(),
-        }
+        let mend = "give back the scene file that came with the program".to_owned();
+        self.studio.lacks(what, mend).into()
     }
 }
 

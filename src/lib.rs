@@ -14,10 +14,12 @@
 
 pub mod applications;
 pub mod denoise;
+pub mod figure_file;
 pub mod figures;
 pub mod matrices;
 pub mod render;
 pub mod rigs;
+pub mod studio;
 
 pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};
 

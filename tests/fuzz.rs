@@ -10,6 +10,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use sunstone::InputError;
+use sunstone::figure_file::Source;
 use sunstone::tensor::field::Field;
 use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::write;
@@ -156,10 +158,15 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
 
 /// Builds a text within bounds of time and memory.
 fn build(text: &str) -> Option<Scene> {
+    within_bounds(text, sunstone::scene::from_text)
+}
+
+/// Builds a text by a reader within bounds of time and memory: a scene, or a message with its mend at a place in the text.
+fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, InputError>) -> Option<Scene> {
     let place = FILES.path().join("fuzz.toml");
     LARGEST.store(0, Ordering::Relaxed);
     let begun = Instant::now();
-    let scene = sunstone::scene::from_text(&place, text);
+    let scene = reader(&place, text);
     assert!(begun.elapsed() < PATIENCE, "it took {:?}", begun.elapsed());
     let largest = LARGEST.load(Ordering::Relaxed);
     assert!(largest <= MEMORY, "it asked for {largest} bytes at once");
@@ -431,6 +438,93 @@ fn mutated_scenes_build_or_say_why_and_render_finite() {
         count(drawn) > 30 && count(refused) > 30,
         "the mutations are too tame or too wild"
     );
+}
+
+/// A template of every kind of parameter.
+const VARY: &str = r#"
+[vary.colour]
+path = "materials.white.diffuse.albedo"
+values = [0.2, [0.1, 0.2, 0.3], { nm = [400, 700], values = [0, 0.5] }]
+[vary.paint]
+path = 'objects.ball.material'
+values = ["white", "gold"]
+every = 3
+[vary.place]
+path = 'objects."ball".transform.translate'
+range = { min = [-0.1, 0, -0.1], max = [0.1, 0.2, 0] }
+[vary.size]
+path = "objects.ball.transform.scale"
+range = { min = 0.5, max = 1 }
+every = 2
+[vary.height]
+path = "camera.pose.look_at.origin.1"
+range = { min = 0.9, max = 1.1 }
+"#;
+
+/// Whatever becomes of a template, every variant of it is a scene or one message at its place; the same number is the same scene.
+#[test]
+fn mutated_templates_vary_or_say_why() {
+    let _alone = alone();
+    let ball = "[[objects]]\nname = \"ball\"\nmaterial = \"white\"\nshape.sphere = { center = [0, 0.3, 0], radius = 0.1 }\n\
+                transform = { scale = 1, translate = [0, 0, 0] }\n";
+    let room = room() + ball;
+    let variant = |text: &str, number: u64| {
+        within_bounds(text, |path, text| {
+            sunstone::scene::variant_from_text(path, text, number)
+        })
+    };
+    for number in [0, 5, u64::MAX] {
+        let scene = variant(&(room.clone() + VARY), number).expect("the template is right");
+        assert!(
+            scene
+                .variant
+                .as_ref()
+                .is_some_and(|v| v.number == number && v.values.len() == 5)
+        );
+    }
+    let (built, refused) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let changes = prop::collection::vec(change(), 1..4);
+    let begun = Instant::now();
+    let tested = runner(1500).run(&(changes, any::<u64>()), |(changes, number)| {
+        if begun.elapsed() > BUDGET {
+            return Ok(());
+        }
+        let text = room.clone() + &changes.iter().fold(VARY.to_owned(), |t, c| apply(&t, c));
+        match (variant(&text, number), variant(&text, number)) {
+            (None, None) => refused.fetch_add(1, Ordering::Relaxed),
+            (Some(a), Some(b)) => {
+                assert_eq!(a.variant, b.variant, "two of one number");
+                built.fetch_add(1, Ordering::Relaxed)
+            }
+            _ => panic!("one of one number"),
+        };
+        Ok(())
+    });
+    tested.unwrap_or_else(|e| panic!("{e}"));
+    println!("{built:?} built, {refused:?} refused");
+    assert!(
+        built.into_inner() > 100 && refused.into_inner() > 100,
+        "the mutations are too tame or too wild"
+    );
+}
+
+/// A figure file with every feature of the syntax.
+const FIGURE: &str = include_str!("fuzz/figure.toml");
+
+#[test]
+fn mutated_figure_files_are_read_or_say_why() {
+    let _alone = alone();
+    let read = |text: &str| Source::of_text(Path::new("figure.toml"), text);
+    read(FIGURE).expect("everything is right");
+    let changes = prop::collection::vec(change(), 1..4);
+    let tested = runner(3000).run(&changes, |changes| {
+        let text = changes.iter().fold(FIGURE.to_owned(), |text, c| apply(&text, c));
+        if let Err(e) = read(&text) {
+            prop_assert!(!e.message.is_empty() && e.help.is_some());
+        }
+        Ok(())
+    });
+    tested.unwrap_or_else(|e| panic!("{e}"));
 }
 
 /// Sizes that are right one by one must not multiply to more memory than a machine has.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals and fruits.
+"""Writes the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals, fruits and painted_doll.
 
-Lengths are metres and +y is up. But for the facets of the disco ball every mesh is closed and faces outward. Needs
+Lengths are metres and +y is up. But for the facets of the disco ball and the pleated foil every mesh is closed and faces outward. Needs
 Python 3 alone; the same script gives the same files.
 
     tools/make_scene_meshes.py [folder]      (default: scenes/ beside this script's folder)
@@ -359,10 +359,22 @@ def stem():
     return points, faces, normals
 
 
+def pleats():
+    """A foil in eight upright pleats of 6 mm whose sides are at a right angle; it is 85 mm high and faces +z."""
+    positions, faces = [], []
+    for i in range(17):
+        x, z = 0.003 * (i - 8), 0.003 if i % 2 == 0 else 0.0
+        positions += [(x, 0.0, z), (x, 0.085, z)]
+    for i in range(16):
+        a = 2 * i
+        faces.append((a, a + 2, a + 3, a + 1))
+    return positions, faces
+
+
 def main():
     default = Path(__file__).resolve().parent.parent / "scenes"
     root = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    for name in ("disco_ball", "coins_mirror", "milky_tank", "crystals", "fruits"):
+    for name in ("disco_ball", "coins_mirror", "milky_tank", "crystals", "fruits", "painted_doll"):
         (root / name).mkdir(parents=True, exist_ok=True)
     write_ply(root / "disco_ball/facets.ply", *facets())
     for name, relief in (("sun", sun), ("star", star)):
@@ -380,6 +392,7 @@ def main():
         points, normals, triangles = turned(profile, FRUIT_SIDES, math.radians(10), height)
         write_ply(root / f"fruits/{name}.ply", points, triangles, normals)
     write_ply(root / "fruits/stem.ply", *stem())
+    write_ply(root / "painted_doll/pleats.ply", *pleats())
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ pub struct Plan {
     pub train: Vec<u64>,
     /// Variants to be judged on, none of which is in `train`.
     pub test: Vec<u64>,
-    /// Slices of every variant, by name.
+    /// Slices of every variant, by name. None where seeds are of something else than renders, as of a detector: truth alone is rendered.
     pub slices: Vec<&'static str>,
     /// Ground truth of every variant.
     pub truth: Vec<Truth>,
@@ -90,6 +90,17 @@ pub enum Truth {
         name: &'static str,
         /// Slice.
         slice: &'static str,
+        /// Samples, as a multiple of those of the rest.
+        samples: u32,
+    },
+    /// A slice of another variant, rendered with a seed of its own: it is with the observation's slices, by this name.
+    Twin {
+        /// Name of the truth.
+        name: &'static str,
+        /// Slice.
+        slice: &'static str,
+        /// The variant that is the twin of a variant.
+        of: fn(u64) -> u64,
         /// Samples, as a multiple of those of the rest.
         samples: u32,
     },

@@ -1,13 +1,29 @@
 //! All applications.
 
+use crate::analysis::Analysis;
 use crate::application::Application;
+use crate::crystals::Crystals;
+use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
+use crate::multibounce::{Coins, DiscoBall};
 use crate::scattering::Scattering;
+use crate::shape::application::ShapeScan;
+use crate::transient::Transient;
 
 /// All applications, in the paper's order.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
-    vec![Box::new(Scattering), Box::new(Metamerism)]
+    vec![
+        Box::new(Analysis),
+        Box::new(Crystals),
+        Box::new(Transient),
+        Box::new(Ellipsometry),
+        Box::new(ShapeScan),
+        Box::new(Scattering),
+        Box::new(DiscoBall),
+        Box::new(Coins),
+        Box::new(Metamerism),
+    ]
 }
 
 /// The application of a name.

@@ -6,16 +6,23 @@
 
 #![warn(missing_docs)]
 
+pub mod analysis;
 pub mod application;
 pub mod catalog;
 pub mod chain;
 pub mod comparison;
+pub mod crystals;
+pub mod ellipsometry;
 pub mod error;
+pub mod isolation;
 pub mod map;
 pub mod metamerism;
 pub mod metrics;
+pub mod multibounce;
 pub mod observation;
+pub mod paths;
 pub mod pinhole;
 pub mod regression;
 pub mod scattering;
 pub mod shape;
+pub mod transient;

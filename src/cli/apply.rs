@@ -1,10 +1,10 @@
 //! `sunstone apply`: the paper's applications from scene files.
 
 use super::failure::Failure;
+use super::progress::Progress;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use sunstone::applications::links::{Links, Part, WHOLE};
 use sunstone::applications::report::ReportError;
 use sunstone::applications::{self, ApplicationError, Report, Settings, report};
@@ -13,7 +13,8 @@ use sunstone::apply::catalog;
 use sunstone::apply::chain::file;
 use sunstone::apply::comparison::Row;
 use sunstone::apply::metrics::paired::Estimate;
-use sunstone::render::{RenderError, SinkError, Summary, Watch};
+use sunstone::render::{RenderError, SinkError};
+use sunstone::studio::StudioError;
 
 /// Run one of the paper's applications: render its scenes, fit every method on some variants and judge it on others.
 ///
@@ -59,30 +60,6 @@ fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
     pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST)
         .map(|(a, b)| a..=b)
         .ok_or_else(|| format!("give a range of numbers of captures within 1-{MOST}, as 1-16"))
-}
-
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Says how far a render is, every few seconds, and ends it when asked to.
-struct Progress {
-    last: std::sync::Mutex<std::time::Instant>,
-}
-
-impl Watch for Progress {
-    fn tile_done(&self, s: &Summary) {
-        let mut last = self
-            .last
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
-        if last.elapsed() > std::time::Duration::from_secs(10) {
-            *last = std::time::Instant::now();
-            eprintln!("{} of {} tiles of a render", s.tiles_done, s.tiles);
-        }
-    }
-
-    fn interrupted(&self) -> bool {
-        INTERRUPTED.load(Ordering::Relaxed)
-    }
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -156,15 +133,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             settings.renders.display()
         ))
     })?;
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
-    });
-    let progress = Progress {
-        last: std::sync::Mutex::new(std::time::Instant::now()),
-    };
+    let progress = Progress::start();
     let done = applications::run(&*application, &settings, &progress).map_err(failure)?;
     report::write(&*application, &done, &settings, &folder).map_err(|e| match e {
         ReportError::Write { .. } => Failure::failed(e),
@@ -183,18 +152,28 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&text)
 }
 
-fn failure(e: ApplicationError) -> Failure {
+/// Why an application was not run, as a failure of the command.
+pub fn failure(e: ApplicationError) -> Failure {
     match e {
-        ApplicationError::Scene(e) => e.into(),
-        ApplicationError::Interrupted => Failure::Interrupted(e.to_string()),
-        ApplicationError::Render(
-            RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }),
-        ) => Failure::failed(e),
-        ApplicationError::Render(RenderError::Sink(SinkError::Create(ref cause))) => {
-            Failure::of_system(cause.is_of_system(), e)
-        }
+        ApplicationError::Studio(e) => e.into(),
         ApplicationError::Access(ref cause) => Failure::of_system(cause.is_of_system(), e),
         _ => Failure::input(e),
+    }
+}
+
+impl From<StudioError> for Failure {
+    fn from(e: StudioError) -> Self {
+        match e {
+            StudioError::Scene(e) => e.into(),
+            StudioError::Interrupted => Failure::Interrupted(e.to_string()),
+            StudioError::Render(
+                RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }),
+            ) => Failure::failed(e),
+            StudioError::Render(RenderError::Sink(SinkError::Create(ref cause))) => {
+                Failure::of_system(cause.is_of_system(), e)
+            }
+            _ => Failure::input(e),
+        }
     }
 }
 

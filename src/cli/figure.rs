@@ -1,21 +1,27 @@
 //! `sunstone figure`.
 
 use super::failure::Failure;
-use super::places;
+use super::figure_file::Extension;
+use super::{figure_file, places};
 use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use sunstone::figure::{Drawing, FigureError, Format};
 use sunstone::figures::{self, FiguresError};
 
-/// Draw pictures of a store's slices: PNG, or SVG or PDF whose texts and lines are vectors.
+/// Draw pictures of a store's slices, or figures from figure files: PNG, or SVG or PDF whose texts and lines are vectors.
 ///
-/// Without --view, draws the figures that the scene file lists (all, or those named).
+/// Of a store, without --view, draws the figures that its scene lists (all, or those named). Of a figure file (.toml), renders the
+/// scenes and runs the applications that it lists, and draws it: at full size, or fast with --preview. Renders stay: what is
+/// finished is not rendered again.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Store written by `render` or `merge`.
-    store: PathBuf,
-    /// Names of the scene's figures to draw [default: all].
+    /// Store written by `render` or `merge`, or a figure file (.toml).
+    #[arg(required_unless_present = "all")]
+    store: Option<PathBuf>,
+    /// Names of the scene's figures to draw [default: all]; further figure files.
     names: Vec<String>,
+    #[command(flatten)]
+    of_files: figure_file::Options,
     /// Draw this instead.
     #[arg(long, requires = "slice")]
     view: Option<Kind>,
@@ -43,37 +49,16 @@ pub struct Arguments {
     /// Value at the ends of the colour scale (mueller), or shown as white (photo).
     #[arg(long)]
     limit: Option<f32>,
-    /// Format of the figures that the scene lists; with --view the extension of the file says it.
+    /// Format of the figures that the scene lists, and of several figure files; otherwise the extension of the file says it.
     #[arg(long, default_value = "png", conflicts_with = "view")]
     format: Extension,
-    /// File for --view (.png, .svg, .pdf; flight also .gif, .apng), folder otherwise [default: <store> with the extension
-    /// `figures`].
+    /// File for --view (.png, .svg, .pdf; flight also .gif, .apng) and for one figure file, folder otherwise [default: <store>
+    /// with the extension `figures`; out/figures for figure files].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Read what an unfinished render has: NaN where nothing is rendered yet.
     #[arg(long)]
     partial: bool,
-}
-
-/// Formats of a figure.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Extension {
-    /// Pixels.
-    Png,
-    /// Vectors.
-    Svg,
-    /// Vectors on a page.
-    Pdf,
-}
-
-impl Extension {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Png => "png",
-            Self::Svg => "svg",
-            Self::Pdf => "pdf",
-        }
-    }
 }
 
 /// The kinds of picture.
@@ -111,8 +96,20 @@ fn element(text: &str) -> Result<Element, String> {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if a.of_files.is_meant(a.store.as_deref()) {
+        if a.view.is_some() || a.partial {
+            return Err(Failure::input(
+                "--view and --partial are for stores; a figure file says itself what it shows",
+            ));
+        }
+        let further = a.names.iter().map(PathBuf::from);
+        let files: Vec<PathBuf> = a.store.iter().cloned().chain(further).collect();
+        return figure_file::run(&a.of_files, &files, a.output.as_deref(), a.format);
+    }
+    a.of_files.refuse()?;
+    let store = a.store.clone().unwrap_or_default();
     let Some(kind) = a.view else {
-        return draw_all(&a.store, Some(a));
+        return draw_all(&store, Some(a));
     };
     let slice = a.slice.clone().unwrap_or_default();
     let map = |slice: String| MapView {
@@ -151,9 +148,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let path = a
         .output
         .clone()
-        .unwrap_or_else(|| folder(&a.store).join(format!("{name}.png")));
-    places::files([Some(&a.store)], [Some(&path)])?;
-    let store = super::source::store(&a.store, a.partial)?;
+        .unwrap_or_else(|| folder(&store).join(format!("{name}.png")));
+    places::files([Some(&store)], [Some(&path)])?;
+    let store = super::source::store(&store, a.partial)?;
     figures::draw_to(&store, &Figure { name, view }, &path)?;
     super::output::print(&path.display().to_string())
 }

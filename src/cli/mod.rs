@@ -9,6 +9,7 @@ mod denoise;
 mod export;
 mod failure;
 mod figure;
+mod figure_file;
 mod import;
 mod info;
 mod layers;
@@ -20,6 +21,7 @@ mod pbrdf;
 mod phase;
 mod places;
 mod probe;
+mod progress;
 mod project;
 mod ptu;
 mod reconstruct;
@@ -53,6 +55,7 @@ Examples:
   sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals, objects of every pixel
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
+  sunstone figure scenes/figures/fig03_mirror_room.toml --preview   render what a figure file lists, draw it
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
   sunstone denoise a.zarr b.zarr -o figures.zarr         for figures, marked, with its own errors
   sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy

@@ -19,7 +19,7 @@ fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError>
 ///
 /// # Errors
 /// [`FigureError`], as drawing would give.
-pub(crate) fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> {
+pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> {
     let missing = |axis, mend| {
         Err(FigureError::MissingAxis {
             slice: slice.name.clone(),

@@ -77,6 +77,8 @@ pub struct Drawing {
     title: String,
     body: String,
     clips: usize,
+    /// Pixels per inch of a drawing that has a size on paper.
+    per_inch: Option<f64>,
     /// Where the data are.
     pub(crate) data: Rect,
 }
@@ -117,6 +119,7 @@ impl Drawing {
             title: escaped(title),
             body: String::new(),
             clips: 0,
+            per_inch: None,
             data: Rect::default(),
         }
     }
@@ -133,12 +136,40 @@ impl Drawing {
         self.height.ceil() as u32
     }
 
+    /// The drawing with so many pixels an inch of paper.
+    #[must_use]
+    pub(crate) fn printed_at(mut self, per_inch: f64) -> Self {
+        self.per_inch = Some(per_inch);
+        self
+    }
+
+    /// Pixels per inch of a drawing that has a size on paper.
+    pub(crate) fn per_inch(&self) -> Option<f64> {
+        self.per_inch
+    }
+
     /// The whole document. Its texts ask for DejaVu Sans, and for fonts of nearly the same widths where there is none.
     #[must_use]
     pub fn svg(&self) -> String {
         let (w, h) = (self.width(), self.height());
+        match self.per_inch {
+            Some(per_inch) => {
+                let mm = |px: u32| format!("{}mm", n(f64::from(px) * 25.4 / per_inch));
+                self.document(&mm(w), &mm(h))
+            }
+            None => self.in_pixels(),
+        }
+    }
+
+    /// The document of a drawing whose size is told in pixels.
+    pub(crate) fn in_pixels(&self) -> String {
+        self.document(&self.width().to_string(), &self.height().to_string())
+    }
+
+    fn document(&self, across: &str, down: &str) -> String {
+        let (w, h) = (self.width(), self.height());
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" viewBox=\"0 0 {w} {h}\" \
              style=\"background:#fff\" font-family=\"'DejaVu Sans', 'Bitstream Vera Sans', Verdana, sans-serif\">\n\
              <title>{}</title>\n{}</svg>\n",
             self.title, self.body

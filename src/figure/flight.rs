@@ -66,17 +66,19 @@ fn columns(n: usize, w: usize, h: usize) -> usize {
 }
 
 /// The frames of a view, of one exposure.
-struct Frames<'a> {
+pub(super) struct Frames<'a> {
     xs: &'a [f64],
     ys: &'a [f64],
     /// What every frame shows, in words.
     note: String,
-    white: f32,
+    /// Value shown as white.
+    pub white: f32,
     /// Time of every frame with its picture, not yet brought to size.
-    shown: Vec<(String, Raster<3>)>,
+    pub shown: Vec<(String, Raster<3>)>,
 }
 
-fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames<'a>, FigureError> {
+/// Reads the frames.
+pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames<'a>, FigureError> {
     if !(1..=MOST).contains(&view.frames) {
         return Err(FigureError::option("frames", view.frames, "1 to 400"));
     }

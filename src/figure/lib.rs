@@ -14,7 +14,8 @@
 
 use crate::spec::{FlightView, View};
 
-pub use drawing::Drawing;
+pub use check::check;
+pub use drawing::{Drawing, Rect};
 pub use error::FigureError;
 pub use output::{Format, is_animation, save, save_animation};
 pub use panel::Panel;
@@ -24,7 +25,9 @@ pub mod chart;
 mod check;
 pub mod colour;
 pub mod components;
+pub mod composite;
 mod drawing;
+pub mod element;
 mod error;
 mod flight;
 mod layout;
@@ -43,6 +46,7 @@ pub mod sheet;
 pub mod spec;
 mod text;
 mod ticks;
+pub mod tile;
 
 #[cfg(test)]
 mod tests;

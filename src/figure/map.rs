@@ -4,7 +4,7 @@
 //! logarithmic one where the values above zero span more than [`LOG_FROM`]; the colour bar says which. Any other
 //! element is drawn signed and divided by M00 (sums first, then the quotient).
 
-use image::Rgb;
+use image::{Rgb, RgbImage};
 
 use super::colour::{UNDEFINED, percentile, rgb_weights, sequential, signed};
 use super::drawing::Drawing;
@@ -106,8 +106,109 @@ impl Scale {
     }
 }
 
+/// What a map shows, before it has a size.
+pub(super) struct Content<'a> {
+    /// Camera columns, to the right.
+    pub xs: &'a [f64],
+    /// Projector pixels or times, upward.
+    pub ups: &'a [f64],
+    /// Name of the axis upward.
+    pub label: &'static str,
+    note: String,
+    values: Values,
+}
+
+/// Values with the scale that they are shown on.
+enum Values {
+    /// Red, green and blue of M00.
+    Colour(Raster<3>, Scale),
+    /// M00 at one wavelength.
+    Size(Raster<1>, Scale),
+    /// Another element and M00.
+    Signed(Raster<2>, [usize; 2]),
+}
+
+impl Values {
+    fn bar(&self) -> Bar<'static> {
+        match self {
+            Self::Colour(_, scale) => scale.bar(&|v| Rgb([(v * 255.0).round() as u8; 3])),
+            Self::Size(_, scale) => scale.bar(&sequential),
+            Self::Signed(_, [out, inn]) => Bar::signed(1.0, |_| format!("M{out}{inn} / M00")),
+        }
+    }
+
+    /// As an image of the size that the factors give, but for repetition; rows rise.
+    fn image(&self, factors: (Factor, Factor)) -> RgbImage {
+        match self {
+            Self::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
+            Self::Size(r, scale) => rising(r, factors, |[v]| sequential(scale.place(v))),
+            Self::Signed(r, _) => rising(r, factors, |[m, m00]| {
+                if m00 > 0.0 && m00.is_finite() {
+                    signed(m / m00)
+                } else {
+                    UNDEFINED
+                }
+            }),
+        }
+    }
+}
+
+fn rising<const C: usize>(
+    raster: &Raster<C>,
+    factors: (Factor, Factor),
+    colour: impl Fn([f32; C]) -> Rgb<u8>,
+) -> RgbImage {
+    raster.clone().shrink(factors).flipped().image(colour)
+}
+
+impl Content<'_> {
+    /// A pixel for each value; rows rise.
+    pub fn image(&self) -> RgbImage {
+        let whole = Factor { down: 1, up: 1 };
+        self.values.image((whole, whole))
+    }
+
+    /// The colour bar.
+    pub fn bar(&self) -> Bar<'static> {
+        self.values.bar()
+    }
+
+    fn draw(self, title: &str) -> Drawing {
+        let (xs, ups) = (self.xs, self.ups);
+        let fx = Factor::new(xs.len(), 900, 1600).at_least(40, xs.len());
+        let fy = Factor::new(ups.len(), 640, 1600).at_least(40, ups.len());
+        let (w, h) = (fx.length(xs.len()), fy.length(ups.len()));
+        let page = Page {
+            title,
+            x: Axis::new("camera column [pixel]", Ticks::coordinates(xs, w, true)),
+            y: Axis::new(self.label, Ticks::coordinates(ups, h, false)),
+            bar: Some(self.values.bar()),
+            notes: vec![self.note],
+            ..Page::default()
+        };
+        let mut page = page.draw(w, h);
+        let image = self.values.image((fx, fy));
+        let size = (
+            f64::from(image.width()) * fx.up as f64,
+            f64::from(image.height()) * fy.up as f64,
+        );
+        page.image(page.data.within((0.0, 0.0), size), &image);
+        page
+    }
+}
+
 /// Draws camera scanline against projector column, or row where only rows are resolved.
 pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+    Ok(space_space(view, panel)?.draw(title))
+}
+
+/// Draws camera scanline against travel time.
+pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+    Ok(space_time(view, panel)?.draw(title))
+}
+
+/// Camera scanline against projector column, or row where only rows are resolved.
+pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);
     let (u, v) = (len(AxisKind::U), len(AxisKind::V));
@@ -116,22 +217,21 @@ pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<Dr
     } else {
         (AxisKind::U, "projector column [pixel]")
     };
-    draw_map(view, title, source, kind, label)
+    content(view, source, kind, label)
 }
 
-/// Draws camera scanline against travel time.
-pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+/// Camera scanline against travel time.
+pub(super) fn space_time<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
-    draw_map(view, title, source, AxisKind::T, "travel time [ps]")
+    content(view, source, AxisKind::T, "travel time [ps]")
 }
 
-fn draw_map(
+fn content<'a>(
     view: &MapView,
-    title: &str,
-    source: Source,
+    source: Source<'a>,
     upward: AxisKind,
-    label: &str,
-) -> Result<Drawing, FigureError> {
+    label: &'static str,
+) -> Result<Content<'a>, FigureError> {
     let (ups, xs) = (source.need(upward)?, source.need(AxisKind::X)?);
     let rows = source.coords(AxisKind::Y);
     source.index("camera rows", view.row, rows.map_or(1, <[f64]>::len))?;
@@ -139,21 +239,12 @@ fn draw_map(
     let nm = source.wavelengths();
     let lane = source.wavelength(view.wavelength_nm)?;
     let row = rows.map_or(String::new(), |ys| format!("Camera row {}. ", ys[view.row]));
-
-    let fx = Factor::new(xs.len(), 900, 1600).at_least(40, xs.len());
-    let fy = Factor::new(ups.len(), 640, 1600).at_least(40, ups.len());
-    let (w, h) = (fx.length(xs.len()), fy.length(ups.len()));
-    let mut page = Page {
-        title,
-        x: Axis::new("camera column [pixel]", Ticks::coordinates(xs, w, true)),
-        y: Axis::new(label, Ticks::coordinates(ups, h, false)),
-        ..Page::default()
-    };
     let one = |[out, inn]: [(AxisKind, usize); 2]| {
         let pick = [(AxisKind::Y, view.row), out, inn, (AxisKind::Wavelength, lane)];
         source.sum(&[upward, AxisKind::X], &pick, f64::from).data
     };
-    if view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1 {
+    let at = nm.get(lane).map_or(String::new(), |nm| format!("{nm} nm."));
+    let (note, values) = if view.wavelength_nm.is_none() && view.element == [0, 0] && nm.len() > 1 {
         let keep = [upward, AxisKind::X, AxisKind::Wavelength];
         let values = source.sum(
             &keep,
@@ -162,48 +253,30 @@ fn draw_map(
         );
         let raster = Raster::colour(xs.len(), ups.len(), &values, &rgb_weights(nm));
         let scale = Scale::of(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)));
-        page.notes.push(format!(
+        let note = format!(
             "{row}{}; the colour bar is for the brightest of them.",
             channels(nm)
-        ));
-        page.bar = Some(scale.bar(&|v| Rgb([(v * 255.0).round() as u8; 3])));
-        return Ok(paint(&page, raster, (fx, fy), |rgb| scale.colour(rgb)));
-    }
-    let at = nm.get(lane).map_or(String::new(), |nm| format!("{nm} nm."));
-    page.notes.push(format!("{row}{at}"));
-    if view.element == [0, 0] {
+        );
+        (note, Values::Colour(raster, scale))
+    } else if view.element == [0, 0] {
         let data = one(element).into_iter().map(|v| [v]).collect();
         let raster = Raster::new(&view.slice, xs.len(), data)?;
         let scale = Scale::of(raster.data.iter().map(|v| v[0]));
-        page.bar = Some(scale.bar(&sequential));
-        return Ok(paint(&page, raster, (fx, fy), |[v]| sequential(scale.place(v))));
-    }
-    let m00 = one(element.map(|(kind, _)| (kind, 0)));
-    let data = one(element).into_iter().zip(m00).map(|(m, m00)| [m, m00]);
-    let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
-    let [out, inn] = view.element;
-    page.bar = Some(Bar::signed(1.0, |_| format!("M{out}{inn} / M00")));
-    page.notes[0].push_str(" Grey: not defined (M00 is not positive).");
-    Ok(paint(&page, raster, (fx, fy), |[m, m00]| {
-        if m00 > 0.0 && m00.is_finite() {
-            signed(m / m00)
-        } else {
-            UNDEFINED
-        }
-    }))
-}
-
-/// Lays out the page and draws the raster, whose rows rise, into it.
-fn paint<const C: usize>(
-    page: &Page,
-    raster: Raster<C>,
-    (fx, fy): (Factor, Factor),
-    colour: impl Fn([f32; C]) -> Rgb<u8>,
-) -> Drawing {
-    let mut page = page.draw(fx.length(raster.w), fy.length(raster.h));
-    let raster = raster.shrink((fx, fy)).flipped();
-    raster.paint(&mut page, (0.0, 0.0), (fx, fy), colour);
-    page
+        (format!("{row}{at}"), Values::Size(raster, scale))
+    } else {
+        let m00 = one(element.map(|(kind, _)| (kind, 0)));
+        let data = one(element).into_iter().zip(m00).map(|(m, m00)| [m, m00]);
+        let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
+        let note = format!("{row}{at} Grey: not defined (M00 is not positive).");
+        (note, Values::Signed(raster, view.element))
+    };
+    Ok(Content {
+        xs,
+        ups,
+        label,
+        note,
+        values,
+    })
 }
 
 #[cfg(test)]

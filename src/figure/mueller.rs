@@ -10,6 +10,7 @@ use super::drawing::{Drawing, Rect};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT, Panels, growth};
 use super::panel::Panel;
+use super::photo;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{Align, NAME, Style, width};
@@ -31,10 +32,23 @@ pub fn panels(size: (f64, f64), gap: f64) -> Panels {
     }
 }
 
-/// Draws the grid.
-pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+/// What a grid shows, before it has a size.
+pub(super) struct Grid<'a> {
+    source: Source<'a>,
+    lane: usize,
+    /// Sixteen elements a pixel.
+    pub raster: Raster<16>,
+    /// M00 shown as white, if normalized.
+    pub white: f32,
+    /// Value at the ends of the scale.
+    pub limit: f32,
+}
+
+/// Reads the grid.
+pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
-    let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
+    let xs = source.need(AxisKind::X)?;
+    source.need(AxisKind::Y)?;
     for kind in [AxisKind::StokesOut, AxisKind::StokesIn] {
         source.index("Stokes elements", 3, source.need(kind)?.len())?;
     }
@@ -49,29 +63,53 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     let raster: Raster<16> = Raster::new(&view.slice, xs.len(), data.collect())?;
     let white = exposure(raster.data.iter().map(|m| m[0]));
     let sizes = || raster.data.iter().flatten().map(|v| v.abs());
-    let limit = match view.limit {
-        Some(l) if l > 0.0 && l.is_finite() => l,
-        Some(l) => return Err(FigureError::option("limit", l, "a positive number")),
-        None if view.normalized => 1.0,
-        None => percentile(sizes(), 0.99)
+    let limit = photo::white("limit", view.limit, || {
+        if view.normalized {
+            return 1.0;
+        }
+        percentile(sizes(), 0.99)
             .filter(|l| *l > 0.0)
-            .unwrap_or_else(|| exposure(sizes())),
-    };
+            .unwrap_or_else(|| exposure(sizes()))
+    })?;
+    Ok(Grid {
+        source,
+        lane,
+        raster,
+        white,
+        limit,
+    })
+}
+
+/// The colour bar of a grid.
+pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
+    Bar::signed(limit.into(), |ticks| {
+        if normalized {
+            "Mij / M00".to_owned()
+        } else {
+            format!("Mij [{}]", ticks.unit(CAMERA_UNIT))
+        }
+    })
+}
+
+/// Draws the grid.
+pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+    let Grid {
+        source,
+        lane,
+        raster,
+        white,
+        limit,
+    } = read(view, panel)?;
+    let (w, h) = (raster.w, raster.h);
     let factors = Factor::square(raster.w, raster.h, 400, 440, 40);
     let raster = raster.shrink(factors);
-    let grid = panels((factors.0.length(xs.len()), factors.1.length(ys.len())), 8.0);
+    let grid = panels((factors.0.length(w), factors.1.length(h)), 8.0);
 
     let at = match source.wavelengths().get(lane) {
         Some(nm) => format!(" at {nm} nm"),
         None => String::new(),
     };
-    let bar = Bar::signed(limit.into(), |ticks| {
-        if view.normalized {
-            "Mij / M00".to_owned()
-        } else {
-            format!("Mij [{}]", ticks.unit(CAMERA_UNIT))
-        }
-    });
+    let bar = bar(view.normalized, limit);
     let mut notes = vec![format!(
         "Mueller elements{at}; row i: Stokes out, column j: Stokes in."
     )];

@@ -9,6 +9,7 @@ use std::sync::{Arc, OnceLock};
 
 use base::whole_file;
 use image::codecs::gif::{GifEncoder, Repeat};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{Delay, DynamicImage, Frame, ImageFormat, RgbImage};
 use resvg::tiny_skia::{Color, ColorU8, Pixmap, Transform};
 use resvg::usvg::fontdb::Database;
@@ -144,7 +145,7 @@ impl Drawing {
             fontdb: Arc::clone(fonts),
             ..Options::default()
         };
-        Tree::from_str(&self.svg(), &options).map_err(encode)
+        Tree::from_str(&self.in_pixels(), &options).map_err(encode)
     }
 
     /// The drawing in pixels.
@@ -169,9 +170,14 @@ impl Drawing {
     /// [`FigureError::Encode`] if it is too large.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
         let mut bytes = Cursor::new(Vec::new());
-        self.pixels()?
-            .write_to(&mut bytes, ImageFormat::Png)
-            .map_err(encode)?;
+        let pixels = self.pixels()?;
+        if self.per_inch().is_some() {
+            // What goes to a printer has many pixels, and most of them are like those above.
+            let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Up);
+            pixels.write_with_encoder(encoder).map_err(encode)?;
+        } else {
+            pixels.write_to(&mut bytes, ImageFormat::Png).map_err(encode)?;
+        }
         Ok(bytes.into_inner())
     }
 
@@ -188,7 +194,9 @@ impl Drawing {
             compress,
             ..svg2pdf::ConversionOptions::default()
         };
-        let page = svg2pdf::PageOptions { dpi: PER_INCH };
+        let page = svg2pdf::PageOptions {
+            dpi: self.per_inch().map_or(PER_INCH, |n| n as f32),
+        };
         let pdf = svg2pdf::to_pdf(&self.tree()?, options, page).map_err(encode)?;
         Ok(in_order(&pdf))
     }

@@ -11,20 +11,58 @@ use super::ticks::{Ticks, brief};
 use crate::spec::PhotoView;
 use tensor::axes::AxisKind;
 
-/// Draws the photograph.
-pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
-    let source = Source::new(&view.slice, panel.mean)?;
+/// What a photograph shows, before it has a size.
+pub(super) struct Photo<'a> {
+    /// Camera columns.
+    pub xs: &'a [f64],
+    /// Camera rows.
+    pub ys: &'a [f64],
+    /// Linear red, green and blue.
+    pub raster: Raster<3>,
+    /// Value shown as white.
+    pub white: f32,
+}
+
+/// Reads the photograph.
+pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<'a>, FigureError> {
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
     let values = source.sum(&keep, &source.element([0, 0])?, f64::from);
     let weights = rgb_weights(source.wavelengths());
     let raster = Raster::colour(xs.len(), ys.len(), &values, &weights);
-    drop(values);
-    let white = match view.white {
-        Some(w) if w > 0.0 && w.is_finite() => w,
-        Some(w) => return Err(FigureError::option("white", w, "a positive number")),
-        None => exposure(raster.data.iter().flatten().copied()),
-    };
+    let white = white("white", view.white, || {
+        exposure(raster.data.iter().flatten().copied())
+    })?;
+    Ok(Photo {
+        xs,
+        ys,
+        raster,
+        white,
+    })
+}
+
+/// The value that is shown as white: what the user wishes, or else.
+pub(super) fn white(
+    option: &'static str,
+    wish: Option<f32>,
+    otherwise: impl FnOnce() -> f32,
+) -> Result<f32, FigureError> {
+    match wish {
+        Some(w) if w > 0.0 && w.is_finite() => Ok(w),
+        Some(w) => Err(FigureError::option(option, w, "a positive number")),
+        None => Ok(otherwise()),
+    }
+}
+
+/// Draws the photograph.
+pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    let Photo {
+        xs,
+        ys,
+        raster,
+        white,
+    } = read(view, source)?;
     let factors = Factor::square(raster.w, raster.h, 900, 1600, 40);
     let raster = raster.shrink(factors);
     let (x, y) = axes(xs, ys, factors);

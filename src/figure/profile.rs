@@ -17,7 +17,11 @@ use tensor::axes::AxisKind;
 const MOST_NAMED: usize = 18;
 
 /// A series for every wavelength, with bands where there are standard errors.
-fn read(view: &ProfileView, source: Source, error: Option<Source>) -> Result<Vec<Series>, FigureError> {
+pub(super) fn read(
+    view: &ProfileView,
+    source: Source,
+    error: Option<Source>,
+) -> Result<Vec<Series>, FigureError> {
     let times = source.need(AxisKind::T)?;
     let keep = [AxisKind::T, AxisKind::Wavelength];
     let mean = source.sum(&keep, &picks(view, source, view.element)?, f64::from);
@@ -47,7 +51,7 @@ fn read(view: &ProfileView, source: Source, error: Option<Source>) -> Result<Vec
 }
 
 /// The range of values that holds all lines and their bands; a band never makes it more than twice that of the lines.
-fn range(series: &[Series]) -> (f64, f64) {
+pub(super) fn range(series: &[Series]) -> (f64, f64) {
     let values = |sigmas: f64| {
         let all = series.iter().flat_map(move |s| {
             let error = move |i: usize| s.errors.as_ref().map_or(0.0, |e| e[i]);

@@ -155,10 +155,14 @@ impl<const C: usize> Raster<C> {
         (fx, fy): (Factor, Factor),
         colour: impl Fn([f32; C]) -> Rgb<u8>,
     ) {
-        let pixel = |x: u32, y: u32| colour(self.data[y as usize * self.w + x as usize]);
-        let image = RgbImage::from_fn(self.w as u32, self.h as u32, pixel);
         let size = ((self.w * fx.up) as f64, (self.h * fy.up) as f64);
-        page.image(page.data.within(from, size), &image);
+        page.image(page.data.within(from, size), &self.image(colour));
+    }
+
+    /// The raster as an image, a pixel for each of its own.
+    pub fn image(&self, colour: impl Fn([f32; C]) -> Rgb<u8>) -> RgbImage {
+        let pixel = |x: u32, y: u32| colour(self.data[y as usize * self.w + x as usize]);
+        RgbImage::from_fn(self.w as u32, self.h as u32, pixel)
     }
 }
 

@@ -14,6 +14,7 @@ mod denoise;
 mod ellipsometry;
 mod errors;
 mod exchange;
+mod figure_files;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod invariants;

@@ -2,6 +2,7 @@
 
 pub mod angle;
 pub mod contrast;
+pub mod isolation;
 pub mod paired;
 pub mod precision_recall;
 pub mod psnr;

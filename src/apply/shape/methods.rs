@@ -74,7 +74,7 @@ impl Method {
         match self {
             Self::StructuredLight(c, l) => format!("{}{}", light(l), code(c)),
             Self::Polarization(l) => format!("{}polarization", light(l)),
-            Self::Joint(c, l) => format!("{0}{1} + {0}polarization", light(l), code(c)),
+            Self::Joint(c, l) => format!("{}{} + polarization", light(l), code(c)),
         }
     }
 }
@@ -290,7 +290,7 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::shape::errors::{angular, depth_errors};
     use crate::shape::polarization::tests::mueller;
@@ -300,7 +300,7 @@ mod tests {
 
     /// A sphere of diffuse glass whose direct light falls on one or two columns, all other pixels dark; `blurred` of the
     /// light comes from 36 columns on the left, evenly, in the light that is not epipolar.
-    fn scene(blurred: f64) -> (Inputs, Shape) {
+    pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(48, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);
         let columns = shape.columns(&rig);

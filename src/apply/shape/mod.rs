@@ -11,11 +11,15 @@
 //! down, z forward) and point to the side of the camera. NaN where nothing is known. Pixel (i, j) covers [i, i+1) ×
 //! [j, j+1): the centre of column i is i + ½.
 
+pub mod application;
+#[cfg(test)]
+mod application_tests;
 pub mod column_light;
 pub mod errors;
 pub mod fusion;
 pub mod gray_code;
 pub mod joint;
+mod learning;
 pub mod log_depth;
 pub mod logical_codes;
 pub mod methods;
@@ -23,6 +27,7 @@ pub mod micro_phase_shift;
 pub mod phase_shift;
 pub mod polarization;
 pub mod propagation;
+mod seen;
 pub mod surface_normals;
 #[cfg(test)]
 mod synthetic;

@@ -138,18 +138,13 @@ impl Media {
         stream: &mut Stream,
     ) -> (Vec3A, Scatter, Spectral) {
         let phase = self.list[id as usize].phase;
-        let at = match phase {
-            Phase::Isotropic => {
-                let density = Spectral::splat(ISOTROPIC);
-                return (
-                    warp::sphere(stream.uniform2()),
-                    Scatter::Depolarize(density),
-                    density,
-                );
-            }
-            Phase::Rayleigh(p) => p.sample(stream.uniform()),
-            Phase::HenyeyGreenstein(p) => p.sample(lane, stream.uniform()),
-            Phase::Table(t) => self.tables[t as usize].sample(lane, stream),
+        let Some(at) = self.sample_angle(phase, lane, stream) else {
+            let density = Spectral::splat(ISOTROPIC);
+            return (
+                warp::sphere(stream.uniform2()),
+                Scatter::Depolarize(density),
+                density,
+            );
         };
         let (wi, s) = at.direction(wo, stream.uniform());
         (
@@ -157,6 +152,26 @@ impl Media {
             self.scatter(phase, at, || s, Spectral::ONE),
             self.densities(phase, at),
         )
+    }
+
+    /// The direction of [`Self::sample_lane`] alone.
+    #[inline]
+    pub fn sample_direction(&self, id: u32, wo: Vec3A, lane: usize, stream: &mut Stream) -> Vec3A {
+        match self.sample_angle(self.list[id as usize].phase, lane, stream) {
+            Some(at) => at.direction(wo, stream.uniform()).0,
+            None => warp::sphere(stream.uniform2()),
+        }
+    }
+
+    /// An angle as lane `lane` scatters; `None` of a phase that knows no angle.
+    #[inline]
+    fn sample_angle(&self, phase: Phase, lane: usize, stream: &mut Stream) -> Option<Angle> {
+        match phase {
+            Phase::Isotropic => None,
+            Phase::Rayleigh(p) => Some(p.sample(stream.uniform())),
+            Phase::HenyeyGreenstein(p) => Some(p.sample(lane, stream.uniform())),
+            Phase::Table(t) => Some(self.tables[t as usize].sample(lane, stream)),
+        }
     }
 
     /// The interaction times a factor; `s` gives the perpendicular of the scattering plane where it matters.

@@ -216,12 +216,16 @@ impl Walk {
         stream: &mut Stream,
         limits: Limits,
     ) -> bool {
-        let Some(mut point) = self.land(scene, progress, stream, limits) else {
+        if !self.land(scene, progress, stream, limits) {
+            return false;
+        }
+        // Points are large, and stay where they are made.
+        let [.., before, point] = &mut self.points[..] else {
             return false;
         };
         let onward = match point.site {
-            Site::Volume(id) => self.scatter_in(scene, guide, id, &mut point, progress, stream),
-            _ => self.scatter_on(scene, guide, &mut point, progress, stream),
+            Site::Volume(id) => scatter_in(scene, guide, id, [before, point], progress, stream),
+            _ => scatter_on(scene, guide, [before, point], progress, stream),
         };
         progress.interactions += 1;
         let wi = match onward {
@@ -230,15 +234,12 @@ impl Walk {
                 let flight = &mut progress.flight;
                 flight.settle();
                 flight.state.ray.origin = scene.geometry.leave(&point.surface, flight.state.ray.dir);
+                self.points.pop();
                 return true;
             }
-            Onward::Nowhere => {
-                self.points.push(point);
-                return false;
-            }
+            Onward::Nowhere => return false,
         };
         let (from, origin) = (point.at, point.leave(scene, wi));
-        self.points.push(point);
         let last = self.points.len() > limits.point;
         if last || progress.interactions >= limits.interactions && !limits.escapes {
             return false;
@@ -259,14 +260,8 @@ impl Walk {
         true
     }
 
-    /// Flies to the next point: what arrives there, and with what density the walk came; `None` where it ends before.
-    fn land(
-        &mut self,
-        scene: &Scene,
-        progress: &mut Progress,
-        stream: &mut Stream,
-        limits: Limits,
-    ) -> Option<Point> {
+    /// Flies to the next point, and appends it with the density with which the walk came; false where it ends before.
+    fn land(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
         let Progress {
             flight, interactions, ..
         } = progress;
@@ -283,9 +278,9 @@ impl Walk {
                     label: flight.state.label,
                     chosen: progress.chosen,
                 });
-                return None;
+                return false;
             }
-            Landing::Absorbed => return None,
+            Landing::Absorbed => return false,
         };
         if flight.end == From::Camera && site == Site::Surface && scene.lights.of(surface.material).is_some()
         {
@@ -303,183 +298,186 @@ impl Walk {
                 chosen: progress.chosen,
             });
         }
-        let before = self
-            .points
-            .last()
-            .filter(|_| *interactions < limits.interactions)?;
-        let mut point = flight.landed(site, surface, *interactions);
+        if *interactions >= limits.interactions {
+            return false;
+        }
+        self.points.push(flight.landed(site, surface, *interactions));
+        let [.., before, point] = &mut self.points[..] else {
+            return false;
+        };
         let distance2 = (surface.p - before.surface.p)
             .length_squared()
             .max(f32::MIN_POSITIVE);
         let passed = mean_transmittance(scene, flight.depth) / distance2;
         point.forward = progress.density * passed * point.cosine(point.back);
         point.spread = passed * before.cosine(point.back);
-        Some(point)
+        true
     }
+}
 
-    /// Draws where a walk goes from a surface.
-    fn scatter_on(
-        &mut self,
-        scene: &Scene,
-        guide: &Guide,
-        point: &mut Point,
-        progress: &mut Progress,
-        stream: &mut Stream,
-    ) -> Onward {
-        let (flight, surface, back) = (&mut progress.flight, &point.surface, point.back);
-        let mut lanes = flight.state.lanes;
-        let id = surface.material;
-        if scene.sheets && scene.materials.has_extended_lobe(id) {
-            // A surface that is a sheet in part is a point of as many walks only as do not go straight on: what is connected
-            // to it counts for all of them.
-            let straight = scene.materials.straight_chance(id, surface, back, lanes);
-            if straight > 0.0 && straight < 1.0 {
-                point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
-            }
+/// Draws where a walk goes from a surface.
+fn scatter_on(
+    scene: &Scene,
+    guide: &Guide,
+    [before, point]: [&mut Point; 2],
+    progress: &mut Progress,
+    stream: &mut Stream,
+) -> Onward {
+    let (flight, surface, back) = (&mut progress.flight, &point.surface, point.back);
+    let mut lanes = flight.state.lanes;
+    let id = surface.material;
+    if scene.sheets && scene.materials.has_extended_lobe(id) {
+        // A surface that is a sheet in part is a point of as many walks only as do not go straight on: what is connected
+        // to it counts for all of them.
+        let straight = scene.materials.straight_chance(id, surface, back, lanes);
+        if straight > 0.0 && straight < 1.0 {
+            point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
         }
-        let turning = point.medium(scene).map(|medium| At {
-            medium,
-            p: surface.p,
-            from: flight.end,
-        });
-        if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
-            return self.scatter_or_turn(scene, guide, at, point, progress, stream);
-        }
-        let Some((mut next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
-            return Onward::Nowhere;
-        };
-        if progress.labelled {
-            let drawn = (&mut next, density);
-            flight.state.label |= part(scene, flight.end, surface, back, drawn, stream);
-        }
-        if lanes != flight.state.lanes {
-            flight.hero = Hero::only(lanes);
-        }
-        flight.state.lanes = lanes;
-        flight.push(&next.scatter);
-        if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
-            return Onward::Straight;
-        }
-        progress.density = density;
-        progress.hope = 1.0;
-        progress.chosen = Chosen {
-            density: if next.delta { 0.0 } else { density },
-            from: surface.p,
-        };
-        let reverse = if next.delta {
-            1.0
-        } else {
-            point.density(scene, guide, flight.end.other(), next.wi, back)
-        };
-        if let Some(before) = self.points.last_mut() {
-            before.reverse = reverse * point.spread;
-        }
-        if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
-            let enters = surface.ng.dot(next.wi) < 0.0;
-            flight.nest.cross(&scene.boundaries, surface.material, enters);
-        }
-        if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
-            // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
-            let ratio = flight.state.filling.index / filling.index;
-            progress.full *= ratio * ratio;
-        }
-        flight.state.filling = next.filling.unwrap_or(flight.state.filling);
-        point.delta = next.delta;
-        Onward::Toward(next.wi)
     }
+    let turning = point.medium(scene).map(|medium| At {
+        medium,
+        p: surface.p,
+        from: flight.end,
+    });
+    if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
+        return scatter_or_turn(scene, guide, at, [before, point], progress, stream);
+    }
+    let Some((mut next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
+        return Onward::Nowhere;
+    };
+    if progress.labelled {
+        let drawn = (&mut next, density);
+        flight.state.label |= part(scene, flight.end, surface, back, drawn, stream);
+    }
+    if lanes != flight.state.lanes {
+        flight.hero = Hero::only(lanes);
+    }
+    flight.state.lanes = lanes;
+    flight.push(&next.scatter);
+    if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
+        return Onward::Straight;
+    }
+    progress.density = density;
+    progress.hope = 1.0;
+    progress.chosen = Chosen {
+        density: if next.delta { 0.0 } else { density },
+        from: surface.p,
+    };
+    let reverse = if next.delta {
+        1.0
+    } else {
+        point.density(scene, guide, flight.end.other(), next.wi, back)
+    };
+    before.reverse = reverse * point.spread;
+    if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
+        let enters = surface.ng.dot(next.wi) < 0.0;
+        flight.nest.cross(&scene.boundaries, surface.material, enters);
+    }
+    if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
+        // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
+        let ratio = flight.state.filling.index / filling.index;
+        progress.full *= ratio * ratio;
+    }
+    flight.state.filling = next.filling.unwrap_or(flight.state.filling);
+    point.delta = next.delta;
+    Onward::Toward(next.wi)
+}
 
-    /// Draws where a walk goes from a Lambert surface in a medium where walks turn.
-    fn scatter_or_turn(
-        &mut self,
-        scene: &Scene,
-        guide: &Guide,
-        at: At,
-        point: &Point,
-        progress: &mut Progress,
-        stream: &mut Stream,
-    ) -> Onward {
-        let (flight, s, back) = (&mut progress.flight, &point.surface, point.back);
-        let (materials, id, mut lanes) = (&scene.materials, s.material, flight.state.lanes);
-        let wi = match guide.turn(at, stream) {
-            Some(wo) => scene.media.sample_lane(at.medium, wo, flight.hero.lane, stream).0,
-            None => match materials.sample(id, s, back, &mut lanes, stream) {
-                Some(sampled) => sampled.wi,
-                None => return Onward::Nowhere,
-            },
-        };
-        let own = Spectral::splat(materials.pdf(id, s, back, wi));
-        let toward = guide.toward(&scene.media, at, wi);
-        let densities = toward.densities(own);
-        let scatter = match flight.end {
-            From::Camera => point.scatter(scene, back, wi),
-            From::Light => point.scatter_flux(scene, wi, back),
-        };
-        let (Some(scatter), Some(drawn)) = (scatter, flight.hero.event(densities)) else {
-            return Onward::Nowhere;
-        };
-        flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
-        flight.state.label |= label::DIFFUSE;
-        progress.density = scene.lanes().mean(densities);
-        progress.hope = scene.lanes().mean(toward.hopes);
-        progress.chosen = Chosen {
-            density: progress.density,
-            from: s.p,
-        };
-        if let Some(before) = self.points.last_mut() {
-            before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
-        }
-        Onward::Toward(wi)
-    }
+/// Draws where a walk goes from a Lambert surface in a medium where walks turn.
+fn scatter_or_turn(
+    scene: &Scene,
+    guide: &Guide,
+    at: At,
+    [before, point]: [&mut Point; 2],
+    progress: &mut Progress,
+    stream: &mut Stream,
+) -> Onward {
+    let (flight, s, back) = (&mut progress.flight, &point.surface, point.back);
+    let (materials, id, mut lanes) = (&scene.materials, s.material, flight.state.lanes);
+    let wi = match guide.turn(at, stream) {
+        Some(wo) => scene
+            .media
+            .sample_direction(at.medium, wo, flight.hero.lane, stream),
+        None => match materials.sample(id, s, back, &mut lanes, stream) {
+            Some(sampled) => sampled.wi,
+            None => return Onward::Nowhere,
+        },
+    };
+    let own = Spectral::splat(materials.pdf(id, s, back, wi));
+    let toward = guide.toward(&scene.media, at, wi);
+    let densities = toward.densities(own);
+    let scatter = match flight.end {
+        From::Camera => point.scatter(scene, back, wi),
+        From::Light => point.scatter_flux(scene, wi, back),
+    };
+    let (Some(scatter), Some(drawn)) = (scatter, flight.hero.event(densities)) else {
+        return Onward::Nowhere;
+    };
+    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+    flight.state.label |= label::DIFFUSE;
+    progress.density = scene.lanes().mean(densities);
+    progress.hope = scene.lanes().mean(toward.hopes);
+    progress.chosen = Chosen {
+        density: progress.density,
+        from: s.p,
+    };
+    before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
+    Onward::Toward(wi)
+}
 
-    /// Draws where a walk goes from a particle of medium number `id`.
-    fn scatter_in(
-        &mut self,
-        scene: &Scene,
-        guide: &Guide,
-        id: u32,
-        point: &mut Point,
-        progress: &mut Progress,
-        stream: &mut Stream,
-    ) -> Onward {
-        let flight = &mut progress.flight;
-        let lane = flight.hero.lane;
-        let (back, from) = (point.back, flight.end);
-        let at = At {
-            medium: id,
-            p: point.surface.p,
-            from,
-        };
-        let turns = guide.turn(at, stream);
-        let mut wi = scene.media.sample_lane(id, turns.unwrap_or(back), lane, stream).0;
-        let mut scatter = scene.media.eval(id, back, wi);
-        let mut polarized = flight.polarized(&scatter);
-        if let Some(factor) = polarized
-            && turns.is_none()
-            && 2.0 * stream.uniform() >= factor.to_array()[lane]
-        {
-            wi = quarter_turn(wi, back);
-            scatter = scene.media.eval(id, back, wi);
-            polarized = flight.polarized(&scatter);
-        }
-        let own = scene.media.densities_toward(id, back, wi);
-        let toward = guide.toward(&scene.media, at, wi);
-        let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
-        let Some(drawn) = flight.hero.event(drawn) else {
-            return Onward::Nowhere;
-        };
-        // The same from both sides: particles are their own mirror images.
-        flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
-        flight.state.label |= label::MEDIUM;
-        // For weights, which are to be functions of the path alone, as of unpolarized light.
-        progress.density = scene.lanes().mean(toward.densities(own));
-        progress.hope = scene.lanes().mean(toward.hopes);
-        progress.chosen = Chosen {
-            density: progress.density,
-            from: point.surface.p,
-        };
-        if let Some(before) = self.points.last_mut() {
-            before.reverse = point.density(scene, guide, from.other(), wi, back) * point.spread;
-        }
-        Onward::Toward(wi)
+/// Draws where a walk goes from a particle of medium number `id`.
+fn scatter_in(
+    scene: &Scene,
+    guide: &Guide,
+    id: u32,
+    [before, point]: [&mut Point; 2],
+    progress: &mut Progress,
+    stream: &mut Stream,
+) -> Onward {
+    let flight = &mut progress.flight;
+    let lane = flight.hero.lane;
+    let (back, from) = (point.back, flight.end);
+    let at = At {
+        medium: id,
+        p: point.surface.p,
+        from,
+    };
+    let turns = guide.turn(at, stream);
+    let mut wi = scene
+        .media
+        .sample_direction(id, turns.unwrap_or(back), lane, stream);
+    let mut scatter = scene.media.eval(id, back, wi);
+    let mut polarized = flight.polarized(&scatter);
+    if let Some(factor) = polarized
+        && turns.is_none()
+        && 2.0 * stream.uniform() >= factor.to_array()[lane]
+    {
+        wi = quarter_turn(wi, back);
+        scatter = scene.media.eval(id, back, wi);
+        polarized = flight.polarized(&scatter);
     }
+    let own = scene.media.densities_toward(id, back, wi);
+    let toward = guide.toward(&scene.media, at, wi);
+    let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
+    let Some(drawn) = flight.hero.event(drawn) else {
+        return Onward::Nowhere;
+    };
+    // The same from both sides: particles are their own mirror images.
+    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+    flight.state.label |= label::MEDIUM;
+    // For weights, which are to be functions of the path alone, as of unpolarized light.
+    progress.density = scene.lanes().mean(toward.densities(own));
+    progress.hope = scene.lanes().mean(toward.hopes);
+    progress.chosen = Chosen {
+        density: progress.density,
+        from: point.surface.p,
+    };
+    // Particles scatter alike both ways, but walks from the other end turn elsewhere.
+    let other = At {
+        from: from.other(),
+        ..at
+    };
+    let reverse = guide.toward(&scene.media, other, back).densities(own);
+    before.reverse = scene.lanes().mean(reverse) * point.spread;
+    Onward::Toward(wi)
 }

@@ -1,0 +1,108 @@
+//! What the Mueller matrix of a pixel says: polarizance, diattenuation and retardance by Lu & Chipman (1996), and their errors.
+//!
+//! Light reaches the camera through the slab from metal that it met before, M = C M₀, so C = M M₀⁻¹ with M₀ as seen without the
+//! slab.
+//!
+//! Elements of a matrix are made of the same samples: what is common to all is an error of the intensity, which does nothing to
+//! a decomposition. Of an element's error that part is taken out, σ² - (m_ij σ₀₀/m₀₀)²; the rest is taken as independent and
+//! carried through by differences over the errors themselves, as `polarimetry::decompose::maps::errors` does.
+
+use nalgebra::Matrix4;
+use polarimetry::decompose::lu_chipman::{SINGLE, decompose};
+use polarimetry::decompose::properties::Properties;
+
+/// A matrix and its standard errors.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// Means.
+    pub mean: Matrix4<f64>,
+    /// Standard errors.
+    pub error: Matrix4<f64>,
+}
+
+/// What a decomposition says, and the standard error of the retardance, radians.
+#[derive(Clone, Copy, Debug)]
+pub struct Decomposed {
+    /// Scalars of the matrix.
+    pub properties: Properties,
+    /// Of its retardance.
+    pub error: f64,
+}
+
+impl Measured {
+    /// Errors without what is common to all elements.
+    #[must_use]
+    pub fn relative_errors(&self) -> Matrix4<f64> {
+        let common = self.error[(0, 0)] / self.mean[(0, 0)];
+        self.error
+            .zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())
+    }
+}
+
+fn properties(m: &Matrix4<f64>) -> Option<Properties> {
+    let rows = std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]));
+    Some(Properties::of(&rows, &decompose(&rows, SINGLE)?))
+}
+
+/// The slab's matrix decomposed, of M and the inverse of M₀ (which is known far better: its error is left out); `None` where it
+/// has no decomposition.
+#[must_use]
+pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
+    let found = properties(&(seen.mean * inverse))?;
+    let (mut variance, sigma) = (0.0, seen.relative_errors());
+    for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))) {
+        if sigma[(i, j)] > 0.0 {
+            let moved = |sign: f64| {
+                let mut m = seen.mean;
+                m[(i, j)] += sign * sigma[(i, j)];
+                properties(&(m * inverse))
+            };
+            variance += (0.5 * (moved(1.0)?.retardance - moved(-1.0)?.retardance)).powi(2);
+        }
+    }
+    Some(Decomposed {
+        properties: found,
+        error: variance.sqrt(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A retarder of fast axis along Stokes `axis` (1, 2 or 3).
+    fn retarder(axis: usize, delta: f64) -> Matrix4<f64> {
+        let mut m = Matrix4::identity();
+        let (a, b) = [(2, 3), (3, 1), (1, 2)][axis - 1];
+        let (sin, cos) = delta.sin_cos();
+        (m[(a, a)], m[(b, b)], m[(a, b)], m[(b, a)]) = (cos, cos, -sin, sin);
+        m
+    }
+
+    #[test]
+    fn the_slab_is_told_from_what_is_behind() {
+        let metal = Matrix4::from_diagonal(&[1.0, 0.95, -0.93, -0.92].into()) * retarder(1, 0.1);
+        let without = (metal * 0.3).try_inverse().expect("it keeps polarization");
+        for (axis, delta) in [(1, 0.7), (2, 2.0), (1, 3.0)] {
+            let mut seen = Measured {
+                mean: retarder(axis, delta) * metal * 0.25,
+                error: Matrix4::zeros(),
+            };
+            let got = slab(&seen, &without).expect("it");
+            approx::assert_abs_diff_eq!(got.properties.retardance, delta, epsilon = 1e-9);
+            assert_eq!(got.error, 0.0);
+            // Errors of the intensity alone are none of the retardance.
+            seen.error = seen.mean.abs() * 0.2;
+            assert!(slab(&seen, &without).expect("it").error < 1e-6);
+            // Those of the elements are: about σ/√2 for an isotropic σ of the retarder's block.
+            seen.error = Matrix4::repeat(0.25 * 0.01);
+            let error = slab(&seen, &without).expect("it").error;
+            assert!(error > 0.003 && error < 0.03, "{error}");
+        }
+        let nothing = Measured {
+            mean: Matrix4::zeros(),
+            error: Matrix4::zeros(),
+        };
+        assert!(slab(&nothing, &without).is_none());
+    }
+}

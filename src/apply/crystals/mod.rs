@@ -1,0 +1,272 @@
+//! Retardance of crystals (Baek & Heide 2021, Fig. 7): what the decomposition of epipolar and of other light says of slabs of quartz
+//! and calcite, against 2π L (n_e(ψ) - n_o)/λ.
+//!
+//! A decomposition knows a retardance between 0 and π: the truth is folded there. The order is told by three wavelengths together
+//! ([`predicted::order`]). Learnt on training variants is one number a method: the error that is not that of samples (the
+//! retardance's change within a pixel, reflections inside, the plate beside the place that is seen), added to the
+//! standard errors so that half of the errors are within 0.6745 of them. So the share within two stated errors tests that number on
+//! other slabs, not the errors of samples.
+
+pub mod measured;
+pub mod mineral;
+pub mod predicted;
+mod seen;
+
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::Observation;
+use mineral::Mineral;
+use predicted::{MIDDLE, folded, order};
+use rayon::prelude::*;
+use seen::{Probe, Seen};
+
+/// The application.
+#[derive(Clone, Copy, Debug)]
+pub struct Crystals;
+
+const fn metric(name: &'static str, unit: &'static str, more_is_better: bool) -> Metric {
+    Metric {
+        name,
+        unit,
+        more_is_better,
+    }
+}
+
+const METRICS: [Metric; 5] = [
+    metric("retardance, median error", "deg", false),
+    metric("retardance, mean error", "deg", false),
+    metric("coverage", "", true),
+    metric("order told", "", true),
+    metric("errors within two stated ones", "", true),
+];
+
+const fn method(name: &'static str, source: &'static str, probe: Probe) -> (Method, Probe) {
+    (Method { name, source }, probe)
+}
+
+const METHODS: [(Method, Probe); 6] = [
+    method(
+        "brighter of both",
+        "epipolar or not, pixel by pixel",
+        Probe::Brighter,
+    ),
+    method("epipolar", "Baek & Heide 2021", Probe::Epipolar),
+    method("non-epipolar", "Baek & Heide 2021", Probe::NonEpipolar),
+    method("all light", "Lu & Chipman 1996", Probe::All),
+    method(
+        "all light, an ideal mirror taken out",
+        "Lu & Chipman 1996",
+        Probe::AllBeforeMirror,
+    ),
+    method("all light as it is", "Lu & Chipman 1996", Probe::AllAsItIs),
+];
+
+/// Largest difference of ways that is looked for, waves at [`MIDDLE`].
+const MOST_WAVES: f64 = 12.0;
+
+/// How near the difference of ways must be, waves.
+const NEAR_WAVES: f64 = 0.1;
+
+/// Normal errors that half of all are within, in standard deviations.
+const HALF: f64 = 0.6745;
+
+/// The variant without the slab ([`Truth::Twin`]).
+fn without(variant: u64) -> u64 {
+    variant + 1
+}
+
+/// What `vary.mineral` of the scene says.
+fn mineral(variant: u64) -> Mineral {
+    if (variant / 2).is_multiple_of(2) {
+        Mineral::Quartz
+    } else {
+        Mineral::Calcite
+    }
+}
+
+impl Application for Crystals {
+    fn name(&self) -> &'static str {
+        "crystals"
+    }
+
+    fn shows(&self) -> &'static str {
+        "retardance of quartz and calcite by decompositions of epipolar and other light, against theory (Fig. 7)"
+    }
+
+    fn plan(&self) -> Plan {
+        let layer = |name, layer, through| Truth::Layer { name, layer, through };
+        Plan {
+            scene: "crystals/variants.toml",
+            train: vec![0, 2, 4, 6],
+            test: (8..20).step_by(2).collect(),
+            slices: vec!["polarimetric", "epipolar", "nonepipolar"],
+            truth: vec![
+                layer("optical length", "optical_length", true),
+                layer("length", "depth", true),
+                layer("normal", "geometric_normal", false),
+                Truth::Twin {
+                    name: "without",
+                    slice: "polarimetric",
+                    of: without,
+                    samples: 1,
+                },
+            ],
+            preview: Size { pixels: 48, spp: 64 },
+            full: Size {
+                pixels: 128,
+                spp: 256,
+            },
+        }
+    }
+
+    fn methods(&self) -> Vec<Method> {
+        METHODS.iter().map(|m| m.0).collect()
+    }
+
+    fn metrics(&self) -> Vec<Metric> {
+        METRICS.to_vec()
+    }
+
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+        let read = |all: &[Observation]| {
+            all.iter()
+                .map(|o| Seen::new(o, mineral(o.variant)))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        let (train, test) = (read(train)?, read(test)?);
+        if train.is_empty() || test.is_empty() {
+            return Err(ApplyError::Empty(
+                "give variants to learn from and to be judged on".into(),
+            ));
+        }
+        let mut outcome = Outcome::default();
+        for (method, probe) in METHODS {
+            let floor = floor(&train, probe);
+            for seen in &test {
+                outcome.scores.extend(scores(method.name, probe, seen, floor));
+                outcome.pictures.extend(pictures(method.name, probe, seen));
+            }
+            outcome.notes.push(format!(
+                "{}, seed {}: {:.2}° of errors are not the samples'",
+                method.name,
+                test[0].seed,
+                floor.to_degrees()
+            ));
+        }
+        Ok(outcome)
+    }
+}
+
+/// Error and its standard error, radians, of every pixel and wavelength that has a retardance.
+fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
+    let of = |i: usize| {
+        let truth = seen.pixels[i].retardance.iter();
+        let found = seen.found(probe, i).iter();
+        truth.zip(found).filter_map(|(delta, found)| {
+            let d = found.as_ref()?;
+            Some([d.properties.retardance - folded(*delta), d.error])
+        })
+    };
+    (0..seen.pixels.len()).flat_map(of).collect()
+}
+
+/// The error, radians, with which half of all errors are within [`HALF`] of what is stated.
+fn floor(train: &[Seen], probe: Probe) -> f64 {
+    let all: Vec<[f64; 2]> = train.iter().flat_map(|seen| errors(seen, probe)).collect();
+    let within = |floor: f64| {
+        let inside = all
+            .iter()
+            .filter(|[e, s]| e.abs() < HALF * s.hypot(floor))
+            .count();
+        2 * inside >= all.len()
+    };
+    let (mut low, mut high) = (0.0, std::f64::consts::PI);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if within(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    high
+}
+
+fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Score> {
+    let all = errors(seen, probe);
+    let n = all.len() as f64;
+    let mut sizes: Vec<f64> = all.iter().map(|[e, _]| e.abs().to_degrees()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let told = (0..seen.pixels.len()).into_par_iter().filter(|i| {
+        let known: Option<Vec<[f64; 2]>> = seen
+            .found(probe, *i)
+            .iter()
+            .map(|d| {
+                d.as_ref()
+                    .map(|d| [d.properties.retardance, d.error.hypot(floor).max(1e-3)])
+            })
+            .collect();
+        known.is_some_and(|known| {
+            let part = |k: usize| known.iter().map(|d| d[k]).collect::<Vec<f64>>();
+            let wave = MIDDLE * 1e-9;
+            let path = order(
+                seen.mineral,
+                &seen.wavelengths,
+                &part(0),
+                &part(1),
+                MOST_WAVES * wave,
+            );
+            (path - seen.pixels[*i].path.abs()).abs() < NEAR_WAVES * wave
+        })
+    });
+    let stated = all.iter().filter(|[e, s]| e.abs() < 2.0 * s.hypot(floor)).count() as f64;
+    let values = [
+        sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN),
+        sizes.iter().sum::<f64>() / n,
+        n / (seen.pixels.len() * seen.wavelengths.len()) as f64,
+        told.count() as f64 / seen.pixels.len() as f64,
+        stated / n,
+    ];
+    let score = |(metric, value): (&Metric, f64)| Score {
+        method,
+        metric: metric.name,
+        variant: seen.variant,
+        value,
+    };
+    METRICS.iter().zip(values).map(score).collect()
+}
+
+/// Retardance in degrees, polarizance and diattenuation, a channel a wavelength, and what theory says of the first.
+fn pictures(method: &'static str, probe: Probe, seen: &Seen) -> Vec<Picture> {
+    let draw = |name, value: &dyn Fn(usize, usize) -> Option<f64>| {
+        let channels = seen.wavelengths.len();
+        let mut map = Map::from_fn(seen.size[0], seen.size[1], channels, |_, _, o| o.fill(f64::NAN));
+        for (i, p) in seen.pixels.iter().enumerate() {
+            for k in 0..channels {
+                map.data[p.pixel * channels + k] = value(i, k).unwrap_or(f64::NAN);
+            }
+        }
+        Picture {
+            method,
+            name,
+            variant: Some(seen.variant),
+            shared: true,
+            map,
+        }
+    };
+    let of = |f: fn(&measured::Decomposed) -> f64| {
+        move |i: usize, k: usize| seen.found(probe, i)[k].as_ref().map(f)
+    };
+    vec![
+        draw("retardance", &of(|d| d.properties.retardance.to_degrees())),
+        draw("polarizance", &of(|d| d.properties.polarizance)),
+        draw("diattenuation", &of(|d| d.properties.diattenuation)),
+        draw("retardance by theory", &|i, k| {
+            Some(folded(seen.pixels[i].retardance[k]).to_degrees())
+        }),
+    ]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,153 @@
+//! One variant of the slab, decomposed under every light.
+
+use super::measured::{Decomposed, Measured, slab};
+use super::mineral::Mineral;
+use super::predicted::{Pixel, Slab};
+use crate::error::ApplyError;
+use crate::observation::{Observation, Pixels};
+use nalgebra::{Matrix4, Vector3};
+use rayon::prelude::*;
+use tensor::axes::AxisKind;
+
+/// A light, and what is taken out of its matrices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Probe {
+    /// Along epipolar lines, the plate taken out.
+    Epipolar,
+    /// Beside them.
+    NonEpipolar,
+    /// Whichever of the two is brighter in a pixel.
+    Brighter,
+    /// All light, the plate taken out.
+    All,
+    /// All light, an ideal mirror taken out.
+    AllBeforeMirror,
+    /// All light, nothing taken out.
+    AllAsItIs,
+}
+
+/// Of every pixel of the slab and every wavelength.
+pub(super) type Found = Vec<Vec<Option<Decomposed>>>;
+
+/// A variant of the slab.
+pub(super) struct Seen {
+    pub variant: u64,
+    pub seed: u64,
+    pub size: [usize; 2],
+    pub mineral: Mineral,
+    pub wavelengths: Vec<f64>,
+    pub pixels: Vec<Pixel>,
+    epipolar: Found,
+    nonepipolar: Found,
+    all: [Found; 3],
+    /// Whether epipolar light is the brighter.
+    along: Vec<bool>,
+}
+
+fn measured(p: &Pixels, pixel: usize, lane: usize) -> Measured {
+    Measured {
+        mean: Matrix4::from_fn(|i, j| p.at(pixel, 0, 4 * i + j, lane)),
+        error: Matrix4::from_fn(|i, j| p.error_at(pixel, 0, 4 * i + j, lane)),
+    }
+}
+
+impl Seen {
+    pub(super) fn new(o: &Observation, mineral: Mineral) -> Result<Self, ApplyError> {
+        let missing = |what, name: &str| ApplyError::Missing {
+            variant: o.variant,
+            what,
+            name: name.into(),
+        };
+        let rig = o
+            .rig
+            .as_ref()
+            .ok_or_else(|| missing("calibrated rig", "camera and projector"))?;
+        let value = |name: &str| {
+            o.values
+                .get(name)
+                .copied()
+                .ok_or_else(|| missing("value of the parameter", name))
+        };
+        let axis = Vector3::new(value("axis_x")?, value("axis_y")?, -1.0).normalize();
+        let told = Slab {
+            mineral,
+            axis,
+            thickness: value("thickness")?,
+        };
+        let mean = &o.slice("polarimetric")?.mean;
+        let wavelengths: Vec<f64> = mean
+            .find(AxisKind::Wavelength)
+            .map(|at| mean.axes[at].coords.clone())
+            .ok_or_else(|| ApplyError::Axis {
+                variant: o.variant,
+                slice: "polarimetric".into(),
+                axis: "wavelengths",
+            })?;
+        let [polarimetric, epipolar, nonepipolar, without] =
+            ["polarimetric", "epipolar", "nonepipolar", "without"].map(|name| o.pixels(name, true));
+        let (polarimetric, epipolar, nonepipolar, without) =
+            (polarimetric?, epipolar?, nonepipolar?, without?);
+        let size = rig.camera.resolution;
+        for p in [&polarimetric, &epipolar, &nonepipolar, &without] {
+            if [p.width, p.height] != size || p.wavelengths != wavelengths.len() || p.bins != 1 {
+                return Err(ApplyError::Sizes {
+                    variant: o.variant,
+                    what: "the camera and slices".into(),
+                });
+            }
+        }
+        let pixels = told.pixels(&rig.camera, o, &wavelengths)?;
+        if pixels.is_empty() {
+            return Err(ApplyError::Empty(format!(
+                "variant {} shows no pixel of the slab from face to face; render it larger",
+                o.variant
+            )));
+        }
+        let plate = |pixel: usize, lane: usize| measured(&without, pixel, lane).mean.try_inverse();
+        let mirror = Matrix4::from_diagonal(&[1.0, 1.0, -1.0, -1.0].into());
+        let decomposed = |light: &Pixels, inverse: &(dyn Fn(usize, usize) -> Option<Matrix4<f64>> + Sync)| {
+            let lane = |pixel: usize, lane: usize| {
+                let m = measured(light, pixel, lane);
+                (m.mean[(0, 0)] > 0.0).then(|| slab(&m, &inverse(pixel, lane)?))?
+            };
+            pixels
+                .par_iter()
+                .map(|p| (0..wavelengths.len()).map(|k| lane(p.pixel, k)).collect())
+                .collect::<Found>()
+        };
+        let brightness =
+            |light: &Pixels, pixel| -> f64 { (0..light.wavelengths).map(|k| light.at(pixel, 0, 0, k)).sum() };
+        Ok(Self {
+            variant: o.variant,
+            seed: o.seed,
+            size,
+            mineral,
+            epipolar: decomposed(&epipolar, &plate),
+            nonepipolar: decomposed(&nonepipolar, &plate),
+            all: [
+                decomposed(&polarimetric, &plate),
+                decomposed(&polarimetric, &|_, _| Some(mirror)),
+                decomposed(&polarimetric, &|_, _| Some(Matrix4::identity())),
+            ],
+            along: pixels
+                .iter()
+                .map(|p| brightness(&epipolar, p.pixel) >= brightness(&nonepipolar, p.pixel))
+                .collect(),
+            wavelengths,
+            pixels,
+        })
+    }
+
+    /// What a pixel of the slab (by its place in the list) says at every wavelength.
+    pub(super) fn found(&self, probe: Probe, i: usize) -> &[Option<Decomposed>] {
+        match probe {
+            Probe::Epipolar => &self.epipolar[i],
+            Probe::NonEpipolar => &self.nonepipolar[i],
+            Probe::Brighter if self.along[i] => &self.epipolar[i],
+            Probe::Brighter => &self.nonepipolar[i],
+            Probe::All => &self.all[0][i],
+            Probe::AllBeforeMirror => &self.all[1][i],
+            Probe::AllAsItIs => &self.all[2][i],
+        }
+    }
+}

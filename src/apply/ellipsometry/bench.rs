@@ -1,0 +1,161 @@
+//! Captures of a variant's light by a scheme, with detector noise, and the Mueller matrices that they are estimated to be.
+//!
+//! The light is a slice of many samples: what stands on the table is known, and all that hides it is the instrument. Noise is
+//! normal, 5e-4 of the mean T00.
+
+use super::family::{NOISE, Ready, determines};
+use crate::error::ApplyError;
+use crate::observation::Observation;
+use nalgebra::DMatrix;
+use polarimetry::capture::design_matrix::DesignMatrix;
+use polarimetry::capture::element::Ray;
+use polarimetry::capture::mueller_image::MuellerImage;
+use polarimetry::capture::simulate::{Captured, Noise};
+use polarimetry::reconstruct::pixels::{Options, Reconstruction};
+use polarimetry::reconstruct::second_moment::Moment;
+use tensor::axes::AxisKind;
+
+/// Name of the truth slice that is captured.
+pub(super) const LIGHT: &str = "light";
+
+/// Name of the truth map of objects.
+pub(super) const OBJECT: &str = "object";
+
+/// The light of a variant.
+pub(super) struct Bench {
+    pub variant: u64,
+    pub width: usize,
+    pub height: usize,
+    pub lanes: usize,
+    image: MuellerImage,
+    seed: u64,
+    /// Number of the object of each pixel; -1 of none.
+    pub object: Vec<i64>,
+}
+
+impl Bench {
+    pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
+        let pixels = o.pixels(LIGHT, true)?;
+        let sizes = |what: &str| ApplyError::Sizes {
+            variant: o.variant,
+            what: what.to_owned(),
+        };
+        let (width, height, lanes) = (pixels.width, pixels.height, pixels.wavelengths);
+        let object = o.truth(OBJECT)?;
+        if (object.width, object.height) != (width, height) {
+            return Err(sizes("the map of objects and the light"));
+        }
+        let mean = &o.slice(LIGHT)?.mean;
+        let nm: Vec<f64> = mean
+            .find(AxisKind::Wavelength)
+            .map_or_else(|| vec![550.0], |a| mean.axes[a].coords.clone());
+        let mut matrices = Vec::with_capacity(pixels.count() * lanes * 16);
+        for p in 0..pixels.count() {
+            for lane in 0..lanes {
+                matrices.extend((0..16).map(|e| pixels.at(p, 0, e, lane)));
+            }
+        }
+        let image = MuellerImage::of_array(matrices, vec![height, width, lanes], &nm)
+            .map_err(|e| sizes(&e.to_string()))?;
+        let bench = Self {
+            variant: o.variant,
+            width,
+            height,
+            lanes,
+            image,
+            seed: o.seed,
+            object: object
+                .data
+                .iter()
+                .map(|v| if v.is_finite() { *v as i64 } else { -1 })
+                .collect(),
+        };
+        if bench.brightness() > 0.0 && bench.brightness().is_finite() {
+            Ok(bench)
+        } else {
+            Err(ApplyError::Empty(format!(
+                "variant {} is dark: errors are over its mean intensity",
+                o.variant
+            )))
+        }
+    }
+
+    /// Mean T00.
+    pub(super) fn brightness(&self) -> f64 {
+        self.image.mean()
+    }
+
+    /// Standard deviation of an intensity.
+    pub(super) fn sigma(&self) -> f64 {
+        NOISE * self.brightness()
+    }
+
+    /// The true matrices: 16 elements a place and wavelength.
+    pub(super) fn truth(&self) -> &[f64] {
+        &self.image.matrices
+    }
+
+    /// What a scheme finds; `stream` tells apart instruments whose noise is independent.
+    pub(super) fn estimate(&self, ready: &Ready, stream: u64) -> Result<Vec<f64>, ApplyError> {
+        let unsolved = |cause: String| ApplyError::Unsolved {
+            method: "ellipsometry",
+            cause,
+        };
+        let sigma = self.sigma();
+        let seed = (self.seed << 32) ^ (self.variant << 16) ^ stream;
+        let captured = self
+            .image
+            .capture(&ready.scheme, &Noise::Gaussian { sigma }, seed)
+            .map_err(|e| unsolved(e.to_string()))?;
+        if ready.prior.is_none() && !determines(&ready.scheme) {
+            return Ok(self.least_norm(ready, &captured));
+        }
+        let options = Options {
+            noise: Some(sigma),
+            prior: ready.prior,
+            ..Options::default()
+        };
+        let rays = &self.image.rays;
+        let all =
+            Reconstruction::<f32>::new(&ready.scheme, rays, options).map_err(|e| unsolved(e.to_string()))?;
+        let mut out = vec![0.0_f32; self.image.matrices.len()];
+        all.apply(&captured.intensities, None, &mut out, None);
+        Ok(out.into_iter().map(f64::from).collect())
+    }
+
+    /// The matrices of least norm that explain the captures.
+    fn least_norm(&self, ready: &Ready, captured: &Captured) -> Vec<f64> {
+        let of = |ray: &Ray| DesignMatrix::new(&ready.scheme, ray).minimum_norm();
+        let weights: Vec<DMatrix<f64>> = self.image.rays.iter().map(of).collect();
+        let pixels = captured.layout.pixels();
+        (0..pixels * 16)
+            .map(|i| {
+                let (p, e) = (i / 16, i % 16);
+                let w = &weights[p % weights.len()];
+                (0..w.ncols())
+                    .map(|m| w[(e, m)] * f64::from(captured.intensities[m * pixels + p]))
+                    .sum()
+            })
+            .collect()
+    }
+}
+
+/// E[t tᵀ] of all lit matrices of some variants, T00 = 1: what their principal components are of, mean included. Below a
+/// hundredth of the mean T00 noise is more than a twentieth of the light, and a matrix says nothing of materials.
+pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {
+    let (mut sum, mut n) = (Moment::zeros(), 0.0);
+    for bench in train {
+        let least = 0.01 * bench.brightness();
+        for t in bench.truth().chunks_exact(16) {
+            if t[0] > least && t.iter().all(|v| v.is_finite()) {
+                sum += Moment::from_fn(|i, j| t[i] * t[j] / (t[0] * t[0]));
+                n += 1.0;
+            }
+        }
+    }
+    if n > 0.0 {
+        Ok(sum / n)
+    } else {
+        Err(ApplyError::Empty("no training variant has light".into()))
+    }
+}

@@ -1,0 +1,135 @@
+//! What a method learns from the training variants: which element, with which sign, threshold and gain.
+
+use super::element::Element;
+use super::seen::Seen;
+use crate::metrics::isolation::{cosine, gain, parted, threshold};
+use crate::metrics::roc::area;
+use std::fmt;
+
+/// A detector and an image.
+pub(super) struct Learnt {
+    /// What tells pixels apart.
+    detector: Shown,
+    /// Values of at least this are said to be of the light.
+    pub threshold: f64,
+    /// What is an image of the light's share.
+    image: Shown,
+    /// Times this.
+    pub gain: f64,
+    /// Area and cosine on the training variants.
+    reached: [f64; 2],
+}
+
+/// An element, or an element over the photograph.
+#[derive(Clone, Copy)]
+struct Shown {
+    element: Element,
+    over: bool,
+}
+
+impl Shown {
+    fn values(self, seen: &Seen) -> Option<Vec<f64>> {
+        let image = seen.image(self.element)?;
+        Some(if self.over {
+            seen.over_photograph(&image)
+        } else {
+            image
+        })
+    }
+}
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let over = if self.over { " over the photograph" } else { "" };
+        write!(f, "{}{over}", self.element)
+    }
+}
+
+impl fmt::Display for Learnt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "found by {} of {:.3e} and more (area {:.3} in training); drawn by {} times {:.3} (cosine {:.3})",
+            self.detector, self.threshold, self.reached[0], self.image, self.gain, self.reached[1]
+        )
+    }
+}
+
+/// Keeps a candidate, or with `either` the same of the other sign, if it reaches more than the best so far.
+fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
+    let turn = either && turned > plain;
+    let value = if turn { turned } else { plain };
+    if value.is_finite() && best.is_none_or(|b| value > b.0) {
+        let element = if turn {
+            shown.element.negative()
+        } else {
+            shown.element
+        };
+        *best = Some((value, Shown { element, ..shown }));
+    }
+}
+
+/// The mean of what variants say, leaving out those that say nothing.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for v in values.filter(|v| v.is_finite()) {
+        sum += v;
+        n += 1.0;
+    }
+    sum / n
+}
+
+impl Learnt {
+    /// The best of the candidates for a task; `None` if no variant has such light, or no candidate is known. Of equals the first.
+    pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
+        let mut detector: Option<(f64, Shown)> = None;
+        let mut image: Option<(f64, Shown)> = None;
+        for element in candidates {
+            for over in [false, true] {
+                let shown = Shown {
+                    element: *element,
+                    over,
+                };
+                let values: Vec<Vec<f64>> = train.iter().map(|s| shown.values(s)).collect::<Option<_>>()?;
+                let all = || train.iter().zip(&values);
+                let reached = mean(all().map(|(seen, values)| {
+                    let (positive, negative) = parted(values, &seen.truth[task].classes);
+                    area(&positive, &negative)
+                }));
+                // The other sign has the rest of the area.
+                keep(&mut detector, shown, reached, 1.0 - reached, either);
+                let reached = mean(all().map(|(seen, values)| cosine(values, &seen.truth[task].share)));
+                keep(&mut image, shown, reached, -reached, either);
+            }
+        }
+        let ((found, detector), (drawn, image)) = (detector?, image?);
+        let mut learnt = Self {
+            detector,
+            threshold: f64::INFINITY,
+            image,
+            gain: 1.0,
+            reached: [found, drawn],
+        };
+        let (mut positive, mut negative) = (vec![], vec![]);
+        for seen in train {
+            let (p, n) = parted(&learnt.values(seen), &seen.truth[task].classes);
+            positive.extend(p);
+            negative.extend(n);
+        }
+        learnt.threshold = threshold(&positive, &negative)?;
+        let images: Vec<Vec<f64>> = train.iter().map(|s| learnt.image(s)).collect();
+        let pairs = images.iter().zip(train);
+        learnt.gain = gain(pairs.map(|(image, seen)| (&image[..], &seen.truth[task].share[..])));
+        Some(learnt)
+    }
+
+    /// What pixels are judged by.
+    pub(super) fn values(&self, seen: &Seen) -> Vec<f64> {
+        self.detector.values(seen).unwrap_or_default()
+    }
+
+    /// The image of the light's share, before its gain.
+    pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
+        self.image.values(seen).unwrap_or_default()
+    }
+}

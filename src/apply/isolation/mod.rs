@@ -1,0 +1,121 @@
+//! Isolating light paths: one element of the tensor, chosen or named, as a detector and as an image of one kind of light.
+//!
+//! A [`Task`] names the light. A method is a set of elements that it may look at ([`Family`]); of these it takes the one that does
+//! best on the training variants, with the sign that does, over the photograph or not: as a detector by the area under the curve, as an
+//! image by the cosine to the share of each pixel's light, which says what is left of it at the best gain. (Not to the light as it
+//! is: a few pixels that shine, and a few samples that are too bright, would outweigh all others.) Thresholds and gains are learnt
+//! from the training variants too.
+
+pub mod element;
+mod family;
+mod learnt;
+pub mod seen;
+mod task;
+
+pub use family::{Family, Isolation};
+pub use task::{Region, Task};
+pub(crate) use task::{metrics, metrics_of};
+
+use crate::application::{Outcome, Picture, Score};
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::metrics::isolation::{correlation, decided, error, parted};
+use crate::metrics::roc::area;
+use crate::observation::Observation;
+use learnt::Learnt;
+use seen::Seen;
+
+/// Fits every method to every task on `train` and judges it on `test`; `timed` as [`Seen::new`] has it.
+pub(crate) fn run(
+    tasks: &[Task],
+    methods: &[Isolation],
+    timed: bool,
+    train: &[Observation],
+    test: &[Observation],
+) -> Result<Outcome, ApplyError> {
+    let read = |all: &[Observation]| {
+        all.iter()
+            .map(|o| Seen::new(o, tasks, timed))
+            .collect::<Result<Vec<_>, _>>()
+    };
+    let (train, test) = (read(train)?, read(test)?);
+    let (Some(example), Some(shown)) = (train.first(), test.first()) else {
+        return Err(ApplyError::Empty(
+            "give variants to learn from and to be judged on".into(),
+        ));
+    };
+    let mut outcome = Outcome::default();
+    for (number, task) in tasks.iter().enumerate() {
+        outcome.pictures.push(picture(
+            "the truth",
+            task,
+            shown,
+            shown.truth[number].share.clone(),
+        ));
+        for isolation in methods {
+            let (candidates, either) = isolation.family.candidates(task, example);
+            let learnt = Learnt::new(&candidates, either, number, &train);
+            let name = isolation.method.name;
+            outcome.notes.push(match &learnt {
+                Some(learnt) => format!("{}, by {name}: {learnt}", task.name),
+                None => format!("{}, by {name}: nothing to be learnt", task.name),
+            });
+            let Some(learnt) = learnt else { continue };
+            for seen in &test {
+                let values = judge(&learnt, number, seen);
+                for (metric, value) in task.metrics.iter().zip(values) {
+                    outcome.scores.push(Score {
+                        method: name,
+                        metric: metric.name,
+                        variant: seen.variant,
+                        value,
+                    });
+                }
+            }
+            let drawn = learnt.image(shown).iter().map(|v| learnt.gain * v).collect();
+            outcome.pictures.push(picture(name, task, shown, drawn));
+        }
+    }
+    Ok(outcome)
+}
+
+/// Numbers in the order of [`metrics!`].
+fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
+    let truth = &seen.truth[task];
+    let values = learnt.values(seen);
+    let (positive, negative) = parted(&values, &truth.classes);
+    let counts = decided(&values, &truth.classes, learnt.threshold);
+    let image = learnt.image(seen);
+    // A variant without such pixels says nothing.
+    let (f1, precision) = if positive.is_empty() {
+        (f64::NAN, f64::NAN)
+    } else {
+        (counts.f1(), counts.precision())
+    };
+    [
+        area(&positive, &negative),
+        f1,
+        precision,
+        counts.recall(),
+        correlation(&image, &truth.share),
+        error(&image, &truth.share, learnt.gain),
+    ]
+}
+
+fn picture(method: &'static str, task: &Task, seen: &Seen, data: Vec<f64>) -> Picture {
+    Picture {
+        method,
+        name: task.name,
+        variant: Some(seen.variant),
+        shared: true,
+        map: Map {
+            width: seen.width,
+            height: seen.height,
+            channels: 1,
+            data,
+        },
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,218 @@
+//! One variant as detectors see it: images of all elements of every part of its light, and what is true of each task.
+
+use super::element::{Element, Part, Space, Time};
+use super::task::Task;
+use crate::error::ApplyError;
+use crate::metrics::isolation::{Class, classes};
+use crate::observation::{Observation, Pixels};
+use crate::paths::Paths;
+use std::collections::BTreeMap;
+
+/// Names of the slices.
+pub const POLARIMETRIC: &str = "polarimetric";
+/// Of epipolar light.
+pub const EPIPOLAR: &str = "epipolar";
+/// Of all light in bins of travel time: matrices or intensities.
+pub const TRANSIENT: &str = "transient";
+/// Of epipolar light in the same bins, matrices.
+pub const GATED: &str = "gated";
+/// The truth: intensity by label and bounces.
+pub const PATHS: &str = "paths";
+
+/// Bins after a pixel's first light at which time is cut.
+pub const CUTS: [usize; 3] = [0, 1, 3];
+
+/// The first bin that holds at least this share of the pixel's brightest is its first light.
+const FIRST: f64 = 0.1;
+
+/// A variant.
+pub struct Seen {
+    /// Its number.
+    pub variant: u64,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `[element 4 i + j][pixel]`, one image alone of parts of intensity; Σ over wavelengths.
+    images: BTreeMap<Part, Vec<Vec<f64>>>,
+    /// Of each task.
+    pub truth: Vec<Truth>,
+}
+
+/// What is true of a task.
+pub struct Truth {
+    /// The share of each pixel's light that is to be isolated; none outside the task's region.
+    pub share: Vec<f64>,
+    /// What its pixels are to a detector.
+    pub classes: Vec<Class>,
+}
+
+/// Pixels of whose truth map a test holds.
+///
+/// # Errors
+/// [`ApplyError::Missing`].
+pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Result<Vec<bool>, ApplyError> {
+    let map = o.truth(map)?;
+    Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
+}
+
+/// Whether a pixel keeps a bin.
+type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
+
+/// `[element][pixel]` of the bins that a pixel keeps.
+fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
+    let image = |e: usize| {
+        let value = |pixel: usize| {
+            let bins = (0..p.bins).filter(|b| keep(pixel, *b));
+            bins.flat_map(|b| (0..p.wavelengths).map(move |lane| p.at(pixel, b, e, lane)))
+                .sum()
+        };
+        (0..p.count()).map(value).collect()
+    };
+    (0..p.elements).map(image).collect()
+}
+
+fn less(all: &[Vec<f64>], part: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let images = all.iter().zip(part);
+    images
+        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect())
+        .collect()
+}
+
+/// The bin of each pixel's first light.
+fn first_light(p: &Pixels) -> Vec<usize> {
+    let light =
+        |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };
+    (0..p.count())
+        .map(|pixel| {
+            let brightest = (0..p.bins).map(|b| light(pixel, b)).fold(0.0, f64::max);
+            (0..p.bins)
+                .find(|b| light(pixel, *b) >= FIRST * brightest)
+                .unwrap_or(0)
+        })
+        .collect()
+}
+
+impl Seen {
+    /// Reads a variant; `timed` says whether epipolar light is to be read in bins too.
+    ///
+    /// # Errors
+    /// [`ApplyError`].
+    pub fn new(o: &Observation, tasks: &[Task], timed: bool) -> Result<Self, ApplyError> {
+        let polarimetric = o.pixels(POLARIMETRIC, true)?;
+        let (width, height) = (polarimetric.width, polarimetric.height);
+        let sizes = |what: &str| ApplyError::Sizes {
+            variant: o.variant,
+            what: what.into(),
+        };
+        let check = |p: Pixels| {
+            if (p.width, p.height) == (width, height) {
+                Ok(p)
+            } else {
+                Err(sizes("slices"))
+            }
+        };
+        let all = images(&polarimetric, |_, _| true);
+        let epipolar = images(&check(o.pixels(EPIPOLAR, true)?)?, |_, _| true);
+        let transient = check(o.pixels(TRANSIENT, false)?)?;
+        let gated = if timed {
+            Some(check(o.pixels(GATED, true)?)?)
+        } else {
+            None
+        };
+        if gated
+            .as_ref()
+            .is_some_and(|g| (g.bins, g.elements) != (transient.bins, transient.elements))
+        {
+            return Err(sizes("slices in time"));
+        }
+        let first = first_light(&transient);
+        let mut parts = BTreeMap::new();
+        for cut in CUTS {
+            let early = |pixel: usize, bin: usize| bin <= first[pixel] + cut;
+            let late = |pixel: usize, bin: usize| bin > first[pixel] + cut;
+            let windows: [(Time, &Kept); 2] = [(Time::Early(cut), &early), (Time::Late(cut), &late)];
+            for (time, keep) in windows {
+                let whole = images(&transient, keep);
+                if let Some(gated) = &gated {
+                    let near = images(gated, keep);
+                    parts.insert((Space::NonEpipolar, time), less(&whole, &near));
+                    parts.insert((Space::Epipolar, time), near);
+                }
+                parts.insert((Space::All, time), whole);
+            }
+        }
+        parts.insert((Space::NonEpipolar, Time::All), less(&all, &epipolar));
+        parts.insert((Space::Epipolar, Time::All), epipolar);
+        parts.insert((Space::All, Time::All), all);
+        let paths = Paths::read(o, PATHS)?;
+        if (paths.width, paths.height) != (width, height) {
+            return Err(sizes("slices and truth"));
+        }
+        let everything = paths.all().data;
+        let mut truth = vec![];
+        for task in tasks {
+            let mut light = paths.of(task.light).data;
+            if let Some(region) = task.region {
+                let within = region(o)?;
+                if within.len() != light.len() {
+                    return Err(sizes("slices and truth maps"));
+                }
+                for (light, within) in light.iter_mut().zip(&within) {
+                    if !within {
+                        *light = 0.0;
+                    }
+                }
+            }
+            let classes = classes(&light, &everything, task.share);
+            let share = |(light, (all, class)): (&f64, (&f64, &Class))| {
+                if *class == Class::Dark { 0.0 } else { light / all }
+            };
+            let share = light
+                .iter()
+                .zip(everything.iter().zip(&classes))
+                .map(share)
+                .collect();
+            truth.push(Truth { share, classes });
+        }
+        Ok(Self {
+            variant: o.variant,
+            width,
+            height,
+            images: parts,
+            truth,
+        })
+    }
+
+    /// The parts of the light that are known, with the number of elements of each.
+    pub fn parts(&self) -> impl Iterator<Item = (Part, usize)> {
+        self.images.iter().map(|(part, images)| (*part, images.len()))
+    }
+
+    /// An element as an image with its sign; `None` if it is not known.
+    #[must_use]
+    pub fn image(&self, e: Element) -> Option<Vec<f64>> {
+        let images = self.images.get(&e.part)?;
+        let sign = if e.negative { -1.0 } else { 1.0 };
+        if !e.magnitude {
+            let plain = images.get(4 * e.index[0] + e.index[1])?;
+            return Some(plain.iter().map(|v| sign * v).collect());
+        }
+        // Linear parts, 1 and 2, turn into each other.
+        let mixed = |i: usize| if i == 1 || i == 2 { 1..=2 } else { i..=i };
+        let together: Vec<&Vec<f64>> = mixed(e.index[0])
+            .flat_map(|i| mixed(e.index[1]).map(move |j| 4 * i + j))
+            .map(|k| images.get(k))
+            .collect::<Option<_>>()?;
+        let length = |p: usize| together.iter().map(|m| m[p].powi(2)).sum::<f64>().sqrt();
+        Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
+    }
+
+    /// An image over the photograph; 0 where that is dark.
+    #[must_use]
+    pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
+        let photograph = &self.images[&(Space::All, Time::All)][0];
+        let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };
+        image.iter().zip(photograph).map(share).collect()
+    }
+}

@@ -1,0 +1,143 @@
+//! A disco ball among painted walls (Fig. 13 a to j).
+
+use super::methods::{FULL, METHODS, PREVIEW, TRUTH_SAMPLES};
+use crate::application::{Application, Method, Metric, Outcome, Plan, Truth};
+use crate::error::ApplyError;
+use crate::isolation::element::{Element, Space};
+use crate::isolation::{self, Task, metrics, metrics_of, seen};
+use crate::observation::Observation;
+use crate::paths::Path;
+use tensor::label::{DIFFUSE, SPECULAR};
+
+/// The application.
+#[derive(Clone, Copy, Debug)]
+pub struct DiscoBall;
+
+/// From a facet to a wall and from there to the camera, or the other way round; by the wall's gloss too.
+fn patch(p: Path) -> bool {
+    p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
+}
+
+/// Pixels of the walls that are up to the right of the ball's centre or down to the left of it (`side` = 1), or on the other diagonal.
+pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
+    let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
+    let [x, y] = [value("ball_x"), value("ball_y")];
+    let on_it = seen::within(o, "position", |p| {
+        p.len() == 3 && side * (p[0] - x) * (p[1] - y) > 0.0
+    })?;
+    let walls = seen::within(o, "walls", |share| share[0] >= 0.5)?;
+    Ok(on_it.iter().zip(&walls).map(|(a, b)| *a && *b).collect())
+}
+
+/// What the captions of Fig. 13 say.
+pub(super) const TASKS: [Task; 6] = [
+    // c: "isolates the remaining specular reflection on the diffuse planes".
+    Task {
+        name: "gloss of walls",
+        metrics: metrics!("gloss of walls"),
+        light: Path::single_specular,
+        region: None,
+        share: 0.05,
+        named: Some(Element::of(Space::Epipolar, [0, 1])),
+    },
+    // d: "removes the specular reflection".
+    Task {
+        name: "walls without gloss",
+        metrics: metrics!("walls without gloss"),
+        light: |p| p.label == DIFFUSE,
+        region: None,
+        share: 0.8,
+        named: Some(Element::of(Space::Epipolar, [2, 1])),
+    },
+    // e: "captures the diffuse direct interreflections between the red and blue planes".
+    Task {
+        name: "interreflection of walls",
+        metrics: metrics!("interreflection of walls"),
+        light: Path::diffuse_interreflection,
+        region: None,
+        share: 0.2,
+        named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
+    },
+    // h: "the reflection from the planes and the disco ball only to the floor".
+    Task {
+        name: "walls and ball to floor",
+        metrics: metrics!("walls and ball to floor"),
+        light: |p| p.bounces > 1,
+        region: Some(|o| seen::within(o, "floor", |share| share[0] >= 0.5)),
+        share: 0.2,
+        named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
+    },
+    // i, j: "the reflections with different directions from the disco ball to the planes". A facet that sends light up to the right or
+    // down to the left has its plane of incidence at +45°, one that sends it along the other diagonal at -45°: of all directions those
+    // are what the sign of (0,2) can tell.
+    Task {
+        name: "ball along one diagonal",
+        metrics: metrics!("ball along one diagonal"),
+        light: patch,
+        region: Some(|o| diagonal(o, 1.0)),
+        share: 0.2,
+        named: Some(Element::of(Space::NonEpipolar, [0, 2])),
+    },
+    Task {
+        name: "ball along the other",
+        metrics: metrics!("ball along the other"),
+        light: patch,
+        region: Some(|o| diagonal(o, -1.0)),
+        share: 0.2,
+        named: Some(Element::of(Space::NonEpipolar, [0, 2]).negative()),
+    },
+];
+
+impl Application for DiscoBall {
+    fn name(&self) -> &'static str {
+        "multibounce"
+    }
+
+    fn shows(&self) -> &'static str {
+        "which element isolates which light between a disco ball and painted walls (Fig. 13)"
+    }
+
+    fn plan(&self) -> Plan {
+        Plan {
+            scene: "disco_ball/variants.toml",
+            train: (0..3).collect(),
+            // 3 to 9 were seen while tasks and numbers were settled.
+            test: (10..17).collect(),
+            slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT],
+            truth: vec![
+                Truth::Slice {
+                    name: seen::PATHS,
+                    slice: seen::PATHS,
+                    samples: TRUTH_SAMPLES,
+                },
+                Truth::Material {
+                    name: "floor",
+                    of: &["floor"],
+                },
+                Truth::Material {
+                    name: "walls",
+                    of: &["floor", "white", "red", "blue"],
+                },
+                Truth::Layer {
+                    name: "position",
+                    layer: "position",
+                    through: false,
+                },
+            ],
+            preview: PREVIEW,
+            full: FULL,
+        }
+    }
+
+    fn methods(&self) -> Vec<Method> {
+        METHODS.iter().map(|m| m.method).collect()
+    }
+
+    fn metrics(&self) -> Vec<Metric> {
+        metrics_of(&TASKS)
+    }
+
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+        isolation::run(&TASKS, &METHODS, false, train, test)
+    }
+}

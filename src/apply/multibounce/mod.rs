@@ -1,0 +1,16 @@
+//! Untangling multi-bounce light: Baek & Heide (2021), section 6.4, Fig. 13, on a disco ball among painted walls and on coins before
+//! a mirror.
+//!
+//! The paper names an element of the tensor for each kind of light. Here each is judged as a detector and as an image of the light
+//! that it is said to isolate, against the renderer's labels, as it is written and with the sign that suits the training variants;
+//! beside it what any element of space and polarization reaches, and what polarization, space, time or intensity alone do.
+
+mod coins;
+mod disco_ball;
+mod methods;
+
+pub use coins::Coins;
+pub use disco_ball::DiscoBall;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,280 @@
+//! Light by what its path did: sums of a slice that keeps labels ([`tensor::label`]) and numbers of surface interactions.
+//!
+//! Kinds of light are sets of (label, bounces). A label does not say in what order things happened: light from a mirror to a
+//! wall and light from a wall to a mirror are one kind.
+
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::Observation;
+use tensor::axes::AxisKind;
+use tensor::label::{DIFFUSE, GLOSSY, MEDIUM, SPECULAR};
+
+/// What a path did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Path {
+    /// A set of the bits of [`tensor::label`].
+    pub label: u8,
+    /// Surface interactions between projector and camera.
+    pub bounces: u32,
+}
+
+impl Path {
+    /// One reflection by a matt surface.
+    #[must_use]
+    pub fn single_diffuse(self) -> bool {
+        self.label == DIFFUSE && self.bounces == 1
+    }
+
+    /// Two reflections or more, all by matt surfaces.
+    #[must_use]
+    pub fn diffuse_interreflection(self) -> bool {
+        self.label == DIFFUSE && self.bounces > 1
+    }
+
+    /// Reflections by mirrors and facets alone, however many.
+    #[must_use]
+    pub fn all_specular(self) -> bool {
+        self.label & (SPECULAR | GLOSSY) != 0 && self.label & (DIFFUSE | MEDIUM) == 0
+    }
+
+    /// One reflection by a mirror or facets.
+    #[must_use]
+    pub fn single_specular(self) -> bool {
+        self.all_specular() && self.bounces == 1
+    }
+
+    /// Two reflections or more, all by mirrors and facets.
+    #[must_use]
+    pub fn multi_specular(self) -> bool {
+        self.all_specular() && self.bounces > 1
+    }
+
+    /// By way of something smooth, and of something matt.
+    #[must_use]
+    pub fn mirror_and_diffuse(self) -> bool {
+        self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
+    }
+
+    /// One mirror and one matt surface, in whatever order: the light that a mirror throws on a wall, or a wall seen in a mirror.
+    #[must_use]
+    pub fn one_mirror_one_diffuse(self) -> bool {
+        self.label == SPECULAR | DIFFUSE && self.bounces == 2
+    }
+}
+
+/// A slice's intensity by path: Σ over wavelengths and all else that it resolves but camera, label and bounces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Paths {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    kinds: Vec<Path>,
+    /// `[pixel][kind]`.
+    light: Vec<f64>,
+}
+
+impl Paths {
+    /// Reads a slice of an observation.
+    ///
+    /// # Errors
+    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice lacks rows and columns, labels or bounces.
+    pub fn read(o: &Observation, name: &str) -> Result<Self, ApplyError> {
+        let t = &o.slice(name)?.mean;
+        let of = |kind: AxisKind, axis: &'static str| {
+            t.find(kind).ok_or(ApplyError::Axis {
+                variant: o.variant,
+                slice: name.to_owned(),
+                axis,
+            })
+        };
+        let camera = "rows and columns of the camera";
+        let [y, x] = [of(AxisKind::Y, camera)?, of(AxisKind::X, camera)?];
+        let label = of(AxisKind::Label, "labels")?;
+        let bounces = of(AxisKind::Bounces, "bounces")?;
+        let coords = |axis: usize| t.axes[axis].coords.iter().map(|c| c.max(0.0));
+        let kinds: Vec<Path> = coords(bounces)
+            .flat_map(|b| {
+                coords(label).map(move |l| Path {
+                    label: l as u8,
+                    bounces: b as u32,
+                })
+            })
+            .collect();
+        let shape = t.shape();
+        let polarized: Vec<usize> = [AxisKind::StokesOut, AxisKind::StokesIn]
+            .iter()
+            .filter_map(|kind| t.find(*kind))
+            .collect();
+        let mut light = vec![0.0; shape[y] * shape[x] * kinds.len()];
+        let mut index = vec![0; shape.len()];
+        for value in &t.data {
+            // Of matrices, what unpolarized light gives: M00.
+            if polarized.iter().all(|a| index[*a] == 0) {
+                let pixel = index[y] * shape[x] + index[x];
+                let kind = index[bounces] * shape[label] + index[label];
+                light[pixel * kinds.len() + kind] += f64::from(*value);
+            }
+            for a in (0..shape.len()).rev() {
+                index[a] += 1;
+                if index[a] < shape[a] {
+                    break;
+                }
+                index[a] = 0;
+            }
+        }
+        Ok(Self {
+            width: shape[x],
+            height: shape[y],
+            kinds,
+            light,
+        })
+    }
+
+    /// The light of all paths of a kind.
+    #[must_use]
+    pub fn of(&self, is: impl Fn(Path) -> bool) -> Map {
+        let chosen: Vec<usize> = (0..self.kinds.len()).filter(|k| is(self.kinds[*k])).collect();
+        Map::from_fn(self.width, self.height, 1, |x, y, out| {
+            let first = (y * self.width + x) * self.kinds.len();
+            out[0] = chosen.iter().map(|k| self.light[first + k]).sum();
+        })
+    }
+
+    /// All light.
+    #[must_use]
+    pub fn all(&self) -> Map {
+        self.of(|_| true)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::observation::Slice;
+    use tensor::array::Tensor;
+    use tensor::axes::Axis;
+
+    /// A slice of light by path: pixel, label and bounces give it.
+    pub(crate) fn labelled(
+        [width, height]: [usize; 2],
+        max_bounces: usize,
+        wavelengths: usize,
+        mut light: impl FnMut(usize, Path) -> f64,
+    ) -> Slice {
+        let axis = |kind, n: usize| Axis {
+            kind,
+            coords: (0..n).map(|i| i as f64).collect(),
+            chunk: n as u64,
+        };
+        let axes = vec![
+            axis(AxisKind::Y, height),
+            axis(AxisKind::X, width),
+            axis(AxisKind::Bounces, max_bounces),
+            axis(AxisKind::Label, 16),
+            axis(AxisKind::Wavelength, wavelengths),
+        ];
+        let mut mean = Tensor::zeros("paths", axes);
+        for (i, v) in mean.data.iter_mut().enumerate() {
+            let rest = i / wavelengths;
+            let path = Path {
+                label: (rest % 16) as u8,
+                bounces: (rest / 16 % max_bounces) as u32,
+            };
+            *v = light(rest / 16 / max_bounces, path) as f32;
+        }
+        Slice {
+            error: mean.clone(),
+            mean,
+        }
+    }
+
+    fn observation(slice: Slice) -> Observation {
+        let mut o = Observation::default();
+        o.slices.insert("paths".into(), slice);
+        o
+    }
+
+    #[test]
+    fn sums_are_those_of_the_paths_named() {
+        // Every path brings a power of two of its own at every wavelength, so that a sum tells what it is of.
+        let bring = |p: Path| f64::from(1_u32 << (p.label / 2)) * f64::from(1_u32 << (8 * p.bounces.min(2)));
+        let even = |p: Path| p.label.is_multiple_of(2);
+        let o = observation(labelled([3, 2], 3, 2, |pixel, p| {
+            if even(p) {
+                (pixel + 1) as f64 * bring(p)
+            } else {
+                0.0
+            }
+        }));
+        let paths = Paths::read(&o, "paths").expect("paths");
+        assert_eq!((paths.width, paths.height), (3, 2));
+        let sum = |kinds: &[(u8, u32)]| -> f64 {
+            let each = kinds
+                .iter()
+                .map(|&(label, bounces)| bring(Path { label, bounces }));
+            2.0 * each.sum::<f64>()
+        };
+        type Case = (fn(Path) -> bool, &'static [(u8, u32)]);
+        let cases: [Case; 7] = [
+            (Path::single_diffuse, &[(8, 1)]),
+            (Path::diffuse_interreflection, &[(8, 2)]),
+            (Path::single_specular, &[(2, 1), (4, 1), (6, 1)]),
+            (Path::multi_specular, &[(2, 2), (4, 2), (6, 2)]),
+            (
+                Path::mirror_and_diffuse,
+                &[(10, 0), (14, 0), (10, 1), (14, 1), (10, 2), (14, 2)],
+            ),
+            (Path::one_mirror_one_diffuse, &[(10, 2)]),
+            (
+                Path::all_specular,
+                &[
+                    (2, 0),
+                    (4, 0),
+                    (6, 0),
+                    (2, 1),
+                    (4, 1),
+                    (6, 1),
+                    (2, 2),
+                    (4, 2),
+                    (6, 2),
+                ],
+            ),
+        ];
+        for (k, (kind, of)) in cases.iter().enumerate() {
+            let map = paths.of(kind);
+            for pixel in 0..6 {
+                let found = map.at(pixel % 3, pixel / 3)[0];
+                assert_eq!(found, (pixel + 1) as f64 * sum(of), "case {k}");
+            }
+        }
+        // All is all, and kinds that exclude each other and leave nothing out add up to it.
+        let (all, one, rest) = (
+            paths.all(),
+            paths.of(Path::all_specular),
+            paths.of(|p| !p.all_specular()),
+        );
+        for ((a, b), c) in all.data.iter().zip(&one.data).zip(&rest.data) {
+            assert_eq!(*a, b + c);
+        }
+    }
+
+    #[test]
+    fn slices_without_labels_or_bounces_are_refused() {
+        let plain = labelled([2, 2], 2, 1, |_, _| 1.0);
+        for kind in [AxisKind::Label, AxisKind::Bounces, AxisKind::X] {
+            let o = observation(Slice {
+                mean: plain.mean.sum(kind),
+                error: plain.error.sum(kind),
+            });
+            assert!(
+                matches!(Paths::read(&o, "paths"), Err(ApplyError::Axis { .. })),
+                "{kind:?}"
+            );
+        }
+        assert!(matches!(
+            Paths::read(&Observation::default(), "paths"),
+            Err(ApplyError::Missing { .. })
+        ));
+    }
+}

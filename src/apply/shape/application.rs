@@ -1,0 +1,229 @@
+//! Fig. 11 as an application: normals and depths of statues of translucent stone, by every method.
+//!
+//! All methods are told which pixels are wholly of the statue. Errors are means over those of them that a method says something
+//! of; `coverage` is their share.
+
+use super::errors::{Errors, angular, depth_errors};
+use super::joint::Surface;
+use super::learning::Route;
+use super::methods::{Code, Light, Method as Way, ShapeError};
+use super::seen::Seen;
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::Observation;
+use rayon::prelude::*;
+
+/// The application.
+#[derive(Clone, Copy, Debug)]
+pub struct ShapeScan;
+
+const fn metric(name: &'static str, unit: &'static str, more_is_better: bool) -> Metric {
+    Metric {
+        name,
+        unit,
+        more_is_better,
+    }
+}
+
+pub(super) const METRICS: [Metric; 5] = [
+    metric("normals, mean error", "deg", false),
+    metric("normals, median error", "deg", false),
+    metric("depth, mean error", "mm", false),
+    metric("depth, median error", "mm", false),
+    metric("coverage", "", true),
+];
+
+const fn route(name: &'static str, source: &'static str, method: Way, sprayed: bool) -> (Method, Route) {
+    (Method { name, source }, Route { method, sprayed })
+}
+
+/// Ours first; the pseudo truth of the paper last.
+pub(super) const METHODS: [(Method, Route); 9] = [
+    route(
+        "epipolar micro phase shift + polarization",
+        "Baek & Heide 2021",
+        Way::Joint(Code::Micro, Light::Epipolar),
+        false,
+    ),
+    route(
+        "Gray code",
+        "Inokuchi et al. 1984",
+        Way::StructuredLight(Code::Gray, Light::All),
+        false,
+    ),
+    route(
+        "phase shift",
+        "Srinivasan et al. 1984",
+        Way::StructuredLight(Code::Phase, Light::All),
+        false,
+    ),
+    route(
+        "micro phase shift",
+        "Gupta & Nayar 2012",
+        Way::StructuredLight(Code::Micro, Light::All),
+        false,
+    ),
+    route(
+        "XOR codes",
+        "Gupta et al. 2011",
+        Way::StructuredLight(Code::Logical, Light::All),
+        false,
+    ),
+    route(
+        "epipolar micro phase shift",
+        "O'Toole et al. 2014",
+        Way::StructuredLight(Code::Micro, Light::Epipolar),
+        false,
+    ),
+    route(
+        "polarization",
+        "Atkinson & Hancock 2006",
+        Way::Polarization(Light::All),
+        false,
+    ),
+    route(
+        "micro phase shift + polarization",
+        "Baek et al. 2018",
+        Way::Joint(Code::Micro, Light::All),
+        false,
+    ),
+    route(
+        "Gray code of the sprayed twin",
+        "the paper's pseudo truth",
+        Way::StructuredLight(Code::Gray, Light::All),
+        true,
+    ),
+];
+
+/// The number of a variant's twin ([`Truth::Twin`]).
+fn sprayed(variant: u64) -> u64 {
+    variant + 1
+}
+
+fn unsolved(method: &'static str) -> impl Fn(ShapeError) -> ApplyError {
+    move |e| ApplyError::Unsolved {
+        method,
+        cause: e.to_string(),
+    }
+}
+
+impl Application for ShapeScan {
+    fn name(&self) -> &'static str {
+        "shape"
+    }
+
+    fn shows(&self) -> &'static str {
+        "normals and depths of translucent statues, by epipolar structured light and polarization together (Fig. 11)"
+    }
+
+    /// Even variants are translucent, odd ones their sprayed twins; in a round of six are all materials and statues.
+    fn plan(&self) -> Plan {
+        let layer = |name, layer| Truth::Layer {
+            name,
+            layer,
+            through: false,
+        };
+        Plan {
+            scene: "sss_statue/variants.toml",
+            train: vec![0, 4, 8],
+            test: (12..24).step_by(2).collect(),
+            slices: vec!["columns", "epipolar_columns", "polarimetric", "epipolar"],
+            truth: vec![
+                Truth::Material {
+                    name: "statue",
+                    of: &["statue", "spray"],
+                },
+                layer("position", "position"),
+                layer("normal", "geometric_normal"),
+                Truth::Twin {
+                    name: "sprayed columns",
+                    slice: "columns",
+                    of: sprayed,
+                    samples: 1,
+                },
+            ],
+            preview: Size { pixels: 64, spp: 32 },
+            full: Size {
+                pixels: 128,
+                spp: 256,
+            },
+        }
+    }
+
+    fn methods(&self) -> Vec<Method> {
+        METHODS.iter().map(|m| m.0).collect()
+    }
+
+    fn metrics(&self) -> Vec<Metric> {
+        METRICS.to_vec()
+    }
+
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
+        let (train, test) = (read(train)?, read(test)?);
+        if train.is_empty() || test.is_empty() {
+            return Err(ApplyError::Empty(
+                "give variants to learn from and to be judged on".into(),
+            ));
+        }
+        let mut outcome = Outcome::default();
+        for (method, route) in METHODS {
+            let failed = unsolved(method.name);
+            let (parameters, words) = route.learn(&train).map_err(&failed)?;
+            let surfaces: Result<Vec<_>, _> =
+                test.par_iter().map(|seen| route.run(seen, &parameters)).collect();
+            for (seen, surface) in test.iter().zip(surfaces.map_err(&failed)?) {
+                outcome.scores.extend(scores(method.name, seen, &surface));
+                outcome.pictures.extend(pictures(method.name, seen, surface));
+            }
+            outcome
+                .notes
+                .push(format!("{}, seed {}: {words}", method.name, test[0].seed));
+        }
+        Ok(outcome)
+    }
+}
+
+fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
+    let n = angular(&surface.normals, &seen.normals, None);
+    let z = depth_errors(&surface.depth, &seen.depth, None);
+    let known = |e: Errors, value: f64| if e.coverage > 0.0 { value } else { f64::NAN };
+    let values = [
+        known(n, n.mean),
+        known(n, n.median),
+        known(z, 1e3 * z.mean),
+        known(z, 1e3 * z.median),
+        n.coverage,
+    ];
+    METRICS
+        .iter()
+        .zip(values)
+        .map(|(metric, value)| Score {
+            method,
+            metric: metric.name,
+            variant: seen.variant,
+            value,
+        })
+        .collect()
+}
+
+/// Normals as colours (½(1 + n), x right, y up, z toward the camera), and how far each is off.
+fn pictures(method: &'static str, seen: &Seen, surface: Surface) -> [Picture; 2] {
+    let (w, h) = (surface.normals.width, surface.normals.height);
+    let off = Map::from_fn(w, h, 1, |x, y, out| {
+        let [n, t] = [&surface.normals, &seen.normals].map(|m| m.at(x, y));
+        out[0] = crate::metrics::angle::angle_deg(n, t);
+    });
+    let colours = Map::from_fn(w, h, 3, |x, y, out| {
+        let n = surface.normals.at(x, y);
+        out.copy_from_slice(&[n[0], -n[1], -n[2]].map(|v| 0.5 * (1.0 + v)));
+    });
+    [("normals", true, colours), ("error of normals", false, off)].map(|(name, shared, map)| Picture {
+        method,
+        name,
+        variant: Some(seen.variant),
+        shared,
+        map,
+    })
+}

@@ -1,0 +1,146 @@
+//! Free numbers of methods, learnt on training variants: by turns each is set to the value of a short list that gives the least
+//! mean angular error of normals, a pixel without normal counting as a right angle.
+
+use super::errors::angular;
+use super::joint::Surface;
+use super::methods::{Code, Method, Parameters, ShapeError, run};
+use super::seen::Seen;
+use rayon::prelude::*;
+
+/// A method and whose light it sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Route {
+    pub method: Method,
+    /// Of the sprayed twin.
+    pub sprayed: bool,
+}
+
+/// A number that is learnt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Free {
+    /// Radius of the window for normals of scans, pixels.
+    ScanRadius,
+    /// Radius of the window for normals of fused surfaces, pixels.
+    FusedRadius,
+    /// Mean period of micro phase shifting, columns.
+    MicroPeriod,
+    /// Refractive index where no scan tells it.
+    Index,
+    /// Whether mirrored light is left out of the degree of polarization, 0 or 1.
+    MirroredOff,
+    /// Standard deviation of columns, columns.
+    SigmaColumns,
+    /// Of polarization's normals, degrees.
+    SigmaNormals,
+    /// Of the fused surface's normals, degrees.
+    SigmaSurface,
+}
+
+impl Free {
+    /// What is tried.
+    pub(super) const fn values(self) -> &'static [f64] {
+        match self {
+            Self::ScanRadius => &[1.0, 2.0, 3.0, 4.0, 5.0],
+            Self::FusedRadius => &[1.0, 2.0, 3.0],
+            Self::MicroPeriod => &[10.0, 16.0, 24.0],
+            Self::Index => &[1.3, 1.4, 1.5, 1.6],
+            Self::MirroredOff => &[0.0, 1.0],
+            Self::SigmaColumns => &[0.25, 0.5, 1.0],
+            Self::SigmaNormals => &[10.0, 20.0, 40.0],
+            Self::SigmaSurface => &[2.5, 5.0, 10.0],
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::ScanRadius => "radius of the scan's window",
+            Self::FusedRadius => "of the surface's window",
+            Self::MicroPeriod => "period",
+            Self::Index => "index",
+            Self::MirroredOff => "mirrored light left out",
+            Self::SigmaColumns => "deviation of columns",
+            Self::SigmaNormals => "of polarization's normals",
+            Self::SigmaSurface => "of the surface's normals",
+        }
+    }
+
+    fn set(self, p: &mut Parameters, value: f64) {
+        match self {
+            Self::ScanRadius => p.scan_window.radius = value as usize,
+            Self::FusedRadius => p.fused_window.radius = value as usize,
+            Self::MicroPeriod => p.micro_period = value,
+            Self::Index => p.index = Some(value),
+            Self::MirroredOff => p.mirrored_off = value > 0.5,
+            Self::SigmaColumns => p.sigma_columns = value,
+            Self::SigmaNormals => p.sigma_normals_deg = value,
+            Self::SigmaSurface => p.sigma_surface_deg = value,
+        }
+    }
+}
+
+impl Route {
+    /// What is free, in the order in which it is learnt.
+    pub(super) const fn free(self) -> &'static [Free] {
+        match self.method {
+            Method::StructuredLight(Code::Micro, _) => &[Free::ScanRadius, Free::MicroPeriod],
+            Method::StructuredLight(..) => &[Free::ScanRadius],
+            Method::Polarization(_) => &[Free::Index, Free::MirroredOff],
+            Method::Joint(..) => &[
+                Free::FusedRadius,
+                Free::SigmaColumns,
+                Free::SigmaNormals,
+                Free::SigmaSurface,
+                Free::MirroredOff,
+            ],
+        }
+    }
+
+    /// Depth and normals of a variant.
+    pub(super) fn run(self, seen: &Seen, parameters: &Parameters) -> Result<Surface, ShapeError> {
+        let inputs = if self.sprayed { &seen.sprayed } else { &seen.inputs };
+        run(self.method, inputs, parameters)
+    }
+
+    fn loss(self, train: &[Seen], parameters: &Parameters) -> Result<f64, ShapeError> {
+        let of = |seen: &Seen| -> Result<f64, ShapeError> {
+            let e = angular(&self.run(seen, parameters)?.normals, &seen.normals, None);
+            let mean = if e.coverage > 0.0 { e.mean } else { 0.0 };
+            Ok(e.coverage * mean + (1.0 - e.coverage) * 90.0)
+        };
+        let all: Result<Vec<f64>, _> = train.par_iter().map(of).collect();
+        Ok(all?.iter().sum::<f64>() / train.len() as f64)
+    }
+
+    /// The parameters of least loss on training variants, and what they are in words.
+    pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
+        // A joint method scans as its scan alone does best, which is far quicker to find.
+        let (mut best, mut words) = match self.method {
+            Method::Joint(code, light) => {
+                let scan = Self {
+                    method: Method::StructuredLight(code, light),
+                    ..self
+                };
+                let (parameters, words) = scan.learn(train)?;
+                (parameters, vec![words])
+            }
+            _ => (Parameters::default(), vec![]),
+        };
+        for free in self.free() {
+            let tried: Result<Vec<_>, ShapeError> = free
+                .values()
+                .par_iter()
+                .map(|value| {
+                    let mut p = best.clone();
+                    free.set(&mut p, *value);
+                    Ok((self.loss(train, &p)?, *value, p))
+                })
+                .collect();
+            // The first of equals, whatever the number of threads.
+            if let Some((_, value, p)) = tried?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
+                words.push(format!("{} {value}", free.name()));
+                best = p;
+            }
+        }
+        Ok((best, words.join(", ")))
+    }
+}

@@ -1,0 +1,112 @@
+//! What a scoring is worth on a variant, against the labels.
+
+use super::score::{Scoring, counts};
+use super::seen::{Seen, Target};
+use crate::metrics::roc;
+
+/// Places of each kind that a bin must have to be judged by itself.
+const FEW: usize = 5;
+
+/// Area under the curve over all lit places.
+pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
+    let [positive, negative] = groups(scoring, seen, target, |_| true);
+    roc::area(&positive, &negative)
+}
+
+/// Mean over bins of the areas within each; NaN if none has enough places of both kinds.
+pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
+    let bins = seen.pixels.bins;
+    let areas: Vec<f64> = (0..bins)
+        .map(|bin| groups(scoring, seen, target, |place| place % bins == bin))
+        .filter(|[positive, negative]| positive.len() >= FEW && negative.len() >= FEW)
+        .map(|[positive, negative]| roc::area(&positive, &negative))
+        .collect();
+    areas.iter().sum::<f64>() / areas.len() as f64
+}
+
+fn groups(scoring: &Scoring, seen: &Seen, target: Target, of: impl Fn(usize) -> bool) -> [Vec<f64>; 2] {
+    let mut out = [vec![], vec![]];
+    for place in seen.lit.iter().filter(|p| of(**p)) {
+        let other = usize::from(!seen.is(target, *place));
+        out[other].push(scoring.score(seen, target, *place));
+    }
+    out
+}
+
+/// F1 at the learnt threshold; NaN of a variant without such light.
+pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
+    let counts = counts(scoring, seen, target);
+    if counts.true_positive + counts.false_negative == 0 {
+        return f64::NAN;
+    }
+    counts.f1()
+}
+
+/// Correlation of the score's positive part, which is what is shown, with the light of the target over lit places.
+pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
+    let pairs = seen.lit.iter().map(|place| {
+        (
+            scoring.score(seen, target, *place).max(0.0),
+            seen.light(target, *place),
+        )
+    });
+    pearson(&pairs.collect::<Vec<_>>())
+}
+
+/// The same of sums over bins, pixel by pixel.
+pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
+    let mut sums = vec![(0.0, 0.0); seen.pixels.count()];
+    let mut lit = vec![false; sums.len()];
+    for place in &seen.lit {
+        let pixel = place / seen.pixels.bins;
+        lit[pixel] = true;
+        sums[pixel].0 += scoring.score(seen, target, *place).max(0.0);
+        sums[pixel].1 += seen.light(target, *place);
+    }
+    let pairs: Vec<(f64, f64)> = sums
+        .into_iter()
+        .zip(lit)
+        .filter_map(|(s, l)| l.then_some(s))
+        .collect();
+    pearson(&pairs)
+}
+
+/// Pearson's correlation; 0 where what is shown does not differ, NaN where the truth does not.
+fn pearson(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len() as f64;
+    let (a, b) = pairs
+        .iter()
+        .fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for (x, y) in pairs {
+        let (x, y) = (x - a, y - b);
+        (xx, yy, xy) = (xx + x * x, yy + y * y, xy + x * y);
+    }
+    if yy == 0.0 || n == 0.0 {
+        f64::NAN
+    } else if xx == 0.0 {
+        0.0
+    } else {
+        xy / (xx * yy).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::pearson;
+
+    #[test]
+    fn correlations_are_pearsons() {
+        let of = |x: &[f64], y: &[f64]| {
+            let pairs: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().copied()).collect();
+            pearson(&pairs)
+        };
+        assert!((of(&[1.0, 2.0, 3.0], &[2.0, 4.0, 6.0]) - 1.0).abs() < 1e-12);
+        assert!((of(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]) + 1.0).abs() < 1e-12);
+        // 1/√(2 · 14/3): by hand.
+        let want = 1.0 / (2.0_f64 * 14.0 / 3.0).sqrt();
+        assert!((of(&[1.0, 2.0, 3.0], &[1.0, 4.0, 2.0]) - want).abs() < 1e-12);
+        assert_eq!(of(&[2.0, 2.0], &[0.0, 1.0]), 0.0);
+        assert!(of(&[0.0, 1.0], &[2.0, 2.0]).is_nan() && of(&[], &[]).is_nan());
+    }
+}

@@ -1,0 +1,219 @@
+//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. What a coaxial rig brings back, bin of travel time
+//! by bin, parted by what it did to circular polarization.
+//!
+//! One specular reflection turns right-handed light into left-handed, two give it back its hand, and diffuse surfaces lose it:
+//! so -T33 > 0 is "circular-inverting" light and T33 > 0 "circular-keeping" light, s3 seen looking toward the source on both
+//! ways (CONVENTIONS.md). Light is labelled by the renderer: positives are the pixels' bins where most light came by specular
+//! reflections alone, an odd number for inverting, an even one for keeping. (Where s' = s the second is light between two
+//! sides of a crease within one pixel: all longer ways end where they began, and their number is odd.) Signs that physics does
+//! not give, and thresholds, are learnt from the training variants.
+
+mod judge;
+mod score;
+mod seen;
+
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::Observation;
+use judge::{area, area_by_bin, correlation, correlation_in_total, f1};
+use score::{Measure, Scoring};
+use seen::{LABELLED, Seen, TARGETS, TRANSIENT, Target};
+
+/// The application.
+#[derive(Clone, Copy, Debug)]
+pub struct Transient;
+
+/// How a scoring is judged.
+type Judge = fn(&Scoring, &Seen, Target) -> f64;
+
+const METRICS: [(Metric, Judge, Target); 10] = [
+    metric("area under the curve, inverting", area, Target::Inverting),
+    metric("area under the curve, keeping", area, Target::Keeping),
+    metric(
+        "area, inverting, mean of those of bins",
+        area_by_bin,
+        Target::Inverting,
+    ),
+    metric(
+        "area, keeping, mean of those of bins",
+        area_by_bin,
+        Target::Keeping,
+    ),
+    metric("F1, inverting", f1, Target::Inverting),
+    metric("F1, keeping", f1, Target::Keeping),
+    metric("correlation, inverting", correlation, Target::Inverting),
+    metric("correlation, keeping", correlation, Target::Keeping),
+    metric(
+        "correlation, inverting, summed over time",
+        correlation_in_total,
+        Target::Inverting,
+    ),
+    metric(
+        "correlation, keeping, summed over time",
+        correlation_in_total,
+        Target::Keeping,
+    ),
+];
+
+const fn metric(name: &'static str, judge: Judge, target: Target) -> (Metric, Judge, Target) {
+    let metric = Metric {
+        name,
+        unit: "",
+        more_is_better: true,
+    };
+    (metric, judge, target)
+}
+
+const METHODS: [(Method, Measure); 6] = [
+    (method("(3,3) of the bin", "Baek & Heide 2021"), Measure::Circular),
+    (
+        method("(3,3)/(0,0) of the bin", "the same over intensity"),
+        Measure::CircularShare,
+    ),
+    (
+        method(
+            "circular pair, time-gated",
+            "two captures, as Treibitz & Schechner 2009",
+        ),
+        Measure::CircularPair,
+    ),
+    (
+        method(
+            "parallel less crossed, time-gated",
+            "two captures through linear polarizers",
+        ),
+        Measure::LinearPair,
+    ),
+    (
+        method("transient intensity", "Velten et al. 2013"),
+        Measure::Intensity,
+    ),
+    (
+        method("(3,3) summed over time", "without time"),
+        Measure::Integrated,
+    ),
+];
+
+const fn method(name: &'static str, source: &'static str) -> Method {
+    Method { name, source }
+}
+
+impl Application for Transient {
+    fn name(&self) -> &'static str {
+        "transient"
+    }
+
+    fn shows(&self) -> &'static str {
+        "light that one or two specular reflections brought back, bin of travel time by bin, by its circular polarization (Fig. 8)"
+    }
+
+    fn plan(&self) -> Plan {
+        Plan {
+            scene: "painted_doll/variants.toml",
+            train: (0..6).collect(),
+            test: (6..14).collect(),
+            slices: vec![TRANSIENT],
+            truth: vec![Truth::Slice {
+                name: LABELLED,
+                slice: LABELLED,
+                samples: 4,
+            }],
+            preview: Size { pixels: 40, spp: 32 },
+            full: Size { pixels: 96, spp: 128 },
+        }
+    }
+
+    fn methods(&self) -> Vec<Method> {
+        METHODS.iter().map(|(m, _)| *m).collect()
+    }
+
+    fn metrics(&self) -> Vec<Metric> {
+        METRICS.iter().map(|(m, ..)| *m).collect()
+    }
+
+    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
+        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
+        let (train, test) = (read(train)?, read(test)?);
+        if train.is_empty() || test.is_empty() {
+            return Err(ApplyError::Empty(
+                "give variants to learn from and to be judged on".into(),
+            ));
+        }
+        let mut outcome = Outcome::default();
+        for (method, measure) in METHODS {
+            let scoring = Scoring::learn(measure, &train);
+            for seen in &test {
+                for (metric, judge, target) in METRICS {
+                    outcome.scores.push(Score {
+                        method: method.name,
+                        metric: metric.name,
+                        variant: seen.variant,
+                        value: judge(&scoring, seen, target),
+                    });
+                }
+                outcome.pictures.extend(TARGETS.map(|target| {
+                    picture(
+                        method.name,
+                        measure != Measure::CircularShare,
+                        seen,
+                        target,
+                        |place| scoring.score(seen, target, place).max(0.0),
+                    )
+                }));
+            }
+        }
+        for seen in &test {
+            outcome.pictures.extend(
+                TARGETS
+                    .map(|target| picture("labels", true, seen, target, |place| seen.light(target, place))),
+            );
+            outcome.notes.push(of_all(seen));
+        }
+        Ok(outcome)
+    }
+}
+
+/// What is shown of lit places, summed over bins.
+fn picture(
+    method: &'static str,
+    shared: bool,
+    seen: &Seen,
+    target: Target,
+    value: impl Fn(usize) -> f64,
+) -> Picture {
+    let mut sums = vec![0.0; seen.pixels.count()];
+    for place in &seen.lit {
+        sums[place / seen.pixels.bins] += value(*place);
+    }
+    Picture {
+        method,
+        name: match target {
+            Target::Inverting => "inverting",
+            Target::Keeping => "keeping",
+        },
+        variant: Some(seen.variant),
+        shared,
+        map: Map {
+            width: seen.pixels.width,
+            height: seen.pixels.height,
+            channels: 1,
+            data: sums,
+        },
+    }
+}
+
+/// How much there is of what is looked for.
+fn of_all(seen: &Seen) -> String {
+    let count = |target| seen.lit.iter().filter(|p| seen.is(target, **p)).count();
+    format!(
+        "variant {}: of {} lit bins of pixels {} are inverting and {} keeping",
+        seen.variant,
+        seen.lit.len(),
+        count(Target::Inverting),
+        count(Target::Keeping)
+    )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,129 @@
+//! Scores of places: the larger, the more is light of a target.
+
+use super::seen::{Seen, TARGETS, Target};
+use crate::metrics::precision_recall::Counts;
+use crate::metrics::roc::area;
+
+/// What a score is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Measure {
+    /// T33 of the bin: positive where circular light is kept.
+    Circular,
+    /// T33/T00 of the bin.
+    CircularShare,
+    /// Right-handed light in, right-handed less left-handed light out: T30 + T33. Two captures.
+    CircularPair,
+    /// Horizontal light in, parallel less crossed out: T10 + T11. Two captures.
+    LinearPair,
+    /// T00 of the bin.
+    Intensity,
+    /// T33 of all bins together.
+    Integrated,
+}
+
+impl Measure {
+    fn of(self, seen: &Seen, place: usize) -> f64 {
+        let e = |element| seen.element(place, element);
+        match self {
+            Self::Circular => e(15),
+            Self::CircularShare => {
+                let all = e(0);
+                if all > 0.0 { e(15) / all } else { 0.0 }
+            }
+            Self::CircularPair => e(12) + e(15),
+            Self::LinearPair => e(4) + e(5),
+            Self::Intensity => e(0),
+            Self::Integrated => seen.integrated(place, 15),
+        }
+    }
+
+    /// The sign that physics gives to a target; `None` where nothing but examples can.
+    fn sign(self, target: Target) -> Option<f64> {
+        match self {
+            Self::LinearPair | Self::Intensity => None,
+            _ => Some(if target == Target::Keeping { 1.0 } else { -1.0 }),
+        }
+    }
+}
+
+/// A measure with what was learnt of it, for both targets.
+pub(super) struct Scoring {
+    measure: Measure,
+    sign: [f64; 2],
+    threshold: [f64; 2],
+}
+
+/// Thresholds that are tried.
+const STEPS: usize = 200;
+
+impl Scoring {
+    /// Signs that physics leaves open, and the thresholds of best F1, from training variants.
+    pub(super) fn learn(measure: Measure, train: &[Seen]) -> Self {
+        let mut out = Self {
+            measure,
+            sign: [1.0; 2],
+            threshold: [f64::INFINITY; 2],
+        };
+        for (i, target) in TARGETS.into_iter().enumerate() {
+            out.sign[i] = measure.sign(target).unwrap_or_else(|| {
+                let [positive, negative] = out.groups(train, target);
+                if area(&positive, &negative) < 0.5 {
+                    -1.0
+                } else {
+                    1.0
+                }
+            });
+            let [positive, negative] = out.groups(train, target);
+            out.threshold[i] = best_threshold(&positive, &negative);
+        }
+        out
+    }
+
+    pub(super) fn score(&self, seen: &Seen, target: Target, place: usize) -> f64 {
+        self.sign[usize::from(target == Target::Keeping)] * self.measure.of(seen, place)
+    }
+
+    pub(super) fn threshold(&self, target: Target) -> f64 {
+        self.threshold[usize::from(target == Target::Keeping)]
+    }
+
+    /// Scores of lit places that are of the target, and of those that are not.
+    fn groups(&self, all: &[Seen], target: Target) -> [Vec<f64>; 2] {
+        let mut out = [vec![], vec![]];
+        for seen in all {
+            for place in &seen.lit {
+                let other = usize::from(!seen.is(target, *place));
+                out[other].push(self.score(seen, target, *place));
+            }
+        }
+        out
+    }
+}
+
+/// The threshold above which F1 is best, among evenly spread ranks of the positives; infinite of none.
+fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
+    let mut positive: Vec<f64> = positive.iter().copied().filter(|v| v.is_finite()).collect();
+    let mut negative: Vec<f64> = negative.iter().copied().filter(|v| v.is_finite()).collect();
+    positive.sort_by(f64::total_cmp);
+    negative.sort_by(f64::total_cmp);
+    let above = |list: &[f64], t: f64| (list.len() - list.partition_point(|v| *v < t)) as f64;
+    let mut best = (0.0, f64::INFINITY);
+    for i in 0..STEPS.min(positive.len()) {
+        let t = positive[i * positive.len() / STEPS.min(positive.len())];
+        let (hits, alarms) = (above(&positive, t), above(&negative, t));
+        let f1 = 2.0 * hits / (hits + alarms + positive.len() as f64);
+        if f1 > best.0 {
+            best = (f1, t);
+        }
+    }
+    best.1
+}
+
+/// What a scoring says of the lit places of a variant against what they are.
+pub(super) fn counts(scoring: &Scoring, seen: &Seen, target: Target) -> Counts {
+    let threshold = scoring.threshold(target);
+    Counts::of(seen.lit.iter().map(|place| {
+        let said = scoring.score(seen, target, *place) >= threshold;
+        (said, seen.is(target, *place))
+    }))
+}

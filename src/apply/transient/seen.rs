@@ -1,0 +1,127 @@
+//! A variant's transient Mueller matrices, and what its light did, by labels and numbers of reflections.
+
+use crate::error::ApplyError;
+use crate::observation::{Observation, Pixels};
+use tensor::axes::AxisKind;
+
+/// Name of the slice that methods see.
+pub(super) const TRANSIENT: &str = "transient";
+/// Name of the truth slice.
+pub(super) const LABELLED: &str = "labelled";
+
+/// Bits of labels (docs/slices-and-stores.md): light that met nothing but smooth surfaces and facets is specular.
+const MEDIUM: u32 = 1;
+const DIFFUSE: u32 = 8;
+
+/// A place counts as lit where a hundredth of a pixel's mean light arrives in a bin: less is the noise of the labels.
+const LEAST: f64 = 0.01;
+
+/// What light did to circular polarization.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// An odd number of specular reflections.
+    Inverting,
+    /// An even number of them.
+    Keeping,
+}
+
+/// Both.
+pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
+
+/// One variant at one seed. Places are pixels with their bins: `pixel * bins + bin`.
+pub(super) struct Seen {
+    pub variant: u64,
+    pub pixels: Pixels,
+    /// Places that are lit, by the labels.
+    pub lit: Vec<usize>,
+    /// Light by number of specular reflections, odd and even, and all light; W/(m² sr nm).
+    labelled: [Vec<f64>; 2],
+    all: Vec<f64>,
+}
+
+impl Seen {
+    pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
+        let pixels = o.pixels(TRANSIENT, true)?;
+        let t = &o.slice(LABELLED)?.mean;
+        let axis = |axis| ApplyError::Axis {
+            variant: o.variant,
+            slice: LABELLED.to_owned(),
+            axis,
+        };
+        let at = |kind, what| t.find(kind).ok_or_else(|| axis(what));
+        let (y, x) = (
+            at(AxisKind::Y, "rows of the camera")?,
+            at(AxisKind::X, "columns of the camera")?,
+        );
+        let (bounces, label) = (at(AxisKind::Bounces, "bounces")?, at(AxisKind::Label, "labels")?);
+        let bin = t.find(AxisKind::T);
+        if t.extent(AxisKind::StokesOut) * t.extent(AxisKind::StokesIn) != 1 {
+            return Err(axis("intensity alone"));
+        }
+        let sizes = [AxisKind::X, AxisKind::Y, AxisKind::T, AxisKind::Wavelength].map(|kind| t.extent(kind));
+        if sizes != [pixels.width, pixels.height, pixels.bins, pixels.wavelengths] {
+            return Err(ApplyError::Sizes {
+                variant: o.variant,
+                what: format!("slices `{TRANSIENT}` and `{LABELLED}`"),
+            });
+        }
+        let places = pixels.count() * pixels.bins;
+        let mut labelled = [vec![0.0; places], vec![0.0; places]];
+        let mut all = vec![0.0; places];
+        let shape = t.shape();
+        let mut index = vec![0; shape.len()];
+        for value in &t.data {
+            let place = (index[y] * pixels.width + index[x]) * pixels.bins + bin.map_or(0, |a| index[a]);
+            all[place] += f64::from(*value);
+            let bits = t.axes[label].coords[index[label]] as u32;
+            let count = t.axes[bounces].coords[index[bounces]] as u32;
+            if bits != 0 && bits & (MEDIUM | DIFFUSE) == 0 {
+                labelled[usize::from(count.is_multiple_of(2))][place] += f64::from(*value);
+            }
+            for a in (0..shape.len()).rev() {
+                index[a] += 1;
+                if index[a] < shape[a] {
+                    break;
+                }
+                index[a] = 0;
+            }
+        }
+        let mean = all.iter().sum::<f64>() / pixels.count().max(1) as f64;
+        let lit = (0..places)
+            .filter(|p| all[*p] > 0.0 && all[*p] >= LEAST * mean)
+            .collect();
+        Ok(Self {
+            variant: o.variant,
+            pixels,
+            lit,
+            labelled,
+            all,
+        })
+    }
+
+    /// Specular light of a target at a place.
+    pub(super) fn light(&self, target: Target, place: usize) -> f64 {
+        self.labelled[usize::from(target == Target::Keeping)][place]
+    }
+
+    /// Whether most of the light at a place is of a target.
+    pub(super) fn is(&self, target: Target, place: usize) -> bool {
+        self.light(target, place) > 0.5 * self.all[place]
+    }
+
+    /// An element 4 i + j at a place, summed over wavelengths.
+    pub(super) fn element(&self, place: usize, element: usize) -> f64 {
+        let (pixel, bin) = (place / self.pixels.bins, place % self.pixels.bins);
+        (0..self.pixels.wavelengths)
+            .map(|lane| self.pixels.at(pixel, bin, element, lane))
+            .sum()
+    }
+
+    /// The same summed over the bins of the place's pixel.
+    pub(super) fn integrated(&self, place: usize, element: usize) -> f64 {
+        let first = place - place % self.pixels.bins;
+        (first..first + self.pixels.bins)
+            .map(|p| self.element(p, element))
+            .sum()
+    }
+}

@@ -1,0 +1,231 @@
+//! Light whose ways are known: scores tell what they are meant to tell, and nothing where there is nothing.
+
+use super::*;
+use crate::observation::Slice;
+use crate::observation::tests::slice;
+use crate::regression::least_squares::tests::{normal, random};
+use tensor::array::Tensor;
+use tensor::axes::{Axis, AxisKind};
+
+const SIZE: [usize; 2] = [18, 12];
+const BINS: usize = 6;
+const BOUNCES: usize = 4;
+
+/// How specular light differs from diffuse light.
+#[derive(Clone, Copy)]
+struct Differs {
+    /// In circular polarization.
+    circular: bool,
+    /// In linear polarization, horizontal light in.
+    linear: bool,
+    /// Times its brightness.
+    bright: f64,
+    /// The same pixel has inverting and keeping light, in different bins.
+    mixed: bool,
+}
+
+const AS_IN_NATURE: Differs = Differs {
+    circular: true,
+    linear: true,
+    bright: 1.0,
+    mixed: true,
+};
+
+/// 0: odd, 1: even, 2: diffuse.
+fn kind(pixel: usize, bin: usize, mixed: bool) -> usize {
+    if mixed { (pixel + bin) % 3 } else { pixel % 3 }
+}
+
+fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> {
+    variants
+        .map(|variant| {
+            let mut r = random(300 + variant);
+            let n = SIZE[0] * SIZE[1];
+            let bright: Vec<f64> = (0..n * BINS)
+                .map(|place| {
+                    let specular = kind(place / BINS, place % BINS, d.mixed) < 2;
+                    (0.3 * normal(&mut r)).exp() * if specular { d.bright } else { 1.0 }
+                })
+                .collect();
+            let mut o = Observation {
+                variant,
+                ..Observation::default()
+            };
+            let seen = slice([SIZE[0], SIZE[1], BINS, 1], 0.01, |p, bin, e, _| {
+                let k = kind(p, bin, d.mixed);
+                let share = match e {
+                    0 => 1.0,
+                    15 if d.circular => [-0.8, 0.8, 0.0][k],
+                    5 if d.linear => [0.8, 0.8, 0.0][k],
+                    _ => 0.0,
+                };
+                bright[p * BINS + bin] * share + 0.02 * normal(&mut r)
+            });
+            o.slices.insert(TRANSIENT.into(), seen);
+            let axis = |kind, n: usize| Axis {
+                kind,
+                coords: (0..n).map(|i| i as f64).collect(),
+                chunk: n as u64,
+            };
+            let mut mean = Tensor::zeros(
+                "labelled",
+                vec![
+                    axis(AxisKind::Y, SIZE[1]),
+                    axis(AxisKind::X, SIZE[0]),
+                    axis(AxisKind::T, BINS),
+                    axis(AxisKind::Bounces, BOUNCES),
+                    axis(AxisKind::Label, 16),
+                    axis(AxisKind::Wavelength, 1),
+                ],
+            );
+            for (place, b) in bright.iter().enumerate() {
+                // Specular light with some diffuse light mixed in; odd light by a mirror (2), even light by facets (4).
+                let (bounces, label) = [(1, 2), (2, 4), (1, 8)][kind(place / BINS, place % BINS, d.mixed)];
+                mean.data[(place * BOUNCES + bounces) * 16 + label] += (0.8 * b) as f32;
+                mean.data[(place * BOUNCES + 2) * 16 + 12] += (0.2 * b) as f32;
+            }
+            let error = mean.clone();
+            o.slices.insert(LABELLED.into(), Slice { mean, error });
+            o
+        })
+        .collect()
+}
+
+fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
+    let outcome = Transient
+        .run(&observations(d, 0..3), &observations(d, 3..6))
+        .expect("it runs");
+    move |method, metric| {
+        let mine: Vec<f64> = outcome
+            .scores
+            .iter()
+            .filter(|s| s.method == method && s.metric == metric)
+            .map(|s| s.value)
+            .collect();
+        assert_eq!(mine.len(), 3, "{method}, {metric}");
+        mine.iter().sum::<f64>() / 3.0
+    }
+}
+
+const INVERTING: &str = "area under the curve, inverting";
+const KEEPING: &str = "area under the curve, keeping";
+
+/// Where light is as it is in nature, circular polarization tells all, one pair of captures ties, linear polarization tells
+/// specular from diffuse light but not odd from even, intensity tells nothing, and without time all is mixed up.
+#[test]
+fn circular_polarization_tells_odd_from_even() {
+    let of = worth(AS_IN_NATURE);
+    for method in [
+        "(3,3) of the bin",
+        "(3,3)/(0,0) of the bin",
+        "circular pair, time-gated",
+    ] {
+        for metric in [INVERTING, KEEPING, "area, keeping, mean of those of bins"] {
+            assert!(
+                of(method, metric) > 0.999,
+                "{method}, {metric}: {}",
+                of(method, metric)
+            );
+        }
+        assert!(of(method, "F1, inverting") > 0.98);
+    }
+    for metric in [INVERTING, KEEPING] {
+        let linear = of("parallel less crossed, time-gated", metric);
+        // Above diffuse light, level with the other kind: 3/4.
+        assert!((linear - 0.75).abs() < 0.05, "{linear}");
+        let intensity = of("transient intensity", metric);
+        assert!((intensity - 0.5).abs() < 0.08, "{intensity}");
+        let integrated = of("(3,3) summed over time", metric);
+        assert!((integrated - 0.5).abs() < 0.08, "{integrated}");
+    }
+    assert!(of("(3,3) of the bin", "correlation, keeping") > 0.98);
+    assert!(of("(3,3) of the bin", "correlation, inverting, summed over time") > 0.98);
+}
+
+/// Baselines win or tie where they should: intensity where specular light is brighter and not polarized, linear polarization
+/// where that alone differs, and the sum over time where pixels are of one kind.
+#[test]
+fn baselines_tell_what_they_can() {
+    let d = Differs {
+        circular: false,
+        linear: false,
+        bright: 6.0,
+        mixed: true,
+    };
+    let of = worth(d);
+    assert!((of("(3,3) of the bin", INVERTING) - 0.5).abs() < 0.08);
+    assert!((of("transient intensity", INVERTING) - 0.75).abs() < 0.05);
+    let d = Differs {
+        circular: false,
+        linear: true,
+        bright: 1.0,
+        mixed: true,
+    };
+    let of = worth(d);
+    assert!(of("parallel less crossed, time-gated", KEEPING) > of("(3,3) of the bin", KEEPING) + 0.15);
+    let d = Differs {
+        mixed: false,
+        ..AS_IN_NATURE
+    };
+    let of = worth(d);
+    assert!(of("(3,3) summed over time", INVERTING) > 0.999);
+    // A sum of six bins is the better known than one.
+    let (one, six) = (
+        of("(3,3) of the bin", INVERTING),
+        of("(3,3) summed over time", INVERTING),
+    );
+    assert!(six >= one - 1e-3, "{six} against {one}");
+}
+
+/// Dim specular light: what is learnt of intensity is the sign of training variants, kept where test variants are otherwise.
+#[test]
+fn signs_are_learnt_from_training_variants_alone() {
+    let dim = Differs {
+        bright: 0.1,
+        ..AS_IN_NATURE
+    };
+    let bright = Differs {
+        bright: 6.0,
+        ..AS_IN_NATURE
+    };
+    let area = |train, test| {
+        let outcome = Transient
+            .run(&observations(train, 0..3), &observations(test, 3..6))
+            .expect("it runs");
+        let s = outcome
+            .scores
+            .iter()
+            .find(|s| s.method == "transient intensity" && s.metric == INVERTING);
+        s.expect("a score").value
+    };
+    assert!(area(dim, dim) > 0.7 && area(bright, bright) > 0.7);
+    assert!(area(dim, bright) < 0.3 && area(bright, dim) < 0.3);
+}
+
+#[test]
+fn labels_and_reflections_are_counted() {
+    let seen = Seen::new(&observations(AS_IN_NATURE, 0..1)[0]).expect("it reads");
+    assert_eq!(seen.lit.len(), SIZE[0] * SIZE[1] * BINS);
+    for place in &seen.lit {
+        let k = kind(place / BINS, place % BINS, true);
+        assert_eq!(seen.is(Target::Inverting, *place), k == 0);
+        assert_eq!(seen.is(Target::Keeping, *place), k == 1);
+        // Light of facets and diffuse surfaces both, label 12, is of no target.
+        assert_eq!(seen.light(Target::Keeping, *place) > 0.0, k == 1);
+    }
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let all = observations(AS_IN_NATURE, 0..2);
+    let mut lame = all[1].clone();
+    lame.slices.remove(LABELLED);
+    let failed = Transient.run(&all[..1], &[lame]).expect_err("no labels");
+    assert!(failed.to_string().contains("slice `labelled`"), "{failed}");
+    let mut lame = all[1].clone();
+    let labels = lame.slices.get_mut(LABELLED).expect("it");
+    labels.mean = labels.mean.sum(AxisKind::Label);
+    let failed = Transient.run(&all[..1], &[lame]).expect_err("no labels");
+    assert!(failed.to_string().contains("does not resolve labels"), "{failed}");
+    assert!(matches!(Transient.run(&[], &all), Err(ApplyError::Empty(_))));
+}

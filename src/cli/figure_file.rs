@@ -1,0 +1,160 @@
+//! `sunstone figure` of figure files.
+
+use super::failure::Failure;
+use super::places;
+use super::progress::Progress;
+use std::path::{Path, PathBuf};
+use sunstone::figure::{Format, save};
+use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
+
+/// Formats of a figure.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum Extension {
+    /// Pixels.
+    Png,
+    /// Vectors.
+    Svg,
+    /// Vectors on a page.
+    Pdf,
+}
+
+impl Extension {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Svg => "svg",
+            Self::Pdf => "pdf",
+        }
+    }
+}
+
+/// What is said of figure files alone.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Make all figure files of a folder.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "store")]
+    all: Option<PathBuf>,
+    /// Figure files: small, noisy renders, minutes instead of hours.
+    #[arg(long)]
+    preview: bool,
+    /// Figure files: folder of renders, which are kept [default: out/apply/renders].
+    #[arg(long)]
+    renders: Option<PathBuf>,
+    /// Figure files: folder of the scenes of applications [default: `scenes`, above the figure file or here].
+    #[arg(long)]
+    scenes: Option<PathBuf>,
+}
+
+impl Options {
+    /// Whether a figure file is meant, not a store.
+    pub fn is_meant(&self, first: Option<&Path>) -> bool {
+        self.all.is_some() || first.is_some_and(is_toml)
+    }
+
+    /// Refuses what is for figure files alone.
+    pub fn refuse(&self) -> Result<(), Failure> {
+        if self.preview || self.renders.is_some() || self.scenes.is_some() {
+            return Err(Failure::input(
+                "--preview, --renders and --scenes are for figure files (.toml); a store is rendered already",
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// Makes figures: `output` is a file of one, a folder of several.
+pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extension) -> Result<(), Failure> {
+    let files = match &o.all {
+        Some(folder) => listed(folder)?,
+        None => files.to_vec(),
+    };
+    let one = files.len() == 1 && o.all.is_none();
+    let into = |folder: &Path, file: &Path| {
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+        folder.join(format!("{stem}.{}", format.name()))
+    };
+    let folder = output.map_or_else(|| PathBuf::from("out").join("figures"), Path::to_owned);
+    let outputs: Vec<PathBuf> = files
+        .iter()
+        .map(|file| match output {
+            Some(path) if one => path.to_owned(),
+            _ => into(&folder, file),
+        })
+        .collect();
+    // All that can be told is told before the first render.
+    let mut sources = vec![];
+    for (file, path) in files.iter().zip(&outputs) {
+        Format::of(path)?;
+        let source = Source::read(file)?;
+        sources.push(source);
+    }
+    let named = sources.iter().flat_map(|s| {
+        let scenes = s.file.scenes.values().map(|e| s.beside(&e.file));
+        std::iter::once(s.path.clone()).chain(scenes)
+    });
+    let inputs: Vec<PathBuf> = named.collect();
+    places::files(inputs.iter().map(Some), outputs.iter().map(Some))?;
+    let settings = Settings {
+        renders: o
+            .renders
+            .clone()
+            .unwrap_or_else(|| PathBuf::from("out").join("apply").join("renders")),
+        scenes: o.scenes.clone(),
+        preview: o.preview,
+    };
+    places::folders(inputs.iter().map(Some), [Some(&settings.renders)])?;
+    let progress = Progress::start();
+    for source in &sources {
+        prepare(source, &settings, &progress)?;
+    }
+    std::fs::create_dir_all(&settings.renders).map_err(|e| {
+        let shown = settings.renders.display();
+        Failure::input(format!("cannot make {shown}: {e}; name another by --renders"))
+    })?;
+    for (source, path) in sources.iter().zip(&outputs) {
+        let made = prepare(source, &settings, &progress)?.draw()?;
+        save(&made.drawing, path)?;
+        super::output::print(&format!(
+            "{} ({} renders made now)",
+            path.display(),
+            made.rendered
+        ))?;
+    }
+    Ok(())
+}
+
+/// The figure files of a folder, by name.
+fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let shown = folder.display();
+    let entries = std::fs::read_dir(folder)
+        .map_err(|e| Failure::input(format!("--all {shown}: {e}; name a folder of figure files")))?;
+    let mut all: Vec<PathBuf> = entries
+        .flatten()
+        .map(|e| e.path())
+        .filter(|p| is_toml(p) && p.is_file())
+        .collect();
+    all.sort();
+    if all.is_empty() {
+        return Err(Failure::input(format!(
+            "--all {shown}: there is no figure file (.toml) in it"
+        )));
+    }
+    Ok(all)
+}
+
+impl From<FigureFileError> for Failure {
+    fn from(e: FigureFileError) -> Self {
+        match e {
+            FigureFileError::Input(e) => e.into(),
+            FigureFileError::Studio(e) => e.into(),
+            FigureFileError::Application(e) => super::apply::failure(e),
+            FigureFileError::Access(ref cause) => Self::of_system(cause.is_of_system(), e),
+            FigureFileError::Open(_) => Self::input(e),
+            FigureFileError::Figure(e) => e.into(),
+        }
+    }
+}

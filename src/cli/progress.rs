@@ -1,0 +1,42 @@
+//! How far renders of a command are, and Ctrl-C.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use sunstone::render::{Summary, Watch};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Says how far a render is, every few seconds, and ends it when asked to.
+pub struct Progress {
+    last: Mutex<Instant>,
+}
+
+impl Progress {
+    /// Listens to Ctrl-C: the first ends at the next tile, the second at once.
+    pub fn start() -> Self {
+        let _ = ctrlc::set_handler(|| {
+            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+            eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
+        });
+        Self {
+            last: Mutex::new(Instant::now()),
+        }
+    }
+}
+
+impl Watch for Progress {
+    fn tile_done(&self, s: &Summary) {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.elapsed() > Duration::from_secs(10) {
+            *last = Instant::now();
+            eprintln!("{} of {} tiles of a render", s.tiles_done, s.tiles);
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+}

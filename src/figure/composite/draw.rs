@@ -1,0 +1,337 @@
+//! A composite as a drawing, from its layout alone.
+
+use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SPACE, TICK, layout, ticks};
+use super::parts::{Composite, Ink, Part};
+use crate::drawing::{Drawing, Pen, Point, Rect};
+use crate::error::FigureError;
+use crate::layout::GRID;
+use crate::text::{Align, INK, Style, fit, width};
+use crate::ticks::Ticks;
+use crate::tile::{Lines, Ramp, Tile};
+use image::imageops::{self, FilterType};
+use image::{Rgb, RgbImage};
+use std::borrow::Cow;
+
+/// Pixels per inch of a figure; twice as many if an image has more pixels than it has room.
+const PER_INCH: f64 = 300.0;
+const MM_PER_INCH: f64 = 25.4;
+/// Width of thin lines, millimetres.
+const THIN: f64 = 0.25;
+/// Of arrows: their shaft, and length and half width of their heads, millimetres.
+const SHAFT: f64 = 0.5;
+const HEAD: (f64, f64) = (1.9, 0.8);
+/// White around arrows.
+const RIM: f64 = 0.25;
+/// Opacity of what lies under texts in pictures.
+const GROUND: f64 = 0.75;
+const WHITE: Rgb<u8> = Rgb([255; 3]);
+
+/// Draws a figure.
+///
+/// # Errors
+/// As [`layout()`].
+pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
+    let places = layout(figure)?;
+    let per_inch = per_inch(figure, &places);
+    let scale = per_inch / MM_PER_INCH;
+    let page = Drawing::new(places.width * scale, places.height * scale, &figure.title);
+    let mut pen = Scribe {
+        page: page.printed_at(per_inch),
+        scale,
+    };
+    for (text, at) in &places.columns {
+        pen.text(text, *at, Align::Middle, HEADING);
+    }
+    for (text, (x, y)) in &places.rows {
+        let (x, y) = (x * scale, y * scale);
+        pen.page.text_up(text, (x, y), pen.style(HEADING));
+    }
+    for placed in &places.panels {
+        if let Some(part) = &figure.parts[placed.part] {
+            pen.part(part, placed);
+        }
+    }
+    Ok(pen.page)
+}
+
+/// Pixels per inch at which no image of a camera has more pixels than its place, or twice [`PER_INCH`].
+fn per_inch(figure: &Composite, places: &Layout) -> f64 {
+    let crowded = places.panels.iter().any(|placed| {
+        let part = figure.parts[placed.part].as_ref();
+        let of_camera = part.filter(|p| p.tile.axes.is_none());
+        let first = of_camera
+            .and_then(|p| p.tile.cells.first())
+            .zip(placed.cells.first());
+        first.is_some_and(|((image, _), r)| {
+            let room = PER_INCH / MM_PER_INCH;
+            f64::from(image.width()) > r.w * room || f64::from(image.height()) > r.h * room
+        })
+    });
+    if crowded { 2.0 * PER_INCH } else { PER_INCH }
+}
+
+/// An image with no more pixels than its place: colours of those that share one are averaged. Only maps have so many.
+fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
+    let [w, h] = [place.w, place.h].map(|v| v as u32);
+    if image.width() <= w && image.height() <= h {
+        return Cow::Borrowed(image);
+    }
+    let (w, h) = (image.width().min(w), image.height().min(h));
+    Cow::Owned(imageops::resize(image, w, h, FilterType::Triangle))
+}
+
+/// Draws lengths in millimetres.
+struct Scribe {
+    page: Drawing,
+    scale: f64,
+}
+
+impl Scribe {
+    fn style(&self, em: f64) -> Style {
+        Style {
+            em: em * self.scale,
+            colour: INK,
+        }
+    }
+
+    fn point(&self, (x, y): Point) -> Point {
+        (x * self.scale, y * self.scale)
+    }
+
+    /// A rectangle whose edges lie between pixels, as those of images do.
+    fn snapped(&self, r: Rect) -> Rect {
+        let snap = |v: f64| (v * self.scale).round();
+        let (x, y) = (snap(r.x), snap(r.y));
+        Rect {
+            x,
+            y,
+            w: (snap(r.x + r.w) - x).max(1.0),
+            h: (snap(r.y + r.h) - y).max(1.0),
+        }
+    }
+
+    fn text(&mut self, text: &str, at: Point, align: Align, em: f64) {
+        self.page.text(text, self.point(at), align, self.style(em));
+    }
+
+    fn line(&mut self, points: &[Point], colour: Rgb<u8>, width: f64) {
+        let points: Vec<_> = points.iter().map(|p| Some(self.point(*p))).collect();
+        let width = width * self.scale;
+        let pen = Pen {
+            colour,
+            width,
+            dashed: false,
+        };
+        self.page.line(&points, pen);
+    }
+
+    fn frame(&mut self, r: Rect, colour: Rgb<u8>, width: f64) {
+        let (right, bottom) = (r.x + r.w, r.y + r.h);
+        let corners = [
+            (r.x, r.y),
+            (right, r.y),
+            (right, bottom),
+            (r.x, bottom),
+            (r.x, r.y),
+        ];
+        self.line(&corners, colour, width);
+    }
+
+    fn part(&mut self, part: &Part, placed: &Placed) {
+        let tile = &part.tile;
+        for ((image, tag), r) in tile.cells.iter().zip(&placed.cells) {
+            let place = self.snapped(*r);
+            self.page.image(place, &shrunk(image, place));
+            self.tag(tag, *r);
+        }
+        if let Some(lines) = &tile.chart {
+            self.chart(lines, placed.picture);
+        }
+        self.axes(tile, placed.picture);
+        if let (Some(bar), Some(r)) = (&tile.bar, placed.bar) {
+            self.bar(bar, r);
+        }
+        for (inset, (crop, large)) in part.insets.iter().zip(&placed.insets) {
+            if let (Some([w, h]), Some((image, _))) = (tile.size(), tile.cells.first()) {
+                let [x, y, w, h] = inset.pixels([w, h]);
+                let cut = imageops::crop_imm(image, x, y, w, h).to_image();
+                let place = self.snapped(*large);
+                self.page.image(place, &cut);
+            }
+            for r in [crop, large] {
+                self.frame(*r, Rgb(inset.ink.0), 0.35);
+            }
+        }
+        for (arrow, (from, to)) in part.arrows.iter().zip(&placed.arrows) {
+            self.arrow(*from, *to, arrow.ink);
+        }
+        if let (Some(bar), Some(r)) = (&part.scale_bar, placed.scale_bar) {
+            self.scale_bar(&bar.label, r);
+        }
+        for (line, at) in &placed.caption {
+            self.text(line, *at, Align::Start, CAPTION);
+        }
+    }
+
+    /// A text on a pale ground in the upper left corner.
+    fn tag(&mut self, text: &str, r: Rect) {
+        if text.is_empty() {
+            return;
+        }
+        let style = self.style(TICK);
+        let (text, style) = fit(text, style, r.w * self.scale);
+        let (w, h) = (width(&text, style) / self.scale + 0.6, 1.1 * TICK);
+        let ground = self.snapped(r.within((0.0, 0.0), (w.min(r.w), h.min(r.h))));
+        self.page.fill(ground, WHITE, GROUND);
+        let at = self.point((r.x + 0.3, r.y + h / 2.0));
+        self.page.text(&text, at, Align::Start, style);
+    }
+
+    fn axes(&mut self, tile: &Tile, r: Rect) {
+        let (names, across, up) = match (&tile.axes, &tile.chart) {
+            (Some([x, y]), _) => {
+                let (across, up) = (ticks(x, r.w, true), ticks(y, r.h, false));
+                ([x.label.clone(), y.label.clone()], across, up)
+            }
+            (None, Some(l)) => {
+                let most = (r.w / 11.0).clamp(2.0, 8.0) as usize;
+                let across = Ticks::linear(l.x.1.0, l.x.1.1, most);
+                let up = Ticks::linear(l.y.1.0, l.y.1.1, 5);
+                ([l.x.0.clone(), l.y.0.clone()], across, up)
+            }
+            (None, None) => return,
+        };
+        let bottom = r.y + r.h;
+        self.frame(r, INK, THIN);
+        for (at, label) in &across.marks {
+            let x = r.x + at * r.w;
+            self.line(&[(x, bottom), (x, bottom + MARK)], INK, THIN);
+            self.text(
+                label,
+                (x, bottom + MARK + SPACE + TICK / 2.0 - 0.3),
+                Align::Middle,
+                TICK,
+            );
+        }
+        let middle = bottom + MARK + 2.0 * SPACE + TICK + NAME / 2.0 - 0.6;
+        let (name, style) = fit(&names[0], self.style(NAME), r.w * self.scale);
+        let at = self.point((r.x + r.w / 2.0, middle));
+        self.page.text(&name, at, Align::Middle, style);
+        self.beside(&up, (r.x, -1.0), r, &names[1]);
+    }
+
+    /// Ticks and a name beside a rectangle: at its left (`way` -1) or right (1) edge at x.
+    fn beside(&mut self, ticks: &Ticks, (x, way): (f64, f64), r: Rect, name: &str) {
+        let align = if way < 0.0 { Align::End } else { Align::Start };
+        let mut widest = 0.0_f64;
+        for (at, label) in &ticks.marks {
+            let y = r.y + (1.0 - at) * r.h;
+            self.line(&[(x, y), (x + way * MARK, y)], INK, THIN);
+            self.text(label, (x + way * (MARK + SPACE / 2.0), y), align, TICK);
+            widest = widest.max(width(label, self.style(TICK)) / self.scale);
+        }
+        let at = x + way * (MARK + SPACE + widest + NAME / 2.0 + SPACE / 2.0);
+        let (name, style) = fit(name, self.style(NAME), r.h * self.scale);
+        let at = self.point((at, r.y + r.h / 2.0));
+        self.page.text_up(&name, at, style);
+    }
+
+    fn bar(&mut self, bar: &Ramp, r: Rect) {
+        let place = self.snapped(r);
+        let colours: &RgbImage = &bar.colours;
+        self.page.image(place, colours);
+        self.frame(r, INK, THIN / 2.0);
+        self.beside(&bar.ticks, (r.x + r.w, 1.0), r, &bar.label);
+    }
+
+    fn chart(&mut self, lines: &Lines, r: Rect) {
+        let along = |v: f64, (low, high): (f64, f64)| (v - low) / (high - low);
+        let point = |(x, y): (f64, f64)| {
+            let at = (
+                r.x + along(x, lines.x.1) * r.w,
+                r.y + (1.0 - along(y, lines.y.1)) * r.h,
+            );
+            (at.0.is_finite() && at.1.is_finite()).then_some(at)
+        };
+        for (at, _) in &Ticks::linear(lines.y.1.0, lines.y.1.1, 5).marks {
+            let y = r.y + (1.0 - at) * r.h;
+            self.line(&[(r.x, y), (r.x + r.w, y)], GRID, THIN);
+        }
+        let clip = self.snapped(r);
+        let scale = self.scale;
+        let px = |p: Option<Point>| p.map(|(x, y)| (x * scale, y * scale));
+        self.page.clipped(clip, |page| {
+            for (series, colour) in &lines.series {
+                if let Some(errors) = &series.errors {
+                    let known: Vec<_> = series
+                        .points
+                        .iter()
+                        .zip(errors)
+                        .filter(|(p, e)| p.1.is_finite() && e.is_finite())
+                        .collect();
+                    let edge = |way: f64| {
+                        known
+                            .iter()
+                            .filter_map(move |((x, y), e)| px(point((*x, y + way * **e))))
+                    };
+                    if !known.is_empty() {
+                        page.area(edge(1.0).chain(edge(-1.0).rev()), *colour, 0.25);
+                    }
+                }
+                let points: Vec<_> = series.points.iter().map(|p| px(point(*p))).collect();
+                let pen = Pen {
+                    colour: *colour,
+                    width: 0.35 * scale,
+                    dashed: false,
+                };
+                page.line(&points, pen);
+            }
+        });
+    }
+
+    /// A shaft and a head whose tip is where it points, in a rim of the other brightness.
+    fn arrow(&mut self, from: Point, to: Point, ink: Ink) {
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let length = dx.hypot(dy);
+        if length <= 0.0 || !length.is_finite() {
+            return;
+        }
+        let (dx, dy) = (dx / length, dy / length);
+        let long = HEAD.0.min(length);
+        let foot = (to.0 - long * dx, to.1 - long * dy);
+        let head = [
+            to,
+            (foot.0 - HEAD.1 * dy, foot.1 + HEAD.1 * dx),
+            (foot.0 + HEAD.1 * dy, foot.1 - HEAD.1 * dx),
+        ];
+        let bright: u32 = ink.0.iter().map(|c| u32::from(*c)).sum();
+        let rim = if bright > 600 { INK } else { WHITE };
+        let end = (to.0 - 0.9 * long * dx, to.1 - 0.9 * long * dy);
+        self.line(&[from, end], rim, SHAFT + 2.0 * RIM);
+        self.line(&[head[0], head[1], head[2], head[0]], rim, 2.0 * RIM);
+        self.line(&[from, end], Rgb(ink.0), SHAFT);
+        let corners: Vec<Point> = head.iter().map(|p| self.point(*p)).collect();
+        self.page.area(corners.into_iter(), Rgb(ink.0), 1.0);
+    }
+
+    /// A white line under its length, on a dark ground.
+    fn scale_bar(&mut self, label: &str, r: Rect) {
+        let wide = width(label, self.style(TICK)) / self.scale;
+        let ground = Rect {
+            x: r.x - 0.5,
+            y: r.y - TICK - 0.4,
+            w: r.w.max(wide) + 1.0,
+            h: TICK + r.h + 0.8,
+        };
+        let ground = self.snapped(ground);
+        self.page.fill(ground, Rgb([0; 3]), 0.5);
+        let bar = self.snapped(r);
+        self.page.fill(bar, WHITE, 1.0);
+        let style = Style {
+            colour: WHITE,
+            ..self.style(TICK)
+        };
+        let at = self.point((r.x, r.y - TICK / 2.0 - 0.1));
+        self.page.text(label, at, Align::Start, style);
+    }
+}

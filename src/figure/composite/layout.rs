@@ -1,0 +1,303 @@
+//! Where everything of a composite lies, in millimetres from its upper left corner.
+//!
+//! All pictures have one width p, a picture that spans k columns also what is between them:
+//! p = (W - 2 edge - row headings - Σ room beside the columns - (n - 1) gap) / n. Room beside a column is what the widest axis at its
+//! left and the widest colour bar at its right need; the room above and below a row likewise.
+
+use super::parts::{Composite, Inset, Part, letter};
+use crate::drawing::{Point, Rect};
+use crate::error::FigureError;
+use crate::text::{INK, Style, width, wrap};
+use crate::ticks::Ticks;
+use crate::tile::{Scaled, Tile};
+
+/// Millimetres in a point.
+const POINT: f64 = 25.4 / 72.0;
+/// Free edge around all.
+pub const EDGE: f64 = 1.2;
+/// Between columns.
+pub const GAP: f64 = 2.4;
+/// Between rows.
+pub const ROW_GAP: f64 = 2.2;
+/// Between images of one panel.
+pub const CELL_GAP: f64 = 0.4;
+/// Em of captions and headings.
+pub const CAPTION: f64 = 7.0 * POINT;
+/// Em of headings.
+pub const HEADING: f64 = 7.5 * POINT;
+/// Em of ticks and of what stands in pictures.
+pub const TICK: f64 = 6.0 * POINT;
+/// Em of the names of axes.
+pub const NAME: f64 = 6.5 * POINT;
+/// Length of a tick.
+pub const MARK: f64 = 0.7;
+/// From one thing to the next.
+pub const SPACE: f64 = 0.6;
+/// Width of a colour bar.
+pub const BAR: f64 = 1.6;
+/// Lines of a text are so many em apart.
+pub const LINE: f64 = 1.28;
+/// Length of an axis that its ticks are measured on before it is known, millimetres.
+const NOMINAL: f64 = 30.0;
+/// A colour bar is never higher.
+const HIGHEST_BAR: f64 = 60.0;
+
+/// A panel in its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// Number among the parts.
+    pub part: usize,
+    /// The picture or the plot.
+    pub picture: Rect,
+    /// Each image of it.
+    pub cells: Vec<Rect>,
+    /// The colour bar.
+    pub bar: Option<Rect>,
+    /// Lines under it: where their capitals' middle begins.
+    pub caption: Vec<(String, Point)>,
+    /// Each inset: what it shows and where it is.
+    pub insets: Vec<(Rect, Rect)>,
+    /// Each arrow: where it begins and where it points.
+    pub arrows: Vec<(Point, Point)>,
+    /// The scale bar.
+    pub scale_bar: Option<Rect>,
+}
+
+/// A figure with its places.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layout {
+    /// Width.
+    pub width: f64,
+    /// Height.
+    pub height: f64,
+    /// Panels.
+    pub panels: Vec<Placed>,
+    /// Headings of columns with the middle of their capitals.
+    pub columns: Vec<(String, Point)>,
+    /// Headings of rows, written upward.
+    pub rows: Vec<(String, Point)>,
+}
+
+/// A style whose em is in millimetres.
+#[must_use]
+pub(super) fn style(em: f64) -> Style {
+    Style { em, colour: INK }
+}
+
+/// Ticks of pixels or bins along an axis of so many millimetres.
+pub(super) fn ticks(axis: &Scaled, length: f64, across: bool) -> Ticks {
+    // Ticks are spaced by letters of 15 pixels.
+    Ticks::coordinates(&axis.coords, length * 15.0 / TICK, across)
+}
+
+/// Room of ticks that stand in a column.
+fn beside(ticks: &Ticks) -> f64 {
+    let widest = ticks.marks.iter().map(|m| width(&m.1, style(TICK)));
+    widest.reduce(f64::max).map_or(0.0, |w| MARK + SPACE + w)
+}
+
+/// Room left of the picture.
+fn left(tile: &Tile) -> f64 {
+    let ticks = match (&tile.axes, &tile.chart) {
+        (Some([_, y]), _) => ticks(y, NOMINAL, false),
+        (None, Some(lines)) => Ticks::linear(lines.y.1.0, lines.y.1.1, 5),
+        (None, None) => return 0.0,
+    };
+    NAME + SPACE + beside(&ticks)
+}
+
+/// Room right of the picture.
+fn right(tile: &Tile) -> f64 {
+    tile.bar.as_ref().map_or(0.0, |bar| {
+        let name = if bar.label.is_empty() { 0.0 } else { NAME + SPACE };
+        1.0 + BAR + beside(&bar.ticks) + name
+    })
+}
+
+/// Room under the picture, for its axis.
+fn below(tile: &Tile) -> f64 {
+    if tile.axes.is_some() || tile.chart.is_some() {
+        MARK + SPACE + TICK + SPACE + NAME
+    } else {
+        0.0
+    }
+}
+
+/// Height of a tile of this width, and that of each of its images with their width.
+fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
+    let Some((image, _)) = tile.cells.first() else {
+        return (w * tile.aspect.unwrap_or(1.0), (0.0, 0.0));
+    };
+    let (columns, rows) = (tile.columns, tile.cells.len().div_ceil(tile.columns));
+    let cell = (w - (columns - 1) as f64 * CELL_GAP) / columns as f64;
+    let high = match tile.aspect {
+        Some(aspect) => cell * aspect,
+        // A strip of few pixels can still be seen.
+        None => (cell * f64::from(image.height()) / f64::from(image.width())).max(1.0),
+    };
+    (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
+}
+
+/// Rows of the grid: the number of each part with its column; places left free are passed over.
+fn rows(figure: &Composite) -> Vec<Vec<(usize, usize)>> {
+    let (mut rows, mut column) = (vec![vec![]], 0);
+    for (i, part) in figure.parts.iter().enumerate() {
+        let span = part.as_ref().map_or(1, |p| p.span);
+        if column + span > figure.columns {
+            rows.push(vec![]);
+            column = 0;
+        }
+        if part.is_some()
+            && let Some(row) = rows.last_mut()
+        {
+            row.push((i, column));
+        }
+        column += span;
+    }
+    rows
+}
+
+/// Lays a figure out.
+///
+/// # Errors
+/// [`FigureError::Option`] if there is no panel, a number is out of range, or nothing is left for pictures.
+pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
+    figure.check()?;
+    let n = figure.columns;
+    let rows = rows(figure);
+    let (mut lefts, mut rights) = (vec![0.0_f64; n], vec![0.0_f64; n]);
+    let part = |i: usize| figure.parts[i].as_ref();
+    for (i, column) in rows.iter().flatten() {
+        if let Some(p) = part(*i) {
+            lefts[*column] = lefts[*column].max(left(&p.tile));
+            let last = column + p.span - 1;
+            rights[last] = rights[last].max(right(&p.tile));
+        }
+    }
+    let head = if figure.row_headings.is_empty() {
+        0.0
+    } else {
+        HEADING + 2.0 * SPACE
+    };
+    let taken: f64 =
+        2.0 * EDGE + head + lefts.iter().sum::<f64>() + rights.iter().sum::<f64>() + (n - 1) as f64 * GAP;
+    let p = (figure.width_mm - taken) / n as f64;
+    if p < 4.0 {
+        let must = "so few that pictures are at least 4 millimetres wide";
+        return Err(FigureError::option("columns", n, must));
+    }
+    // Left edge of each column's picture.
+    let mut xs = vec![];
+    let mut x = EDGE + head;
+    for column in 0..n {
+        x += lefts[column];
+        xs.push(x);
+        x += p + rights[column] + GAP;
+    }
+    let mut out = Layout {
+        width: figure.width_mm,
+        ..Layout::default()
+    };
+    let mut y = EDGE;
+    if !figure.column_headings.is_empty() {
+        let middle = y + HEADING / 2.0;
+        for (heading, x) in figure.column_headings.iter().zip(&xs) {
+            out.columns.push((heading.clone(), (x + p / 2.0, middle)));
+        }
+        y += HEADING + SPACE;
+    }
+    let mut count = 0;
+    for (number, row) in rows.iter().enumerate() {
+        let mut under = 0.0_f64;
+        let mut tallest = 0.0_f64;
+        let first = out.panels.len();
+        for (i, column) in row {
+            let Some(part) = part(*i) else { continue };
+            let last = column + part.span - 1;
+            let w = xs[last] + p - xs[*column];
+            let placed = place(part, *i, (xs[*column], y), w);
+            tallest = tallest.max(placed.picture.h);
+            under = under.max(below(&part.tile));
+            out.panels.push(placed);
+        }
+        let mut captions = 0.0_f64;
+        for placed in &mut out.panels[first..] {
+            let Some(part) = part(placed.part) else { continue };
+            let name = if figure.letters {
+                let name = letter(count);
+                count += 1;
+                format!("{name} {}", part.caption)
+            } else {
+                part.caption.clone()
+            };
+            let room = placed.picture.w + right(&part.tile);
+            let top = y + tallest + under + SPACE;
+            let lines = wrap(&name, style(CAPTION), room);
+            for (k, line) in lines.into_iter().enumerate() {
+                let middle = top + (k as f64 + 0.5) * LINE * CAPTION;
+                captions = captions.max(SPACE + (k as f64 + 1.0) * LINE * CAPTION);
+                placed.caption.push((line, (placed.picture.x, middle)));
+            }
+        }
+        if let Some(heading) = figure.row_headings.get(number) {
+            let middle = (EDGE + HEADING / 2.0, y + tallest / 2.0);
+            out.rows.push((heading.clone(), middle));
+        }
+        y += tallest + under + captions + ROW_GAP;
+    }
+    out.height = y - ROW_GAP + EDGE;
+    Ok(out)
+}
+
+/// A part whose picture begins at a point.
+fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
+    let tile = &part.tile;
+    let (h, (cell, high)) = heights(tile, w);
+    let picture = Rect { x, y, w, h };
+    let cells = (0..tile.cells.len()).map(|i| {
+        let (column, row) = ((i % tile.columns) as f64, (i / tile.columns) as f64);
+        picture.within(
+            (column * (cell + CELL_GAP), row * (high + CELL_GAP)),
+            (cell, high),
+        )
+    });
+    let at = |[x, y]: [f64; 2]| (picture.x + x * w, picture.y + y * h);
+    Placed {
+        part: number,
+        picture,
+        cells: cells.collect(),
+        bar: tile
+            .bar
+            .as_ref()
+            .map(|_| picture.within((w + 1.0, 0.0), (BAR, h.min(HIGHEST_BAR)))),
+        caption: vec![],
+        insets: part.insets.iter().map(|i| inset(i, tile, picture)).collect(),
+        arrows: part.arrows.iter().map(|a| (at(a.from), at(a.to))).collect(),
+        scale_bar: part.scale_bar.as_ref().map(|s| {
+            let length = s.share * w;
+            picture.within((1.2, h - 1.6), (length, 0.5))
+        }),
+    }
+}
+
+/// What an inset shows, to whole pixels, and where it is.
+fn inset(inset: &Inset, tile: &Tile, picture: Rect) -> (Rect, Rect) {
+    let size = tile.size().unwrap_or([1, 1]);
+    let [px, py] = [picture.w / f64::from(size[0]), picture.h / f64::from(size[1])];
+    let [x, y, w, h] = inset.pixels(size).map(f64::from);
+    let crop = picture.within((x * px, y * py), (w * px, h * py));
+    let large = (crop.w * inset.magnify, crop.h * inset.magnify);
+    let to = (
+        if inset.corner.right {
+            picture.w - large.0
+        } else {
+            0.0
+        },
+        if inset.corner.lower {
+            picture.h - large.1
+        } else {
+            0.0
+        },
+    );
+    (crop, picture.within(to, large))
+}

@@ -1,0 +1,279 @@
+//! Places in closed form, arrows and insets where they should be.
+
+use super::layout::{BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SPACE, layout};
+use super::*;
+use crate::spec::{MuellerView, View};
+use crate::tile::{Scale, Tile, of_values, of_view};
+use crate::{Panel, Rect};
+use image::{Rgb, RgbImage};
+use proptest::prelude::*;
+use tensor::array::Tensor;
+use tensor::axes::{Axis, AxisKind};
+
+fn part(tile: Tile) -> Part {
+    Part {
+        tile,
+        span: 1,
+        caption: String::new(),
+        insets: vec![],
+        arrows: vec![],
+        scale_bar: None,
+    }
+}
+
+/// An image whose pixels all differ.
+fn numbered(w: u32, h: u32) -> RgbImage {
+    RgbImage::from_fn(w, h, |x, y| Rgb([x as u8 + 1, y as u8 + 1, 200]))
+}
+
+fn figure(columns: usize, parts: Vec<Option<Part>>) -> Composite {
+    Composite {
+        title: "t".into(),
+        width_mm: 84.0,
+        columns,
+        column_headings: vec![],
+        row_headings: vec![],
+        letters: true,
+        parts,
+    }
+}
+
+fn image(w: u32, h: u32) -> Option<Part> {
+    Some(part(Tile::image(numbered(w, h))))
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() < 1e-9
+}
+
+/// Two columns of pictures 4:3 in 84 mm, two rows, no bar: all places by hand.
+#[test]
+fn places_are_in_closed_form() {
+    let places = layout(&figure(2, (0..4).map(|_| image(40, 30)).collect())).expect("places");
+    let p = (84.0 - 2.0 * EDGE - GAP) / 2.0;
+    let row = 0.75 * p + SPACE + LINE * CAPTION + ROW_GAP;
+    for (i, placed) in places.panels.iter().enumerate() {
+        let (column, line) = ((i % 2) as f64, (i / 2) as f64);
+        let r = placed.picture;
+        assert!(near(r.x, EDGE + column * (p + GAP)), "{i}: {r:?}");
+        assert!(near(r.y, EDGE + line * row), "{i}: {r:?}");
+        assert!(near(r.w, p) && near(r.h, 0.75 * p), "{i}: {r:?}");
+        let (text, (x, y)) = &placed.caption[0];
+        assert_eq!(*text, letter(i));
+        assert!(near(*x, r.x) && near(*y, r.y + r.h + SPACE + LINE * CAPTION / 2.0));
+    }
+    assert!(near(places.width, 84.0) && near(places.height, 2.0 * row - ROW_GAP + 2.0 * EDGE));
+}
+
+/// A colour bar takes its room from all pictures alike; headings theirs from the edges; a span covers what is between.
+#[test]
+fn bars_headings_and_spans_have_their_room() {
+    let with_bar = |x: f32| {
+        let scale = Scale::Linear { low: 0.0, high: x };
+        part(of_values("", 4, &[0.0; 16], scale).expect("a map"))
+    };
+    let mut wide = part(Tile::image(numbered(8, 4)));
+    wide.span = 2;
+    let mut f = figure(3, vec![image(4, 4), None, Some(with_bar(1.0)), Some(wide)]);
+    f.column_headings = vec!["a".into(), "b".into(), "c".into()];
+    f.row_headings = vec!["r".into()];
+    let places = layout(&f).expect("places");
+    let [one, two, three] = &places.panels[..] else {
+        panic!("{places:?}")
+    };
+    let p = one.picture.w;
+    let head = HEADING + 2.0 * SPACE;
+    assert!(near(one.picture.x, EDGE + head) && near(one.picture.y, EDGE + HEADING + SPACE));
+    assert!(
+        near(two.picture.x, EDGE + head + 2.0 * (p + GAP)),
+        "the free place is kept"
+    );
+    let bar = two.bar.expect("a bar");
+    assert!(near(bar.x, two.picture.x + p + 1.0) && near(bar.w, BAR) && near(bar.h, p));
+    assert!(bar.x + bar.w < 84.0 - EDGE);
+    assert!(near(two.picture.w, p));
+    assert!(near(three.picture.w, 2.0 * p + GAP) && near(three.picture.h, p + GAP / 2.0));
+    let middles: Vec<f64> = places.columns.iter().map(|c| c.1.0).collect();
+    assert!(near(middles[1] - middles[0], p + GAP) && near(middles[0], one.picture.x + p / 2.0));
+    assert!(near(places.rows[0].1.1, one.picture.y + p / 2.0));
+}
+
+/// The sixteen images of a grid part their panel evenly.
+#[test]
+fn grids_part_their_panel() {
+    let axis = |kind, n: usize| Axis {
+        kind,
+        coords: (0..n).map(|i| i as f64).collect(),
+        chunk: 1,
+    };
+    let kinds = [
+        (AxisKind::Y, 2),
+        (AxisKind::X, 2),
+        (AxisKind::StokesOut, 4),
+        (AxisKind::StokesIn, 4),
+    ];
+    let mean = Tensor::zeros("s", kinds.map(|(k, n)| axis(k, n)).into());
+    let view = View::Mueller(MuellerView {
+        slice: "s".into(),
+        wavelength_nm: None,
+        normalized: true,
+        limit: None,
+    });
+    let panel = Panel {
+        mean: &mean,
+        std_error: None,
+        overflow: None,
+    };
+    let tile = of_view(&view, &panel).expect("a grid").without_bar();
+    let places = layout(&figure(1, vec![Some(part(tile))])).expect("places");
+    let (r, cells) = (places.panels[0].picture, &places.panels[0].cells);
+    let cell = (r.w - 3.0 * CELL_GAP) / 4.0;
+    assert_eq!(cells.len(), 16);
+    assert!(near(cells[6].x, r.x + 2.0 * (cell + CELL_GAP)) && near(cells[6].y, r.y + cell + CELL_GAP));
+    assert!(near(cells[15].x + cells[15].w, r.x + r.w) && near(cells[15].y + cells[15].h, r.y + r.h));
+}
+
+fn pixels(f: &Composite) -> (RgbImage, Layout, f64) {
+    let drawing = draw(f).expect("a drawing");
+    let places = layout(f).expect("places");
+    (drawing.pixels().expect("pixels"), places, 300.0 / 25.4)
+}
+
+fn at(img: &RgbImage, (x, y): (f64, f64), scale: f64) -> Rgb<u8> {
+    *img.get_pixel((x * scale) as u32, (y * scale) as u32)
+}
+
+/// Every pixel of a crop stands in the inset at its magnified place, and none beside the crop does.
+#[test]
+fn insets_show_the_pixels_of_their_crop() {
+    let mut one = part(Tile::image(numbered(20, 10)));
+    one.insets = vec![Inset {
+        crop: [0.1, 0.2, 0.2, 0.3],
+        magnify: 3.0,
+        corner: Corner {
+            right: true,
+            lower: true,
+        },
+        ink: Ink([1, 2, 3]),
+    }];
+    assert_eq!(one.insets[0].pixels([20, 10]), [2, 2, 4, 3]);
+    let (img, places, scale) = pixels(&figure(1, vec![Some(one)]));
+    let placed = &places.panels[0];
+    let (crop, large) = placed.insets[0];
+    let (r, px) = (placed.picture, placed.picture.w / 20.0);
+    assert!(near(crop.x, r.x + 2.0 * px) && near(crop.y, r.y + 2.0 * px));
+    assert!(near(crop.w, 4.0 * px) && near(crop.h, 3.0 * px));
+    assert!(near(large.w, 12.0 * px) && near(large.x + large.w, r.x + r.w));
+    assert!(near(large.h, 9.0 * px) && near(large.y + large.h, r.y + r.h));
+    for (i, j) in (0..4_u8).flat_map(|i| (0..3_u8).map(move |j| (i, j))) {
+        let middle = (
+            large.x + (f64::from(i) + 0.5) * 3.0 * px,
+            large.y + (f64::from(j) + 0.5) * 3.0 * px,
+        );
+        assert_eq!(at(&img, middle, scale), Rgb([i + 3, j + 3, 200]), "({i}, {j})");
+    }
+    // The picture itself is untouched elsewhere.
+    let first = (r.x + 0.5 * px, r.y + 0.5 * px);
+    assert_eq!(at(&img, first, scale), Rgb([1, 1, 200]));
+}
+
+/// The tip of an arrow is where it points, its colour lies behind the tip and not before it.
+#[test]
+fn arrows_point_where_they_should() {
+    for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {
+        let mut one = part(Tile::image(numbered(20, 20)));
+        one.arrows = vec![Arrow {
+            from: [0.05, 0.05],
+            to,
+            ink: Ink([213, 94, 0]),
+        }];
+        let (img, places, scale) = pixels(&figure(1, vec![Some(one)]));
+        let placed = &places.panels[0];
+        let (from, tip) = placed.arrows[0];
+        let r = placed.picture;
+        assert!(near(tip.0, r.x + to[0] * r.w) && near(tip.1, r.y + to[1] * r.h));
+        let length = (tip.0 - from.0).hypot(tip.1 - from.1);
+        let along = |mm: f64| {
+            (
+                tip.0 + mm * (tip.0 - from.0) / length,
+                tip.1 + mm * (tip.1 - from.1) / length,
+            )
+        };
+        for mm in [-0.5, -1.0, -3.0, -0.9 * length] {
+            assert_eq!(at(&img, along(mm), scale), Rgb([213, 94, 0]), "{to:?} {mm}");
+        }
+        let beyond = at(&img, along(1.0), scale);
+        assert_eq!(beyond.0[2], 200, "{to:?}: {beyond:?}");
+    }
+}
+
+#[test]
+fn letters_go_on_after_z() {
+    assert_eq!([0, 25, 26, 52].map(letter), ["(a)", "(z)", "(aa)", "(ba)"]);
+}
+
+/// What is printed has its size: 84 mm in the SVG, and in points on the page of the PDF.
+#[test]
+fn figures_have_their_size_on_paper() {
+    let drawing = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");
+    let svg = drawing.svg();
+    let width: f64 = svg
+        .split_once("width=\"")
+        .and_then(|(_, rest)| rest.split_once("mm\""))
+        .and_then(|(mm, _)| mm.parse().ok())
+        .expect("millimetres");
+    assert!((width - 84.0).abs() < 0.1, "{width}");
+    let pdf = String::from_utf8_lossy(&drawing.pdf().expect("a PDF")).into_owned();
+    let page = pdf.split_once("/MediaBox [").expect("a page").1;
+    let points: f64 = page
+        .split_whitespace()
+        .nth(2)
+        .and_then(|v| v.parse().ok())
+        .expect("a width");
+    assert!((points - 84.0 * 72.0 / 25.4).abs() < 0.3, "{points}");
+    let again = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");
+    assert_eq!(again.png().expect("PNG"), drawing.png().expect("PNG"));
+}
+
+fn overlap(a: Rect, b: Rect) -> bool {
+    a.x < b.x + b.w - 1e-9 && b.x < a.x + a.w - 1e-9 && a.y < b.y + b.h - 1e-9 && b.y < a.y + a.h - 1e-9
+}
+
+proptest! {
+    /// No panel lies on another or leaves the page, whatever the grid.
+    #[test]
+    fn panels_do_not_overlap(columns in 1..7_usize, shapes in prop::collection::vec((1..60_u32, 1..60_u32, 1..4_usize, 0..3_u8), 1..20), width in 30.0..400.0_f64) {
+        let parts = shapes.iter().map(|(w, h, span, kind)| match kind {
+            0 => None,
+            1 => {
+                let mut p = image(*w, *h)?;
+                p.span = (*span).min(columns);
+                p.caption = "some words under the picture".into();
+                Some(p)
+            }
+            _ => {
+                let values = vec![0.5; (w * h) as usize];
+                let scale = Scale::Signed { limit: 1.0 };
+                Some(part(of_values("name", *w as usize, &values, scale).ok()?))
+            }
+        });
+        let mut f = figure(columns, parts.collect());
+        f.width_mm = width;
+        match layout(&f) {
+            Ok(places) => {
+                for (i, a) in places.panels.iter().enumerate() {
+                    prop_assert!(a.picture.x >= EDGE - 1e-9 && a.picture.x + a.picture.w <= width - EDGE + 1e-6);
+                    prop_assert!(a.picture.y + a.picture.h <= places.height);
+                    for b in &places.panels[..i] {
+                        prop_assert!(!overlap(a.picture, b.picture), "{a:?} {b:?}");
+                        prop_assert!(b.bar.is_none_or(|bar| !overlap(a.picture, bar)));
+                    }
+                }
+            }
+            Err(e) => {
+                let said = e.to_string();
+                prop_assert!(said.contains("number of panels") || said.contains("columns"), "{}", said);
+            }
+        }
+    }
+}

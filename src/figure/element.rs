@@ -1,0 +1,254 @@
+//! Single elements of Mueller matrices by the names that the paper gives them: `(0,1)`, `-(3,3)`, `±(0,2)`.
+//!
+//! A name with one sign shows that part alone, as light: negative values, of the sign that is shown, are black. `±` and normalized
+//! elements have the colours of signed numbers.
+
+use super::colour::{UNDEFINED, exposure, percentile, photo, rgb_weights, signed};
+use super::error::FigureError;
+use super::layout::{Bar, CAMERA_UNIT};
+use super::panel::Panel;
+use super::photo::white;
+use super::raster::Raster;
+use super::reduce::Source;
+use super::tile::{Ramp, Tile};
+use serde::Deserialize;
+use std::str::FromStr;
+use tensor::axes::AxisKind;
+
+/// An element with the sign that is shown of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Element {
+    /// +1 or -1; 0 for both.
+    pub sign: i8,
+    /// Row (Stokes out) and column (Stokes in), 0 to 3.
+    pub at: [usize; 2],
+}
+
+impl FromStr for Element {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bad = || format!("`{text}` is no element; write (0,1), -(3,3) or ±(0,2), with 0 to 3");
+        let compact: String = text.chars().filter(|c| !c.is_whitespace()).collect();
+        let at = compact.find('(').ok_or_else(bad)?;
+        let sign = match &compact[..at] {
+            "" | "+" => 1,
+            "-" | "−" => -1,
+            "±" | "+-" => 0,
+            _ => return Err(bad()),
+        };
+        let mut digits = compact[at..].chars();
+        let mut next = || digits.next();
+        let element = match [next(), next(), next(), next(), next(), next()] {
+            [Some('('), Some(i), Some(','), Some(j), Some(')'), None] => i.to_digit(4).zip(j.to_digit(4)),
+            _ => None,
+        };
+        let (i, j) = element.ok_or_else(bad)?;
+        Ok(Self {
+            sign,
+            at: [i as usize, j as usize],
+        })
+    }
+}
+
+impl TryFrom<String> for Element {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+/// One element of a slice, over all projector pixels and times that it holds.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ElementView {
+    /// Slice to draw.
+    pub slice: String,
+    /// The element.
+    pub element: Element,
+    /// Wavelength to draw (nearest); absent: all of them as a colour, the middle one of signed numbers.
+    pub wavelength_nm: Option<f64>,
+    /// Divide by M00, which makes the number a signed one.
+    #[serde(default)]
+    pub normalized: bool,
+    /// The time bin that this lies in alone, picoseconds; absent: all of them.
+    pub time_ps: Option<f64>,
+    /// Value shown as white, or at the ends of the signed scale; absent: 1 if normalized, else the 99th percentile.
+    pub limit: Option<f32>,
+}
+
+impl ElementView {
+    fn is_signed(&self) -> bool {
+        self.normalized || self.element.sign == 0
+    }
+}
+
+/// The bin that a time lies in.
+fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
+    let times = source.need(AxisKind::T)?;
+    let half = match times {
+        [a, b, ..] => (b - a) / 2.0,
+        _ => f64::INFINITY,
+    };
+    let at = super::colour::nearest(times, ps);
+    if (times[at] - ps).abs() <= half * (1.0 + 1e-9) {
+        return Ok(at);
+    }
+    Err(FigureError::option(
+        "time_ps",
+        ps,
+        "within the time bins of the slice",
+    ))
+}
+
+/// The element as a picture.
+///
+/// # Errors
+/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or an option is out of range.
+pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
+    let (w, h) = (xs.len(), ys.len());
+    let mut pick = view.time_ps.map(|ps| bin(source, ps).map(|i| (AxisKind::T, i)));
+    let time = pick.take().transpose()?;
+    let sign = if view.element.sign < 0 { -1.0 } else { 1.0 };
+    let of = |element: [usize; 2], lane: Option<usize>| -> Result<_, FigureError> {
+        let mut pick: Vec<(AxisKind, usize)> = source.element(element)?.into();
+        pick.extend(time);
+        pick.extend(lane.map(|l| (AxisKind::Wavelength, l)));
+        let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
+        Ok(
+            source.sum(&keep[..if lane.is_some() { 2 } else { 3 }], &pick, |v| {
+                sign * f64::from(v)
+            }),
+        )
+    };
+    if !view.is_signed() {
+        let (values, weights) = if view.wavelength_nm.is_some() {
+            let lane = source.wavelength(view.wavelength_nm)?;
+            (of(view.element.at, Some(lane))?, rgb_weights(&[0.0]))
+        } else {
+            (of(view.element.at, None)?, rgb_weights(source.wavelengths()))
+        };
+        let raster = Raster::colour(w, h, &values, &weights);
+        let white = white("limit", view.limit, || {
+            exposure(raster.data.iter().flatten().copied())
+        })?;
+        let image = raster.image(|rgb| photo(rgb.map(|v| if v.is_nan() { v } else { v.max(0.0) }), white));
+        return Ok(Tile::image(image).with_white(white));
+    }
+    let lane = source.wavelength(view.wavelength_nm)?;
+    let element = of(view.element.at, Some(lane))?;
+    // The sign is that of the quotient: M00 keeps its own.
+    let m00 = of([0, 0], Some(lane))?;
+    let pairs = element.data.iter().zip(&m00.data);
+    let raster = Raster::new(
+        &view.slice,
+        w,
+        pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect(),
+    )?;
+    let limit = white("limit", view.limit, || {
+        if view.normalized {
+            return 1.0;
+        }
+        let sizes = || raster.data.iter().map(|v| v[0].abs());
+        percentile(sizes(), 0.99)
+            .filter(|l| *l > 0.0)
+            .unwrap_or_else(|| exposure(sizes()))
+    })?;
+    let image = raster.image(|[m, m00]| match view.normalized {
+        false => signed(m / limit),
+        true if m00 > 0.0 && m00.is_finite() => signed(m / m00 / limit),
+        true => UNDEFINED,
+    });
+    let [i, j] = view.element.at;
+    let name = format!("{}M{i}{j}", if sign < 0.0 { "−" } else { "" });
+    let bar = Bar::signed(limit.into(), |ticks| {
+        if view.normalized {
+            format!("{name} / M00")
+        } else {
+            format!("{name} [{}]", ticks.unit(CAMERA_UNIT))
+        }
+    });
+    Ok(Tile::image(image).with_white(limit).with_bar(Ramp::of(&bar)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tensor::array::Tensor;
+    use tensor::axes::Axis;
+
+    fn matrices(pixels: &[[f32; 16]]) -> Tensor {
+        let axis = |kind, n: usize| Axis {
+            kind,
+            coords: (0..n).map(|i| i as f64).collect(),
+            chunk: 1,
+        };
+        let axes = vec![
+            axis(AxisKind::Y, 1),
+            axis(AxisKind::X, pixels.len()),
+            axis(AxisKind::StokesOut, 4),
+            axis(AxisKind::StokesIn, 4),
+        ];
+        let mut t = Tensor::zeros("s", axes);
+        t.data.copy_from_slice(pixels.as_flattened());
+        t
+    }
+
+    fn drawn(element: &str, normalized: bool, t: &Tensor) -> Vec<[u8; 3]> {
+        let view = ElementView {
+            slice: "s".into(),
+            element: element.parse().expect("an element"),
+            wavelength_nm: None,
+            normalized,
+            time_ps: None,
+            limit: Some(1.0),
+        };
+        let panel = Panel {
+            mean: t,
+            std_error: None,
+            overflow: None,
+        };
+        let tile = tile(&view, &panel).expect("a picture");
+        tile.cells[0].0.pixels().map(|p| p.0).collect()
+    }
+
+    /// Each sign shows its part, both show both, and the quotient has the sign that was asked for.
+    #[test]
+    fn signs_are_those_of_the_name() {
+        let with = |m00: f32, m23: f32| {
+            let mut m = [0.0; 16];
+            (m[0], m[11]) = (m00, m23);
+            m
+        };
+        let t = matrices(&[with(1.0, 1.0), with(1.0, -1.0), with(-1.0, 0.5)]);
+        let (black, bright) = ([0; 3], [255; 3]);
+        assert_eq!(drawn("(2,3)", false, &t)[..2], [bright, black]);
+        assert_eq!(drawn("-(2,3)", false, &t)[..2], [black, bright]);
+        let (red, blue) = (signed(1.0).0, signed(-1.0).0);
+        assert_eq!(drawn("±(2,3)", false, &t)[..2], [red, blue]);
+        assert_eq!(drawn("(2,3)", true, &t), [red, blue, UNDEFINED.0]);
+        assert_eq!(drawn("-(2,3)", true, &t), [blue, red, UNDEFINED.0]);
+        // Another element is another picture.
+        assert_eq!(drawn("(3,2)", false, &t)[..2], [black, black]);
+    }
+
+    proptest! {
+        /// Whatever is no name is refused, and names are read as they are written.
+        #[test]
+        fn names_of_elements(text in "\\PC{0,8}", sign in 0..3_usize, i in 0..9_usize, j in 0..9_usize) {
+            let _ = text.parse::<Element>();
+            let (written, sign) = [("", 1), ("-", -1), ("±", 0)][sign];
+            let read = format!("{written}({i}, {j})").parse::<Element>();
+            if i < 4 && j < 4 {
+                prop_assert_eq!(read, Ok(Element { sign, at: [i, j] }));
+            } else {
+                prop_assert!(read.is_err());
+            }
+        }
+    }
+}

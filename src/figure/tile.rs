@@ -1,0 +1,327 @@
+//! What one panel of a composite shows, before it has a size: images or a chart, with axes and a colour bar.
+//!
+//! Images have a pixel for each number that they show, so that whoever places them decides on their size.
+
+use image::{Rgb, RgbImage};
+
+use super::chart::Series;
+use super::colour::{self, UNDEFINED, line_colours, photo, sequential, signed};
+use super::error::FigureError;
+use super::layout::{Bar, CAMERA_UNIT};
+use super::marker::palette;
+use super::panel::Panel;
+use super::raster::Raster;
+use super::reduce::{Source, ruler};
+use super::ticks::Ticks;
+use super::{flight, map, mueller, profile};
+use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
+use tensor::axes::AxisKind;
+
+/// Colours of a bar, from its lower end.
+const STEPS: u32 = 256;
+
+/// A panel's content.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile {
+    /// Images of one size with what stands in their corner, row by row; none of a chart.
+    pub(crate) cells: Vec<(RgbImage, String)>,
+    /// Images a row.
+    pub(crate) columns: usize,
+    /// Axes to the right and upward, or downward.
+    pub(crate) axes: Option<[Scaled; 2]>,
+    /// Colour bar.
+    pub(crate) bar: Option<Ramp>,
+    /// Lines instead of images.
+    pub(crate) chart: Option<Lines>,
+    /// Height over width that a map or a chart is drawn with; images have their own.
+    pub(crate) aspect: Option<f64>,
+    white: Option<f32>,
+}
+
+/// An axis whose ticks depend on its length.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Scaled {
+    pub label: String,
+    pub coords: Vec<f64>,
+}
+
+/// A colour bar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ramp {
+    pub(crate) label: String,
+    pub(crate) ticks: Ticks,
+    /// One pixel wide, its upper end first.
+    pub(crate) colours: RgbImage,
+}
+
+/// Lines over a range.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Lines {
+    pub x: (String, (f64, f64)),
+    pub y: (String, (f64, f64)),
+    pub series: Vec<(Series, Rgb<u8>)>,
+}
+
+/// What the numbers of a map are, which decides on their colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scale {
+    /// Numbers between two ends.
+    Linear {
+        /// Value at the dark end.
+        low: f32,
+        /// Value at the bright end.
+        high: f32,
+    },
+    /// Numbers of either sign.
+    Signed {
+        /// Value at the upper end.
+        limit: f32,
+    },
+    /// Angles that are the same a period later.
+    Angle {
+        /// The period.
+        period: f32,
+    },
+    /// Numbers of things, from 0 on; negative ones are of nothing.
+    Things,
+}
+
+impl Ramp {
+    pub(crate) fn of(bar: &Bar) -> Self {
+        Self {
+            label: bar.label.clone(),
+            ticks: bar.ticks.clone(),
+            colours: RgbImage::from_fn(1, STEPS, |_, y| {
+                (bar.colour)(1.0 - (y as f32 + 0.5) / STEPS as f32)
+            }),
+        }
+    }
+}
+
+impl Tile {
+    /// One image.
+    #[must_use]
+    pub fn image(image: RgbImage) -> Self {
+        Self::images(vec![(image, String::new())], 1)
+    }
+
+    fn images(cells: Vec<(RgbImage, String)>, columns: usize) -> Self {
+        Self {
+            cells,
+            columns: columns.max(1),
+            axes: None,
+            bar: None,
+            chart: None,
+            aspect: None,
+            white: None,
+        }
+    }
+
+    pub(crate) fn with_white(mut self, white: f32) -> Self {
+        self.white = Some(white);
+        self
+    }
+
+    pub(crate) fn with_bar(mut self, bar: Ramp) -> Self {
+        self.bar = Some(bar);
+        self
+    }
+
+    /// Without its colour bar, for a panel whose neighbour has the same.
+    #[must_use]
+    pub fn without_bar(mut self) -> Self {
+        self.bar = None;
+        self
+    }
+
+    /// With its height this share of its width, where it is a map or a chart, whose pixels have no shape.
+    #[must_use]
+    pub fn with_aspect(mut self, aspect: f64) -> Self {
+        if self.aspect.is_some() {
+            self.aspect = Some(aspect);
+        }
+        self
+    }
+
+    /// The value that is shown as white, or at the end of a signed scale, if there is one.
+    #[must_use]
+    pub fn white(&self) -> Option<f32> {
+        self.white
+    }
+
+    /// The size in pixels of an image that stands alone.
+    #[must_use]
+    pub fn size(&self) -> Option<[u32; 2]> {
+        match &self.cells[..] {
+            [(image, _)] => Some([image.width(), image.height()]),
+            _ => None,
+        }
+    }
+}
+
+/// What a view of a slice shows.
+///
+/// # Errors
+/// As [`crate::draw`].
+pub fn of_view(view: &View, panel: &Panel) -> Result<Tile, FigureError> {
+    match view {
+        View::Photo(v) => of_photo(v, panel),
+        View::Mueller(v) => of_mueller(v, panel),
+        View::SpaceSpace(v) => Ok(of_map(&map::space_space(v, panel)?)),
+        View::SpaceTime(v) => Ok(of_map(&map::space_time(v, panel)?)),
+        View::Flight(v) => of_flight(v, panel),
+        View::Profile(v) => of_profile(v, panel),
+    }
+}
+
+fn of_photo(view: &PhotoView, panel: &Panel) -> Result<Tile, FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    let read = super::photo::read(view, source)?;
+    let image = read.raster.image(|rgb| photo(rgb, read.white));
+    Ok(Tile::image(image).with_white(read.white))
+}
+
+fn of_mueller(view: &MuellerView, panel: &Panel) -> Result<Tile, FigureError> {
+    let grid = mueller::read(view, panel)?;
+    let cell = |i: usize| {
+        let image = grid
+            .raster
+            .image(|m| mueller::pixel(&m, i, view.normalized, grid.white, grid.limit));
+        (image, format!("{}{}", i / 4, i % 4))
+    };
+    let bar = mueller::bar(view.normalized, grid.limit);
+    Ok(Tile::images((0..16).map(cell).collect(), 4)
+        .with_white(grid.white)
+        .with_bar(Ramp::of(&bar)))
+}
+
+fn of_map(content: &map::Content) -> Tile {
+    let axis = |label: &str, coords: &[f64]| Scaled {
+        label: label.to_owned(),
+        coords: coords.to_vec(),
+    };
+    let mut tile = Tile::image(content.image()).with_bar(Ramp::of(&content.bar()));
+    tile.axes = Some([
+        axis("camera column [pixel]", content.xs),
+        axis(content.label, content.ups),
+    ]);
+    tile.aspect = Some(1.0);
+    tile
+}
+
+fn of_flight(view: &FlightView, panel: &Panel) -> Result<Tile, FigureError> {
+    let frames = flight::read(view, panel)?;
+    let white = frames.white;
+    let cells: Vec<(RgbImage, String)> = frames
+        .shown
+        .iter()
+        .map(|(time, raster)| (raster.image(|rgb| photo(rgb, white)), time.clone()))
+        .collect();
+    let columns = (cells.len() as f64).sqrt().ceil() as usize;
+    Ok(Tile::images(cells, columns).with_white(white))
+}
+
+fn of_profile(view: &ProfileView, panel: &Panel) -> Result<Tile, FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    let errors = panel.std_error.map(|t| Source::new(&view.slice, t)).transpose()?;
+    let series = profile::read(view, source, errors)?;
+    let nm = source.wavelengths();
+    let colours = line_colours(if nm.is_empty() { &[550.0] } else { nm });
+    let times = source.need(AxisKind::T)?;
+    let ends = |coords: &[f64]| (coords[0], coords[coords.len() - 1]);
+    let x = ruler(times).unwrap_or_else(|| ends(times));
+    let y = profile::range(&series);
+    let name = match view.element {
+        [0, 0] => "camera value".to_owned(),
+        [o, i] => format!("M{o}{i}"),
+    };
+    let unit = Ticks::linear(y.0, y.1, 5).unit(CAMERA_UNIT);
+    let mut tile = Tile::images(vec![], 1);
+    tile.aspect = Some(0.7);
+    tile.chart = Some(Lines {
+        x: ("travel time [ps]".into(), x),
+        y: (format!("{name} [{unit}]"), y),
+        series: series
+            .into_iter()
+            .map(|s| {
+                let colour = colours[s.colour % colours.len()];
+                (s, colour)
+            })
+            .collect(),
+    });
+    Ok(tile)
+}
+
+/// A map of one number a pixel, `width` columns, rows from the top; `name` stands beside its bar. Numbers that are not finite are grey.
+///
+/// # Errors
+/// [`FigureError::Damaged`] if the values do not fill the rows, [`FigureError::Option`] if the ends of the scale are no range.
+pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Result<Tile, FigureError> {
+    let raster = Raster::new(name, width, values.iter().map(|v| [*v]).collect())?;
+    let must = |ok: bool, option, value: f32| {
+        if ok {
+            Ok(())
+        } else {
+            Err(FigureError::option(
+                option,
+                value,
+                "finite, and the ends of a range",
+            ))
+        }
+    };
+    Ok(match scale {
+        Scale::Linear { low, high } => {
+            let span = high - low;
+            must(span.is_finite() && span > 0.0, "limits", span)?;
+            let ticks = Ticks::linear(low.into(), high.into(), 5);
+            let label = labelled(name, &ticks);
+            let bar = Bar::new(label, ticks, &sequential);
+            let image = raster.image(|[v]| sequential((v - low) / span));
+            Tile::image(image).with_white(high).with_bar(Ramp::of(&bar))
+        }
+        Scale::Signed { limit } => {
+            must(limit.is_finite() && limit > 0.0, "limits", limit)?;
+            let bar = Bar::signed(limit.into(), |ticks| labelled(name, ticks));
+            let image = raster.image(|[v]| signed(v / limit));
+            Tile::image(image).with_white(limit).with_bar(Ramp::of(&bar))
+        }
+        Scale::Angle { period } => {
+            must(period.is_finite() && period > 0.0, "limits", period)?;
+            let ticks = Ticks::linear(0.0, period.into(), 4);
+            let label = labelled(name, &ticks);
+            let bar = Bar::new(label, ticks, &colour::cyclic);
+            let image = raster.image(|[v]| colour::cyclic(v / period));
+            Tile::image(image).with_bar(Ramp::of(&bar))
+        }
+        Scale::Things => Tile::image(raster.image(|[v]| {
+            if v.is_finite() && v >= 0.0 {
+                palette(v as usize)
+            } else {
+                UNDEFINED
+            }
+        })),
+    })
+}
+
+fn labelled(name: &str, ticks: &Ticks) -> String {
+    match ticks.exponent {
+        0 => name.to_owned(),
+        _ => format!("{name} [{}]", ticks.unit("").trim_end()),
+    }
+}
+
+/// An image of linear colours, red, green and blue a pixel, `white` shown as white.
+///
+/// # Errors
+/// [`FigureError::Damaged`] if the values do not fill the rows, [`FigureError::Option`] if white is no number above zero.
+pub fn of_colours(name: &str, width: usize, values: Vec<[f32; 3]>, white: f32) -> Result<Tile, FigureError> {
+    let white = super::photo::white("white", Some(white), || 1.0)?;
+    let raster = Raster::new(name, width, values)?;
+    Ok(Tile::image(raster.image(|rgb| photo(rgb, white))).with_white(white))
+}
+
+/// The white of images that share one: the 99th percentile of all their values.
+#[must_use]
+pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> f32 {
+    colour::exposure(values)
+}

@@ -1,0 +1,230 @@
+//! Figure files: what is wrong with one is told at its place, the same files give the same bytes, and what was rendered stays.
+
+use crate::harness::{edit, fault, files, run, stderr, sunstone};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
+use sunstone::render::{Summary, Unwatched, Watch};
+use sunstone::studio::StudioError;
+
+const SCENE: &str = r#"name = "ball"
+camera = { resolution = [32, 32], fov_x_deg = 40, pose.look_at = { origin = [0, 0, 3], target = [0, 0, 0], up = [0, 1, 0] } }
+projector = { resolution = [32, 32], fov_x_deg = 40, irradiance = [1, 1, 1], pose.look_at = { origin = [1, 0, 3], target = [0, 0, 0], up = [0, 1, 0] } }
+materials.gold.rough_conductor = { metal = "Au", alpha = 0.2 }
+objects = [{ name = "ball", shape.sphere = { center = [0, 0, 0], radius = 0.8 }, material = "gold" }]
+slices = [{ name = "photo" }, { name = "mueller", polarization = "mueller" }, { name = "row", camera = { rows = [16] }, time = { start_ps = 15000, bin_ps = 100, bins = 80 } }]
+"#;
+
+const FIGURE: &str = r#"title = "a ball"
+width = "single"
+columns = 3
+[scenes.ball]
+file = "SCENE"
+preview = { pixels = 16, spp = 4 }
+full = { pixels = 32, spp = 8 }
+[[panels]]
+scene = "ball"
+view.photo = { slice = "photo" }
+caption = "Photo of {pixels} pixels"
+insets = [{ crop = [0.25, 0.25, 0.25, 0.25], magnify = 2 }]
+arrows = [{ from = [0, 0], to = [0.5, 0.5], colour = "sky" }]
+scale_bar = { length_mm = 500 }
+[[panels]]
+scene = "ball"
+view.element = { slice = "mueller", element = "-(3,3)" }
+[[panels]]
+scene = "ball"
+view.space_time = { slice = "row" }
+aspect = 0.8
+[[panels]]
+scene = "ball"
+view.layer = { layer = "depth" }
+[[panels]]
+scene = "ball"
+view.decomposition = { slice = "mueller", quantity = "retardance" }
+caption = "{{retardance}}"
+"#;
+
+/// The scene in a folder, and the text of a figure of it.
+fn sound() -> (tempfile::TempDir, String) {
+    let scenes = tempfile::tempdir().expect("a folder");
+    let path = scenes.path().join("scene.toml");
+    std::fs::write(&path, SCENE).expect("a scene");
+    let text = edit(FIGURE, "SCENE", path.to_str().expect("UTF-8"));
+    (scenes, text)
+}
+
+#[test]
+fn faults_are_told_at_their_place() {
+    let (_scenes, text) = sound();
+    #[rustfmt::skip]
+    let cases = [
+        ("no such view", "view.photo", "view.foto", "foto", "photo"),
+        ("no such slice", "photo = { slice = \"photo\"", "photo = { slice = \"foto\"", "foto", "name one of: photo, mueller, row"),
+        ("a slice without matrices", "element = { slice = \"mueller\"", "element = { slice = \"photo\"", "element = {", "polarization = \"mueller\""),
+        ("a slice without time", "space_time = { slice = \"row\"", "space_time = { slice = \"photo\"", "space_time = {", "travel time"),
+        ("no such element", "-(3,3)", "-(3,4)", "-(3,4)", "no element"),
+        ("no such scene", "scene = \"ball\"\nview.photo", "scene = \"bell\"\nview.photo", "\"bell\"", "ball"),
+        ("no such file", "scene.toml", "nothing.toml", "nothing.toml", "there is no file"),
+        ("no such value", "{pixels}", "{pixel}", "caption = \"Photo", "pixels"),
+        ("an open brace", "{pixels}", "{pixels", "caption = \"Photo", "without its }"),
+        ("no such colour", "\"sky\"", "\"mud\"", "arrows", "orange"),
+        ("an arrow to nowhere", "to = [0.5, 0.5]", "to = [0, 0]", "arrows", "points nowhere"),
+        ("a crop outside", "[0.25, 0.25, 0.25, 0.25]", "[0.9, 0.25, 0.25, 0.25]", "insets", "within the picture"),
+        ("an inset too large", "magnify = 2", "magnify = 9", "insets", "fits into the picture"),
+        ("no such layer", "layer = \"depth\"", "layer = \"deep\"", "deep", "depth"),
+        ("a quantity that is none", "\"retardance\"", "\"retard\"", "retard", "retardance"),
+        ("a width that is none", "\"single\"", "\"narrow\"", "\"narrow\"", "84 mm"),
+        ("no columns", "columns = 3", "columns = 0", "columns = 0", "1 to 16"),
+        ("no samples", "spp = 4", "spp = 0", "spp = 0", "1 to"),
+        ("a scale bar too long", "length_mm = 500", "length_mm = 5e9", "scale_bar", "shorter"),
+        ("no such application", "view.layer = { layer = \"depth\" }", "view.apply = { name = \"alchemy\", picture = \"gold\", method = \"x\" }", "view.apply", "metamerism"),
+    ];
+    let mut found = vec![];
+    for case in &cases {
+        let mut text = text.clone();
+        if case.0 == "no such application" {
+            text = edit(&text, "scene = \"ball\"\nview.layer", "view.layer");
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        let arguments = ["figure", "f.toml", "--preview", "-o", "out.png"];
+        // Depth and captions are known of a rendered scene alone: renders may stay.
+        let elsewhere = tempfile::tempdir().expect("a folder");
+        let renders = elsewhere.path().join("renders");
+        let renders = ["--renders", renders.to_str().expect("UTF-8")];
+        let all = [&arguments[..], &renders[..]].concat();
+        found.extend(fault(folder.path(), "f.toml", &text, case, &all));
+    }
+    assert!(found.is_empty(), "{} faults:\n{}", found.len(), found.join("\n"));
+}
+
+/// Methods and variants that an application does not have are told before anything is rendered.
+#[test]
+fn applications_are_checked_before_they_are_run() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let figure = "columns = 1\n[[panels]]\nview.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }\n";
+    let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
+    for (from, to, says) in [
+        ("\"RGB\"", "\"CMYK\"", "epipolar RGB"),
+        ("variant = 8", "variant = 3", "name one of: 8, 9"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
+        let case = (says, from, to, "view.apply", says);
+        assert_eq!(fault(folder.path(), "f.toml", figure, &case, &arguments), None);
+    }
+}
+
+#[test]
+fn the_same_files_give_the_same_bytes_and_one_render() {
+    let (scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("f.toml"), &text).expect("a figure");
+    let make = |out: &str, renders: &str| {
+        let out = run(
+            folder.path(),
+            &["figure", "f.toml", "--preview", "-o", out, "--renders", renders],
+            0,
+        );
+        String::from_utf8_lossy(&out.stdout).into_owned()
+    };
+    assert!(make("a.png", "r").contains("(1 renders made now)"));
+    assert!(make("b.png", "r").contains("(0 renders made now)"));
+    assert!(make("c.png", "other").contains("(1 renders made now)"));
+    let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a picture");
+    assert_eq!(read("a.png"), read("b.png"));
+    assert_eq!(read("a.png"), read("c.png"));
+    for format in ["svg", "pdf"] {
+        make(&format!("a.{format}"), "r");
+        make(&format!("b.{format}"), "r");
+        assert_eq!(
+            read(&format!("a.{format}")),
+            read(&format!("b.{format}")),
+            "{format}"
+        );
+    }
+    // A scene that changed is rendered anew, and looks otherwise.
+    let scene = scenes.path().join("scene.toml");
+    std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
+    assert!(make("d.png", "r").contains("(1 renders made now)"));
+    assert_ne!(read("a.png"), read("d.png"));
+    // All of a folder, and both sizes.
+    run(
+        folder.path(),
+        &["figure", "--all", ".", "--renders", "r", "-o", "all"],
+        0,
+    );
+    assert!(read("all/f.png").len() > 1000);
+}
+
+#[test]
+fn inputs_are_not_outputs() {
+    let (scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("f.svg"), "kept").expect("a file");
+    let text = edit(&text, "title = \"a ball\"\n", "");
+    std::fs::write(folder.path().join("f.toml"), &text).expect("a figure");
+    let scene = scenes.path().join("scene.toml");
+    for out in ["f.toml", scene.to_str().expect("UTF-8"), "out.txt", "."] {
+        let before = files(folder.path());
+        let said = stderr(&run(
+            folder.path(),
+            &["figure", "f.toml", "--preview", "-o", out],
+            2,
+        ));
+        assert!(said.starts_with("error: "), "{out}: {said}");
+        assert_eq!(files(folder.path()), before, "{out}");
+    }
+    assert_eq!(std::fs::read_to_string(&scene).expect("the scene"), SCENE);
+    // What is for figure files alone is refused of stores, and the other way round.
+    run(folder.path(), &["figure", "store.zarr", "--preview"], 2);
+    run(
+        folder.path(),
+        &["figure", "f.toml", "--view", "photo", "--slice", "photo"],
+        2,
+    );
+    let out = sunstone(folder.path(), &["figure"]).output().expect("runs");
+    assert_eq!(out.status.code(), Some(2));
+}
+
+/// Ends a render after so many tiles.
+struct Impatient(AtomicUsize);
+
+impl Watch for Impatient {
+    fn tile_done(&self, _: &Summary) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.0.load(Ordering::Relaxed) >= 1
+    }
+}
+
+#[test]
+fn a_render_that_was_stopped_goes_on() {
+    let (_scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    // More tiles than one.
+    let text = edit(&text, "pixels = 16, spp = 4", "pixels = 128, spp = 4");
+    let source = Source::of_text(&folder.path().join("f.toml"), &text).expect("a figure");
+    let settings = |renders: &str| Settings {
+        renders: folder.path().join(renders),
+        scenes: None,
+        preview: true,
+    };
+    let (cut, whole) = (settings("cut"), settings("whole"));
+    let impatient = Impatient(AtomicUsize::new(0));
+    let stopped = prepare(&source, &cut, &impatient).expect("sound").draw();
+    assert!(
+        matches!(stopped, Err(FigureFileError::Studio(StudioError::Interrupted))),
+        "{stopped:?}"
+    );
+    let draw = |settings: &Settings| {
+        let made = prepare(&source, settings, &Unwatched).expect("sound").draw();
+        made.expect("a figure")
+    };
+    let (resumed, straight) = (draw(&cut), draw(&whole));
+    assert_eq!((resumed.rendered, straight.rendered), (1, 1));
+    assert_eq!(resumed.drawing, straight.drawing);
+    assert_eq!(draw(&cut).rendered, 0);
+}
