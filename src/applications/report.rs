@@ -106,13 +106,16 @@ fn curve(
         .map_err(|cause| ReportError::Write { path, cause })?;
     let mut charts: Vec<(String, String, Vec<(String, Point)>)> = vec![];
     if let Links::Few(..) = links {
+        // Lines across, so that few captures fill the chart however many all of them are.
+        let few = points.iter().filter(|p| p.series != WHOLE).map(|p| p.value);
+        let start = few.reduce(f64::min);
         let named = |p: &Point| {
-            let name = if p.series == WHOLE {
-                format!("{}, {WHOLE}", p.method)
+            let (name, value) = if p.series == WHOLE {
+                (format!("{}, {WHOLE}", p.method), start.unwrap_or(p.value))
             } else {
-                p.series.clone()
+                (p.series.clone(), p.value)
             };
-            (name, p.clone())
+            (name, Point { value, ..p.clone() })
         };
         let title = format!("{}: few captures", application.name());
         charts.push((name, title, points.iter().map(named).collect()));
