@@ -104,7 +104,13 @@ fn every_scene_is_known_here() {
     let mut known: Vec<_> = SHIPPED
         .iter()
         .map(|s| s.folder)
-        .chain(["figures", "gold_mirror", "mirror_room"])
+        .chain([
+            "figures",
+            "gold_mirror",
+            "materials",
+            "mirror_room",
+            "painted_doll",
+        ])
         .collect();
     known.sort_unstable();
     assert_eq!(found, known);
