@@ -22,6 +22,11 @@ pub trait Application: Send + Sync {
     /// All methods; the first is the one that the others are compared with.
     fn methods(&self) -> Vec<Method>;
 
+    /// What pictures are of besides methods and truths, by the names that stand for a method there: elements that are drawn as they are.
+    fn drawn(&self) -> Vec<&'static str> {
+        Vec::new()
+    }
+
     /// All numbers that methods are judged by; the first is the one that counts.
     fn metrics(&self) -> Vec<Metric>;
 

@@ -62,9 +62,9 @@ impl<'a> Applications<'a> {
     fn find(&mut self, at: &Located<ViewFile>, view: &'a ApplyFile) -> Result<(), FigureFileError> {
         let source = self.source;
         let application = catalog::find(&view.name).ok_or_else(|| unknown(source, at, &view.name))?;
-        let methods = application.methods();
-        if !view.method.starts_with(TRUTH) && !methods.iter().any(|m| m.name == view.method) {
-            let names: Vec<&str> = methods.iter().map(|m| m.name).collect();
+        let mut names: Vec<&str> = application.methods().iter().map(|m| m.name).collect();
+        names.extend(application.drawn());
+        if !view.method.starts_with(TRUTH) && !names.contains(&view.method.as_str()) {
             let message = format!("application `{}` has no method `{}`", view.name, view.method);
             let help = format!("name one of: {}", names.join("; "));
             return Err(source.error(at, message, help).into());

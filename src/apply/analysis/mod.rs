@@ -129,6 +129,10 @@ impl Application for Analysis {
         METHODS.iter().map(|m| m.method).collect()
     }
 
+    fn drawn(&self) -> Vec<&'static str> {
+        scanlines::elements().collect()
+    }
+
     fn metrics(&self) -> Vec<Metric> {
         metrics_of(&TASKS)
     }

@@ -23,6 +23,11 @@ const SHOWN: [(&str, usize, usize, f64); 5] = [
     ("(1,0)", 1, 0, 1.0),
 ];
 
+/// Names of the elements that are drawn.
+pub(super) fn elements() -> impl Iterator<Item = &'static str> {
+    SHOWN.iter().map(|(name, ..)| *name)
+}
+
 /// An element of a row: camera columns across, another axis upward from zero at the bottom.
 fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64) -> Map {
     let height = t.extent(up);

@@ -90,6 +90,10 @@ fn dimensions_tell_what_they_can() {
     assert!(area("space only", "several specular") > 0.8);
     let names: Vec<&str> = outcome.pictures.iter().map(|p| p.name).collect();
     assert!(names.contains(&"s-s' scanline") && names.contains(&"x-t scanline"));
+    // Figure files know pictures by methods, by these, and by names that begin with truth.
+    let methods: Vec<&str> = Analysis.methods().iter().map(|m| m.name).collect();
+    let known = |m: &str| m.starts_with("truth") || methods.contains(&m) || Analysis.drawn().contains(&m);
+    assert!(outcome.pictures.iter().all(|p| known(p.method)));
 }
 
 #[test]

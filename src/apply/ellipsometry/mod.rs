@@ -191,6 +191,10 @@ impl Application for Ellipsometry {
                 }
             }
         }
+        for bench in &test {
+            let [element, _] = pictures("truth", bench, bench.truth());
+            outcome.pictures.push(element);
+        }
         outcome.notes.extend(notes(&moment));
         Ok(outcome)
     }

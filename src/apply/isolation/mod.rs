@@ -46,12 +46,9 @@ pub(crate) fn run(
     };
     let mut outcome = Outcome::default();
     for (number, task) in tasks.iter().enumerate() {
-        outcome.pictures.push(picture(
-            "the truth",
-            task,
-            shown,
-            shown.truth[number].share.clone(),
-        ));
+        outcome
+            .pictures
+            .push(picture("truth", task, shown, shown.truth[number].share.clone()));
         for isolation in methods {
             let (candidates, either) = isolation.family.candidates(task, example);
             let learnt = Learnt::new(&candidates, either, number, &train);

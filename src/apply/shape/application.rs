@@ -175,12 +175,16 @@ impl Application for ShapeScan {
                 test.par_iter().map(|seen| route.run(seen, &parameters)).collect();
             for (seen, surface) in test.iter().zip(surfaces.map_err(&failed)?) {
                 outcome.scores.extend(scores(method.name, seen, &surface));
-                outcome.pictures.extend(pictures(method.name, seen, surface));
+                outcome.pictures.extend(pictures(method.name, seen, &surface));
             }
             outcome
                 .notes
                 .push(format!("{}, seed {}: {words}", method.name, test[0].seed));
         }
+        let truths = test
+            .iter()
+            .map(|seen| colours("truth", seen.variant, &seen.normals));
+        outcome.pictures.extend(truths);
         Ok(outcome)
     }
 }
@@ -208,22 +212,35 @@ fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
         .collect()
 }
 
-/// Normals as colours (½(1 + n), x right, y up, z toward the camera), and how far each is off.
-fn pictures(method: &'static str, seen: &Seen, surface: Surface) -> [Picture; 2] {
+/// Normals as colours: ½(1 + n), x to the right red, y up green, z toward the camera blue.
+fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
+    let map = Map::from_fn(normals.width, normals.height, 3, |x, y, out| {
+        let n = normals.at(x, y);
+        // Channels of pictures rise in wavelength: blue comes first.
+        out.copy_from_slice(&[-n[2], -n[1], n[0]].map(|v| 0.5 * (1.0 + v)));
+    });
+    Picture {
+        method,
+        name: "normals",
+        variant: Some(variant),
+        shared: true,
+        map,
+    }
+}
+
+/// Normals as colours, and how far each is off.
+fn pictures(method: &'static str, seen: &Seen, surface: &Surface) -> [Picture; 2] {
     let (w, h) = (surface.normals.width, surface.normals.height);
     let off = Map::from_fn(w, h, 1, |x, y, out| {
         let [n, t] = [&surface.normals, &seen.normals].map(|m| m.at(x, y));
         out[0] = crate::metrics::angle::angle_deg(n, t);
     });
-    let colours = Map::from_fn(w, h, 3, |x, y, out| {
-        let n = surface.normals.at(x, y);
-        out.copy_from_slice(&[n[0], -n[1], -n[2]].map(|v| 0.5 * (1.0 + v)));
-    });
-    [("normals", true, colours), ("error of normals", false, off)].map(|(name, shared, map)| Picture {
+    let error = Picture {
         method,
-        name,
+        name: "error of normals",
         variant: Some(seen.variant),
-        shared,
-        map,
-    })
+        shared: false,
+        map: off,
+    };
+    [colours(method, seen.variant, &surface.normals), error]
 }

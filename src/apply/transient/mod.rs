@@ -164,10 +164,11 @@ impl Application for Transient {
             }
         }
         for seen in &test {
-            outcome.pictures.extend(
-                TARGETS
-                    .map(|target| picture("labels", true, seen, target, |place| seen.light(target, place))),
-            );
+            outcome.pictures.extend(TARGETS.map(|target| {
+                picture("truth: labels", true, seen, target, |place| {
+                    seen.light(target, place)
+                })
+            }));
             outcome.notes.push(of_all(seen));
         }
         Ok(outcome)
