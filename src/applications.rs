@@ -21,7 +21,6 @@ use scene::syntax::variant::Variant;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use store::zarr::{AccessError, OpenError, TensorStore};
-use tensor::axes::AxisKind;
 use tensor::field::Field;
 use transport::render::layers;
 use transport::render::schedule::Watch;
@@ -186,19 +185,16 @@ impl Observer<'_> {
         };
         for truth in &self.plan.truth {
             let (name, map) = match *truth {
-                Truth::Slice { name, slice, samples } => {
-                    let spp = self.size.spp.saturating_mul(samples);
-                    let store = self.render(number, variant, TRUTH_SEED, spp, &[slice])?;
-                    known.slices.insert(name.to_owned(), read(&store, slice)?);
-                    continue;
-                }
-                Truth::Twin {
+                Truth::Slice {
                     name,
                     slice,
                     of,
                     samples,
                 } => {
-                    let store = self.other(of(number), slice, samples)?;
+                    let number = of(number);
+                    let variant = self.studio.variant(Some(number))?;
+                    let spp = self.size.spp.saturating_mul(samples);
+                    let store = self.render(number, &variant, TRUTH_SEED, spp, &[slice])?;
                     known.slices.insert(name.to_owned(), read(&store, slice)?);
                     continue;
                 }
@@ -213,12 +209,6 @@ impl Observer<'_> {
                         map.ok_or_else(|| self.lacks(format!("there is no layer `{layer}`")))?,
                     )
                 }
-                Truth::Reference {
-                    name,
-                    slice,
-                    of,
-                    samples,
-                } => (name, self.reference(of(number), slice, samples)?),
                 Truth::Material { name, of } => {
                     if let Some(unknown) = of.iter().find(|m| !variant.file.materials.contains_key(**m)) {
                         return Err(self.lacks(format!("there is no material `{unknown}`")));
@@ -232,40 +222,6 @@ impl Observer<'_> {
         }
         self.truths.insert(number, known.clone());
         Ok(known)
-    }
-
-    /// A finished store of a slice of a variant that is known to another one as truth.
-    fn other(
-        &mut self,
-        number: u64,
-        slice: &'static str,
-        samples: u32,
-    ) -> Result<TensorStore, ApplicationError> {
-        let variant = self.studio.variant(Some(number))?;
-        let spp = self.size.spp.saturating_mul(samples);
-        self.render(number, &variant, TRUTH_SEED, spp, &[slice])
-    }
-
-    /// M00 of a slice of a variant, a channel a wavelength.
-    fn reference(&mut self, number: u64, slice: &'static str, samples: u32) -> Result<Map, ApplicationError> {
-        let store = self.other(number, slice, samples)?;
-        let mean = store.slice(slice)?.read_all(Field::Mean)?;
-        let intensity = mean
-            .select(AxisKind::StokesOut, 0)
-            .select(AxisKind::StokesIn, 0)
-            .sum(AxisKind::T);
-        let of = |kind| intensity.extent(kind);
-        Ok(Map::from_fn(
-            of(AxisKind::X),
-            of(AxisKind::Y),
-            of(AxisKind::Wavelength),
-            |x, y, out| {
-                for (lane, o) in out.iter_mut().enumerate() {
-                    let place = [(AxisKind::X, x), (AxisKind::Y, y), (AxisKind::Wavelength, lane)];
-                    *o = f64::from(intensity.at(&place));
-                }
-            },
-        ))
     }
 
     /// A finished store of a variant.

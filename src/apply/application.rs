@@ -89,37 +89,23 @@ pub enum Truth {
         /// Of what stands behind smooth interfaces and sheets.
         through: bool,
     },
-    /// A slice of the variant, rendered with a seed of its own: it is with the observation's slices, by this name.
+    /// A slice of the variant or of another one, rendered with a seed of its own: it is with the observation's slices, by this name.
     Slice {
         /// Name of the truth.
         name: &'static str,
         /// Slice.
         slice: &'static str,
-        /// Samples, as a multiple of those of the rest.
-        samples: u32,
-    },
-    /// A slice of another variant, rendered with a seed of its own: it is with the observation's slices, by this name.
-    Twin {
-        /// Name of the truth.
-        name: &'static str,
-        /// Slice.
-        slice: &'static str,
-        /// The variant that is the twin of a variant.
+        /// The variant that it is of: [`itself`], or what is the truth of a variant.
         of: fn(u64) -> u64,
         /// Samples, as a multiple of those of the rest.
         samples: u32,
     },
-    /// Mean of M00 of a slice of another variant, rendered with a seed of its own.
-    Reference {
-        /// Name of the map.
-        name: &'static str,
-        /// Slice.
-        slice: &'static str,
-        /// The variant that is the truth of a variant.
-        of: fn(u64) -> u64,
-        /// Samples, as a multiple of those of the rest.
-        samples: u32,
-    },
+}
+
+/// The variant that is told of, for [`Truth::Slice`].
+#[must_use]
+pub fn itself(variant: u64) -> u64 {
+    variant
 }
 
 /// Size of a render.
@@ -140,6 +126,14 @@ pub struct Method {
     pub source: &'static str,
 }
 
+impl Method {
+    /// By its name in tables, and where it was published.
+    #[must_use]
+    pub const fn new(name: &'static str, source: &'static str) -> Self {
+        Self { name, source }
+    }
+}
+
 /// A number that methods are judged by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Metric {
@@ -149,6 +143,18 @@ pub struct Metric {
     pub unit: &'static str,
     /// Whether more is better.
     pub more_is_better: bool,
+}
+
+impl Metric {
+    /// By its name in tables, and its unit.
+    #[must_use]
+    pub const fn new(name: &'static str, unit: &'static str, more_is_better: bool) -> Self {
+        Self {
+            name,
+            unit,
+            more_is_better,
+        }
+    }
 }
 
 /// What one method is worth on one variant.
@@ -162,6 +168,23 @@ pub struct Score {
     pub variant: u64,
     /// Its worth; NaN where the metric says nothing of this variant.
     pub value: f64,
+}
+
+impl Score {
+    /// What a method is worth on a variant, metric by metric.
+    pub fn each<'a>(
+        method: &'static str,
+        variant: u64,
+        metrics: impl IntoIterator<Item = &'a Metric>,
+        values: impl IntoIterator<Item = f64>,
+    ) -> impl Iterator<Item = Self> {
+        metrics.into_iter().zip(values).map(move |(metric, value)| Self {
+            method,
+            metric: metric.name,
+            variant,
+            value,
+        })
+    }
 }
 
 /// A picture of what a method made.

@@ -5,7 +5,7 @@ use crate::application::Application;
 use crate::crystals::Crystals;
 use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
-use crate::multibounce::{Coins, DiscoBall};
+use crate::multibounce::{COINS, DISCO_BALL};
 use crate::scattering::Scattering;
 use crate::shape::application::ShapeScan;
 use crate::transient::Transient;
@@ -20,8 +20,8 @@ pub fn all() -> Vec<Box<dyn Application>> {
         Box::new(Ellipsometry),
         Box::new(ShapeScan),
         Box::new(Scattering),
-        Box::new(DiscoBall),
-        Box::new(Coins),
+        Box::new(DISCO_BALL),
+        Box::new(COINS),
         Box::new(Metamerism),
     ]
 }

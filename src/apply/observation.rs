@@ -113,23 +113,21 @@ impl Observation {
             return Err(axis("the camera, time, polarization and wavelength alone"));
         }
         (pixels.mean, pixels.error) = (vec![0.0; kept], vec![0.0; kept]);
-        let shape = t.shape();
-        let mut index = vec![0; shape.len()];
-        for (mean, error) in t.data.iter().zip(&slice.error.data) {
-            let i = |kind| at(kind).map_or(0, |a| index[a]);
-            let pixel = i(AxisKind::Y) * pixels.width + i(AxisKind::X);
-            let element = i(AxisKind::StokesOut) * inn + i(AxisKind::StokesIn);
-            let place = pixels.place(pixel, i(AxisKind::T), element, i(AxisKind::Wavelength));
-            pixels.mean[place] = f64::from(*mean);
-            pixels.error[place] = f64::from(*error);
-            for a in (0..shape.len()).rev() {
-                index[a] += 1;
-                if index[a] < shape[a] {
-                    break;
-                }
-                index[a] = 0;
-            }
-        }
+        let kinds = [
+            AxisKind::Y,
+            AxisKind::X,
+            AxisKind::T,
+            AxisKind::StokesOut,
+            AxisKind::StokesIn,
+            AxisKind::Wavelength,
+        ];
+        let axes = kinds.map(at);
+        t.walk(|index, from| {
+            let [y, x, bin, i, j, lane] = axes.map(|axis| axis.map_or(0, |a| index[a]));
+            let place = pixels.place(y * pixels.width + x, bin, i * inn + j, lane);
+            pixels.mean[place] = f64::from(t.data[from]);
+            pixels.error[place] = f64::from(slice.error.data[from]);
+        });
         Ok(pixels)
     }
 
@@ -140,6 +138,25 @@ impl Observation {
             name: name.to_owned(),
         }
     }
+}
+
+/// Variants to learn from and variants to be judged on, as methods see them.
+///
+/// # Errors
+/// Those of `see`; [`ApplyError::Empty`] if there are none of either.
+pub fn seen<S>(
+    train: &[Observation],
+    test: &[Observation],
+    see: impl Fn(&Observation) -> Result<S, ApplyError>,
+) -> Result<[Vec<S>; 2], ApplyError> {
+    let all = |of: &[Observation]| of.iter().map(&see).collect::<Result<Vec<_>, _>>();
+    let both = [all(train)?, all(test)?];
+    if both.iter().any(Vec::is_empty) {
+        return Err(ApplyError::Empty(
+            "give variants to learn from and to be judged on".into(),
+        ));
+    }
+    Ok(both)
 }
 
 impl Pixels {

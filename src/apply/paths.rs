@@ -6,6 +6,7 @@
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::Observation;
+use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 use tensor::label::{DIFFUSE, GLOSSY, MEDIUM, SPECULAR};
 
@@ -62,6 +63,77 @@ impl Path {
     }
 }
 
+/// A slice that keeps labels and numbers of bounces.
+pub struct Labelled<'a> {
+    /// The slice.
+    pub tensor: &'a Tensor,
+    /// All paths that it tells apart.
+    pub kinds: Vec<Path>,
+    camera: [usize; 2],
+    bin: Option<usize>,
+    path: [usize; 2],
+}
+
+impl<'a> Labelled<'a> {
+    /// Of an observation.
+    ///
+    /// # Errors
+    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice lacks rows and columns, labels or bounces.
+    pub fn of(o: &'a Observation, name: &str) -> Result<Self, ApplyError> {
+        let tensor = &o.slice(name)?.mean;
+        let of = |kind: AxisKind, axis: &'static str| {
+            tensor.find(kind).ok_or(ApplyError::Axis {
+                variant: o.variant,
+                slice: name.to_owned(),
+                axis,
+            })
+        };
+        let rows_and_columns = "rows and columns of the camera";
+        let camera = [
+            of(AxisKind::Y, rows_and_columns)?,
+            of(AxisKind::X, rows_and_columns)?,
+        ];
+        let [label, bounces] = [of(AxisKind::Label, "labels")?, of(AxisKind::Bounces, "bounces")?];
+        let coords = |axis: usize| tensor.axes[axis].coords.iter().map(|c| c.max(0.0));
+        let kinds = coords(bounces)
+            .flat_map(|b| {
+                coords(label).map(move |l| Path {
+                    label: l as u8,
+                    bounces: b as u32,
+                })
+            })
+            .collect();
+        Ok(Self {
+            tensor,
+            kinds,
+            camera,
+            bin: tensor.find(AxisKind::T),
+            path: [bounces, label],
+        })
+    }
+
+    /// Calls `f` with pixel, bin of travel time (0 without), number of the path among `kinds`, and light of one value after the
+    /// other; of matrices with what unpolarized light gives, M00.
+    pub fn walk(&self, mut f: impl FnMut(usize, usize, usize, f64)) {
+        let t = self.tensor;
+        let ([y, x], [bounces, label]) = (self.camera, self.path);
+        let [columns, labels] = [x, label].map(|a| t.axes[a].coords.len());
+        let stokes = [AxisKind::StokesOut, AxisKind::StokesIn].map(|kind| t.find(kind));
+        t.walk(|index, place| {
+            if stokes.iter().flatten().all(|a| index[*a] == 0) {
+                let pixel = index[y] * columns + index[x];
+                let kind = index[bounces] * labels + index[label];
+                f(
+                    pixel,
+                    self.bin.map_or(0, |a| index[a]),
+                    kind,
+                    f64::from(t.data[place]),
+                );
+            }
+        });
+    }
+}
+
 /// A slice's intensity by path: Σ over wavelengths and all else that it resolves but camera, label and bounces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paths {
@@ -80,53 +152,15 @@ impl Paths {
     /// # Errors
     /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice lacks rows and columns, labels or bounces.
     pub fn read(o: &Observation, name: &str) -> Result<Self, ApplyError> {
-        let t = &o.slice(name)?.mean;
-        let of = |kind: AxisKind, axis: &'static str| {
-            t.find(kind).ok_or(ApplyError::Axis {
-                variant: o.variant,
-                slice: name.to_owned(),
-                axis,
-            })
-        };
-        let camera = "rows and columns of the camera";
-        let [y, x] = [of(AxisKind::Y, camera)?, of(AxisKind::X, camera)?];
-        let label = of(AxisKind::Label, "labels")?;
-        let bounces = of(AxisKind::Bounces, "bounces")?;
-        let coords = |axis: usize| t.axes[axis].coords.iter().map(|c| c.max(0.0));
-        let kinds: Vec<Path> = coords(bounces)
-            .flat_map(|b| {
-                coords(label).map(move |l| Path {
-                    label: l as u8,
-                    bounces: b as u32,
-                })
-            })
-            .collect();
-        let shape = t.shape();
-        let polarized: Vec<usize> = [AxisKind::StokesOut, AxisKind::StokesIn]
-            .iter()
-            .filter_map(|kind| t.find(*kind))
-            .collect();
-        let mut light = vec![0.0; shape[y] * shape[x] * kinds.len()];
-        let mut index = vec![0; shape.len()];
-        for value in &t.data {
-            // Of matrices, what unpolarized light gives: M00.
-            if polarized.iter().all(|a| index[*a] == 0) {
-                let pixel = index[y] * shape[x] + index[x];
-                let kind = index[bounces] * shape[label] + index[label];
-                light[pixel * kinds.len() + kind] += f64::from(*value);
-            }
-            for a in (0..shape.len()).rev() {
-                index[a] += 1;
-                if index[a] < shape[a] {
-                    break;
-                }
-                index[a] = 0;
-            }
-        }
+        let slice = Labelled::of(o, name)?;
+        let [width, height] = [AxisKind::X, AxisKind::Y].map(|kind| slice.tensor.extent(kind));
+        let kinds = slice.kinds.len();
+        let mut light = vec![0.0; width * height * kinds];
+        slice.walk(|pixel, _, kind, value| light[pixel * kinds + kind] += value);
         Ok(Self {
-            width: shape[x],
-            height: shape[y],
-            kinds,
+            width,
+            height,
+            kinds: slice.kinds,
             light,
         })
     }
@@ -152,7 +186,6 @@ impl Paths {
 pub(crate) mod tests {
     use super::*;
     use crate::observation::Slice;
-    use tensor::array::Tensor;
     use tensor::axes::Axis;
 
     /// A slice of light by path: pixel, label and bounces give it.

@@ -65,9 +65,10 @@ fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.name == "list" {
         let all = catalog::all();
+        let longest = all.iter().map(|a| a.name().len()).max().unwrap_or(0);
         let lines: Vec<String> = all
             .iter()
-            .map(|a| format!("{:14} {}", a.name(), a.shows()))
+            .map(|a| format!("{:longest$} {}", a.name(), a.shows()))
             .collect();
         return super::output::print(&lines.join("\n"));
     }

@@ -172,7 +172,10 @@ impl Trial<'_> {
             let found = match estimate {
                 EstimateKind::LeastSquares => self.estimated(scheme, &captured, None)?,
                 EstimateKind::Prior => self.estimated(scheme, &captured, self.prior)?,
-                EstimateKind::MinimumNorm => least_norm(&designs, &captured),
+                EstimateKind::MinimumNorm => {
+                    let exact = least_norm(&designs, &captured);
+                    exact.into_iter().map(|v| v as f32).collect()
+                }
             };
             let errors = compare(&truth, &found);
             first.get_or_insert_with(|| error_image(&truth, &found, captured.layout, errors.mean));
@@ -249,13 +252,14 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
 
 /// The matrices of least norm that explain the captures, 16 elements a pixel; `designs` are those of the wavelengths, which
 /// pixels go round.
-fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f32> {
+#[must_use]
+pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
     let pixels = captured.layout.pixels();
-    let one = |p: usize| -> [f32; 16] {
+    let one = |p: usize| -> [f64; 16] {
         let w = &weights[p % weights.len()];
         let at = |m: usize| f64::from(captured.intensities[m * pixels + p]);
-        std::array::from_fn(|e| (0..w.ncols()).map(|m| w[(e, m)] * at(m)).sum::<f64>() as f32)
+        std::array::from_fn(|e| (0..w.ncols()).map(|m| w[(e, m)] * at(m)).sum())
     };
     (0..pixels).flat_map(one).collect()
 }

@@ -65,6 +65,22 @@ impl Tensor {
         self.data[offset]
     }
 
+    /// Calls `f` with the index along every axis, and the place in `data`, of one value after the other.
+    pub fn walk(&self, mut f: impl FnMut(&[usize], usize)) {
+        let shape = self.shape();
+        let mut index = vec![0; shape.len()];
+        for place in 0..self.data.len() {
+            f(&index, place);
+            for axis in (0..shape.len()).rev() {
+                index[axis] += 1;
+                if index[axis] < shape[axis] {
+                    break;
+                }
+                index[axis] = 0;
+            }
+        }
+    }
+
     /// (elements before, length, elements after) an axis, for loops over it.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
@@ -140,6 +156,14 @@ mod tests {
             t.at(&[(AxisKind::Y, 1), (AxisKind::X, 2), (AxisKind::T, 3)]),
             23.0
         );
+        let mut seen = vec![];
+        t.walk(|i, place| seen.push((i.to_vec(), place)));
+        assert_eq!(seen.len(), 24);
+        assert!(
+            seen.iter()
+                .all(|(i, place)| 12 * i[0] + 4 * i[1] + i[2] == *place)
+        );
+        assert!(seen.iter().enumerate().all(|(n, (_, place))| n == *place));
         let s = t.select(AxisKind::X, 1);
         assert_eq!(s.shape(), [2, 4]);
         assert_eq!(s.data, [4., 5., 6., 7., 16., 17., 18., 19.]);

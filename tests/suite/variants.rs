@@ -143,7 +143,7 @@ fn scenes_of_applications_have_their_variants() {
                 plan.scene
             );
             let of_truth = plan.truth.iter().filter_map(|t| match t {
-                Truth::Slice { slice, .. } | Truth::Reference { slice, .. } => Some(slice),
+                Truth::Slice { slice, .. } => Some(slice),
                 _ => None,
             });
             for name in plan.slices.iter().chain(of_truth) {

@@ -6,7 +6,7 @@
 
 mod scanlines;
 
-use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth};
+use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::isolation::{self, Family, Isolation, Task, metrics, metrics_of, seen};
 use crate::observation::Observation;
@@ -115,6 +115,7 @@ impl Application for Analysis {
             truth: vec![Truth::Slice {
                 name: seen::PATHS,
                 slice: seen::PATHS,
+                of: itself,
                 samples: 16,
             }],
             preview: Size { pixels: 64, spp: 32 },

@@ -10,7 +10,7 @@ use polarimetry::capture::simulate::{Captured, Noise};
 use polarimetry::capture::spectral_value::SpectralValue;
 use polarimetry::reconstruct::along_rays::{Places, reconstruct};
 use polarimetry::reconstruct::pixels::Options;
-use polarimetry::reconstruct::predicted::predicted;
+use polarimetry::reconstruct::predicted::of_counts;
 use polarimetry::reconstruct::second_moment::Moment;
 use tensor::array::Tensor;
 
@@ -128,17 +128,14 @@ impl<'a> Readings<'a> {
         let clean = matches!(self.noise, Noise::None);
         let mut variances = self.captured.variances.clone();
         if let Noise::Spad(diode) = &self.noise {
-            let first = &mut *out;
-            let readings = &self.captured.intensities;
             let plain = Options {
                 noise: None,
                 prior: prior.copied(),
                 ..Options::default()
             };
-            reconstruct(believed, places, &plain, readings, None, first, None)?;
-            variances = Some(predicted(believed, rays, layout, first, &|radiance, nm| {
-                diode.variance(radiance, nm)
-            }));
+            let readings = &self.captured.intensities;
+            let of = |radiance: f64, nm: f64| diode.variance(radiance, nm);
+            variances = Some(of_counts(believed, rays, layout, &plain, readings, out, &of)?);
         }
         let options = Options {
             noise: self.captured.typical_noise(&self.noise).filter(|s| *s > 0.0),

@@ -15,7 +15,7 @@ mod seen;
 use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
 use crate::error::ApplyError;
 use crate::map::Map;
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use mineral::Mineral;
 use predicted::{MIDDLE, folded, order};
 use rayon::prelude::*;
@@ -25,20 +25,12 @@ use seen::{Probe, Seen};
 #[derive(Clone, Copy, Debug)]
 pub struct Crystals;
 
-const fn metric(name: &'static str, unit: &'static str, more_is_better: bool) -> Metric {
-    Metric {
-        name,
-        unit,
-        more_is_better,
-    }
-}
-
 const METRICS: [Metric; 5] = [
-    metric("retardance, median error", "deg", false),
-    metric("retardance, mean error", "deg", false),
-    metric("coverage", "", true),
-    metric("order told", "", true),
-    metric("errors within two stated ones", "", true),
+    Metric::new("retardance, median error", "deg", false),
+    Metric::new("retardance, mean error", "deg", false),
+    Metric::new("coverage", "", true),
+    Metric::new("order told", "", true),
+    Metric::new("errors within two stated ones", "", true),
 ];
 
 const fn method(name: &'static str, source: &'static str, probe: Probe) -> (Method, Probe) {
@@ -71,7 +63,7 @@ const NEAR_WAVES: f64 = 0.1;
 /// Normal errors that half of all are within, in standard deviations.
 const HALF: f64 = 0.6745;
 
-/// The variant without the slab ([`Truth::Twin`]).
+/// The variant without the slab ([`Truth::Slice`]).
 fn without(variant: u64) -> u64 {
     variant + 1
 }
@@ -105,7 +97,7 @@ impl Application for Crystals {
                 layer("optical length", "optical_length", true),
                 layer("length", "depth", true),
                 layer("normal", "geometric_normal", false),
-                Truth::Twin {
+                Truth::Slice {
                     name: "without",
                     slice: "polarimetric",
                     of: without,
@@ -129,17 +121,7 @@ impl Application for Crystals {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let read = |all: &[Observation]| {
-            all.iter()
-                .map(|o| Seen::new(o, mineral(o.variant)))
-                .collect::<Result<Vec<_>, _>>()
-        };
-        let (train, test) = (read(train)?, read(test)?);
-        if train.is_empty() || test.is_empty() {
-            return Err(ApplyError::Empty(
-                "give variants to learn from and to be judged on".into(),
-            ));
-        }
+        let [train, test] = observation::seen(train, test, |o| Seen::new(o, mineral(o.variant)))?;
         let mut outcome = Outcome::default();
         for (method, probe) in METHODS {
             let floor = floor(&train, probe);
@@ -228,13 +210,7 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
         told.count() as f64 / seen.pixels.len() as f64,
         stated / n,
     ];
-    let score = |(metric, value): (&Metric, f64)| Score {
-        method,
-        metric: metric.name,
-        variant: seen.variant,
-        value,
-    };
-    METRICS.iter().zip(values).map(score).collect()
+    Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
 /// Retardance in degrees, polarizance and diattenuation, a channel a wavelength, and what theory says of the first.

@@ -6,13 +6,12 @@
 use super::family::{NOISE, Ready, determines};
 use crate::error::ApplyError;
 use crate::observation::Observation;
-use nalgebra::DMatrix;
 use polarimetry::capture::design_matrix::DesignMatrix;
-use polarimetry::capture::element::Ray;
 use polarimetry::capture::mueller_image::MuellerImage;
-use polarimetry::capture::simulate::{Captured, Noise};
+use polarimetry::capture::simulate::Noise;
 use polarimetry::reconstruct::pixels::{Options, Reconstruction};
 use polarimetry::reconstruct::second_moment::Moment;
+use polarimetry::trial::least_norm;
 use tensor::axes::AxisKind;
 
 /// Name of the truth slice that is captured.
@@ -108,7 +107,9 @@ impl Bench {
             .capture(&ready.scheme, &Noise::Gaussian { sigma }, seed)
             .map_err(|e| unsolved(e.to_string()))?;
         if ready.prior.is_none() && !determines(&ready.scheme) {
-            return Ok(self.least_norm(ready, &captured));
+            let of = |ray| DesignMatrix::new(&ready.scheme, ray);
+            let designs: Vec<DesignMatrix> = self.image.rays.iter().map(of).collect();
+            return Ok(least_norm(&designs, &captured));
         }
         let options = Options {
             noise: Some(sigma),
@@ -121,22 +122,6 @@ impl Bench {
         let mut out = vec![0.0_f32; self.image.matrices.len()];
         all.apply(&captured.intensities, None, &mut out, None);
         Ok(out.into_iter().map(f64::from).collect())
-    }
-
-    /// The matrices of least norm that explain the captures.
-    fn least_norm(&self, ready: &Ready, captured: &Captured) -> Vec<f64> {
-        let of = |ray: &Ray| DesignMatrix::new(&ready.scheme, ray).minimum_norm();
-        let weights: Vec<DMatrix<f64>> = self.image.rays.iter().map(of).collect();
-        let pixels = captured.layout.pixels();
-        (0..pixels * 16)
-            .map(|i| {
-                let (p, e) = (i / 16, i % 16);
-                let w = &weights[p % weights.len()];
-                (0..w.ncols())
-                    .map(|m| w[(e, m)] * f64::from(captured.intensities[m * pixels + p]))
-                    .sum()
-            })
-            .collect()
     }
 }
 

@@ -11,10 +11,10 @@ mod bench;
 mod errors;
 mod family;
 
-use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::map::Map;
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use bench::{Bench, LIGHT, OBJECT, second_moment};
 use errors::{ALL, Of, rms, share};
 use family::{Family, NOISE, Ready, bound};
@@ -74,40 +74,39 @@ const fn captures(array: bool, learnt: bool, prior: bool) -> Kind {
 
 const METHODS: [(Method, Kind); 9] = [
     (
-        method("L-QRPR-P", "Baek & Heide 2021"),
+        Method::new("L-QRPR-P", "Baek & Heide 2021"),
         captures(true, true, false),
     ),
     (
-        method("L-QRPR-P with a prior", "the same, and what is expected"),
+        Method::new("L-QRPR-P with a prior", "the same, and what is expected"),
         captures(true, true, true),
     ),
     (
-        method("L-QRPR", "Baek & Heide 2021"),
+        Method::new("L-QRPR", "Baek & Heide 2021"),
         captures(false, true, false),
     ),
     (
-        method("L-QRPR with a prior", "the same, and what is expected"),
+        Method::new("L-QRPR with a prior", "the same, and what is expected"),
         captures(false, true, true),
     ),
     (
-        method("DRR-P", "Azzam 1978 with a polarizer array"),
+        Method::new("DRR-P", "Azzam 1978 with a polarizer array"),
         captures(true, false, false),
     ),
     (
-        method("DRR-P with a prior", "the same, and what is expected"),
+        Method::new("DRR-P with a prior", "the same, and what is expected"),
         captures(true, false, true),
     ),
-    (method("DRR", "Azzam 1978"), captures(false, false, false)),
+    (Method::new("DRR", "Azzam 1978"), captures(false, false, false)),
     (
-        method("DRR with a prior", "the same, and what is expected"),
+        Method::new("DRR with a prior", "the same, and what is expected"),
         captures(false, false, true),
     ),
-    (method("A-optimal bound, array", "closed form"), Kind::Bound(true)),
+    (
+        Method::new("A-optimal bound, array", "closed form"),
+        Kind::Bound(true),
+    ),
 ];
-
-const fn method(name: &'static str, source: &'static str) -> Method {
-    Method { name, source }
-}
 
 impl Application for Ellipsometry {
     fn name(&self) -> &'static str {
@@ -128,6 +127,7 @@ impl Application for Ellipsometry {
                 Truth::Slice {
                     name: LIGHT,
                     slice: "polarimetric",
+                    of: itself,
                     samples: 16,
                 },
                 Truth::Object(OBJECT),
@@ -146,13 +146,7 @@ impl Application for Ellipsometry {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let read = |all: &[Observation]| all.iter().map(Bench::new).collect::<Result<Vec<_>, _>>();
-        let (train, test) = (read(train)?, read(test)?);
-        if train.is_empty() || test.is_empty() {
-            return Err(ApplyError::Empty(
-                "give variants to learn from and to be judged on".into(),
-            ));
-        }
+        let [train, test] = observation::seen(train, test, Bench::new)?;
         let moment = second_moment(&train)?;
         let drr = Family {
             array: false,
@@ -180,12 +174,7 @@ impl Application for Ellipsometry {
             for (bench, judged) in test.iter().zip(judged) {
                 outcome
                     .scores
-                    .extend(METRICS.iter().zip(judged.values).map(|(metric, value)| Score {
-                        method: method.name,
-                        metric: metric.name,
-                        variant: bench.variant,
-                        value,
-                    }));
+                    .extend(Score::each(method.name, bench.variant, &METRICS, judged.values));
                 if let Some(found) = judged.found {
                     outcome.pictures.extend(pictures(method.name, bench, &found));
                 }

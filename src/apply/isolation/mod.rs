@@ -21,7 +21,7 @@ use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::isolation::{correlation, decided, error, parted};
 use crate::metrics::roc::area;
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use learnt::Learnt;
 use seen::Seen;
 
@@ -33,17 +33,8 @@ pub(crate) fn run(
     train: &[Observation],
     test: &[Observation],
 ) -> Result<Outcome, ApplyError> {
-    let read = |all: &[Observation]| {
-        all.iter()
-            .map(|o| Seen::new(o, tasks, timed))
-            .collect::<Result<Vec<_>, _>>()
-    };
-    let (train, test) = (read(train)?, read(test)?);
-    let (Some(example), Some(shown)) = (train.first(), test.first()) else {
-        return Err(ApplyError::Empty(
-            "give variants to learn from and to be judged on".into(),
-        ));
-    };
+    let [train, test] = observation::seen(train, test, |o| Seen::new(o, tasks, timed))?;
+    let (example, shown) = (&train[0], &test[0]);
     let mut outcome = Outcome::default();
     for (number, task) in tasks.iter().enumerate() {
         outcome
@@ -60,14 +51,9 @@ pub(crate) fn run(
             let Some(learnt) = learnt else { continue };
             for seen in &test {
                 let values = judge(&learnt, number, seen);
-                for (metric, value) in task.metrics.iter().zip(values) {
-                    outcome.scores.push(Score {
-                        method: name,
-                        metric: metric.name,
-                        variant: seen.variant,
-                        value,
-                    });
-                }
+                outcome
+                    .scores
+                    .extend(Score::each(name, seen.variant, &task.metrics, values));
             }
             let drawn = learnt.image(shown).iter().map(|v| learnt.gain * v).collect();
             outcome.pictures.push(picture(name, task, shown, drawn));

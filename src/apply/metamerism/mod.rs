@@ -14,7 +14,7 @@ use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::roc::{self, Group};
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use classifier::{Classifier, Features};
 use scores::{DegreeOfPolarization, Element22, NormalizedElement22};
 use seen::{Scoring, Seen, group};
@@ -126,13 +126,7 @@ impl Application for Metamerism {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
-        let (train, test) = (read(train)?, read(test)?);
-        if train.is_empty() || test.is_empty() {
-            return Err(ApplyError::Empty(
-                "give variants to learn from and to be judged on".into(),
-            ));
-        }
+        let [train, test] = observation::seen(train, test, Seen::new)?;
         let mut outcome = Outcome::default();
         for Learning { method, learn } in METHODS {
             let scoring = learn(&train)?;

@@ -4,24 +4,18 @@
 //! metal turns the hand of circular light, two turn it back, three turn it again: the sign of (3,3) tells odd from even, and
 //! whether camera and projector see the same room, or one of them a mirrored one, tells epipolar from other light.
 
-use super::methods::{FULL, METHODS, PREVIEW, TRUTH_SAMPLES};
-use crate::application::{Application, Method, Metric, Outcome, Plan, Truth};
-use crate::error::ApplyError;
+use super::Multibounce;
+use crate::application::Truth;
 use crate::isolation::element::{Element, Space};
-use crate::isolation::{self, Task, metrics, metrics_of, seen};
-use crate::observation::Observation;
+use crate::isolation::{Task, metrics, seen};
 use crate::paths::Path;
-
-/// The application.
-#[derive(Clone, Copy, Debug)]
-pub struct Coins;
 
 /// Reflections by metal alone, so many.
 fn metal(p: Path, bounces: u32) -> bool {
     p.all_specular() && p.bounces == bounces
 }
 
-pub(super) const TASKS: [Task; 5] = [
+const TASKS: [Task; 5] = [
     Task {
         name: "one reflection by metal",
         metrics: metrics!("one reflection by metal"),
@@ -66,47 +60,14 @@ pub(super) const TASKS: [Task; 5] = [
     },
 ];
 
-impl Application for Coins {
-    fn name(&self) -> &'static str {
-        "multibounce-coins"
-    }
-
-    fn shows(&self) -> &'static str {
-        "which element isolates which light between coins and a mirror (Fig. 13)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
-            scene: "coins_mirror/variants.toml",
-            train: (0..3).collect(),
-            // 3 to 9 were seen while tasks and numbers were settled.
-            test: (10..17).collect(),
-            slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT],
-            truth: vec![
-                Truth::Slice {
-                    name: seen::PATHS,
-                    slice: seen::PATHS,
-                    samples: TRUTH_SAMPLES,
-                },
-                Truth::Material {
-                    name: "table",
-                    of: &["table"],
-                },
-            ],
-            preview: PREVIEW,
-            full: FULL,
-        }
-    }
-
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.method).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        metrics_of(&TASKS)
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        isolation::run(&TASKS, &METHODS, false, train, test)
-    }
-}
+/// The application.
+pub const COINS: Multibounce = Multibounce {
+    name: "multibounce-coins",
+    shows: "which element isolates which light between coins and a mirror (Fig. 13)",
+    scene: "coins_mirror/variants.toml",
+    maps: &[Truth::Material {
+        name: "table",
+        of: &["table"],
+    }],
+    tasks: &TASKS,
+};

@@ -1,17 +1,13 @@
 //! A disco ball among painted walls (Fig. 13 a to j).
 
-use super::methods::{FULL, METHODS, PREVIEW, TRUTH_SAMPLES};
-use crate::application::{Application, Method, Metric, Outcome, Plan, Truth};
+use super::Multibounce;
+use crate::application::Truth;
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};
-use crate::isolation::{self, Task, metrics, metrics_of, seen};
+use crate::isolation::{Task, metrics, seen};
 use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
-
-/// The application.
-#[derive(Clone, Copy, Debug)]
-pub struct DiscoBall;
 
 /// From a facet to a wall and from there to the camera, or the other way round; by the wall's gloss too.
 fn patch(p: Path) -> bool {
@@ -30,7 +26,7 @@ pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyErr
 }
 
 /// What the captions of Fig. 13 say.
-pub(super) const TASKS: [Task; 6] = [
+const TASKS: [Task; 6] = [
     // c: "isolates the remaining specular reflection on the diffuse planes".
     Task {
         name: "gloss of walls",
@@ -88,56 +84,25 @@ pub(super) const TASKS: [Task; 6] = [
     },
 ];
 
-impl Application for DiscoBall {
-    fn name(&self) -> &'static str {
-        "multibounce"
-    }
-
-    fn shows(&self) -> &'static str {
-        "which element isolates which light between a disco ball and painted walls (Fig. 13)"
-    }
-
-    fn plan(&self) -> Plan {
-        Plan {
-            scene: "disco_ball/variants.toml",
-            train: (0..3).collect(),
-            // 3 to 9 were seen while tasks and numbers were settled.
-            test: (10..17).collect(),
-            slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT],
-            truth: vec![
-                Truth::Slice {
-                    name: seen::PATHS,
-                    slice: seen::PATHS,
-                    samples: TRUTH_SAMPLES,
-                },
-                Truth::Material {
-                    name: "floor",
-                    of: &["floor"],
-                },
-                Truth::Material {
-                    name: "walls",
-                    of: &["floor", "white", "red", "blue"],
-                },
-                Truth::Layer {
-                    name: "position",
-                    layer: "position",
-                    through: false,
-                },
-            ],
-            preview: PREVIEW,
-            full: FULL,
-        }
-    }
-
-    fn methods(&self) -> Vec<Method> {
-        METHODS.iter().map(|m| m.method).collect()
-    }
-
-    fn metrics(&self) -> Vec<Metric> {
-        metrics_of(&TASKS)
-    }
-
-    fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        isolation::run(&TASKS, &METHODS, false, train, test)
-    }
-}
+/// The application.
+pub const DISCO_BALL: Multibounce = Multibounce {
+    name: "multibounce",
+    shows: "which element isolates which light between a disco ball and painted walls (Fig. 13)",
+    scene: "disco_ball/variants.toml",
+    maps: &[
+        Truth::Material {
+            name: "floor",
+            of: &["floor"],
+        },
+        Truth::Material {
+            name: "walls",
+            of: &["floor", "white", "red", "blue"],
+        },
+        Truth::Layer {
+            name: "position",
+            layer: "position",
+            through: false,
+        },
+    ],
+    tasks: &TASKS,
+};

@@ -1,6 +1,5 @@
-//! Methods and sizes that both scenes share.
+//! Methods that both scenes share.
 
-use crate::application::Size;
 use crate::isolation::{Family, Isolation};
 
 const fn any(space: bool, time: bool, polarization: bool) -> Family {
@@ -46,13 +45,3 @@ pub(super) const METHODS: [Isolation; 8] = [
     ),
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
-
-/// For a first look.
-pub(super) const PREVIEW: Size = Size { pixels: 64, spp: 32 };
-/// For numbers.
-pub(super) const FULL: Size = Size {
-    pixels: 128,
-    spp: 128,
-};
-/// Samples of the truth, as a multiple of those of the rest.
-pub(super) const TRUTH_SAMPLES: u32 = 16;

@@ -1,10 +1,8 @@
 //! Rooms in which each light answers to the element that the paper names for it, and rooms in which it does not.
 
 use super::*;
-use crate::application::{Application, Outcome};
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::map::Map;
-use crate::observation::Observation;
 
 /// The named regions are all of the image, the upper half of which is on one diagonal and the lower on the other.
 fn room(application: &dyn Application, kinds: &[Kind]) -> Vec<Observation> {
@@ -64,7 +62,7 @@ fn hands_tell_odd_from_even() {
             ..Kind::new(10, 2)
         },
     ];
-    let outcome = run(&Coins, &coins);
+    let outcome = run(&COINS, &coins);
     assert!(area(&outcome, NAMED, "two reflections by metal") > 0.95);
     assert!(area(&outcome, NAMED, "mirror to table") > 0.95);
     // One and three reflections have the same hand: the element cannot tell them apart, time can.
@@ -98,7 +96,7 @@ fn signs_that_are_not_the_papers_are_told() {
     };
     let signs: [(&'static [(usize, f64)], bool); 2] = [(&[(2, 0.4)], true), (&[(2, -0.4)], false)];
     for (sign, right) in signs {
-        let outcome = run(&DiscoBall, &ball(sign));
+        let outcome = run(&DISCO_BALL, &ball(sign));
         let [left, other] = TURNS.map(|t| area(&outcome, NAMED, t));
         let (good, bad) = if right { (left, other) } else { (other, left) };
         // A fifth of the negatives are patches of the other diagonal, which have the same sign here: they are told by chance.
@@ -125,7 +123,7 @@ fn signs_that_are_not_the_papers_are_told() {
 
 #[test]
 fn plans_name_what_tasks_need() {
-    for application in [&DiscoBall as &dyn Application, &Coins] {
+    for application in [&DISCO_BALL as &dyn Application, &COINS] {
         let all = room(application, &[Kind::new(8, 1), Kind::new(4, 1)]);
         assert!(application.run(&all[..1], &all[1..]).is_ok());
         let mut bare = all.clone();
@@ -137,7 +135,7 @@ fn plans_name_what_tasks_need() {
 #[test]
 fn diagonals_are_of_the_ball() {
     let [up_right, other] = [1.0, -1.0].map(|side| {
-        let mut all = room(&DiscoBall, &[Kind::new(8, 1)]);
+        let mut all = room(&DISCO_BALL, &[Kind::new(8, 1)]);
         all[0]
             .values
             .extend([("ball_x".into(), 0.5), ("ball_y".into(), 2.0)]);

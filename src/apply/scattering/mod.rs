@@ -21,7 +21,7 @@ use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use crate::regression::moments::Linear;
 use linear::Descattering;
 use rayon::prelude::*;
@@ -96,8 +96,8 @@ impl Application for Scattering {
             test: of(&[1, 3], &[1, 3, 5]),
             slices: vec!["polarimetric", "epipolar", "gated", "transient"],
             truth: vec![
-                Truth::Reference {
-                    name: "clear",
+                Truth::Slice {
+                    name: seen::CLEAR,
                     slice: "polarimetric",
                     of: |variant| variant - variant % CONCENTRATIONS,
                     samples: 4,
@@ -126,8 +126,7 @@ impl Application for Scattering {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
-        let (train, test) = (read(train)?, read(test)?);
+        let [train, test] = observation::seen(train, test, Seen::new)?;
         let wavelengths = seen::wavelengths(&train, &test)?;
         let mut outcome = Outcome::default();
         for method in descatterings() {
@@ -177,7 +176,7 @@ impl Application for Scattering {
 
     fn task(&self, train: &[Observation]) -> Result<Option<Task>, ApplyError> {
         let train = train.iter().map(Seen::new).collect::<Result<Vec<_>, _>>()?;
-        let wavelengths = seen::wavelengths(&train, &train)?;
+        let wavelengths = seen::wavelengths(&train, &[])?;
         let ours = weights::Weights(weights::Solver::Lbfgs);
         let functional = |lane| -> Result<[f64; 16], ApplyError> {
             let fit = ours.learn(&train, lane)?;
@@ -235,14 +234,7 @@ fn scores(method: &'static str, map: &Map, seen: &Seen) -> Vec<Score> {
         psnr(map, truth, &seen.mask, seen.peak),
         ssim(map, truth, &seen.mask, seen.peak),
     ];
-    let all = METRICS.iter().zip(values.into_iter().chain(kept));
-    all.map(|(metric, value)| Score {
-        method,
-        metric: metric.name,
-        variant: seen.variant,
-        value,
-    })
-    .collect()
+    Score::each(method, seen.variant, &METRICS, values.into_iter().chain(kept)).collect()
 }
 
 #[cfg(test)]

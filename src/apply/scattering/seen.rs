@@ -4,6 +4,9 @@ use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::{Observation, Pixels};
 
+/// Name of the truth slice: the same things in clear water.
+pub(super) const CLEAR: &str = "clear";
+
 /// Slices of a variant, and the truth.
 pub(super) struct Seen {
     pub variant: u64,
@@ -45,7 +48,7 @@ impl Seen {
             epipolar: o.pixels("epipolar", true)?,
             gated: o.pixels("gated", true)?,
             transient: o.pixels("transient", false)?,
-            truth: o.truth("clear")?.clone(),
+            truth: o.pixels(CLEAR, true)?.weighed(&[1.0]),
             peak: 0.0,
             mask: whole("inside")?,
             ruler: whole("ruler")?,
@@ -87,10 +90,8 @@ impl Seen {
 
 /// How many wavelengths, and that all variants have as many, and as many bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
-    let (Some(first), Some(_)) = (train.first(), test.first()) else {
-        return Err(ApplyError::Empty(
-            "give variants to learn from and to be judged on".into(),
-        ));
+    let Some(first) = train.first() else {
+        return Err(ApplyError::Empty("give variants to learn from".into()));
     };
     let shape = |s: &Seen| [s.polarimetric.wavelengths, s.gated.bins, s.transient.bins];
     match train.iter().chain(test).find(|s| shape(s) != shape(first)) {

@@ -85,6 +85,12 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
                 ("epipolar", one(false)),
                 ("gated", binned(false)),
                 ("transient", transient),
+                (
+                    seen::CLEAR,
+                    slice([SIZE[0], SIZE[1], 1, 3], 0.0, |p, _, e, k| {
+                        if e == 0 { things[3 * p + k] } else { 0.0 }
+                    }),
+                ),
             ] {
                 o.slices.insert(name.into(), slice);
             }
@@ -95,7 +101,6 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
                     }
                 })
             };
-            o.truth.insert("clear".into(), map(3, &|p, k| things[3 * p + k]));
             o.truth.insert("inside".into(), map(1, &|_, _| 1.0));
             o.truth.insert("ruler".into(), map(1, &|_, _| 0.0));
             o.truth.insert("texture".into(), map(2, &|_, _| 0.5));

@@ -11,27 +11,19 @@ use super::seen::Seen;
 use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
 use crate::error::ApplyError;
 use crate::map::Map;
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use rayon::prelude::*;
 
 /// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct ShapeScan;
 
-const fn metric(name: &'static str, unit: &'static str, more_is_better: bool) -> Metric {
-    Metric {
-        name,
-        unit,
-        more_is_better,
-    }
-}
-
 pub(super) const METRICS: [Metric; 5] = [
-    metric("normals, mean error", "deg", false),
-    metric("normals, median error", "deg", false),
-    metric("depth, mean error", "mm", false),
-    metric("depth, median error", "mm", false),
-    metric("coverage", "", true),
+    Metric::new("normals, mean error", "deg", false),
+    Metric::new("normals, median error", "deg", false),
+    Metric::new("depth, mean error", "mm", false),
+    Metric::new("depth, median error", "mm", false),
+    Metric::new("coverage", "", true),
 ];
 
 const fn route(name: &'static str, source: &'static str, method: Way, sprayed: bool) -> (Method, Route) {
@@ -96,7 +88,7 @@ pub(super) const METHODS: [(Method, Route); 9] = [
     ),
 ];
 
-/// The number of a variant's twin ([`Truth::Twin`]).
+/// The number of a variant's twin ([`Truth::Slice`]).
 fn sprayed(variant: u64) -> u64 {
     variant + 1
 }
@@ -136,7 +128,7 @@ impl Application for ShapeScan {
                 },
                 layer("position", "position"),
                 layer("normal", "geometric_normal"),
-                Truth::Twin {
+                Truth::Slice {
                     name: "sprayed columns",
                     slice: "columns",
                     of: sprayed,
@@ -160,13 +152,7 @@ impl Application for ShapeScan {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
-        let (train, test) = (read(train)?, read(test)?);
-        if train.is_empty() || test.is_empty() {
-            return Err(ApplyError::Empty(
-                "give variants to learn from and to be judged on".into(),
-            ));
-        }
+        let [train, test] = observation::seen(train, test, Seen::new)?;
         let mut outcome = Outcome::default();
         for (method, route) in METHODS {
             let failed = unsolved(method.name);
@@ -200,16 +186,7 @@ fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
         known(z, 1e3 * z.median),
         n.coverage,
     ];
-    METRICS
-        .iter()
-        .zip(values)
-        .map(|(metric, value)| Score {
-            method,
-            metric: metric.name,
-            variant: seen.variant,
-            value,
-        })
-        .collect()
+    Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
 /// Normals as colours: ½(1 + n), x to the right red, y up green, z toward the camera blue.

@@ -115,12 +115,12 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::angle::angle_deg;
     use crate::shape::synthetic::{Shape, normal, rig};
     use optics::sampling::stream::Stream;
 
     fn angle(a: &[f64], b: &[f64]) -> f64 {
-        let [a, b] = [a, b].map(Vector3::from_column_slice);
-        a.cross(&b).norm().atan2(a.dot(&b))
+        angle_deg(a, b).to_radians()
     }
 
     #[test]

@@ -9,7 +9,7 @@ const FEW: usize = 5;
 
 /// Area under the curve over all lit places.
 pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
-    let [positive, negative] = groups(scoring, seen, target, |_| true);
+    let [positive, negative] = scoring.groups([seen], target, |_| true);
     roc::area(&positive, &negative)
 }
 
@@ -17,20 +17,11 @@ pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
 pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let bins = seen.pixels.bins;
     let areas: Vec<f64> = (0..bins)
-        .map(|bin| groups(scoring, seen, target, |place| place % bins == bin))
+        .map(|bin| scoring.groups([seen], target, |place| place % bins == bin))
         .filter(|[positive, negative]| positive.len() >= FEW && negative.len() >= FEW)
         .map(|[positive, negative]| roc::area(&positive, &negative))
         .collect();
     areas.iter().sum::<f64>() / areas.len() as f64
-}
-
-fn groups(scoring: &Scoring, seen: &Seen, target: Target, of: impl Fn(usize) -> bool) -> [Vec<f64>; 2] {
-    let mut out = [vec![], vec![]];
-    for place in seen.lit.iter().filter(|p| of(**p)) {
-        let other = usize::from(!seen.is(target, *place));
-        out[other].push(scoring.score(seen, target, *place));
-    }
-    out
 }
 
 /// F1 at the learnt threshold; NaN of a variant without such light.

@@ -12,10 +12,10 @@ mod judge;
 mod score;
 mod seen;
 
-use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth};
+use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Score, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::map::Map;
-use crate::observation::Observation;
+use crate::observation::{self, Observation};
 use judge::{area, area_by_bin, correlation, correlation_in_total, f1};
 use score::{Measure, Scoring};
 use seen::{LABELLED, Seen, TARGETS, TRANSIENT, Target};
@@ -66,38 +66,37 @@ const fn metric(name: &'static str, judge: Judge, target: Target) -> (Metric, Ju
 }
 
 const METHODS: [(Method, Measure); 6] = [
-    (method("(3,3) of the bin", "Baek & Heide 2021"), Measure::Circular),
     (
-        method("(3,3)/(0,0) of the bin", "the same over intensity"),
+        Method::new("(3,3) of the bin", "Baek & Heide 2021"),
+        Measure::Circular,
+    ),
+    (
+        Method::new("(3,3)/(0,0) of the bin", "the same over intensity"),
         Measure::CircularShare,
     ),
     (
-        method(
+        Method::new(
             "circular pair, time-gated",
             "two captures, as Treibitz & Schechner 2009",
         ),
         Measure::CircularPair,
     ),
     (
-        method(
+        Method::new(
             "parallel less crossed, time-gated",
             "two captures through linear polarizers",
         ),
         Measure::LinearPair,
     ),
     (
-        method("transient intensity", "Velten et al. 2013"),
+        Method::new("transient intensity", "Velten et al. 2013"),
         Measure::Intensity,
     ),
     (
-        method("(3,3) summed over time", "without time"),
+        Method::new("(3,3) summed over time", "without time"),
         Measure::Integrated,
     ),
 ];
-
-const fn method(name: &'static str, source: &'static str) -> Method {
-    Method { name, source }
-}
 
 impl Application for Transient {
     fn name(&self) -> &'static str {
@@ -117,6 +116,7 @@ impl Application for Transient {
             truth: vec![Truth::Slice {
                 name: LABELLED,
                 slice: LABELLED,
+                of: itself,
                 samples: 4,
             }],
             preview: Size { pixels: 40, spp: 32 },
@@ -133,25 +133,16 @@ impl Application for Transient {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let read = |all: &[Observation]| all.iter().map(Seen::new).collect::<Result<Vec<_>, _>>();
-        let (train, test) = (read(train)?, read(test)?);
-        if train.is_empty() || test.is_empty() {
-            return Err(ApplyError::Empty(
-                "give variants to learn from and to be judged on".into(),
-            ));
-        }
+        let [train, test] = observation::seen(train, test, Seen::new)?;
         let mut outcome = Outcome::default();
         for (method, measure) in METHODS {
             let scoring = Scoring::learn(measure, &train);
             for seen in &test {
-                for (metric, judge, target) in METRICS {
-                    outcome.scores.push(Score {
-                        method: method.name,
-                        metric: metric.name,
-                        variant: seen.variant,
-                        value: judge(&scoring, seen, target),
-                    });
-                }
+                let values = METRICS.map(|(_, judge, target)| judge(&scoring, seen, target));
+                let metrics = METRICS.iter().map(|(metric, ..)| metric);
+                outcome
+                    .scores
+                    .extend(Score::each(method.name, seen.variant, metrics, values));
                 outcome.pictures.extend(TARGETS.map(|target| {
                     picture(
                         method.name,

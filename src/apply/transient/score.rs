@@ -66,14 +66,14 @@ impl Scoring {
         };
         for (i, target) in TARGETS.into_iter().enumerate() {
             out.sign[i] = measure.sign(target).unwrap_or_else(|| {
-                let [positive, negative] = out.groups(train, target);
+                let [positive, negative] = out.groups(train, target, |_| true);
                 if area(&positive, &negative) < 0.5 {
                     -1.0
                 } else {
                     1.0
                 }
             });
-            let [positive, negative] = out.groups(train, target);
+            let [positive, negative] = out.groups(train, target, |_| true);
             out.threshold[i] = best_threshold(&positive, &negative);
         }
         out
@@ -87,11 +87,16 @@ impl Scoring {
         self.threshold[usize::from(target == Target::Keeping)]
     }
 
-    /// Scores of lit places that are of the target, and of those that are not.
-    fn groups(&self, all: &[Seen], target: Target) -> [Vec<f64>; 2] {
+    /// Scores of lit places that are of the target, and of those that are not, among those that `counts`.
+    pub(super) fn groups<'a>(
+        &self,
+        all: impl IntoIterator<Item = &'a Seen>,
+        target: Target,
+        counts: impl Fn(usize) -> bool,
+    ) -> [Vec<f64>; 2] {
         let mut out = [vec![], vec![]];
         for seen in all {
-            for place in &seen.lit {
+            for place in seen.lit.iter().filter(|p| counts(**p)) {
                 let other = usize::from(!seen.is(target, *place));
                 out[other].push(self.score(seen, target, *place));
             }

@@ -2,16 +2,13 @@
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
+use crate::paths::Labelled;
 use tensor::axes::AxisKind;
 
 /// Name of the slice that methods see.
 pub(super) const TRANSIENT: &str = "transient";
 /// Name of the truth slice.
 pub(super) const LABELLED: &str = "labelled";
-
-/// Bits of labels (docs/slices-and-stores.md): light that met nothing but smooth surfaces and facets is specular.
-const MEDIUM: u32 = 1;
-const DIFFUSE: u32 = 8;
 
 /// A place counts as lit where a hundredth of a pixel's mean light arrives in a bin: less is the noise of the labels.
 const LEAST: f64 = 0.01;
@@ -42,24 +39,11 @@ pub(super) struct Seen {
 impl Seen {
     pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let pixels = o.pixels(TRANSIENT, true)?;
-        let t = &o.slice(LABELLED)?.mean;
-        let axis = |axis| ApplyError::Axis {
-            variant: o.variant,
-            slice: LABELLED.to_owned(),
-            axis,
-        };
-        let at = |kind, what| t.find(kind).ok_or_else(|| axis(what));
-        let (y, x) = (
-            at(AxisKind::Y, "rows of the camera")?,
-            at(AxisKind::X, "columns of the camera")?,
-        );
-        let (bounces, label) = (at(AxisKind::Bounces, "bounces")?, at(AxisKind::Label, "labels")?);
-        let bin = t.find(AxisKind::T);
-        if t.extent(AxisKind::StokesOut) * t.extent(AxisKind::StokesIn) != 1 {
-            return Err(axis("intensity alone"));
-        }
-        let sizes = [AxisKind::X, AxisKind::Y, AxisKind::T, AxisKind::Wavelength].map(|kind| t.extent(kind));
-        if sizes != [pixels.width, pixels.height, pixels.bins, pixels.wavelengths] {
+        let labels = Labelled::of(o, LABELLED)?;
+        let sizes = [AxisKind::X, AxisKind::Y, AxisKind::T, AxisKind::Wavelength];
+        if sizes.map(|kind| labels.tensor.extent(kind))
+            != [pixels.width, pixels.height, pixels.bins, pixels.wavelengths]
+        {
             return Err(ApplyError::Sizes {
                 variant: o.variant,
                 what: format!("slices `{TRANSIENT}` and `{LABELLED}`"),
@@ -68,24 +52,13 @@ impl Seen {
         let places = pixels.count() * pixels.bins;
         let mut labelled = [vec![0.0; places], vec![0.0; places]];
         let mut all = vec![0.0; places];
-        let shape = t.shape();
-        let mut index = vec![0; shape.len()];
-        for value in &t.data {
-            let place = (index[y] * pixels.width + index[x]) * pixels.bins + bin.map_or(0, |a| index[a]);
-            all[place] += f64::from(*value);
-            let bits = t.axes[label].coords[index[label]] as u32;
-            let count = t.axes[bounces].coords[index[bounces]] as u32;
-            if bits != 0 && bits & (MEDIUM | DIFFUSE) == 0 {
-                labelled[usize::from(count.is_multiple_of(2))][place] += f64::from(*value);
+        labels.walk(|pixel, bin, kind, value| {
+            let (place, path) = (pixel * pixels.bins + bin, labels.kinds[kind]);
+            all[place] += value;
+            if path.all_specular() {
+                labelled[usize::from(path.bounces.is_multiple_of(2))][place] += value;
             }
-            for a in (0..shape.len()).rev() {
-                index[a] += 1;
-                if index[a] < shape[a] {
-                    break;
-                }
-                index[a] = 0;
-            }
-        }
+        });
         let mean = all.iter().sum::<f64>() / pixels.count().max(1) as f64;
         let lit = (0..places)
             .filter(|p| all[*p] > 0.0 && all[*p] >= LEAST * mean)

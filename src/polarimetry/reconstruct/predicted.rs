@@ -1,6 +1,8 @@
 //! What a first estimate says of the noise of counts, so that a second can weigh them.
 
-use crate::capture::design_matrix::DesignMatrix;
+use super::along_rays::{Places, reconstruct};
+use super::pixels::Options;
+use crate::capture::design_matrix::{DesignMatrix, RankError};
 use crate::capture::element::Ray;
 use crate::capture::scheme::Scheme;
 use crate::capture::simulate::Layout;
@@ -8,6 +10,34 @@ use rayon::prelude::*;
 
 /// Bins on each side of one that count with it.
 const NEAR: usize = 4;
+
+/// Variances of counts: those that a first estimate without weights predicts, because a bin without counts says nothing of its own.
+///
+/// The estimate, 16 elements a pixel in the order of `layout`, is left in `matrices`; `rays` are one for each wavelength, or for each
+/// place and wavelength; `variance` is that of a reading of some radiance at a wavelength in nanometres; the rest as of [`reconstruct`].
+///
+/// # Errors
+/// If the captures do not determine a Mueller matrix and there is no prior.
+///
+/// # Panics
+/// If lengths do not agree.
+pub fn of_counts(
+    scheme: &Scheme,
+    rays: &[Ray],
+    layout: Layout,
+    options: &Options,
+    counts: &[f32],
+    matrices: &mut [f32],
+    variance: &(dyn Fn(f64, f64) -> f64 + Sync),
+) -> Result<Vec<f32>, RankError> {
+    let places = Places {
+        rays,
+        times: layout.times,
+        lanes: layout.lanes,
+    };
+    reconstruct(scheme, places, options, counts, None, matrices, None)?;
+    Ok(predicted(scheme, rays, layout, matrices, variance))
+}
 
 /// Variances that matrices predict, measurement by measurement, each for all pixels: of the mean of each measurement over a
 /// pixel's neighbours in time, since a bin's own estimate is as noisy as what it is to weigh.
@@ -18,7 +48,7 @@ const NEAR: usize = 4;
 /// # Panics
 /// If there are fewer rays or matrices.
 #[must_use]
-pub fn predicted(
+fn predicted(
     scheme: &Scheme,
     rays: &[Ray],
     layout: Layout,

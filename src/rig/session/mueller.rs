@@ -7,7 +7,7 @@ use polarimetry::capture::directions::Directions;
 use polarimetry::capture::simulate::Layout;
 use polarimetry::reconstruct::along_rays::{Places, reconstruct};
 use polarimetry::reconstruct::pixels::{Options, Tally};
-use polarimetry::reconstruct::predicted::predicted;
+use polarimetry::reconstruct::predicted::of_counts;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use store::probe::ProbeError;
@@ -82,12 +82,10 @@ impl Run {
         };
         let failed = |e: polarimetry::capture::design_matrix::RankError| ImageError(e.to_string());
         if let Some(spad) = self.diode()? {
-            let plain = Options::default();
-            let first = &mut image.mean;
-            reconstruct(&self.scheme, places, &plain, &values, None, first, None).map_err(failed)?;
-            variances = predicted(&self.scheme, &rays, layout, first, &|radiance, nm| {
-                spad.variance(radiance, nm)
-            });
+            let (plain, first) = (Options::default(), &mut image.mean);
+            let of = |radiance: f64, nm: f64| spad.variance(radiance, nm);
+            variances =
+                of_counts(&self.scheme, &rays, layout, &plain, &values, first, &of).map_err(failed)?;
         }
         image.tally = reconstruct(
             &self.scheme,
