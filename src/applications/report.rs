@@ -74,6 +74,9 @@ pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -
     application.metrics().into_iter().flat_map(of).collect()
 }
 
+/// A chart: its file's name, its title, and its points with the names of their curves.
+type Curves = (String, String, Vec<(String, Point)>);
+
 /// The table and the charts of a sweep, or of few captures.
 fn curve(
     application: &dyn Application,
@@ -104,7 +107,7 @@ fn curve(
     let path = folder.join(format!("{name}.csv"));
     std::fs::write(&path, curves::csv(metric, label, &points))
         .map_err(|cause| ReportError::Write { path, cause })?;
-    let mut charts: Vec<(String, String, Vec<(String, Point)>)> = vec![];
+    let mut charts: Vec<Curves> = vec![];
     if let Links::Few(..) = links {
         // Lines across, so that few captures fill the chart however many all of them are.
         let few = points.iter().filter(|p| p.series != WHOLE).map(|p| p.value);
