@@ -252,7 +252,9 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     match e {
         RenderError::Sink(
             SinkError::Create(CreateError::Exists { .. } | CreateError::NotAStore { .. })
-            | SinkError::Open(OpenError::NotAStore { .. } | OpenError::Missing { .. } | OpenError::Damaged { .. })
+            | SinkError::Open(
+                OpenError::NotAStore { .. } | OpenError::Missing { .. } | OpenError::Damaged { .. },
+            )
             | SinkError::Mismatch { .. }
             | SinkError::Denoised(_),
         ) => StudioError::Kept {

@@ -123,7 +123,10 @@ impl Part {
         };
         let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
         if values.len() > MOST_VALUES {
-            return Err(format!("{} values of `{name}`; give at most {MOST_VALUES}", values.len()));
+            return Err(format!(
+                "{} values of `{name}`; give at most {MOST_VALUES}",
+                values.len()
+            ));
         }
         if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
             return Err(format!("`{name}` is {v} twice; give each value once"));

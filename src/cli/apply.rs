@@ -81,7 +81,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ))
     })?;
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
-        return Err(Failure::input(format!("--seeds is {}; give 1 to {MOST_SEEDS}", a.seeds)));
+        return Err(Failure::input(format!(
+            "--seeds is {}; give 1 to {MOST_SEEDS}",
+            a.seeds
+        )));
     }
     if a.capture.is_some() && application.plan().slices.is_empty() {
         return Err(Failure::input(format!(
@@ -136,7 +139,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let file = settings.scenes.join(scene);
     let of_scene = file.parent().map(Path::to_owned);
-    let inputs = [Some(&settings.scenes), of_scene.as_ref(), Some(&file), a.capture.as_ref()];
+    let inputs = [
+        Some(&settings.scenes),
+        of_scene.as_ref(),
+        Some(&file),
+        a.capture.as_ref(),
+    ];
     places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
     places::outside_stores([&folder, &settings.renders])?;
     std::fs::create_dir_all(&settings.renders).map_err(|e| {

@@ -100,7 +100,8 @@ fn element(text: &str) -> Result<Element, String> {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.of_files.is_meant(a.store.as_deref()) {
-        let of_view = a.slice.is_some() || a.wavelength.is_some() || a.limit.is_some() || a.raw || !a.pixel.is_empty();
+        let of_view =
+            a.slice.is_some() || a.wavelength.is_some() || a.limit.is_some() || a.raw || !a.pixel.is_empty();
         let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
         if a.view.is_some() || a.partial || of_view || moved {
             return Err(Failure::input(

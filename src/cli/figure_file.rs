@@ -118,10 +118,12 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
         Failure::failed(format!("cannot make {shown}: {e}; name another by --renders"))
     })?;
     for (source, path) in sources.iter().zip(&outputs) {
-        let made = prepare(source, &settings, &progress)?.draw().map_err(|e| match e {
-            FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
-            e => e.into(),
-        })?;
+        let made = prepare(source, &settings, &progress)?
+            .draw()
+            .map_err(|e| match e {
+                FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
+                e => e.into(),
+            })?;
         save(&made.drawing, path)?;
         super::output::print(&format!(
             "{} ({} renders made now)",

@@ -106,7 +106,10 @@ impl Source {
         if file.column_headings.len() > columns {
             return Err(self.error(
                 &file.columns,
-                format!("{} column_headings of {columns} columns", file.column_headings.len()),
+                format!(
+                    "{} column_headings of {columns} columns",
+                    file.column_headings.len()
+                ),
                 "give at most one a column",
             ));
         }

@@ -253,7 +253,10 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
                 "{} mm at this depth are {share:.3e} of the picture's width",
                 bar.length_mm
             ),
-            format!("give a {} length_mm", if share > 0.9 { "shorter" } else { "longer" }),
+            format!(
+                "give a {} length_mm",
+                if share > 0.9 { "shorter" } else { "longer" }
+            ),
         ));
     }
     let label = if bar.length_mm >= 1000.0 {

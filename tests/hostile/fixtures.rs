@@ -84,7 +84,10 @@ impl Fixtures {
             "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n",
         );
         put("vary.toml", &format!("{SMALL}{VARY}"));
-        put("chain.toml", "seed = 1\nscheme = { kind = \"drr\", captures = 36 }\n");
+        put(
+            "chain.toml",
+            "seed = 1\nscheme = { kind = \"drr\", captures = 36 }\n",
+        );
         put(
             "figure.toml",
             &FIGURE.replace("SCENE", &at.join("scene.toml").to_string_lossy()),

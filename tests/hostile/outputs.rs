@@ -178,12 +178,18 @@ pub fn cases() -> Vec<Case> {
         own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")),
     );
     cases.push(
-        own("a store", "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png")
-            .put("s.zarr", Put::Copy("s.zarr")),
+        own(
+            "a store",
+            "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png",
+        )
+        .put("s.zarr", Put::Copy("s.zarr")),
     );
     cases.push(
-        own("its scenes", "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png")
-            .put("scenes", Put::Folder),
+        own(
+            "its scenes",
+            "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png",
+        )
+        .put("scenes", Put::Folder),
     );
     // All of it is told before the first render.
     let apply = "apply metamerism --preview --seeds 1 --scenes scenes";

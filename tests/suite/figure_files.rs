@@ -257,7 +257,10 @@ fn renders_are_shared_and_damage_is_told() {
     let told = |what: &str| {
         let said = stderr(&run(at, &[&fixed[..], &["d.svg"]].concat(), 2));
         let name = render.file_name().expect("a name").to_str().expect("UTF-8");
-        assert!(said.contains("or delete") && said.contains(name), "{what}: {said}");
+        assert!(
+            said.contains("or delete") && said.contains(name),
+            "{what}: {said}"
+        );
         assert!(!at.join("d.svg").exists(), "{what}");
     };
     std::fs::write(render.join("zarr.json"), "{").expect("damage");
@@ -272,5 +275,8 @@ fn renders_are_shared_and_damage_is_told() {
     told("a file");
     std::fs::remove_file(&render).expect("as told");
     run(at, &[&fixed[..], &["d.svg"]].concat(), 0);
-    assert!(std::fs::read(at.join("d.svg")).expect("a picture") == std::fs::read(at.join("a.svg")).expect("a picture"));
+    assert!(
+        std::fs::read(at.join("d.svg")).expect("a picture")
+            == std::fs::read(at.join("a.svg")).expect("a picture")
+    );
 }

@@ -194,7 +194,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     // Few captures with a prior are chosen by the command itself; a chain stands without one.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
         let mend = format!("give at least {} captures of different settings", e.least);
-        let message = format!("{} captures of rank {} do not determine a Mueller matrix", e.captures, e.rank);
+        let message = format!(
+            "{} captures of rank {} do not determine a Mueller matrix",
+            e.captures, e.rank
+        );
         return Err(fault(file.scheme.span(), message, &mend));
     }
     let optics = match file.optics.as_deref() {
