@@ -27,6 +27,9 @@ use transport::render::schedule::Watch;
 
 use crate::studio::{Studio, StudioError, TRUTH_SEED};
 
+/// Most seeds of a run.
+pub const MOST_SEEDS: u64 = 1000;
+
 /// Where to and how to run.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -48,9 +51,9 @@ pub enum ApplicationError {
     /// The scene file is wrong, or a render of it stopped.
     #[error(transparent)]
     Studio(#[from] StudioError),
-    /// There is nothing to average over.
-    #[error("no seeds: give 1 or more")]
-    NoSeeds,
+    /// There is nothing to average over, or more than anybody renders.
+    #[error("{0} seeds: give 1 to {MOST_SEEDS}")]
+    Seeds(u64),
     /// A render cannot be read back.
     #[error(transparent)]
     Open(#[from] OpenError),
@@ -93,8 +96,8 @@ pub fn run(
     settings: &Settings,
     watch: &dyn Watch,
 ) -> Result<Report, ApplicationError> {
-    if settings.seeds == 0 {
-        return Err(ApplicationError::NoSeeds);
+    if !(1..=MOST_SEEDS).contains(&settings.seeds) {
+        return Err(ApplicationError::Seeds(settings.seeds));
     }
     let plan = application.plan();
     let size = if settings.preview { plan.preview } else { plan.full };
@@ -113,7 +116,7 @@ pub fn run(
         };
         let (train, test) = (all(&plan.train)?, all(&plan.test)?);
         let outcome = application.run(&train, &test)?;
-        links::capture(application, &settings.links, &train, &test, &mut through)?;
+        links::capture(application, &settings.links, &train, &test, watch, &mut through)?;
         scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
         runs.push(outcome.scores.clone());
         first.get_or_insert(outcome);

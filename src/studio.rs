@@ -11,8 +11,9 @@ use scene::syntax::slice::CameraSelectFile;
 use scene::syntax::variant::{self, Variant};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 use store::sink::{SinkError, Target};
-use store::zarr::{OpenError, TensorStore};
+use store::zarr::{CreateError, OpenError, TensorStore};
 use transport::render::schedule::{RenderError, Watch};
 use transport::scene::Scene;
 
@@ -23,6 +24,12 @@ pub const TRUTH_SEED: u64 = 1 << 32;
 
 /// Groups of samples that standard errors are estimated from, at least.
 const REPLICATES: u32 = 8;
+
+/// How long another process that works at a render is waited for, which may but look whether it is finished.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Between two looks.
+const PAUSE: Duration = Duration::from_millis(50);
 
 /// Why there is no render.
 #[derive(Debug, thiserror::Error)]
@@ -49,6 +56,14 @@ pub enum StudioError {
     /// A render cannot be read back.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// What is kept under a render's name is not that render.
+    #[error("{cause}; or delete {path}, and the same command renders it")]
+    Kept {
+        /// Where the render is to be.
+        path: PathBuf,
+        /// What is wrong with it.
+        cause: Box<dyn std::error::Error + Send + Sync>,
+    },
 }
 
 /// Renders of one scene file.
@@ -128,17 +143,26 @@ impl<'a> Studio<'a> {
         scene.settings.spp = size.spp.max(1);
         scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
         let path = self.renders.join(file_name(&scene, number, seed));
-        let target = Target {
-            resume: path.exists(),
-            path,
-            replace: false,
+        let begun = Instant::now();
+        let summary = loop {
+            let target = Target {
+                resume: path.exists(),
+                path: path.clone(),
+                replace: false,
+            };
+            match Render::new(&scene).watch(self.watch).to_target(&target) {
+                Err(e) if is_locked(&e) && begun.elapsed() < PATIENCE => std::thread::sleep(PAUSE),
+                made => break made.map_err(|e| kept(&path, e))?,
+            }
+            if self.watch.interrupted() {
+                return Err(StudioError::Interrupted);
+            }
         };
-        let summary = Render::new(&scene).watch(self.watch).to_target(&target)?;
         if !summary.complete {
             return Err(StudioError::Interrupted);
         }
         self.rendered += usize::from(summary.samples > 0);
-        Ok(TensorStore::open(&target.path)?)
+        Ok(TensorStore::open(&path)?)
     }
 
     /// A file with these slices alone, its camera's longer side so many pixels; rows, columns and blocks of slices stay where they
@@ -211,6 +235,33 @@ fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectF
             CameraSelectFile::Block([at(*x, 0), at(*y, 1), length(*w, 0), length(*h, 1)])
         }
         other => other.clone(),
+    }
+}
+
+fn is_locked(e: &RenderError<SinkError>) -> bool {
+    matches!(
+        e,
+        RenderError::Sink(
+            SinkError::Create(CreateError::Locked { .. }) | SinkError::Open(OpenError::Locked { .. })
+        )
+    )
+}
+
+/// Something else under a render's name is told with its mend: nothing that is kept is deleted by itself.
+fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
+    match e {
+        RenderError::Sink(
+            SinkError::Create(CreateError::Exists { .. } | CreateError::NotAStore { .. })
+            | SinkError::Open(
+                OpenError::NotAStore { .. } | OpenError::Missing { .. } | OpenError::Damaged { .. },
+            )
+            | SinkError::Mismatch { .. }
+            | SinkError::Denoised(_),
+        ) => StudioError::Kept {
+            path: path.to_owned(),
+            cause: Box::new(e),
+        },
+        e => e.into(),
     }
 }
 

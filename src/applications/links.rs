@@ -12,6 +12,7 @@ use apply::comparison::{Row, compare};
 use apply::error::ApplyError;
 use apply::observation::Observation;
 use std::ops::RangeInclusive;
+use transport::render::schedule::Watch;
 
 /// Why an application was not run on captured slices.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +23,17 @@ pub enum LinksError {
     /// The methods found what they were given wanting.
     #[error(transparent)]
     Apply(#[from] ApplyError),
+    /// They found what came through one link wanting.
+    #[error("captured, {label}: {cause}")]
+    Captured {
+        /// The link's name.
+        label: String,
+        /// What they found.
+        cause: ApplyError,
+    },
+    /// The user stopped it.
+    #[error("stopped; run the same command again to go on")]
+    Interrupted,
 }
 
 /// One thing of a chain, of which many values are tried.
@@ -90,13 +102,18 @@ impl Part {
     /// # Errors
     /// In words.
     pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
-        let (name, values) = text.split_once('=').unwrap_or((text, ""));
+        let (name, values) = text
+            .split_once('=')
+            .map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name).join(", ");
             format!("nothing of a chain is called `{name}`; give {known}")
         })?;
-        if values.is_empty() || part == Self::Calibration {
+        let Some(values) = values else {
             return Ok((part, part.values().to_vec()));
+        };
+        if part == Self::Calibration {
+            return Err(format!("`{name}` takes no values; give it alone"));
         }
         let value = |v: &str| {
             let found = v.trim().parse::<f64>().ok();
@@ -104,13 +121,22 @@ impl Part {
                 .filter(|x| part.takes(*x))
                 .ok_or_else(|| format!("`{v}` is no value of `{name}`; as in {name}={}", part.values()[1]))
         };
-        let values: Result<Vec<f64>, String> = values.split(',').map(value).collect();
-        Ok((part, values?))
+        let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
+        if values.len() > MOST_VALUES {
+            return Err(format!(
+                "{} values of `{name}`; give at most {MOST_VALUES}",
+                values.len()
+            ));
+        }
+        if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
+            return Err(format!("`{name}` is {v} twice; give each value once"));
+        }
+        Ok((part, values))
     }
 
     fn takes(self, x: f64) -> bool {
         match self {
-            Self::Photons => x > 0.0 && x <= 1e9,
+            Self::Photons => (1e-3..=1e9).contains(&x),
             Self::Extinction => x >= 1.0,
             Self::Retardance | Self::Axis => (0.0..=90.0).contains(&x),
             Self::Calibration => false,
@@ -156,6 +182,9 @@ impl Part {
         Some(out)
     }
 }
+
+/// Most values of a sweep.
+const MOST_VALUES: usize = 100;
 
 const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
 
@@ -246,6 +275,7 @@ pub(super) fn capture(
     links: &Links,
     train: &[Observation],
     test: &[Observation],
+    watch: &dyn Watch,
     all: &mut Vec<Running>,
 ) -> Result<(), LinksError> {
     if all.is_empty() {
@@ -258,11 +288,21 @@ pub(super) fn capture(
         let rig = running.link.rig(seed, &nm)?;
         let mut captured = |observations: &[Observation]| -> Result<Vec<Observation>, LinksError> {
             let each = observations.iter();
-            each.map(|o| Ok(running.link.observe(&rig, o, &slices, &mut running.count)?))
-                .collect()
+            each.map(|o| {
+                if watch.interrupted() {
+                    return Err(LinksError::Interrupted);
+                }
+                Ok(running.link.observe(&rig, o, &slices, &mut running.count)?)
+            })
+            .collect()
         };
         let (train, test) = (captured(train)?, captured(test)?);
-        let outcome = application.run(&train, &test)?;
+        let outcome = application
+            .run(&train, &test)
+            .map_err(|cause| LinksError::Captured {
+                label: running.link.label.clone(),
+                cause,
+            })?;
         let scores = outcome.scores.iter().map(|s| (seed, s.clone()));
         running.scores.extend(scores);
         running.runs.push(outcome.scores);

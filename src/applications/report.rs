@@ -6,6 +6,7 @@ use super::{Report, Settings};
 use apply::application::{Application, Picture};
 use apply::comparison::Row;
 use apply::metrics::paired::Estimate;
+use base::whole_file;
 use figure::FigureError;
 use figure::chart::{self, ChartAxis};
 use figure::maps::{self, Quantity};
@@ -32,7 +33,7 @@ pub enum ReportError {
 /// Maps in a row of a page.
 const COLUMNS: usize = 4;
 
-/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is made; of a sweep and of few captures also
+/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is made, each whole or not at all; of a sweep and of few captures also
 /// their tables and charts.
 ///
 /// # Errors
@@ -55,7 +56,7 @@ pub fn write(
         ("report.json", text + "\n"),
     ] {
         let path = folder.join(name);
-        std::fs::write(&path, text).map_err(failed(&path))?;
+        whole_file::write(&path, text.as_bytes()).map_err(failed(&path))?;
     }
     for (name, title, page) in pages(&report.first.pictures) {
         draw(&folder.join(format!("{name}.png")), &title, &page)?;
@@ -105,7 +106,7 @@ fn curve(
         }
     };
     let path = folder.join(format!("{name}.csv"));
-    std::fs::write(&path, curves::csv(metric, label, &points))
+    whole_file::write(&path, curves::csv(metric, label, &points).as_bytes())
         .map_err(|cause| ReportError::Write { path, cause })?;
     let mut charts: Vec<Curves> = vec![];
     if let Links::Few(..) = links {

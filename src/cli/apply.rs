@@ -1,13 +1,14 @@
 //! `sunstone apply`: the paper's applications from scene files.
 
 use super::failure::Failure;
+use super::places;
 use super::progress::Progress;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use sunstone::applications::links::{Links, Part, WHOLE};
+use sunstone::applications::links::{Links, LinksError, Part, WHOLE};
 use sunstone::applications::report::ReportError;
-use sunstone::applications::{self, ApplicationError, Report, Settings, report};
+use sunstone::applications::{self, ApplicationError, MOST_SEEDS, Report, Settings, report};
 use sunstone::apply::application::{Application, Metric};
 use sunstone::apply::catalog;
 use sunstone::apply::chain::file;
@@ -80,8 +81,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             known.join(", ")
         ))
     })?;
-    if a.seeds == 0 {
-        return Err(Failure::input("--seeds is 0; give at least 1"));
+    if !(1..=MOST_SEEDS).contains(&a.seeds) {
+        return Err(Failure::input(format!(
+            "--seeds is {}; give 1 to {MOST_SEEDS}",
+            a.seeds
+        )));
+    }
+    if a.capture.is_some() && application.plan().slices.is_empty() {
+        return Err(Failure::input(format!(
+            "`{}` captures by itself what it judges; leave --capture out",
+            a.name
+        )));
     }
     let scene = application.plan().scene;
     let scenes = match &a.scenes {
@@ -128,14 +138,30 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         preview: a.preview,
         seeds: a.seeds,
     };
+    let file = settings.scenes.join(scene);
+    let of_scene = file.parent().map(Path::to_owned);
+    let inputs = [
+        Some(&settings.scenes),
+        of_scene.as_ref(),
+        Some(&file),
+        a.capture.as_ref(),
+    ];
+    places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
+    places::outside_stores([&folder, &settings.renders])?;
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
-        Failure::input(format!(
+        Failure::failed(format!(
             "cannot make {}: {e}; name another by --renders",
             settings.renders.display()
         ))
     })?;
     let progress = Progress::start();
-    let done = applications::run(&*application, &settings, &progress).map_err(failure)?;
+    let done = applications::run(&*application, &settings, &progress).map_err(|e| match (e, &a.capture) {
+        // What cannot be captured is mended in the chain.
+        (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
+            Failure::input(format!("{}: {e}", chain.display()))
+        }
+        (e, _) => failure(e),
+    })?;
     report::write(&*application, &done, &settings, &folder).map_err(|e| match e {
         ReportError::Write { .. } => Failure::failed(e),
         ReportError::Figure(_) => Failure::failed(e),
@@ -157,6 +183,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 pub fn failure(e: ApplicationError) -> Failure {
     match e {
         ApplicationError::Studio(e) => e.into(),
+        ApplicationError::Captured(LinksError::Interrupted) => Failure::Interrupted(e.to_string()),
         ApplicationError::Access(ref cause) => Failure::of_system(cause.is_of_system(), e),
         _ => Failure::input(e),
     }

@@ -41,7 +41,7 @@ pub struct Arguments {
     #[arg(long, value_delimiter = ',', num_args = 1..=2)]
     pixel: Vec<f64>,
     /// Number of frames (flight).
-    #[arg(long, default_value_t = 12)]
+    #[arg(long, default_value_t = FRAMES)]
     frames: usize,
     /// Do not divide Mueller elements by M00 (mueller).
     #[arg(long)]
@@ -60,6 +60,9 @@ pub struct Arguments {
     #[arg(long)]
     partial: bool,
 }
+
+/// Frames of light in flight.
+const FRAMES: usize = 12;
 
 /// The kinds of picture.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -97,9 +100,12 @@ fn element(text: &str) -> Result<Element, String> {
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if a.of_files.is_meant(a.store.as_deref()) {
-        if a.view.is_some() || a.partial {
+        let of_view =
+            a.slice.is_some() || a.wavelength.is_some() || a.limit.is_some() || a.raw || !a.pixel.is_empty();
+        let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
+        if a.view.is_some() || a.partial || of_view || moved {
             return Err(Failure::input(
-                "--view and --partial are for stores; a figure file says itself what it shows",
+                "--view with its options, and --partial, are for stores; a figure file says itself what it shows",
             ));
         }
         let further = a.names.iter().map(PathBuf::from);

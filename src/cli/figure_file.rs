@@ -106,17 +106,24 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
         scenes: o.scenes.clone(),
         preview: o.preview,
     };
-    places::folders(inputs.iter().map(Some), [Some(&settings.renders)])?;
+    let scenes = settings.scenes.iter();
+    places::folders(inputs.iter().chain(scenes).map(Some), [Some(&settings.renders)])?;
+    places::outside_stores(outputs.iter().chain([&settings.renders]))?;
     let progress = Progress::start();
     for source in &sources {
         prepare(source, &settings, &progress)?;
     }
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         let shown = settings.renders.display();
-        Failure::input(format!("cannot make {shown}: {e}; name another by --renders"))
+        Failure::failed(format!("cannot make {shown}: {e}; name another by --renders"))
     })?;
     for (source, path) in sources.iter().zip(&outputs) {
-        let made = prepare(source, &settings, &progress)?.draw()?;
+        let made = prepare(source, &settings, &progress)?
+            .draw()
+            .map_err(|e| match e {
+                FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
+                e => e.into(),
+            })?;
         save(&made.drawing, path)?;
         super::output::print(&format!(
             "{} ({} renders made now)",

@@ -52,6 +52,21 @@ pub fn folders<'a>(
     check(inputs, outputs)
 }
 
+/// Refuses what would be written into a store: a render that is kept is whole as it is.
+pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
+    for output in outputs {
+        let real = real(output);
+        if let Some(store) = real.ancestors().find(|a| a.join("zarr.json").is_file()) {
+            return Err(Failure::input(format!(
+                "{}: it lies in a store ({}); write elsewhere",
+                output.display(),
+                store.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a file whose extension is not one of those that name what is written, `what`.
 pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure> {
     // As the writers do, which take letters as they are.

@@ -103,6 +103,16 @@ impl Source {
         if !(1..=MOST_COLUMNS).contains(&columns) {
             return Err(self.error(&file.columns, format!("{columns} columns"), "give 1 to 16"));
         }
+        if file.column_headings.len() > columns {
+            return Err(self.error(
+                &file.columns,
+                format!(
+                    "{} column_headings of {columns} columns",
+                    file.column_headings.len()
+                ),
+                "give at most one a column",
+            ));
+        }
         for scene in file.scenes.values() {
             for size in [&scene.preview, &scene.full] {
                 let bad =

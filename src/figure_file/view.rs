@@ -247,13 +247,16 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     })?;
     let depth = (sight.at - camera.origin.as_dvec3()).dot(camera.axes.z_axis.as_dvec3());
     let share = bar.length_mm / 1000.0 / depth * camera.focal.x / w;
-    if !(0.0..=0.9).contains(&share) {
+    if !(0.001..=0.9).contains(&share) {
         return Err((
             format!(
-                "{} mm at this depth are {share:.2} of the picture's width",
+                "{} mm at this depth are {share:.3e} of the picture's width",
                 bar.length_mm
             ),
-            "give a shorter length_mm".to_owned(),
+            format!(
+                "give a {} length_mm",
+                if share > 0.9 { "shorter" } else { "longer" }
+            ),
         ));
     }
     let label = if bar.length_mm >= 1000.0 {

@@ -15,6 +15,7 @@ const WRITERS: &[(&str, Option<&str>)] = &[
     ("figure {f}/s.zarr --view photo --slice mueller -o out.png", None),
     ("figure {f}/s.zarr --view mueller --slice mueller -o out.pdf", None),
     ("figure {f}/s.zarr -o out", None),
+    ("figure {f}/figure.toml --preview --renders renders -o out.png", None),
     ("export {f}/s.zarr mueller --mueller -o out.exr", None),
     ("export {f}/scene.toml --mitsuba out --wavelength 550", None),
     ("decompose {f}/s.zarr mueller -o out.npz", None),
@@ -42,6 +43,9 @@ pub fn cases() -> Vec<Case> {
                 .expect(Expect::Failed)
                 .says("File too large");
             case.limit = Some(blocks);
+            if line.contains("--renders") {
+                case.may_leave = &["renders"];
+            }
             if let Some(store) = store {
                 case.verify = Some(store);
                 // An unfinished render is there to be resumed.

@@ -1,6 +1,6 @@
 //! Files that are right, of which cases take one to spoil: made once by the program itself.
 
-use crate::case::contents;
+use crate::case::{contents, copy};
 use crate::harness;
 use std::collections::BTreeMap;
 use std::fs;
@@ -42,6 +42,21 @@ name = "picture"
 view.photo = { slice = "mueller" }
 "#;
 
+/// Variants of it.
+const VARY: &str = "\n[vary.shade]\npath = \"materials.white.diffuse.albedo\"\nvalues = [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]]\n";
+
+/// A figure of it.
+const FIGURE: &str = r#"columns = 1
+[scenes.small]
+file = "SCENE"
+preview = { pixels = 4, spp = 2 }
+full = { pixels = 4, spp = 2 }
+[[panels]]
+scene = "small"
+view.photo = { slice = "mueller" }
+caption = "{pixels} pixels"
+"#;
+
 /// Matrices of the arrays: enough not to fit a disk that is nearly full.
 const PIXELS: usize = 60;
 
@@ -68,6 +83,17 @@ impl Fixtures {
             "media.toml",
             "media.fog.homogeneous = { scattering = 0.1, phase.rayleigh = {} }\n",
         );
+        put("vary.toml", &format!("{SMALL}{VARY}"));
+        put(
+            "chain.toml",
+            "seed = 1\nscheme = { kind = \"drr\", captures = 36 }\n",
+        );
+        put(
+            "figure.toml",
+            &FIGURE.replace("SCENE", &at.join("scene.toml").to_string_lossy()),
+        );
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fruits");
+        copy(&scenes, &at.join("scenes/fruits"));
         put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
         put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");
         put("rig.toml", crate::documents::RIG);

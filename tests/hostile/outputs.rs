@@ -18,6 +18,9 @@ const WRITERS: &[(&str, &str, &str)] = &[
     ("figure {i} --view photo --slice mueller -o {o}", "png", "s.zarr"),
     ("figure {i} --view photo --slice mueller -o {o}", "svg", "s.zarr"),
     ("figure {i} --view photo --slice mueller -o {o}", "pdf", "s.zarr"),
+    ("figure {i} --preview --renders renders -o {o}", "png", "figure.toml"),
+    ("figure {i} --preview --renders renders -o {o}", "svg", "figure.toml"),
+    ("layers {i} -o {o}", "npz", "scene.toml"),
     ("export {i} mueller -o {o}", "exr", "s.zarr"),
     ("export {i} --mitsuba {o}", "/", "scene.toml"),
     ("import {i} -o {o} --force", "toml", "mitsuba/scene.xml"),
@@ -124,7 +127,7 @@ pub fn cases() -> Vec<Case> {
         cases.push(make("below a file", &format!("f/{out}")).put("f", Put::Text("x".into())));
         let mut nowhere = make("in /proc", &format!("/proc/{out}")).expect(Expect::Failed);
         // What was written before is right.
-        nowhere.may_leave = &["out."];
+        nowhere.may_leave = &["out.", "renders"];
         cases.push(nowhere);
         if folder {
             cases.push(make("a file", &out).put(out.clone(), Put::Text("precious".into())));
@@ -174,6 +177,48 @@ pub fn cases() -> Vec<Case> {
     cases.push(
         own("there", "render {f}/scene.toml -o s.zarr --no-figures").put("s.zarr", Put::Copy("t.zarr")),
     );
+    cases.push(
+        own(
+            "a store",
+            "figure {f}/figure.toml --preview --renders renders -o s.zarr/a.png",
+        )
+        .put("s.zarr", Put::Copy("s.zarr")),
+    );
+    cases.push(
+        own(
+            "its scenes",
+            "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png",
+        )
+        .put("scenes", Put::Folder),
+    );
+    // All of it is told before the first render.
+    let apply = "apply metamerism --preview --seeds 1 --scenes scenes";
+    for (renders, output) in [
+        ("renders", "scenes"),
+        ("renders", "scenes/fruits"),
+        ("renders", "./scenes/../scenes"),
+        ("renders", "link"),
+        ("renders", "s.zarr"),
+        ("renders", "s.zarr/out"),
+        ("renders", "renders"),
+        ("renders", "table.csv"),
+        ("renders", "-"),
+        ("renders", "s3://bucket/out"),
+        ("renders", "/dev/full"),
+        ("renders", "file/out"),
+        ("scenes", "out"),
+        ("s.zarr", "out"),
+        ("file", "out"),
+        ("https://example.org/renders", "out"),
+    ] {
+        let line = format!("{apply} --renders {renders} -o {output}");
+        let case = own("of an application", &line)
+            .put("scenes", Put::Copy("scenes"))
+            .put("link", Put::Link("scenes"))
+            .put("s.zarr", Put::Copy("s.zarr"))
+            .put("file", Put::Text("precious".into()));
+        cases.push(case);
+    }
     cases.push(
         own("its own", "pbrdf synth t/materials.toml -o t --resolution 3x3x3")
             .put("t/materials.toml", Put::Copy("materials.toml")),

@@ -22,6 +22,8 @@ const READERS: &[(&str, &str)] = &[
     ("pbrdf info x.pbsdf", "x.pbsdf"),
     ("pbrdf eval {f}/materials.toml --directions x.csv", "x.csv"),
     ("phase eval x.toml", "x.toml"),
+    ("figure x.toml --preview --renders renders -o out.png", "x.toml"),
+    ("apply metamerism --preview --scenes {f}/scenes --renders renders -o out --capture x.toml", "x.toml"),
 ];
 
 /// Commands that write into a folder that may not be written.
@@ -52,6 +54,8 @@ const WRITERS: &[&str] = &[
     "pbrdf slice {f}/table.pbsdf -o d/out.npy",
     "pbrdf pca --data {f}/tables --bands 550 -o d/out.png",
     "phase eval {f}/media.toml -o d/out.csv",
+    "figure {f}/figure.toml --preview --renders d/renders -o d/out.png",
+    "apply metamerism --preview --seeds 1 --scenes {f}/scenes --renders d/renders -o d/out",
 ];
 
 /// Whether the program can be run by somebody who may not do everything.

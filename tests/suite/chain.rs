@@ -90,7 +90,17 @@ fn parts_are_swept_by_name() {
         .map(|p| p.get(&real, 550.0))
         .fold(0.0, f64::max);
     assert_eq!(leak, 0.0);
-    for bad in ["photon", "photons=0", "axis=x", "extinction=0.5", "axis=1,,2"] {
+    for bad in [
+        "photon",
+        "photons=0",
+        "axis=x",
+        "extinction=0.5",
+        "axis=1,,2",
+        "photons=1e-308",
+        "photons=",
+        "calibration=1",
+        "axis=1,1.0",
+    ] {
         assert!(Part::parse(bad).is_err(), "{bad}");
     }
 }

@@ -78,6 +78,8 @@ fn faults_are_told_at_their_place() {
         ("no columns", "columns = 3", "columns = 0", "columns = 0", "1 to 16"),
         ("no samples", "spp = 4", "spp = 0", "spp = 0", "1 to"),
         ("a scale bar too long", "length_mm = 500", "length_mm = 5e9", "scale_bar", "shorter"),
+        ("a scale bar too short", "length_mm = 500", "length_mm = 1e-300", "scale_bar", "longer"),
+        ("more headings than columns", "columns = 3", "columns = 3\ncolumn_headings = [\"a\", \"b\", \"c\", \"d\"]", "3\ncolumn_headings", "at most one"),
         ("no such application", "view.layer = { layer = \"depth\" }", "view.apply = { name = \"alchemy\", picture = \"gold\", method = \"x\" }", "view.apply", "metamerism"),
     ];
     let mut found = vec![];
@@ -227,4 +229,54 @@ fn a_render_that_was_stopped_goes_on() {
     assert_eq!((resumed.rendered, straight.rendered), (1, 1));
     assert_eq!(resumed.drawing, straight.drawing);
     assert_eq!(draw(&cut).rendered, 0);
+}
+
+/// Processes at one folder of renders end alike, one that only looks whether they are finished disturbs nobody, and what is no
+/// render under a render's name is told with its mend.
+#[test]
+fn renders_are_shared_and_damage_is_told() {
+    let (_scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("figure.toml"), &text).expect("a figure file");
+    let fixed = ["figure", "figure.toml", "--preview", "--renders", "r", "-o"];
+    for _ in 0..2 {
+        let outputs = ["a.svg", "b.svg", "c.svg"];
+        let running = outputs.map(|out| {
+            let mut command = sunstone(at, &[&fixed[..], &[out]].concat());
+            command.spawn().expect("the program")
+        });
+        for mut child in running {
+            assert!(child.wait().expect("an end").success());
+        }
+        let [a, b, c] = outputs.map(|out| std::fs::read(at.join(out)).expect("a picture"));
+        assert!(a == b && a == c);
+    }
+    let render = std::fs::read_dir(at.join("r")).expect("renders").next();
+    let render = render.expect("one").expect("an entry").path();
+    let told = |what: &str| {
+        let said = stderr(&run(at, &[&fixed[..], &["d.svg"]].concat(), 2));
+        let name = render.file_name().expect("a name").to_str().expect("UTF-8");
+        assert!(
+            said.contains("or delete") && said.contains(name),
+            "{what}: {said}"
+        );
+        assert!(!at.join("d.svg").exists(), "{what}");
+    };
+    std::fs::write(render.join("zarr.json"), "{").expect("damage");
+    told("cut short");
+    std::fs::remove_file(render.join("zarr.json")).expect("damage");
+    told("lost");
+    std::fs::remove_dir_all(&render).expect("damage");
+    std::fs::create_dir(&render).expect("a folder");
+    told("an empty folder");
+    std::fs::remove_dir(&render).expect("damage");
+    std::fs::write(&render, "x").expect("a file");
+    told("a file");
+    std::fs::remove_file(&render).expect("as told");
+    run(at, &[&fixed[..], &["d.svg"]].concat(), 0);
+    assert!(
+        std::fs::read(at.join("d.svg")).expect("a picture")
+            == std::fs::read(at.join("a.svg")).expect("a picture")
+    );
 }

@@ -16,8 +16,10 @@ use super::exposure::{Exposure, Laboratory};
 use super::optics::{Optics, Tolerances};
 use base::document;
 use base::locate::{InputError, Located};
+use polarimetry::capture::design_matrix::DesignMatrix;
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::spad::Spad;
+use polarimetry::capture::element::Ray;
 use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::scheme_file;
 use serde::Deserialize;
@@ -189,6 +191,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
         }
     };
+    // Few captures with a prior are chosen by the command itself; a chain stands without one.
+    if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
+        let mend = format!("give at least {} captures of different settings", e.least);
+        let message = format!(
+            "{} captures of rank {} do not determine a Mueller matrix",
+            e.captures, e.rank
+        );
+        return Err(fault(file.scheme.span(), message, &mend));
+    }
     let optics = match file.optics.as_deref() {
         None => Optics::Drawn(Tolerances::default()),
         Some(OpticsFrom::File(p)) => Optics::Known(Box::new(scheme_file::load(&beside(p))?)),
@@ -243,6 +254,14 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             "name one, or leave it out for all",
         ));
     }
+    // A sample twice would be captured twice with the same noise and be trusted as if noise had been drawn twice.
+    let twice = [
+        (repeats(&file.calibration), file.calibration.span(), "calibration"),
+        (repeats(&file.samples), file.samples.span(), "samples"),
+    ];
+    if let Some((_, span, name)) = twice.into_iter().find(|(twice, _, _)| *twice) {
+        return Err(fault(span, format!("`{name}` names one twice"), "name each once"));
+    }
     if let Some(camera) = &file.cmos {
         let bad = camera.check().err().map(|e| e.to_string());
         let bad = bad.or_else(|| (camera.binning > 1).then(|| "`binning` would make slices smaller".into()));
@@ -266,6 +285,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         samples: file.samples.to_vec(),
         seed: file.seed,
     })
+}
+
+fn repeats<T: PartialEq>(list: &[T]) -> bool {
+    list.iter().enumerate().any(|(i, v)| list[..i].contains(v))
 }
 
 #[cfg(test)]
@@ -292,8 +315,15 @@ mod tests {
         for (from, to, words) in [
             ("\"drr\"", "\"drx\"", "c.toml:1:10: no scheme is called `drx`"),
             ("36", "0", "0 captures"),
+            ("36", "15", "15 captures of rank 15"),
             ("0.5", "-0.5", "no angle"),
             ("[\"exact\"]", "[]", "`calibration` is empty"),
+            ("[\"exact\"]", "[\"exact\", \"exact\"]", "names one twice"),
+            (
+                "calibration",
+                "samples = [\"air\", \"air\"]\ncalibration",
+                "`samples` names one twice",
+            ),
             ("[\"exact\"]", "[\"exakt\"]", "unknown variant `exakt`"),
             ("\"mean\"", "{ percentile = 101 }", "`percentile`"),
             ("100", "-1", "`electrons`"),
