@@ -4,7 +4,7 @@
 //! metal turns the hand of circular light, two turn it back, three turn it again: the sign of (3,3) tells odd from even, and
 //! whether camera and projector see the same room, or one of them a mirrored one, tells epipolar from other light.
 
-use super::Multibounce;
+use super::application::Multibounce;
 use crate::application::Truth;
 use crate::isolation::element::{Element, Space};
 use crate::isolation::{Task, metrics, seen};

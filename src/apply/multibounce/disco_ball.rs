@@ -1,6 +1,6 @@
 //! A disco ball among painted walls (Fig. 13 a to j).
 
-use super::Multibounce;
+use super::application::Multibounce;
 use crate::application::Truth;
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};

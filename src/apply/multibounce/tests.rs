@@ -1,8 +1,10 @@
 //! Rooms in which each light answers to the element that the paper names for it, and rooms in which it does not.
 
 use super::*;
+use crate::application::{Application, Outcome};
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::map::Map;
+use crate::observation::Observation;
 
 /// The named regions are all of the image, the upper half of which is on one diagonal and the lower on the other.
 fn room(application: &dyn Application, kinds: &[Kind]) -> Vec<Observation> {
