@@ -15,7 +15,7 @@ use sunstone::apply::chain::file;
 use sunstone::apply::comparison::Row;
 use sunstone::apply::metrics::paired::Estimate;
 use sunstone::render::{RenderError, SinkError};
-use sunstone::studio::StudioError;
+use sunstone::studio::{Studio, StudioError};
 
 /// Run one of the paper's applications: render its scenes, fit every method on some variants and judge it on others.
 ///
@@ -148,13 +148,15 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     ];
     places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
     places::outside_stores([&folder, &settings.renders])?;
+    let progress = Progress::start();
+    // A scene file that is missing or wrong leaves no folder behind.
+    Studio::open(&file, &settings.renders, &progress)?.variant(application.plan().train.first().copied())?;
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         Failure::failed(format!(
             "cannot make {}: {e}; name another by --renders",
             settings.renders.display()
         ))
     })?;
-    let progress = Progress::start();
     let done = applications::run(&*application, &settings, &progress).map_err(|e| match (e, &a.capture) {
         // What cannot be captured is mended in the chain.
         (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
