@@ -1,7 +1,7 @@
 //! Figures from files alone: a figure file lists scenes, what is shown of them, applications and a layout.
 //!
 //! [`Source::read`] reads one, [`prepare`] checks it against its scenes and applications, before anything is rendered, and
-//! [`draw`] makes the drawing. Renders are kept ([`crate::studio`]): what is finished is not rendered again.
+//! [`Prepared::draw`] makes the drawing. Renders are kept ([`crate::studio`]): what is finished is not rendered again.
 
 mod application;
 mod caption;
