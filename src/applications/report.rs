@@ -75,6 +75,9 @@ pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -
     application.metrics().into_iter().flat_map(of).collect()
 }
 
+/// A chart: its file's name, its title, and points with the names of their series.
+type Curves = (String, String, Vec<(String, Point)>);
+
 /// The table and the charts of a sweep, or of few captures.
 fn curve(
     application: &dyn Application,
@@ -105,7 +108,7 @@ fn curve(
     let path = folder.join(format!("{name}.csv"));
     whole_file::write(&path, curves::csv(metric, label, &points).as_bytes())
         .map_err(|cause| ReportError::Write { path, cause })?;
-    let mut charts: Vec<(String, String, Vec<(String, Point)>)> = vec![];
+    let mut charts: Vec<Curves> = vec![];
     if let Links::Few(..) = links {
         let named = |p: &Point| {
             let name = if p.series == WHOLE {
