@@ -157,12 +157,16 @@ impl Observer<'_> {
             Some((name.clone(), value))
         });
         let values = values.collect();
+        let words = variant.values.iter();
+        let words = words.filter_map(|(name, v)| Some((name.clone(), v.as_str()?.to_owned())));
+        let words = words.collect();
         let slices = self.plan.slices.clone();
         let known = self.truth(number, &variant)?;
         let mut observation = Observation {
             variant: number,
             seed,
             values,
+            words,
             rig: known.rig,
             slices: known.slices,
             truth: known.maps,

@@ -16,6 +16,8 @@ pub struct Observation {
     pub seed: u64,
     /// The variant's values of the scene's parameters that are numbers.
     pub values: BTreeMap<String, f64>,
+    /// Those that are texts.
+    pub words: BTreeMap<String, String>,
     /// Camera and projector as calibrated; `None` of a scene without a projector.
     pub rig: Option<Rig>,
     /// Slices by name.

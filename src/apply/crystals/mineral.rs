@@ -23,6 +23,16 @@ const CALCITE: [Ghosh; 2] = [
 ];
 
 impl Mineral {
+    /// The mineral of a name, as scene files have it.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "quartz" => Some(Self::Quartz),
+            "calcite" => Some(Self::Calcite),
+            _ => None,
+        }
+    }
+
     /// Ordinary and extraordinary index at a vacuum wavelength in nanometres.
     #[must_use]
     pub fn indices(self, nm: f64) -> [f64; 2] {

@@ -16,7 +16,6 @@ use crate::application::{Application, Method, Metric, Outcome, Picture, Plan, Sc
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::{self, Observation};
-use mineral::Mineral;
 use predicted::{MIDDLE, folded, order};
 use rayon::prelude::*;
 use seen::{Probe, Seen};
@@ -68,15 +67,6 @@ fn without(variant: u64) -> u64 {
     variant + 1
 }
 
-/// What `vary.mineral` of the scene says.
-fn mineral(variant: u64) -> Mineral {
-    if (variant / 2).is_multiple_of(2) {
-        Mineral::Quartz
-    } else {
-        Mineral::Calcite
-    }
-}
-
 impl Application for Crystals {
     fn name(&self) -> &'static str {
         "crystals"
@@ -121,7 +111,7 @@ impl Application for Crystals {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let [train, test] = observation::seen(train, test, |o| Seen::new(o, mineral(o.variant)))?;
+        let [train, test] = observation::seen(train, test, Seen::new)?;
         let mut outcome = Outcome::default();
         for (method, probe) in METHODS {
             let floor = floor(&train, probe);

@@ -52,7 +52,7 @@ fn measured(p: &Pixels, pixel: usize, lane: usize) -> Measured {
 }
 
 impl Seen {
-    pub(super) fn new(o: &Observation, mineral: Mineral) -> Result<Self, ApplyError> {
+    pub(super) fn new(o: &Observation) -> Result<Self, ApplyError> {
         let missing = |what, name: &str| ApplyError::Missing {
             variant: o.variant,
             what,
@@ -68,6 +68,9 @@ impl Seen {
                 .copied()
                 .ok_or_else(|| missing("value of the parameter", name))
         };
+        let mineral = o.words.get("mineral").and_then(|name| Mineral::named(name));
+        let mineral =
+            mineral.ok_or_else(|| missing("mineral that is known here in the parameter", "mineral"))?;
         let axis = Vector3::new(value("axis_x")?, value("axis_y")?, -1.0).normalize();
         let told = Slab {
             mineral,
