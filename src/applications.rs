@@ -22,6 +22,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use store::zarr::{AccessError, OpenError, TensorStore};
 use tensor::field::Field;
+use tensor::layers::LayerSet;
 use transport::render::layers;
 use transport::render::schedule::Watch;
 
@@ -108,7 +109,7 @@ pub fn run(
         size,
         truths: BTreeMap::new(),
     };
-    let (mut runs, mut scores, mut first) = (vec![], vec![], None);
+    let (mut scores, mut first) = (vec![], None);
     let mut through = vec![];
     for seed in 1..=settings.seeds {
         let mut all = |variants: &[u64]| -> Result<Vec<Observation>, ApplicationError> {
@@ -118,11 +119,10 @@ pub fn run(
         let outcome = application.run(&train, &test)?;
         links::capture(application, &settings.links, &train, &test, watch, &mut through)?;
         scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
-        runs.push(outcome.scores.clone());
         first.get_or_insert(outcome);
     }
     Ok(Report {
-        rows: compare(application, &runs),
+        rows: compare(application, &scores),
         scores,
         first: first.unwrap_or_default(),
         through: through.into_iter().map(|t| t.compared(application)).collect(),
@@ -190,6 +190,8 @@ impl Observer<'_> {
             rig: truth::rig(&scene),
             ..Known::default()
         };
+        // Of first surfaces, and of what stands behind glass.
+        let mut sets: [Option<LayerSet>; 2] = [None, None];
         for truth in &self.plan.truth {
             let (name, map) = match *truth {
                 Truth::Slice {
@@ -210,7 +212,9 @@ impl Observer<'_> {
                         through,
                         ..layers::Options::default()
                     };
-                    let map = truth::layer(&layers::layers(&scene, options), layer);
+                    let set =
+                        sets[usize::from(through)].get_or_insert_with(|| layers::layers(&scene, options));
+                    let map = truth::layer(set, layer);
                     (
                         name,
                         map.ok_or_else(|| self.lacks(format!("there is no layer `{layer}`")))?,

@@ -1,12 +1,13 @@
 //! Observations through the capture chain: the rig of each seed, its calibration, and all slices of a variant.
 
 use apply::chain::error::ChainError;
-use apply::chain::exposure::mean_reading;
+use apply::chain::exposure::{Detectors, Laboratory, mean_reading};
 use apply::chain::file::{Belief, Chain, Sample};
 use apply::chain::light::Light;
 use apply::chain::optics::with_elements;
 use apply::chain::readings::{Count, Readings};
 use apply::observation::Observation;
+use optics::sampling::mix::mix;
 use polarimetry::capture::detector::error::DetectorError;
 use polarimetry::capture::element::Ray;
 use polarimetry::capture::mueller_image::DEFAULT_NM;
@@ -65,14 +66,12 @@ pub struct Rig {
     believed: Scheme,
 }
 
-/// A seed that is another one for all other numbers and names (SplitMix64 over them).
+/// A seed that is another one for all other numbers and names (SplitMix64 over them: steps of the odd number next to 2⁶⁴ over the golden
+/// ratio).
 fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
     let bytes = name.bytes().map(u64::from);
     numbers.iter().copied().chain(bytes).fold(seed, |state, n| {
-        let mut z = (state ^ n).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        mix((state ^ n).wrapping_add(0x9e37_79b9_7f4a_7c15))
     })
 }
 
@@ -136,18 +135,7 @@ impl Link {
             variant: o.variant,
             cause,
         };
-        let lights: Vec<Light> = slices
-            .iter()
-            .filter_map(|name| o.slices.get(*name))
-            .map(Light::of)
-            .collect::<Result<_, _>>()
-            .map_err(failed)?;
-        let lights: Vec<&Light> = lights.iter().collect();
-        let detectors = self
-            .chain
-            .laboratory
-            .exposed(&lights, &rig.real)
-            .map_err(failed)?;
+        let detectors = exposed(&self.chain.laboratory, o, slices, &rig.real)?;
         let mut out = o.clone();
         let passes = |name: &&&str| self.only.as_ref().is_none_or(|only| only == **name);
         for name in slices.iter().filter(passes) {
@@ -165,6 +153,28 @@ impl Link {
         }
         Ok(out)
     }
+}
+
+/// The detectors of a laboratory as exposed for an observation's slices, through a scheme.
+///
+/// # Errors
+/// [`ChainFailure::Slice`].
+pub fn exposed(
+    laboratory: &Laboratory,
+    o: &Observation,
+    slices: &[&str],
+    through: &Scheme,
+) -> Result<Detectors, ChainFailure> {
+    let lights = slices
+        .iter()
+        .filter_map(|name| o.slices.get(*name))
+        .map(Light::of);
+    let exposed = |lights: Vec<Light>| laboratory.exposed(&lights.iter().collect::<Vec<_>>(), through);
+    let lights: Result<Vec<_>, _> = lights.collect();
+    lights.and_then(exposed).map_err(|cause| ChainFailure::Slice {
+        variant: o.variant,
+        cause,
+    })
 }
 
 /// Wavelengths of the first slice that has them, nanometres.

@@ -2,8 +2,9 @@
 
 use super::Report;
 use super::links::{Part, Through, WHOLE};
-use apply::application::{Metric, Score};
+use apply::application::Metric;
 use apply::chain::few::Task;
+use apply::comparison::table;
 use apply::metrics::paired::{Estimate, difference, estimate};
 use figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
 
@@ -25,26 +26,6 @@ pub struct Point {
     pub ours_less_this: Option<Estimate>,
     /// Whether it is one of those that ours is to beat.
     pub baseline: bool,
-}
-
-/// Scores of a method, a row a variant, a column a seed.
-fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
-    let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
-    let mut seeds: Vec<u64> = scores.iter().map(|(seed, _)| *seed).collect();
-    for all in [&mut variants, &mut seeds] {
-        all.sort_unstable();
-        all.dedup();
-    }
-    let value = |variant: u64, seed: u64| {
-        let found = scores.iter().find(|(s, score)| {
-            *s == seed && score.variant == variant && score.method == method && score.metric == metric
-        });
-        found.map_or(f64::NAN, |(_, s)| s.value)
-    };
-    variants
-        .iter()
-        .map(|v| seeds.iter().map(|s| value(*v, *s)).collect())
-        .collect()
 }
 
 /// Points of a sweep: all methods through every link.
@@ -205,10 +186,14 @@ pub fn least(metric: Metric, report: &Report) -> Vec<String> {
     out
 }
 
+/// A text for a table.
+pub(super) fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
 /// A table of points.
 #[must_use]
 pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
-    let quoted = |t: &str| format!("\"{}\"", t.replace('"', "\"\""));
     let number = |v: f64| if v.is_nan() { String::new() } else { v.to_string() };
     let mut out = format!(
         "series,{},method,baseline,{},standard_error,ours_less_this,standard_error_of_difference\n",

@@ -1,11 +1,10 @@
 //! The ways of capturing that an application is run through: a chain's beliefs, a sweep of one thing, few captures.
 
-use super::chain::{ChainFailure, Link, wavelengths};
+use super::chain::{ChainFailure, Link, exposed, wavelengths};
 use apply::application::{Application, Score};
 use apply::chain::exposure::Laboratory;
 use apply::chain::few::{Choice, Expected, Task, chosen};
 use apply::chain::file::{Belief, Chain};
-use apply::chain::light::Light;
 use apply::chain::optics::{Optics, Tolerances};
 use apply::chain::readings::Count;
 use apply::comparison::{Row, compare};
@@ -233,7 +232,6 @@ pub(super) struct Running {
     link: Link,
     place: Place,
     task: Option<Task>,
-    runs: Vec<Vec<Score>>,
     scores: Vec<(u64, Score)>,
     count: Count,
 }
@@ -250,7 +248,6 @@ impl Running {
             },
             place,
             task: None,
-            runs: vec![],
             scores: vec![],
             count: Count::default(),
         }
@@ -261,7 +258,7 @@ impl Running {
         Through {
             label: self.link.label,
             place: self.place,
-            rows: compare(application, &self.runs),
+            rows: compare(application, &self.scores),
             scores: self.scores,
             count: self.count,
             task: self.task,
@@ -303,9 +300,9 @@ pub(super) fn capture(
                 label: running.link.label.clone(),
                 cause,
             })?;
-        let scores = outcome.scores.iter().map(|s| (seed, s.clone()));
-        running.scores.extend(scores);
-        running.runs.push(outcome.scores);
+        running
+            .scores
+            .extend(outcome.scores.into_iter().map(|s| (seed, s)));
     }
     Ok(())
 }
@@ -407,19 +404,7 @@ fn few(
         let Some(o) = train.first() else {
             return Ok(0.0);
         };
-        let lights = plan.slices.iter().filter_map(|s| o.slices.get(*s)).map(Light::of);
-        let lights: Vec<Light> = lights
-            .collect::<Result<_, _>>()
-            .map_err(|cause| ChainFailure::Slice {
-                variant: o.variant,
-                cause,
-            })?;
-        let lights: Vec<&Light> = lights.iter().collect();
-        let detectors = chain.laboratory.exposed(&lights, scheme);
-        let detectors = detectors.map_err(|cause| ChainFailure::Slice {
-            variant: o.variant,
-            cause,
-        })?;
+        let detectors = exposed(&chain.laboratory, o, &plan.slices, scheme)?;
         Ok(detectors.relative_noise(expected.brightness))
     };
     let sigma = noise(&chain.nominal)?;

@@ -1,6 +1,6 @@
 //! Tables and pictures of a [`Report`], as files.
 
-use super::curves::{self, Point};
+use super::curves::{self, Point, quoted};
 use super::links::{Links, Part, WHOLE};
 use super::{Report, Settings};
 use apply::application::{Application, Picture};
@@ -145,11 +145,6 @@ fn cell(v: f64) -> String {
     } else {
         String::new()
     }
-}
-
-/// A text for a table.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 /// Rows of the slices as they were rendered, then of every link.

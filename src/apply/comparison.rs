@@ -16,28 +16,34 @@ pub struct Row {
     pub ours_less_this: Option<Estimate>,
 }
 
-/// The rows of all methods by all metrics: metrics one after the other, methods in their order. `runs` holds the scores of each
-/// seed.
+/// Scores of a method by a metric, of scores with their seeds: a row a variant, a column a seed; NaN of those that are not there.
 #[must_use]
-pub fn compare(application: &dyn Application, runs: &[Vec<Score>]) -> Vec<Row> {
+pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
+    let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
+    let mut seeds: Vec<u64> = scores.iter().map(|(seed, _)| *seed).collect();
+    for all in [&mut variants, &mut seeds] {
+        all.sort_unstable();
+        all.dedup();
+    }
+    let value = |variant: u64, seed: u64| {
+        let found = scores.iter().find(|(s, score)| {
+            *s == seed && score.variant == variant && score.method == method && score.metric == metric
+        });
+        found.map_or(f64::NAN, |(_, s)| s.value)
+    };
+    variants
+        .iter()
+        .map(|v| seeds.iter().map(|s| value(*v, *s)).collect())
+        .collect()
+}
+
+/// The rows of all methods by all metrics, of scores with their seeds: metrics one after the other, methods in their order.
+#[must_use]
+pub fn compare(application: &dyn Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = application.methods();
-    let mut variants: Vec<u64> = runs.iter().flatten().map(|s| s.variant).collect();
-    variants.sort_unstable();
-    variants.dedup();
     let mut rows = vec![];
     for metric in application.metrics() {
-        let table = |method: &Method| -> Vec<Vec<f64>> {
-            let value = |run: &Vec<Score>, variant: u64| {
-                let found = run
-                    .iter()
-                    .find(|s| s.method == method.name && s.metric == metric.name && s.variant == variant);
-                found.map_or(f64::NAN, |s| s.value)
-            };
-            variants
-                .iter()
-                .map(|v| runs.iter().map(|run| value(run, *v)).collect())
-                .collect()
-        };
+        let table = |method: &Method| table(scores, method.name, metric.name);
         let Some(first) = methods.first() else {
             continue;
         };
