@@ -13,7 +13,7 @@ another seed), over all pixels and `--seeds` seeds, relative to the squared mean
    renders at once and Mitsuba one by one. Mitsuba's `orthogonal` renders more samples than it is asked for, which are counted as
    what they are.
 
-Times are those of speed.py: Sunstone's of the whole process with all files written, Mitsuba's of rendering alone.
+Times are those of speed.py: Sunstone's of the whole process with all files written (in memory where there is /dev/shm), Mitsuba's of rendering alone.
 
     python3 validation/equal_error.py [--seeds 3] [--reference 2560] [--record]
 """
@@ -44,6 +44,8 @@ WAVELENGTHS = [450, 550, 660]
 SAMPLERS = ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
 ROW = '[[slices]]\nname = "row"\ncamera = { rows = [128] }\ntime = { start_ps = 20000, bin_ps = 234.4, bins = 64 }\n'
 SIXTEEN = '[[slices]]\nname = "sixteen"\npolarization = "mueller"\n'
+# Stores of commands that are timed whole: a disk that others use stalls their flushes.
+MEMORY = Path("/dev/shm")
 IMAGE = '[[slices]]\nname = "image"\n'
 
 
@@ -176,7 +178,7 @@ def main():
     parser.add_argument("--record", action="store_true", help="write results/equal_error.json")
     options = parser.parse_args()
     check_error()
-    with tempfile.TemporaryDirectory() as temporary:
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as temporary:
         folder = Path(temporary)
         numbers = stratified(folder, options.seeds, options.reference)
         numbers |= against_mitsuba(folder, options.seeds, options.reference)
