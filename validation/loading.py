@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+"""How long a mesh takes until its first ray, and how much memory: binary PLY files of 1 and 10 million triangles, in Sunstone and in Mitsuba.
+
+Sunstone renders 8 x 8 pixels of one sample, a whole process with its files written; Mitsuba (llvm, whose tree is Embree's) loads the same file
+into a scene and traces one ray; its seconds are those of that alone, without its import. Rounds are interleaved; each is a
+process of its own, whose greatest resident memory is what the system says (Mitsuba's less that of the same process with a mesh of two triangles).
+
+    python3 validation/loading.py [--rounds 5] [--record]
+
+Needs LLVM. With --record the numbers go to results/loading.json.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import environment
+import result_file
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+    import numpy as np
+
+    import rays
+
+    rays.np = np
+
+MEMORY = Path("/dev/shm")
+SCENE = """
+[render]
+spp = 1
+
+[camera]
+resolution = [8, 8]
+fov_x_deg = 30
+pose.look_at = { origin = [0.5, 0.5, 3.0], target = [0.5, 0.5, 0.0] }
+
+[projector]
+resolution = [8, 8]
+fov_x_deg = 40
+pose.look_at = { origin = [0.6, 0.5, 3.0], target = [0.5, 0.5, 0.0] }
+
+[materials]
+wall.diffuse.albedo = [0.5, 0.5, 0.5]
+
+[[objects]]
+shape.ply = { file = "mesh.ply" }
+material = "wall"
+
+[[slices]]
+name = "photo"
+"""
+# Loads a mesh, traces a ray, and says how long that took and how much memory the process had.
+MITSUBA = """
+import sys, time, resource
+import mitsuba as mi
+mi.set_variant("llvm_ad_mono_polarized")
+float((mi.Float(1) + 1)[0])
+begun = time.perf_counter()
+scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": sys.argv[1], "face_normals": True}})
+hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.5, 0.4, 3), mi.Vector3f(0, 0, -1)))
+assert abs(float(hit.t[0]) - 3) < 0.2
+print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def hills(triangles):
+    """A hilly square of about so many triangles."""
+    n = max(1, round((triangles / 2) ** 0.5))
+    u = np.linspace(0, 1, n + 1, dtype=np.float32)
+    x, y = np.meshgrid(u, u, indexing="xy")
+    z = 0.05 * np.sin(17 * x) * np.cos(13 * y)
+    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)[None, :]).ravel().astype(np.uint32)
+    below = np.stack([corner, corner + 1, corner + n + 2], axis=1)
+    above = np.stack([corner, corner + n + 2, corner + n + 1], axis=1)
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32), np.concatenate([below, above])
+
+
+def ours(folder):
+    """Seconds and bytes of one render."""
+    program = [environment.sunstone(), "render", folder / "scene.toml", "-o", folder / "out.zarr", "--force", "--no-figures"]
+    begun = time.perf_counter()
+    process = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    took = time.perf_counter() - begun
+    if status:
+        sys.exit("the render failed")
+    return took, used.ru_maxrss * 1024
+
+
+def theirs(file):
+    """Seconds and bytes of Mitsuba."""
+    text = subprocess.run([sys.executable, "-c", MITSUBA, str(file)], check=True, capture_output=True, text=True).stdout
+    took, used = text.split()
+    return float(took), int(used) * 1024
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--record", action="store_true", help="write results/loading.json")
+    options = parser.parse_args()
+    numbers = {}
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as temporary:
+        few = Path(temporary) / "few.ply"
+        rays.write_ply(few, *hills(2))
+        bare = theirs(few)[1]
+        for name, count in (("1m", 1_000_000), ("10m", 10_000_000)):
+            folder = Path(temporary) / name
+            folder.mkdir()
+            (folder / "scene.toml").write_text(SCENE)
+            vertices, triangles = hills(count)
+            rays.write_ply(folder / "mesh.ply", vertices, triangles)
+            found = [(ours(folder), theirs(folder / "mesh.ply")) for _ in range(options.rounds)]
+            mine, other = ([pair[k][0] for pair in found] for k in range(2))
+            numbers[f"sunstone_{name}"] = result_file.rounds(mine, "s", "lower")
+            numbers[f"mitsuba_{name}"] = result_file.rounds(other, "s", "lower")
+            numbers[f"over_mitsuba_{name}"] = result_file.ratio(mine, other, "lower")
+            most = [max(pair[k][1] for pair in found) for k in range(2)]
+            each = most[0] / len(triangles), (most[1] - bare) / len(triangles)
+            numbers[f"bytes_{name}"] = result_file.once(each[0], "bytes a triangle", "the greatest of all rounds")
+            numbers[f"mitsuba_bytes_{name}"] = result_file.once(each[1], "bytes a triangle", "the greatest of all rounds")
+            for key in (f"sunstone_{name}", f"mitsuba_{name}", f"over_mitsuba_{name}"):
+                print(f"{key:20} median {numbers[key]['median']:.3f}, best {numbers[key]['best']:.3f}", flush=True)
+            print(f"{len(triangles)} triangles: {each[0]:.0f} and {each[1]:.0f} bytes each", flush=True)
+    if options.record:
+        import mitsuba as mi
+
+        measures = ["src/scene", "src/transport/geometry", "validation/loading.py"]
+        result_file.write("loading", __file__, measures, numbers, {"mitsuba": mi.__version__})
+
+
+if __name__ == "__main__":
+    main()
