@@ -173,9 +173,10 @@ fn times_and_hands_together_tell_metal_in_a_mirror() {
     let (at_a_time, either) = ("(3,3) at a time", "(3,3) at a time, either sign");
     let metal = "metal in the mirror";
     let outcome = statue(&[(15, -0.7)]);
-    // The sign of the caption is that of no reflection by metal here: the best bin is an empty one, which tells by chance.
+    // The sign of the caption is that of no reflection by metal here: the best that it does is to tell where no direct metal is, a third
+    // of what is not looked for, and the rest by chance.
     let wrong = area(&outcome, at_a_time, metal);
-    assert!((wrong - 0.5).abs() < 0.1, "{wrong}");
+    assert!((wrong - 2.0 / 3.0).abs() < 0.08, "{wrong}");
     assert!(area(&outcome, either, metal) > 0.95);
     assert!(area(&outcome, either, "metal, direct") > 0.95);
     // Without time the metal that is seen is above one negative of three, without polarization paint in the mirror is alike.
