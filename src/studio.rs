@@ -1,10 +1,12 @@
 //! Renders of scenes and their variants at any size, kept in a folder: what is finished is not rendered again, what was cut off goes
 //! on where it was.
 //!
-//! A render is named by scene, variant, seed, size, samples and the hash of its scene, which changes with all that it shows.
+//! A render is named by scene, variant, seed, size, samples, the hash of its scene, which changes with all that it shows, and the first
+//! digits of the seed that its random numbers come from, which is another one for every variant.
 
 use apply::application::Size;
 use base::locate::{InputError, Located};
+use optics::sampling::mix::mix;
 use scene::syntax::Syntax;
 use scene::syntax::scene::SceneFile;
 use scene::syntax::slice::CameraSelectFile;
@@ -27,6 +29,9 @@ const REPLICATES: u32 = 8;
 
 /// How long another process that works at a render is waited for, which may but look whether it is finished.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// 2⁶⁴ over the golden ratio, the step of SplitMix64.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Between two looks.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -139,7 +144,7 @@ impl<'a> Studio<'a> {
             Some(number) => scene::from_variant(&self.path, &self.text, &sized, number)?,
             None => scene::from_file(&self.path, &self.text, &sized.file)?,
         };
-        scene.settings.seed = seed;
+        scene.settings.seed = drawn_from(number, seed);
         scene.settings.spp = size.spp.max(1);
         scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
         let path = self.renders.join(file_name(&scene, number, seed));
@@ -265,6 +270,13 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     }
 }
 
+/// What a variant's render of a seed draws its random numbers from: with one seed for all variants pixels where nothing moved would have
+/// the same noise, and methods would be judged on the noise that they learnt from. The scene file itself keeps its seed.
+fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
+    // Odd and so one to one in the number: variants of one seed never share random numbers.
+    number.map_or(seed, |n| mix(mix(seed.wrapping_add(STEP)) ^ n.wrapping_mul(STEP)))
+}
+
 fn file_name(scene: &Scene, number: Option<u64>, seed: u64) -> String {
     let [w, h] = scene.camera.resolution;
     let hash: String = scene.sha256.chars().take(16).collect();
@@ -274,8 +286,9 @@ fn file_name(scene: &Scene, number: Option<u64>, seed: u64) -> String {
         format!("seed{seed}")
     };
     let variant = number.map_or(String::new(), |n| format!("_variant{n}"));
+    let drawn = scene.settings.seed >> 32;
     format!(
-        "{}{variant}_{seed}_{w}x{h}_{}spp_{hash}.zarr",
+        "{}{variant}_{seed}_{w}x{h}_{}spp_{hash}_{drawn:08x}.zarr",
         scene.name, scene.settings.spp
     )
 }

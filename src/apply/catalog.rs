@@ -5,7 +5,7 @@ use crate::application::Application;
 use crate::crystals::Crystals;
 use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
-use crate::multibounce::{COINS, DISCO_BALL};
+use crate::multibounce::{COINS, DISCO_BALL, Statue};
 use crate::scattering::Scattering;
 use crate::shape::application::ShapeScan;
 use crate::transient::Transient;
@@ -22,6 +22,7 @@ pub fn all() -> Vec<Box<dyn Application>> {
         Box::new(Scattering),
         Box::new(DISCO_BALL),
         Box::new(COINS),
+        Box::new(Statue),
         Box::new(Metamerism),
     ]
 }

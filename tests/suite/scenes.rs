@@ -110,6 +110,7 @@ fn every_scene_is_known_here() {
             "materials",
             "mirror_room",
             "painted_doll",
+            "statue_mirror",
         ])
         .collect();
     known.sort_unstable();

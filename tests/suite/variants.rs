@@ -4,12 +4,14 @@ use crate::harness::{assert_same_store, read, run, stderr};
 use serde_json::json;
 use std::path::Path;
 use sunstone::applications::truth;
-use sunstone::apply::application::Truth;
+use sunstone::apply::application::{Size, Truth};
 use sunstone::apply::catalog;
+use sunstone::render::Unwatched;
 use sunstone::scene;
 use sunstone::scene::syntax::Syntax;
 use sunstone::scene::syntax::scene::SceneFile;
 use sunstone::store::zarr::TensorStore;
+use sunstone::studio::Studio;
 use sunstone::tensor::field::Field;
 use sunstone::transport::render::layers::{Options, layers};
 
@@ -333,4 +335,54 @@ material = "ball"
     let pixel = camera.project(seen.into()).expect("in front");
     assert!(pixel.iter().all(|p| (p - 32.5).abs() < 0.01), "{pixel:?}");
     assert!(truth::layer(&set, "colour").is_none());
+}
+
+/// A corner of two walls, where light between them is noise of few samples; variants differ by next to nothing.
+const CORNER: &str = r#"
+name = "corner"
+camera = { resolution = [32, 32], fov_x_deg = 30, pose.look_at = { origin = [0, 1, 3], target = [0, 0, 0], up = [0, 1, 0] } }
+projector = { resolution = [32, 32], fov_x_deg = 40, pose.look_at = { origin = [0.3, 1, 3], target = [0, 0, 0], up = [0, 1, 0] } }
+materials.wall.diffuse.albedo = 0.7
+materials.floor.diffuse.albedo = 0.8
+objects = [
+    { name = "wall", shape.rectangle = { corner = [-2, -0.5, -0.5], u = [4, 0, 0], v = [0, 4, 0] }, material = "wall" },
+    { name = "floor", shape.rectangle = { corner = [-2, -0.5, 3], u = [4, 0, 0], v = [0, 0, -4] }, material = "floor" },
+]
+slices = [{ name = "photo" }]
+vary.shade = { path = "materials.wall.diffuse.albedo", values = [0.7, 0.701] }
+"#;
+
+/// Noise of two variants is that of two renders: what methods learn from has nothing of what they are judged on. As the studio once rendered
+/// them, with one seed for all (which is how it renders a file without a number), it is the same.
+#[test]
+fn variants_of_one_seed_have_their_own_noise() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (path, renders) = (folder.path().join("corner.toml"), folder.path().join("renders"));
+    std::fs::write(&path, CORNER).expect("a scene");
+    let mut studio = Studio::open(&path, &renders, &Unwatched).expect("a studio");
+    let variants = [0, 1].map(|number| studio.variant(Some(number)).expect("a variant"));
+    let mut noise = |variant: usize, number: Option<u64>| -> Vec<f64> {
+        let size = Size { pixels: 32, spp: 4 };
+        let [a, b] = [1, 2].map(|seed| {
+            let store = studio
+                .render(number, &variants[variant], seed, size, &["photo"])
+                .expect("a render");
+            read(&store, "photo", Field::Mean).data
+        });
+        a.iter().zip(&b).map(|(a, b)| f64::from(a - b)).collect()
+    };
+    let correlation = |a: &[f64], b: &[f64]| -> f64 {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        dot(a, b) / (dot(a, a) * dot(b, b)).sqrt()
+    };
+    let own = [noise(0, Some(0)), noise(1, Some(1))];
+    let shared = [noise(0, None), noise(1, None)];
+    assert!(correlation(&shared[0], &shared[1]) > 0.9);
+    // Its standard deviation is 1/√n for independent numbers of any size, measured from those very products.
+    let products: Vec<f64> = own[0].iter().zip(&own[1]).map(|(a, b)| a * b).collect();
+    let sum = products.iter().sum::<f64>();
+    let deviation = products.iter().map(|p| p * p).sum::<f64>().sqrt();
+    assert!(sum.abs() < 5.0 * deviation, "{} of {deviation}", sum);
+    // And it is no other variant's, nor another seed's, turned: the two seeds of one variant differ.
+    assert!(own[0].iter().any(|v| *v != 0.0));
 }

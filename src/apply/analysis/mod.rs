@@ -8,6 +8,7 @@ mod scanlines;
 
 use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
+use crate::isolation::seen::Sight;
 use crate::isolation::{self, Family, Isolation, Task, metrics, metrics_of, seen};
 use crate::observation::Observation;
 use crate::paths::Path;
@@ -139,7 +140,7 @@ impl Application for Analysis {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        let mut outcome = isolation::run(&TASKS, &METHODS, true, train, test)?;
+        let mut outcome = isolation::run(&TASKS, &METHODS, Sight::SpaceAndTime, train, test)?;
         if let Some(shown) = test.first() {
             outcome.pictures.extend(scanlines::pictures(shown)?);
         }

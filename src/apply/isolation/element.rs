@@ -13,7 +13,7 @@ pub enum Space {
     NonEpipolar,
 }
 
-/// Light by when it came, counted in bins from the pixel's first light on.
+/// Light by when it came: in bins from the pixel's first light on, or from the projector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
     /// Whenever.
@@ -22,6 +22,8 @@ pub enum Time {
     Early(usize),
     /// Later.
     Late(usize),
+    /// In one bin of travel time, the same of all pixels.
+    At(usize),
 }
 
 /// Light that is parted by space and time.
@@ -88,6 +90,7 @@ impl fmt::Display for Element {
         match self.part.1 {
             Time::All => Ok(()),
             Time::Early(k) => write!(f, ", up to bin {k} after the first light"),
+            Time::At(k) => write!(f, ", in bin {k}"),
             Time::Late(k) => write!(f, ", later than bin {k} after the first light"),
         }
     }

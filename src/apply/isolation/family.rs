@@ -14,6 +14,11 @@ pub enum Family {
     NamedEitherSign,
     /// Its magnitude, whatever the azimuth of the planes of incidence ([`Element::magnitude`]).
     NamedAnyAzimuth,
+    /// The same index in any one bin of travel time.
+    NamedAtATime {
+        /// Whether its sign is learnt.
+        either: bool,
+    },
     /// Every element of the parts that it may tell apart.
     Any {
         /// Whether it may tell epipolar light from other light.
@@ -59,6 +64,11 @@ impl Family {
                         .collect(),
                     true,
                 )
+            }
+            Self::NamedAtATime { either } => {
+                let bins = seen.parts().filter(|(part, _)| matches!(part.1, Time::At(_)));
+                let all = bins.flat_map(|(part, _)| task.named.map(|e| Element { part, ..e }));
+                (all.collect(), either)
             }
             Self::Any {
                 space,

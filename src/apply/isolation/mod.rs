@@ -23,17 +23,17 @@ use crate::metrics::isolation::{correlation, decided, error, parted};
 use crate::metrics::roc::area;
 use crate::observation::{self, Observation};
 use learnt::Learnt;
-use seen::Seen;
+use seen::{Seen, Sight};
 
-/// Fits every method to every task on `train` and judges it on `test`; `timed` as [`Seen::new`] has it.
+/// Fits every method to every task on `train` and judges it on `test`; `sight` says which slices there are.
 pub(crate) fn run(
     tasks: &[Task],
     methods: &[Isolation],
-    timed: bool,
+    sight: Sight,
     train: &[Observation],
     test: &[Observation],
 ) -> Result<Outcome, ApplyError> {
-    let [train, test] = observation::seen(train, test, |o| Seen::new(o, tasks, timed))?;
+    let [train, test] = observation::seen(train, test, |o| Seen::new(o, tasks, sight))?;
     let (example, shown) = (&train[0], &test[0]);
     let mut outcome = Outcome::default();
     for (number, task) in tasks.iter().enumerate() {

@@ -93,61 +93,98 @@ fn first_light(p: &Pixels) -> Vec<usize> {
         .collect()
 }
 
+/// Which slices there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sight {
+    /// [`POLARIMETRIC`] and [`EPIPOLAR`], and [`TRANSIENT`] of all light.
+    Space,
+    /// The same, and [`GATED`].
+    SpaceAndTime,
+    /// [`TRANSIENT`] alone, matrices, as a coaxial rig has it.
+    Coaxial,
+}
+
+fn sizes(o: &Observation, what: &str) -> ApplyError {
+    ApplyError::Sizes {
+        variant: o.variant,
+        what: what.into(),
+    }
+}
+
+type Images = BTreeMap<Part, Vec<Vec<f64>>>;
+
+/// Parts of what a camera and a projector see, and its size.
+fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyError> {
+    let polarimetric = o.pixels(POLARIMETRIC, true)?;
+    let size = [polarimetric.width, polarimetric.height];
+    let check = |p: Pixels| {
+        if [p.width, p.height] == size {
+            Ok(p)
+        } else {
+            Err(sizes(o, "slices"))
+        }
+    };
+    let all = images(&polarimetric, |_, _| true);
+    let epipolar = images(&check(o.pixels(EPIPOLAR, true)?)?, |_, _| true);
+    let transient = check(o.pixels(TRANSIENT, false)?)?;
+    let gated = if timed {
+        Some(check(o.pixels(GATED, true)?)?)
+    } else {
+        None
+    };
+    if gated
+        .as_ref()
+        .is_some_and(|g| (g.bins, g.elements) != (transient.bins, transient.elements))
+    {
+        return Err(sizes(o, "slices in time"));
+    }
+    let first = first_light(&transient);
+    let mut parts = BTreeMap::new();
+    for cut in CUTS {
+        let early = |pixel: usize, bin: usize| bin <= first[pixel] + cut;
+        let late = |pixel: usize, bin: usize| bin > first[pixel] + cut;
+        let windows: [(Time, &Kept); 2] = [(Time::Early(cut), &early), (Time::Late(cut), &late)];
+        for (time, keep) in windows {
+            let whole = images(&transient, keep);
+            if let Some(gated) = &gated {
+                let near = images(gated, keep);
+                parts.insert((Space::NonEpipolar, time), less(&whole, &near));
+                parts.insert((Space::Epipolar, time), near);
+            }
+            parts.insert((Space::All, time), whole);
+        }
+    }
+    parts.insert((Space::NonEpipolar, Time::All), less(&all, &epipolar));
+    parts.insert((Space::Epipolar, Time::All), epipolar);
+    parts.insert((Space::All, Time::All), all);
+    Ok((parts, size))
+}
+
+/// Bins of what comes back where it went, and their sum.
+fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
+    let transient = o.pixels(TRANSIENT, true)?;
+    let mut parts = BTreeMap::new();
+    for bin in 0..transient.bins {
+        parts.insert((Space::All, Time::At(bin)), images(&transient, |_, b| b == bin));
+    }
+    parts.insert((Space::All, Time::All), images(&transient, |_, _| true));
+    Ok((parts, [transient.width, transient.height]))
+}
+
 impl Seen {
-    /// Reads a variant; `timed` says whether epipolar light is to be read in bins too.
+    /// Reads a variant.
     ///
     /// # Errors
     /// [`ApplyError`].
-    pub fn new(o: &Observation, tasks: &[Task], timed: bool) -> Result<Self, ApplyError> {
-        let polarimetric = o.pixels(POLARIMETRIC, true)?;
-        let (width, height) = (polarimetric.width, polarimetric.height);
-        let sizes = |what: &str| ApplyError::Sizes {
-            variant: o.variant,
-            what: what.into(),
+    pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
+        let (parts, [width, height]) = match sight {
+            Sight::Space => in_space(o, false)?,
+            Sight::SpaceAndTime => in_space(o, true)?,
+            Sight::Coaxial => coaxial(o)?,
         };
-        let check = |p: Pixels| {
-            if (p.width, p.height) == (width, height) {
-                Ok(p)
-            } else {
-                Err(sizes("slices"))
-            }
-        };
-        let all = images(&polarimetric, |_, _| true);
-        let epipolar = images(&check(o.pixels(EPIPOLAR, true)?)?, |_, _| true);
-        let transient = check(o.pixels(TRANSIENT, false)?)?;
-        let gated = if timed {
-            Some(check(o.pixels(GATED, true)?)?)
-        } else {
-            None
-        };
-        if gated
-            .as_ref()
-            .is_some_and(|g| (g.bins, g.elements) != (transient.bins, transient.elements))
-        {
-            return Err(sizes("slices in time"));
-        }
-        let first = first_light(&transient);
-        let mut parts = BTreeMap::new();
-        for cut in CUTS {
-            let early = |pixel: usize, bin: usize| bin <= first[pixel] + cut;
-            let late = |pixel: usize, bin: usize| bin > first[pixel] + cut;
-            let windows: [(Time, &Kept); 2] = [(Time::Early(cut), &early), (Time::Late(cut), &late)];
-            for (time, keep) in windows {
-                let whole = images(&transient, keep);
-                if let Some(gated) = &gated {
-                    let near = images(gated, keep);
-                    parts.insert((Space::NonEpipolar, time), less(&whole, &near));
-                    parts.insert((Space::Epipolar, time), near);
-                }
-                parts.insert((Space::All, time), whole);
-            }
-        }
-        parts.insert((Space::NonEpipolar, Time::All), less(&all, &epipolar));
-        parts.insert((Space::Epipolar, Time::All), epipolar);
-        parts.insert((Space::All, Time::All), all);
         let paths = Paths::read(o, PATHS)?;
         if (paths.width, paths.height) != (width, height) {
-            return Err(sizes("slices and truth"));
+            return Err(sizes(o, "slices and truth"));
         }
         let everything = paths.all().data;
         let mut truth = vec![];
@@ -156,7 +193,7 @@ impl Seen {
             if let Some(region) = task.region {
                 let within = region(o)?;
                 if within.len() != light.len() {
-                    return Err(sizes("slices and truth maps"));
+                    return Err(sizes(o, "slices and truth maps"));
                 }
                 for (light, within) in light.iter_mut().zip(&within) {
                     if !within {

@@ -142,7 +142,7 @@ const METHODS: [Isolation; 8] = [
 /// Light of no other kind that is alike in all but its label, and what differs in it.
 fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     let all = observations(&[Kind::new(8, 1), kind], 8);
-    let outcome = run(&[TASK], &METHODS, true, &all[..4], &all[4..]).expect("it runs");
+    let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     METHODS
         .iter()
         .map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area")))
@@ -204,7 +204,7 @@ fn a_named_element_needs_its_sign() {
         ..turned
     };
     let all = observations(&[Kind::new(8, 1), kept], 8);
-    let outcome = run(&[TASK], &METHODS, true, &all[..4], &all[4..]).expect("it runs");
+    let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method, metric| mean(&outcome.scores, method, metric);
     assert!(of("named", "it: area") < 0.05 && of("either", "it: area") > 0.95);
     assert!(of("named", "it: correlation") < -0.5 && of("either", "it: correlation") > 0.9);
@@ -242,7 +242,7 @@ fn what_turns_is_told_by_its_magnitude() {
         turned(&[(2, -0.5)]),
     ];
     let all = observations(&kinds, 8);
-    let outcome = run(&[task], &METHODS, true, &all[..4], &all[4..]).expect("it runs");
+    let outcome = run(&[task], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method| mean(&outcome.scores, method, "it: area");
     assert!(NONE.contains(&of("named")) && of("azimuth") > 0.95);
 }
@@ -261,7 +261,7 @@ fn two_disturbances_need_two_dimensions() {
     let both = any("space and polarization", true, false, true);
     let methods = [both, METHODS[1], METHODS[3]];
     let all = observations(&[Kind::new(8, 1), mirrored, it], 8);
-    let outcome = run(&[TASK], &methods, true, &all[..4], &all[4..]).expect("it runs");
+    let outcome = run(&[TASK], &methods, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method| mean(&outcome.scores, method, "it: area");
     assert!(of("space and polarization") > 0.95);
     // Space alone tells it from the mirrored kind, polarization alone from the matt one: three quarters each.
@@ -282,7 +282,7 @@ fn light_outside_the_region_is_not_it() {
     };
     let mut all = observations(&[Kind::new(8, 1), turned], 4);
     assert!(matches!(
-        run(&[task], &METHODS, true, &all[..2], &all[2..]),
+        run(&[task], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]),
         Err(ApplyError::Missing { .. })
     ));
     for o in &mut all {
@@ -291,7 +291,7 @@ fn light_outside_the_region_is_not_it() {
         });
         o.truth.insert("left".into(), map);
     }
-    let outcome = run(&[task], &METHODS, true, &all[..2], &all[2..]).expect("it runs");
+    let outcome = run(&[task], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
     // Positives are half of what is polarized: a third of what is not positive scores as they do.
     let area = mean(&outcome.scores, "named", "it: area");
     assert!((area - (1.0 - 0.5 / 3.0)).abs() < 0.05, "{area}");
@@ -302,15 +302,15 @@ fn light_outside_the_region_is_not_it() {
 #[test]
 fn what_cannot_be_learnt_is_left_out_and_said() {
     let all = observations(&[Kind::new(8, 1)], 4);
-    let outcome = run(&[TASK], &METHODS, true, &all[..2], &all[2..]).expect("it runs");
+    let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
     assert!(outcome.scores.is_empty());
     assert!(outcome.notes.iter().all(|n| n.contains("nothing to be learnt")));
     assert!(matches!(
-        run(&[TASK], &METHODS, true, &[], &all),
+        run(&[TASK], &METHODS, Sight::SpaceAndTime, &[], &all),
         Err(ApplyError::Empty(_))
     ));
     assert!(matches!(
-        run(&[TASK], &METHODS, true, &all, &[]),
+        run(&[TASK], &METHODS, Sight::SpaceAndTime, &all, &[]),
         Err(ApplyError::Empty(_))
     ));
 }

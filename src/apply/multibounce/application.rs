@@ -1,8 +1,9 @@
-//! Both scenes as applications: what they need, and how they are run.
+//! Both scenes of camera and projector as applications: what they need, and how they are run.
 
 use super::methods::METHODS;
 use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
+use crate::isolation::seen::Sight;
 use crate::isolation::{self, Task, metrics_of, seen};
 use crate::observation::Observation;
 
@@ -57,6 +58,6 @@ impl Application for Multibounce {
     }
 
     fn run(&self, train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-        isolation::run(self.tasks, &METHODS, false, train, test)
+        isolation::run(self.tasks, &METHODS, Sight::Space, train, test)
     }
 }

@@ -1,8 +1,8 @@
-//! Methods that both scenes share.
+//! Methods that the scenes of camera and projector share.
 
 use crate::isolation::{Family, Isolation};
 
-const fn any(space: bool, time: bool, polarization: bool) -> Family {
+pub(super) const fn any(space: bool, time: bool, polarization: bool) -> Family {
     Family::Any {
         space,
         time,

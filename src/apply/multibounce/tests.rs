@@ -146,3 +146,51 @@ fn diagonals_are_of_the_ball() {
     // (1, ±1) is to the right of (0.5, 2), and below.
     assert!(up_right.iter().all(|v| !v) && other.iter().all(|v| *v));
 }
+
+/// Matt paint and metal, each as it is seen (bin 1) and in the mirror (bin 5), where metal has this share of (3,3).
+fn statue(mirrored: &'static [(usize, f64)]) -> Outcome {
+    let kinds = [
+        Kind::new(8, 1),
+        Kind {
+            shares: &[(15, -0.8)],
+            ..Kind::new(4, 1)
+        },
+        Kind {
+            delay: 4,
+            ..Kind::new(10, 3)
+        },
+        Kind {
+            shares: mirrored,
+            delay: 4,
+            ..Kind::new(6, 3)
+        },
+    ];
+    run(&Statue, &kinds)
+}
+
+#[test]
+fn times_and_hands_together_tell_metal_in_a_mirror() {
+    let (at_a_time, either) = ("(3,3) at a time", "(3,3) at a time, either sign");
+    let metal = "metal in the mirror";
+    let outcome = statue(&[(15, -0.7)]);
+    // The sign of the caption is that of no reflection by metal here: the best that it does is to tell where no direct metal is, a third
+    // of what is not looked for, and the rest by chance.
+    let wrong = area(&outcome, at_a_time, metal);
+    assert!((wrong - 2.0 / 3.0).abs() < 0.08, "{wrong}");
+    assert!(area(&outcome, either, metal) > 0.95);
+    assert!(area(&outcome, either, "metal, direct") > 0.95);
+    // Without time the metal that is seen is above one negative of three, without polarization paint in the mirror is alike.
+    for (method, expected) in [
+        ("(3,3) without time, either sign", 5.0 / 6.0),
+        ("time only", 5.0 / 6.0),
+    ] {
+        let found = area(&outcome, method, metal);
+        assert!((found - expected).abs() < 0.08, "{method}: {found}");
+    }
+    // What differs in time alone is told by time alone.
+    for task in ["direct light", "light by way of the mirror"] {
+        assert!(area(&outcome, "time only", task) > 0.95, "{task}");
+    }
+    // And with the caption's sign it is found as it is written.
+    assert!(area(&statue(&[(15, 0.7)]), at_a_time, metal) > 0.95);
+}
