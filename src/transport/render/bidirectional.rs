@@ -39,7 +39,7 @@ const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 /// The share of samples in which walks from both ends are connected if particles scatter light forward and are seen and lit through
 /// interfaces: then walks turn to where the other end appears and are connected to it from every particle, which finds nearly all
 /// light; connections of particles, whose forward peaks nothing aims, bring a tenth of it for a fifth of the time.
-const RARELY: f32 = 0.125;
+const RARELY: f32 = 0.04;
 
 /// Camera samples that say what is worth a connection.
 const PILOT: u32 = 2048;

@@ -185,6 +185,9 @@ impl<'a> Joiner<'a> {
         factor: Option<f32>,
         out: &mut Contributions,
     ) {
+        if self.are_parted(camera, light) {
+            return;
+        }
         if !out.labelled {
             self.join_lobes(camera, light, sender, (factor, [None; 2]), out);
             return;
@@ -225,6 +228,20 @@ impl<'a> Joiner<'a> {
                 self.join_lobes(camera, light, sender, (Some(factor), [of_z, *of_y]), out);
             }
         }
+    }
+
+    /// True if the last points of two walks are in different media and nothing lets light straight from one into another: no line
+    /// between them is free, which need not be looked for.
+    #[inline]
+    fn are_parted(&self, camera: &[Point], light: &[Point]) -> bool {
+        let (scene, ([.., z], [.., y])) = (self.scene, (camera, light)) else {
+            return false;
+        };
+        if scene.sheets || !scene.filled {
+            return false;
+        }
+        let to = y.surface.p - z.surface.p;
+        z.medium_toward(scene, to) != y.medium_toward(scene, -to)
     }
 
     /// Roulette on a line between two points, which is expected to bring so much: how many times it counts.

@@ -21,12 +21,13 @@
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
 use super::route::{INTERFACES, MOST_SURFACES, Route, passes};
+use super::shot::{Panes, Shot, newton};
 use super::turned::{Turned, reflected};
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lobe};
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
-use glam::Vec3A;
+use glam::{Mat3A, Vec3A};
 use optics::polarization::chain::Chain;
 use optics::polarization::frame::{basis, perpendicular};
 use optics::polarization::scatter::Scatter;
@@ -35,9 +36,6 @@ use tensor::label::SPECULAR;
 
 /// Steps of Newton's method.
 const STEPS: usize = 24;
-
-/// A ray is at the emitter when it passes it this near, relative to its length.
-const NEAR: f32 = 5e-6;
 
 /// Ways whose cosine is nearer 1 than this are one: a milliradian.
 const SAME: f32 = 5e-7;
@@ -106,16 +104,6 @@ pub(super) struct Passed {
     pub index: f32,
 }
 
-/// A ray shot toward an emitter: where it passes by, and the derivatives of that.
-#[derive(Clone, Copy)]
-struct Shot {
-    /// Unit direction at the end; the end minus the emitter, across it; derivatives by the two angles.
-    dir: Vec3A,
-    miss: Vec3A,
-    slopes: [Vec3A; 2],
-    length: f32,
-}
-
 /// The way from the start of a line along a route to a goal; it is looked for along the line, or from the first point on a
 /// mirror.
 pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Way> {
@@ -150,26 +138,10 @@ fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     LEAVE * length * (length / cos)
 }
 
-/// The step of Newton's method that brings a shot along `dir` nearer, and J.
-#[inline]
-fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
-    let q = basis(shot.dir);
-    let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
-    let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
-    let det = a * d - b * c;
-    // Also where something is not a number.
-    if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-        return None;
-    }
-    let across = basis(dir);
-    let step = across.x_axis * ((b * y - d * x) / det) + across.y_axis * ((c * x - a * y) / det);
-    Some((step, det.abs()))
-}
-
 impl Search<'_> {
-    /// Shoots a ray along the route and on to where it passes the goal; calls back with each interface or mirror, and the directions
-    /// before and after it.
-    fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A)) -> Option<Shot> {
+    /// Shoots a ray along the route and on to where it passes the goal; calls back with each interface or mirror, the
+    /// directions before and after it, and whether it is a flat interface.
+    fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
         let Self {
             scene,
             start,
@@ -187,21 +159,7 @@ impl Search<'_> {
         let mut length = 0.0;
         for _ in 0..MOST_SURFACES {
             if left == 0 && leg == route.over.len() {
-                let way = (to - from).dot(dir);
-                if way <= 0.0 {
-                    return None;
-                }
-                let end = from + dir * way;
-                let slopes = [0, 1].map(|k| {
-                    let s: Vec3A = slopes_p[k] + slopes_d[k] * way;
-                    s - dir * dir.dot(s)
-                });
-                return Some(Shot {
-                    dir,
-                    miss: end - to,
-                    slopes,
-                    length: length + way,
-                });
+                return Shot::past(to, from, dir, [slopes_p, slopes_d], length);
             }
             let ray = Ray { origin, dir };
             let hit = scene.geometry.intersect(&ray, f32::INFINITY)?;
@@ -252,7 +210,7 @@ impl Search<'_> {
                     let pulled = (ratio - ratio * ratio * cos / cos_far) * slope;
                     slopes_d[k] = slopes_d[k] * ratio - turned * pull - n * pulled;
                 }
-                bent(&surface, dir, after);
+                bent(&surface, dir, after, !mirror && bend == Mat3A::ZERO);
                 if mirror {
                     leg += 1;
                     left = route.through[leg];
@@ -269,17 +227,25 @@ impl Search<'_> {
 
     /// Newton's method, from a direction.
     fn solve(&self, mut dir: Vec3A) -> Option<Way> {
-        let mut shot = self.shoot(dir, |_, _, _| ())?;
+        let mut panes = Panes::default();
+        let mut shot = self.shoot(dir, |surface, _, _, flat| panes.add(surface, flat))?;
+        let Goal { to, lane } = self.goal;
+        if let Some(dir) = panes.aim(&self.scene.materials, (self.start.from, dir), to, lane)
+            && let Some((way, shot)) = self.shot_along(dir)
+            && shot.is_near()
+        {
+            return Some(way);
+        }
         for _ in 0..STEPS {
             let miss = shot.miss.length();
             let (step, _) = newton(dir, &shot)?;
             // No leap beyond where the derivative means something, and none that leads away.
             let mut share = (LEAP / step.length()).min(1.0);
             let mut better = None;
-            let near = miss < NEAR * shot.length;
+            let near = shot.is_near();
             for _ in 0..if near { 1 } else { CUTS } {
                 let next = (dir + step * share).normalize();
-                if let Some(s) = self.shoot(next, |_, _, _| ())
+                if let Some(s) = self.shoot(next, |_, _, _, _| ())
                     && s.miss.length() < miss
                 {
                     better = Some((next, s));
@@ -301,8 +267,13 @@ impl Search<'_> {
 
     /// The way along the route, of which is known that it leaves along `dir`.
     fn along(&self, dir: Vec3A) -> Option<Way> {
+        self.shot_along(dir).map(|(way, _)| way)
+    }
+
+    /// The same, with the shot along it.
+    fn shot_along(&self, dir: Vec3A) -> Option<(Way, Shot)> {
         let mut bends = ArrayVec::new();
-        let shot = self.shoot(dir, |surface, before, after| {
+        let shot = self.shoot(dir, |surface, before, after, _| {
             let lobe = if before.dot(surface.ng) * after.dot(surface.ng) < 0.0 {
                 Lobe::Reflected
             } else {
@@ -324,7 +295,7 @@ impl Search<'_> {
             }
         })?;
         let (_, spread) = newton(dir, &shot)?;
-        Way::known(self.start, dir, spread, bends)
+        Some((Way::known(self.start, dir, spread, bends)?, shot))
     }
 }
 

@@ -34,6 +34,7 @@ mod route;
 pub mod schedule;
 mod selected;
 mod sheets;
+mod shot;
 pub mod sight;
 mod spill;
 mod splats;

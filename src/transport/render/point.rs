@@ -241,6 +241,21 @@ impl Point {
         }
     }
 
+    /// The medium that a line along `dir` starts in.
+    #[inline]
+    pub fn medium_toward(&self, scene: &Scene, dir: Vec3A) -> Option<u32> {
+        let s = &self.surface;
+        match self.site {
+            Site::Volume(id) => Some(id),
+            Site::Surface if s.ng.dot(self.back) * s.ng.dot(dir) < 0.0 => {
+                let mut nest = self.nest;
+                nest.cross(&scene.boundaries, s.material, s.ng.dot(dir) < 0.0);
+                nest.medium(&scene.boundaries)
+            }
+            _ => self.nest.medium(&scene.boundaries),
+        }
+    }
+
     /// What a line of so many metres that comes from direction `dir` is aimed at: off the surface.
     #[inline]
     pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
