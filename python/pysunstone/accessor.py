@@ -1,0 +1,283 @@
+"""The accessor `.sunstone` of arrays and data sets of xarray: probing, decomposing, capturing and drawing slices.
+
+It is there as soon as this module is imported, which `pysunstone.open_store` does. Of a `DataArray` it works on values alone; of
+a `Dataset` (a slice: `mean`, `std_error`, ...) errors are propagated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from . import epipolar as geometry
+from . import plots
+from .contraction import Errors, contracted, summed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["SunstoneArray", "SunstoneDataset"]
+
+_STOKES = ("stokes_out", "stokes_in")
+Kind = Literal["total", "linear", "circular"]
+
+
+def _polarized(data: xr.DataArray, kind: Kind) -> tuple[list[xr.DataArray], xr.DataArray]:
+    """Elements of the polarized part, and the intensity."""
+    if "stokes_in" in data.dims:
+        raise ValueError("these are Mueller matrices: choose the light with probe(state=...) first")
+    if "stokes_out" not in data.dims or data.sizes["stokes_out"] != 4:
+        raise ValueError("the four entries of the axis `stokes_out` are needed: render polarization `mueller`")
+    which = {"total": (1, 2, 3), "linear": (1, 2), "circular": (3,)}
+    if kind not in which:
+        raise ValueError(f"a degree of polarization is one of {', '.join(which)}, not `{kind}`")
+    data = data.astype(float)
+    return [data.isel(stokes_out=i, drop=True) for i in which[kind]], data.isel(stokes_out=0, drop=True)
+
+
+def _size(parts: list[xr.DataArray]) -> xr.DataArray:
+    squares = parts[0] ** 2
+    for part in parts[1:]:
+        squares = squares + part**2
+    return squares**0.5
+
+
+def _degree(data: xr.DataArray, kind: Kind) -> xr.DataArray:
+    parts, intensity = _polarized(data, kind)
+    size = _size(parts)
+    result: xr.DataArray = size / intensity.where(intensity > 0)
+    return result.astype(np.float32).assign_attrs(units="1", long_name=f"degree of {kind} polarization")
+
+
+def _matrices(data: xr.DataArray) -> xr.DataArray:
+    """Mueller matrices as the last two axes."""
+    if not set(_STOKES) <= set(data.dims) or any(data.sizes[d] != 4 for d in _STOKES):
+        raise ValueError("Mueller matrices are needed, and the slice keeps none: render polarization `mueller`, and select nothing of it")
+    return data.transpose(..., *_STOKES)
+
+
+@xr.register_dataarray_accessor("sunstone")  # type: ignore[no-untyped-call]
+class SunstoneArray:
+    """What can be done with an array of values of a slice.
+
+    Parameters
+    ----------
+    data
+        The array.
+    """
+
+    def __init__(self, data: xr.DataArray) -> None:
+        self._data = data
+
+    def probe(
+        self,
+        pattern: npt.ArrayLike | None = None,
+        state: str | npt.ArrayLike | None = None,
+        pulse: float | npt.ArrayLike | None = None,
+        *,
+        sum: Iterable[Hashable] = (),
+    ) -> xr.DataArray:
+        """Contract with a projector's light: I = Σ T P over s' and p', then a pulse along t, then sums.
+
+        Parameters
+        ----------
+        pattern
+            Drive of every projector pixel, 0 to 1, or a mask, of shape (rows, columns) of the projector; (K, rows, columns) for K
+            patterns at once, in a new axis `pattern`. Contracts `v` and `u`.
+        state
+            Stokes vector of the projector's light: a name (``"unpolarized"``, ``"horizontal"``, ``"vertical"``, ``"plus45"``,
+            ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states, in a new axis `state`. Contracts
+            `stokes_in`; the result's `stokes_out` is the light at the camera.
+        pulse
+            Full width at half maximum of a Gaussian pulse, picoseconds, or samples of a pulse at the slice's bin width. The light that it
+            moves out of the bins is lost here (a data set keeps it as `shifted_out`).
+        sum
+            Axes to sum over.
+
+        Returns
+        -------
+        xarray.DataArray
+            float32 over the axes that are left; lazy where the array is.
+
+        Raises
+        ------
+        ValueError
+            If the slice has not what is contracted.
+
+        Notes
+        -----
+        Probe first, select then: a selection of `t` before a pulse takes what is left out for darkness.
+        """
+        return summed(contracted(self._data, pattern, state, pulse, None)[0], sum, None)
+
+    def epipolar(
+        self, half_width_px: float = 1.5, *, camera: Mapping[str, Any], projector: Mapping[str, Any], inside: bool = True
+    ) -> xr.DataArray:
+        """As `SunstoneDataset.epipolar`; of an array alone, devices must be given (attributes `camera`, `projector` of the store)."""
+        chosen = geometry.mask(self._data, camera, projector, half_width_px)
+        kept = self._data.where(chosen if inside else ~chosen, 0)
+        return summed(kept.assign_attrs(self._data.attrs), ("v", "u"), None)
+
+    def degree_of_polarization(self, kind: Kind = "total") -> xr.DataArray:
+        """Degree of polarization of the light at the camera, √(s1² + s2² + s3²)/s0.
+
+        Parameters
+        ----------
+        kind
+            ``"total"``, ``"linear"`` (s1 and s2) or ``"circular"`` (|s3|).
+
+        Returns
+        -------
+        xarray.DataArray
+            Without the axis `stokes_out`; NaN where there is no light. Noise makes it too large where light is weak.
+        """
+        return _degree(self._data, kind)
+
+    def plot_mueller(self, **options: Any) -> Figure:
+        """Draw the sixteen elements as a grid of images; see `pysunstone.plots.plot_mueller`."""
+        return plots.plot_mueller(self._data, **options)
+
+    def plot_profile(self, **options: Any) -> Axes:
+        """Draw a time profile; see `pysunstone.plots.plot_profile`."""
+        return plots.plot_profile(self._data, **options)
+
+
+@xr.register_dataset_accessor("sunstone")  # type: ignore[no-untyped-call]
+class SunstoneDataset:
+    """What can be done with a slice: values and their standard errors.
+
+    Parameters
+    ----------
+    data
+        The slice, with `mean` and, for errors, `std_error`.
+    """
+
+    def __init__(self, data: xr.Dataset) -> None:
+        self._data = data
+
+    def _fields(self) -> list[tuple[str, xr.DataArray, bool]]:
+        """Arrays with whether they are errors, those without errors of their own too."""
+        if "mean" not in self._data:
+            raise ValueError("this is no slice of a store: it has no `mean`")
+        known = (("mean", False), ("std_error", True), ("overflow", False), ("overflow_std_error", True))
+        return [(name, self._data[name], error) for name, error in known if name in self._data]
+
+    def probe(
+        self,
+        pattern: npt.ArrayLike | None = None,
+        state: str | npt.ArrayLike | None = None,
+        pulse: float | npt.ArrayLike | None = None,
+        *,
+        sum: Iterable[Hashable] = (),
+        errors: Errors = "bound",
+    ) -> xr.Dataset:
+        """Contract with a projector's light, as `SunstoneArray.probe`, with errors.
+
+        Parameters
+        ----------
+        pattern, state, pulse, sum
+            See `SunstoneArray.probe`.
+        errors
+            ``"bound"``: Σ|w|·se over the elements of a camera pixel, which have the same samples; holds whatever their correlation, and is
+            what `sunstone probe` states. ``"independent"``: √Σ(w·se)², too short where they are correlated. Over camera pixels errors
+            add in quadrature in both.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean` and `std_error`; where time is resolved also `overflow`, the same light outside the bins, which no pulse
+            moves; with a pulse `shifted_out`, what it moves out of the bins. `total_std_error` is not that of the result, and left out.
+        """
+        sum = list(sum)
+        result: dict[str, xr.DataArray] = {}
+        for name, data, is_error in self._fields():
+            timeless = name.startswith("overflow")
+            how = errors if is_error else None
+            light, shifted = contracted(data, pattern, state, None if timeless else pulse, how)
+            over = [d for d in sum if not (timeless and d == "t")]
+            result[name] = summed(light, over, how)
+            if shifted is not None and name == "mean":
+                result["shifted_out"] = summed(shifted, [d for d in sum if d != "t"], None).assign_attrs(
+                    long_name="light that the pulse moved out of the time bins"
+                )
+        return xr.Dataset(result, attrs=self._data.attrs)
+
+    def epipolar(
+        self,
+        half_width_px: float = 1.5,
+        *,
+        camera: Mapping[str, Any] | None = None,
+        projector: Mapping[str, Any] | None = None,
+        inside: bool = True,
+        errors: Errors = "bound",
+    ) -> xr.Dataset:
+        """Sum over the projector pixels within so many pixels of each camera pixel's epipolar line.
+
+        Parameters
+        ----------
+        half_width_px
+            Distance from the line, projector pixels.
+        camera, projector
+            Devices, as the store's root attributes state them; those of the slice without them.
+        inside
+            False for the light of all others (non-epipolar).
+        errors
+            See `probe`.
+
+        Returns
+        -------
+        xarray.Dataset
+            The slice without `v` and `u`.
+
+        Raises
+        ------
+        ValueError
+            If the slice does not keep single pixels of both devices, or a lens distorts: then render an epipolar slice.
+        """
+        camera = camera or self._data.attrs.get("camera")
+        projector = projector or self._data.attrs.get("projector")
+        if camera is None or projector is None:
+            raise ValueError("camera and projector are not known: give them, or open the store with pysunstone.open_store")
+        result = {}
+        chosen = None
+        for name, data, is_error in self._fields():
+            if chosen is None:
+                chosen = geometry.mask(data, camera, projector, half_width_px)
+            kept = data.where(chosen if inside else ~chosen, 0).assign_attrs(data.attrs)
+            result[name] = summed(kept, ("v", "u"), errors if is_error else None)
+        return xr.Dataset(result, attrs=self._data.attrs)
+
+    def degree_of_polarization(self, kind: Kind = "total") -> xr.Dataset:
+        """Degree of polarization of the light at the camera, as `SunstoneArray.degree_of_polarization`, with errors.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean`, and `std_error`: to first order, the bound Σ|∂/∂s|·se, as elements of a pixel have the same samples.
+        """
+        mean = self._data["mean"]
+        result = {"mean": _degree(mean, kind)}
+        if "std_error" in self._data:
+            parts, intensity = _polarized(mean, kind)
+            errors, of_intensity = _polarized(self._data["std_error"], kind)
+            size = _size(parts)
+            # Where nothing is polarized the degree has no derivative; its error there is that of the size.
+            shares = [abs(part) / size.where(size > 0, 1) + (size == 0) for part in parts]
+            intensity = intensity.where(intensity > 0)
+            bound = sum(share * error for share, error in zip(shares, errors, strict=True)) / intensity
+            bound = bound + size / intensity**2 * of_intensity
+            result["std_error"] = bound.astype(np.float32).assign_attrs(units="1", long_name="standard error, bound")
+        return xr.Dataset(result, attrs=self._data.attrs)
+
+    def plot_mueller(self, **options: Any) -> Figure:
+        """Draw the sixteen elements of `mean` as a grid of images; see `pysunstone.plots.plot_mueller`."""
+        return plots.plot_mueller(self._data["mean"], **options)
+
+    def plot_profile(self, **options: Any) -> Axes:
+        """Draw a time profile with its error band; see `pysunstone.plots.plot_profile`."""
+        return plots.plot_profile(self._data["mean"], self._data.get("std_error"), **options)
