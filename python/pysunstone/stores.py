@@ -209,9 +209,9 @@ class _Location:
                 return None
         import fsspec  # type: ignore[import-untyped]
 
+        system, path = fsspec.url_to_fs(f"{self.name.rstrip('/')}/{file}")
         try:
-            with fsspec.open(f"{self.name.rstrip('/')}/{file}", "rb") as opened:
-                return bytes(opened.read())
+            return bytes(system.cat_file(path))
         except FileNotFoundError:
             return None
 
