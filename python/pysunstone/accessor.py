@@ -1,4 +1,4 @@
-"""The accessor `.sunstone` of arrays and data sets of xarray: probing, decomposing, capturing and drawing slices.
+"""The accessor `.sunstone` of arrays, data sets and trees of xarray: probing, decomposing, capturing and drawing slices.
 
 It is there as soon as this module is imported, which `pysunstone.open_store` does. Of a `DataArray` it works on values alone; of
 a `Dataset` (a slice: `mean`, `std_error`, ...) errors are propagated.
@@ -6,7 +6,8 @@ a `Dataset` (a slice: `mean`, `std_error`, ...) errors are propagated.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+import os
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,14 +17,14 @@ import xarray as xr
 from . import epipolar as geometry
 from . import plots
 from .contraction import Errors, contracted, summed
+from .polarimetry import captured, decomposed, reconstructed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["SunstoneArray", "SunstoneDataset"]
+__all__ = ["SunstoneArray", "SunstoneDataset", "SunstoneTree"]
 
-_STOKES = ("stokes_out", "stokes_in")
 Kind = Literal["total", "linear", "circular"]
 
 
@@ -52,13 +53,6 @@ def _degree(data: xr.DataArray, kind: Kind) -> xr.DataArray:
     size = _size(parts)
     result: xr.DataArray = size / intensity.where(intensity > 0)
     return result.astype(np.float32).assign_attrs(units="1", long_name=f"degree of {kind} polarization")
-
-
-def _matrices(data: xr.DataArray) -> xr.DataArray:
-    """Mueller matrices as the last two axes."""
-    if not set(_STOKES) <= set(data.dims) or any(data.sizes[d] != 4 for d in _STOKES):
-        raise ValueError("Mueller matrices are needed, and the slice keeps none: render polarization `mueller`, and select nothing of it")
-    return data.transpose(..., *_STOKES)
 
 
 @xr.register_dataarray_accessor("sunstone")  # type: ignore[no-untyped-call]
@@ -137,6 +131,86 @@ class SunstoneArray:
             Without the axis `stokes_out`; NaN where there is no light. Noise makes it too large where light is weak.
         """
         return _degree(self._data, kind)
+
+    def decompose(self, only: Sequence[str] | None = None) -> xr.Dataset:
+        """Decompose Mueller matrices after Lu and Chipman: M = M_Δ M_R M_D, as `sunstone decompose`.
+
+        Parameters
+        ----------
+        only
+            Names of the arrays to return: `polarizance`, `diattenuation`, `retardance`, `depolarization`, `retardance_axis`, `m_delta`,
+            `m_r`, `m_d` (all these without it), or `entropy` (Cloude's).
+
+        Returns
+        -------
+        xarray.Dataset
+            Matrices that cannot exist give NaN. A `Dataset`'s has also standard errors of the four scalars (``NAME_std_error``).
+        """
+        return decomposed(self._data, None, only)
+
+    def capture(
+        self,
+        scheme: str | os.PathLike[str],
+        detector: str | os.PathLike[str] | None = None,
+        *,
+        noise: float | None = None,
+        relative_noise: float | None = None,
+        seed: int = 0,
+    ) -> xr.Dataset:
+        """Simulate what a rig with a capture scheme reads of these Mueller matrices, as `sunstone capture`.
+
+        Parameters
+        ----------
+        scheme
+            Scheme file, such as `sunstone scheme drr` writes.
+        detector
+            Detector file with a table [cmos]; then variances are given too, as a camera states them.
+        noise, relative_noise
+            Standard deviation of normal noise, in the unit of the matrices or over the mean M00.
+        seed
+            Seed of the noise.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean` over `capture` (and `channel` of a polarizer array) and the array's axes; `variance` with a detector. Saturated
+            intensities are NaN.
+        """
+        return captured(self._data, scheme, detector, noise, relative_noise, seed)
+
+    def reconstruct(
+        self,
+        scheme: str | os.PathLike[str],
+        *,
+        variance: xr.DataArray | None = None,
+        noise: float | None = None,
+        saturation: float | None = None,
+        realizable: bool = False,
+        errors: bool = True,
+    ) -> xr.Dataset:
+        """Reconstruct Mueller matrices from captures by least squares, as `sunstone reconstruct`.
+
+        Parameters
+        ----------
+        scheme
+            The captures' scheme file.
+        variance
+            Variances of the intensities: weights.
+        noise
+            Standard deviation of the intensities' noise.
+        saturation
+            Intensities from here on are left out, as those are that are NaN.
+        realizable
+            Replace each matrix by the nearest one that can exist (Cloude).
+        errors
+            Propagate errors: from `variance` or `noise`, else from what the estimate leaves over, which takes more than 16 measurements.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean` and, with `errors`, `std_error` over the captures' axes, `stokes_out` and `stokes_in`.
+        """
+        return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors)
 
     def plot_mueller(self, **options: Any) -> Figure:
         """Draw the sixteen elements as a grid of images; see `pysunstone.plots.plot_mueller`."""
@@ -274,6 +348,20 @@ class SunstoneDataset:
             result["std_error"] = bound.astype(np.float32).assign_attrs(units="1", long_name="standard error, bound")
         return xr.Dataset(result, attrs=self._data.attrs)
 
+    def decompose(self, only: Sequence[str] | None = None) -> xr.Dataset:
+        """Decompose Mueller matrices, as `SunstoneArray.decompose`, with standard errors of the scalars."""
+        return decomposed(self._data["mean"], self._data.get("std_error"), only)
+
+    def capture(self, scheme: str | os.PathLike[str], detector: str | os.PathLike[str] | None = None, **options: Any) -> xr.Dataset:
+        """Simulate what a rig reads of `mean`; see `SunstoneArray.capture`."""
+        return SunstoneArray(self._data["mean"]).capture(scheme, detector, **options)
+
+    def reconstruct(self, scheme: str | os.PathLike[str], **options: Any) -> xr.Dataset:
+        """Reconstruct Mueller matrices from captures `mean` with their `variance`, if there is one; see `SunstoneArray.reconstruct`."""
+        if "variance" in self._data:
+            options.setdefault("variance", self._data["variance"])
+        return SunstoneArray(self._data["mean"]).reconstruct(scheme, **options)
+
     def plot_mueller(self, **options: Any) -> Figure:
         """Draw the sixteen elements of `mean` as a grid of images; see `pysunstone.plots.plot_mueller`."""
         return plots.plot_mueller(self._data["mean"], **options)
@@ -281,3 +369,17 @@ class SunstoneDataset:
     def plot_profile(self, **options: Any) -> Axes:
         """Draw a time profile with its error band; see `pysunstone.plots.plot_profile`."""
         return plots.plot_profile(self._data["mean"], self._data.get("std_error"), **options)
+
+
+@xr.register_datatree_accessor("sunstone")  # type: ignore[no-untyped-call]
+class SunstoneTree(SunstoneDataset):
+    """What can be done with the node of a slice: the same as with its data set.
+
+    Parameters
+    ----------
+    tree
+        The node, such as ``open_store(...)["xt"]``.
+    """
+
+    def __init__(self, tree: xr.DataTree) -> None:
+        super().__init__(tree.to_dataset())

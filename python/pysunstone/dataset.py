@@ -15,7 +15,6 @@ import importlib.util
 import json
 import os
 import shutil
-import subprocess
 import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -28,6 +27,7 @@ import xarray as xr
 import zarr
 from zarr.errors import ZarrUserWarning
 
+from .command import CommandError, run
 from .stores import NotAStoreError, StoreError, UnfinishedStoreError, open_store, pieces
 
 __all__ = ["DatasetError", "MuellerImages", "make", "manifest", "open_dataset"]
@@ -78,7 +78,7 @@ def make(
     seed: int = 0,
     std_error: bool = True,
     threads: int | None = None,
-    command: str = "sunstone",
+    command: str | None = None,
     keep: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
@@ -106,7 +106,7 @@ def make(
     threads
         Threads of a render; all cores without it.
     command
-        The command `sunstone`.
+        The command; without it what the variable SUNSTONE names, or `sunstone` of the PATH.
     keep
         Keep the renders' own stores.
     progress
@@ -174,13 +174,13 @@ def _parts(path: Path) -> Path:
 
 
 def _rendered(
-    scene: Path, path: Path, variant: int, settings: dict[str, Any], threads: int | None, command: str
+    scene: Path, path: Path, variant: int, settings: dict[str, Any], threads: int | None, command: str | None
 ) -> tuple[dict[str, Any], Path]:
     """The store of a variant, rendered if it is not there, and the sample's entry in the manifest."""
     store = _parts(path) / f"variant{variant}.zarr"
     seed = settings["seed"] + variant
     begun = time.monotonic()
-    words = [command, "render", str(scene), "--variant", str(variant), "--seed", str(seed), "--output", str(store), "--no-figures"]
+    words = ["render", str(scene), "--variant", str(variant), "--seed", str(seed), "--output", str(store), "--no-figures"]
     words += ["--slices", ",".join(settings["slices"])]
     words += [] if settings["spp"] is None else ["--spp", str(settings["spp"])]
     words += [] if threads is None else ["--threads", str(threads)]
@@ -188,11 +188,9 @@ def _rendered(
     # Of a finished store, `--resume` does nothing; of another scene's, it is refused.
     words += ["--resume"] if store.exists() else []
     try:
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        raise DatasetError(f"there is no command `{command}`: install it, or say where it is with command=") from None
-    if done.returncode != 0:
-        raise DatasetError(f"variant {variant} of {scene} was not rendered: {done.stderr.strip()}")
+        run(*words, command=command)
+    except CommandError as e:
+        raise DatasetError(f"variant {variant} of {scene} was not rendered: {e}") from None
     attributes = open_store(store, chunks=None, slices=[]).attrs
     entry = {
         "variant": variant,

@@ -215,6 +215,12 @@ def test_the_degree_of_polarization_is_that_of_known_light() -> None:
     assert 0 <= float(light["mean"].min()) and float(light["mean"].max()) < 1 + 1e-5
 
 
+def test_nodes_of_a_tree_have_it_too() -> None:
+    tree = open_store(rendered.store())
+    ours = tree.children["timed"].sunstone.probe(state="left", pulse=80)
+    assert ours.identical(opened("timed").sunstone.probe(state="left", pulse=80))
+
+
 def test_the_kernel_is_a_gaussian_of_its_width() -> None:
     weights = dict(kernel(100.0, 1.0))
     assert sum(weights.values()) == pytest.approx(1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import http.server
+import importlib.util
 import json
 import pickle
 import shutil
@@ -136,6 +137,13 @@ def test_pieces_are_whole_chunks() -> None:
     assert stores.pieces({"y": 5}, {"y": 2}, 4) == {"y": 5}
     assert not array(open_store(rendered.store(), chunks=None), "full/mean").chunks
     assert array(open_store(rendered.store(), chunks={"x": 4}), "full/mean").chunksizes["x"] == (4,) * 5
+
+
+def test_nothing_needs_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "dask" else find(name, *rest))
+    mean = array(open_store(rendered.store()), "timed/mean")
+    assert not mean.chunks and mean.equals(array(open_store(rendered.store(), None), "timed/mean"))
 
 
 def test_pieces_travel_to_other_processes() -> None:
