@@ -113,11 +113,11 @@ def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray 
         return found
 
     total_drive = at(last + 1, right + 1) - at(first, right + 1) - at(last + 1, left) + at(first, left)
-    kept = np.zeros((height, width), dtype=bool)
-    for a, b in rows:
-        for c, d in columns:
-            kept[a : b + 1, c : d + 1] = True
-    lost = int(((drive != 0) & ~kept).sum())
+    kept_rows, kept_columns = np.zeros(height, dtype=bool), np.zeros(width, dtype=bool)
+    for boxes, kept in ((rows, kept_rows), (columns, kept_columns)):
+        for a, b in boxes:
+            kept[a : b + 1] = True
+    lost = int(((drive != 0) & ~np.outer(kept_rows, kept_columns)).sum())
     if lost:
         warnings.warn(
             f"the pattern drives {lost} projector pixels that the slice does not keep: their light is missing", stacklevel=2

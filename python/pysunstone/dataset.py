@@ -250,18 +250,21 @@ def _put(path: Path, index: int, samples: int, store: Path, settings: dict[str, 
         group = root.require_group(name)
         if "projector_selection" not in group.attrs:
             group.attrs.update({k: v for k, v in data.attrs.items() if k not in ("camera", "projector")})
-        _same_coordinates(group, data, name)
+        _put_coordinates(group, data, name, first=index == 0)
         for field in settings["fields"]:
             values = data[field]
             _grown(group, field, values, samples)[index] = values.values
 
 
-def _same_coordinates(group: zarr.Group, data: xr.Dataset, name: str) -> None:
+def _put_coordinates(group: zarr.Group, data: xr.Dataset, name: str, first: bool) -> None:
+    """Writes the axes of a slice with the first sample, and compares those of the others."""
     for dim in map(str, data["mean"].dims):
         coordinate = data[dim]
-        if dim not in group:
+        if first:
+            # Those of a call that was killed may be there, without values.
+            attributes = dict(coordinate.attrs)
             array = group.create_array(
-                dim, shape=coordinate.shape, dtype=coordinate.dtype, dimension_names=[dim], attributes=dict(coordinate.attrs)
+                dim, shape=coordinate.shape, dtype=coordinate.dtype, dimension_names=[dim], attributes=attributes, overwrite=True
             )
             array[:] = coordinate.values
         elif not np.array_equal(_values(group, dim), coordinate.values):

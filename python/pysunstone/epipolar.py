@@ -6,14 +6,14 @@ The essential matrix takes a camera pixel's normalized coordinates to a line on 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-__all__ = ["distances", "mask"]
+__all__ = ["lines", "mask"]
 
 
 _Numbers = npt.NDArray[np.float64]
@@ -31,21 +31,20 @@ def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _
     return axes, origin, focal, principal
 
 
-def distances(
-    camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayLike, x: npt.ArrayLike, v: npt.ArrayLike, u: npt.ArrayLike
-) -> npt.NDArray[np.float64]:
-    """Distances of the centres of projector pixels (v, u) from the epipolar lines of camera pixels (y, x), projector pixels.
+def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayLike, x: npt.ArrayLike) -> _Numbers:
+    """Epipolar lines of camera pixels on the projector's pixels: a·u + b·v + c is the distance of pixel (v, u)'s centre.
 
     Parameters
     ----------
     camera, projector
         Devices as the root attributes `camera` and `projector` of a store state them.
-    y, x, v, u
-        Pixel indices; those of bins' middles give the distances of these.
+    y, x
+        Pixel indices of the camera; those of bins' middles give the lines of these.
 
     Returns
     -------
-    array of shape (y, x, v, u)
+    array of shape (y, x, 3)
+        a, b, c with a² + b² = 1.
     """
     camera_axes, camera_origin, camera_focal, camera_principal = _device(camera, "camera")
     axes, origin, focal, principal = _device(projector, "projector")
@@ -59,13 +58,9 @@ def distances(
     seen = np.stack([*np.broadcast_arrays(seen_x[None, :], seen_y[:, None]), np.ones((seen_y.size, seen_x.size))], axis=-1)
     line = seen @ essential.T
     slope = line[..., :2] / focal
-    line = np.concatenate([slope, line[..., 2:]], axis=-1) / np.linalg.norm(slope, axis=-1, keepdims=True)
-    columns = np.asarray(u, dtype=float) + 0.5 - principal[0]
-    rows = np.asarray(v, dtype=float) + 0.5 - principal[1]
-    offset: npt.NDArray[np.float64] = np.abs(
-        line[..., 0, None, None] * columns[None, :] + line[..., 1, None, None] * rows[:, None] + line[..., 2, None, None]
-    )
-    return offset
+    offset = line[..., 2] + slope @ (0.5 - principal)
+    found: _Numbers = np.concatenate([slope, offset[..., None]], axis=-1) / np.linalg.norm(slope, axis=-1, keepdims=True)
+    return found
 
 
 def mask(data: xr.DataArray, camera: Mapping[str, Any], projector: Mapping[str, Any], half_width_px: float) -> xr.DataArray:
@@ -84,7 +79,12 @@ def mask(data: xr.DataArray, camera: Mapping[str, Any], projector: Mapping[str, 
         )
     if any(n != 1 for n in data.attrs.get("projector_bin", (1, 1))) or data.attrs.get("pixels_per_element", 1) != 1:
         raise ValueError("the slice has bins of pixels, which lie on several lines: render single pixels, or an epipolar slice")
-    coords = [data[d].values for d in kept]
-    return xr.DataArray(
-        distances(camera, projector, *coords) <= half_width_px, dims=kept, coords={d: data[d] for d in kept}
-    )
+    found = lines(camera, projector, data["y"].values, data["x"].values)
+    at = {"y": data["y"], "x": data["x"]}
+    a, b, c = (xr.DataArray(found[..., k], dims=("y", "x"), coords=at) for k in range(3))
+    rows, columns = (xr.DataArray(data[d].values, dims=d, coords={d: data[d]}) for d in ("v", "u"))
+    if data.chunks is not None:
+        # As lazy as the array, in the same pieces: all of it may be larger than memory.
+        cuts: dict[Hashable, tuple[int, ...]] = {d: data.chunksizes[d] for d in kept}
+        a, b, c, rows, columns = (part.chunk({d: cuts[d] for d in part.dims}) for part in (a, b, c, rows, columns))
+    return abs(a * columns + b * rows + c) <= half_width_px

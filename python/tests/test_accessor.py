@@ -10,7 +10,7 @@ import xarray as xr
 
 import rendered
 from pysunstone.contraction import STATES, kernel, stokes_vector
-from pysunstone.epipolar import distances
+from pysunstone.epipolar import lines
 from pysunstone.stores import open_store
 from rendered import differs, probed
 
@@ -139,6 +139,8 @@ def test_a_scene_lit_wholly_is_the_steady_slice() -> None:
     assert differs(far["mean"], opened("nonepipolar")["mean"]) < 20
     assert differs(full.sunstone.epipolar(1.6)["mean"], opened("epipolar")["mean"]) > 1000
     assert differs(white["mean"], near["mean"]) > 1000
+    assert not isinstance(near["mean"].data, np.ndarray), "it is as lazy as the slice"
+    assert near.equals(opened("full", None).sunstone.epipolar(1.5))
     bound = near["std_error"].values - opened("epipolar")["std_error"].values
     assert bound.min() > -1e-6 * near["std_error"].values.max()
 
@@ -156,8 +158,10 @@ def test_epipolar_lines_are_those_of_points() -> None:
     for point in ([0.1, 0.2, 0.3], [-0.6, 0.4, -1.0], [0.0, 0.0, 0.0]):
         x, y = seen(camera, point)
         u, v = seen(projector, point)
-        assert distances(camera, projector, [y], [x], [v], [u]).item() < 1e-4
-        assert distances(camera, projector, [y], [x], [v], [u + 1]).item() > 0.05
+        a, b, c = lines(camera, projector, [y], [x])[0, 0]
+        assert a**2 + b**2 == pytest.approx(1)
+        assert abs(a * u + b * v + c) < 1e-4
+        assert abs(a * (u + 1) + b * v + c) > 0.05
 
 
 def test_slices_that_do_not_allow_it_are_refused() -> None:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
+import signal
 import stat
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +115,42 @@ def test_what_is_there_is_not_rendered_again(three: Path, tmp_path: Path, counte
     made(output, 5, command=command)
     assert len(log.read_text().splitlines()) == 6
     assert everything(made(tmp_path / "five.zarr", 5)) == everything(output)
+
+
+def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
+    """The process and its render are killed again and again; the data set is that of a call that nobody killed."""
+    output = tmp_path / "data.zarr"
+    words = f"make({str(rendered.scene(varied=True))!r}, {str(output)!r}, 3, slices={SLICES!r}, spp=32, command={rendered.command()!r})"
+    rng, kills = np.random.default_rng(2), 0
+    for _ in range(40):
+        process = subprocess.Popen(
+            [sys.executable, "-c", f"from pysunstone.dataset import make; print(1, flush=True); {words}"],
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            cwd=rendered.ROOT / "python",
+        )
+        assert process.stdout is not None and process.stdout.readline() == b"1\n"
+        try:
+            process.wait(rng.uniform(0.02, 0.35))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            kills += 1
+            process.wait()
+        process.stdout.close()
+        if process.returncode == 0 or kills == 4:
+            break
+    made(output)
+    assert kills > 0
+    assert everything(output) == everything(three)
+
+
+def test_axes_must_be_the_same(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(rendered.SCENE + '[vary.start]\npath = "slices.timed.time.start_ps"\nvalues = [18000, 18000, 19000]\n')
+    options = {"slices": ["timed"], "spp": 2, "command": rendered.command()}
+    assert len(manifest(make(scene, tmp_path / "two.zarr", 2, **options))["samples"]) == 2
+    with pytest.raises(dataset.DatasetError, match="axis `t` of slice `timed` is not the same in all variants"):
+        make(scene, tmp_path / "three.zarr", 3, **options)
 
 
 def test_what_does_not_fit_is_refused(three: Path, tmp_path: Path) -> None:

@@ -64,6 +64,7 @@ def test_xarray_opens_every_store_as_a_tree(tmp_path: Path) -> None:
     other = tmp_path / "other.zarr"
     rendered.sunstone("render", rendered.scene(), "--seed", 7, "--spp", 32, "-o", other, "--no-figures")
     rendered.sunstone("merge", rendered.store(), other, "-o", tmp_path / "merged.zarr")
+    rendered.sunstone("rig", "run", rendered.ROOT / "rigs/coaxial_temporal/plan.toml", "--sample", "mirror", "-o", tmp_path / "night.zarr")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for path in [rendered.store(), *sorted(tmp_path.glob("*.zarr"))]:
@@ -72,7 +73,7 @@ def test_xarray_opens_every_store_as_a_tree(tmp_path: Path) -> None:
             assert sorted(ours.children) == sorted(tree.children), path
             for name, node in ours.children.items():
                 assert node.ds.equals(tree.children[name].ds), f"{path}/{name}"
-    assert len(list(tmp_path.glob("*.zarr"))) == 5
+    assert len(list(tmp_path.glob("*.zarr"))) == 6
 
 
 def test_a_store_of_an_earlier_version_opens(copied: Path) -> None:
