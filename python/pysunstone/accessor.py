@@ -4,6 +4,7 @@ It is there as soon as this module is imported, which `pysunstone.open_store` do
 a `Dataset` (a slice: `mean`, `std_error`, ...) errors are propagated.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import os

@@ -1,5 +1,6 @@
 """Which device pixels an entry of an axis stands for: coordinates are pixel indices, of bins their mean (CONVENTIONS.md)."""
 
+# pyright: basic
 from __future__ import annotations
 
 import numpy as np

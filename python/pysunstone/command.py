@@ -1,5 +1,6 @@
 """The command `sunstone`, run on arrays: they go to it and come back as files of NumPy, with the very numbers of the command line."""
 
+# pyright: basic
 from __future__ import annotations
 
 import os

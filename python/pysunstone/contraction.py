@@ -9,6 +9,7 @@ where they are independent, as nearly they are between projector pixels and time
 up to √n where they are not. Different camera pixels have different samples: over y and x errors add in quadrature in both.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import warnings

@@ -8,6 +8,7 @@ Layout: a group a slice with `mean` (and `std_error`) over `sample` and the slic
 below 64 MiB, and coordinates along `sample`: `variant`, `seed`, and every parameter drawn. `dataset.json` is the manifest.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import hashlib

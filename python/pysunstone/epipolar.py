@@ -4,6 +4,7 @@ The essential matrix takes a camera pixel's normalized coordinates to a line on 
 2004, ch. 9), and the focal lengths take that line to the projector's pixels.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping

@@ -3,6 +3,7 @@
 Matplotlib is imported when something is drawn.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

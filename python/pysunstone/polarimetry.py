@@ -4,6 +4,7 @@ The numbers are those of `sunstone decompose`, `capture` and `reconstruct`, whic
 is computed first, in memory.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import os

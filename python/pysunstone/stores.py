@@ -5,6 +5,7 @@ that it knows what a store is: one that is unfinished, damaged or none is refuse
 and not zeros, arrays are cut for Dask along the store's own chunks, and every array carries what the accessor needs to know.
 """
 
+# pyright: basic
 from __future__ import annotations
 
 import importlib
