@@ -18,7 +18,7 @@ import xarray as xr
 from . import epipolar as geometry
 from . import plots
 from .contraction import Errors, contracted, summed
-from .polarimetry import captured, decomposed, reconstructed
+from .polarimetry import SchemeLike, captured, decomposed, reconstructed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +151,7 @@ class SunstoneArray:
 
     def capture(
         self,
-        scheme: str | os.PathLike[str],
+        scheme: SchemeLike,
         detector: str | os.PathLike[str] | None = None,
         *,
         noise: float | None = None,
@@ -163,7 +163,7 @@ class SunstoneArray:
         Parameters
         ----------
         scheme
-            Scheme file, such as `sunstone scheme drr` writes.
+            Scheme file, such as `sunstone scheme drr` writes, or an object with `to_toml()`, such as `pysunstone.Scheme`.
         detector
             Detector file with a table [cmos]; then variances are given too, as a camera states them.
         noise, relative_noise
@@ -181,7 +181,7 @@ class SunstoneArray:
 
     def reconstruct(
         self,
-        scheme: str | os.PathLike[str],
+        scheme: SchemeLike,
         *,
         variance: xr.DataArray | None = None,
         noise: float | None = None,
@@ -194,7 +194,7 @@ class SunstoneArray:
         Parameters
         ----------
         scheme
-            The captures' scheme file.
+            The captures' scheme, as for `capture`.
         variance
             Variances of the intensities: weights.
         noise
@@ -353,11 +353,11 @@ class SunstoneDataset:
         """Decompose Mueller matrices, as `SunstoneArray.decompose`, with standard errors of the scalars."""
         return decomposed(self._data["mean"], self._data.get("std_error"), only)
 
-    def capture(self, scheme: str | os.PathLike[str], detector: str | os.PathLike[str] | None = None, **options: Any) -> xr.Dataset:
+    def capture(self, scheme: SchemeLike, detector: str | os.PathLike[str] | None = None, **options: Any) -> xr.Dataset:
         """Simulate what a rig reads of `mean`; see `SunstoneArray.capture`."""
         return SunstoneArray(self._data["mean"]).capture(scheme, detector, **options)
 
-    def reconstruct(self, scheme: str | os.PathLike[str], **options: Any) -> xr.Dataset:
+    def reconstruct(self, scheme: SchemeLike, **options: Any) -> xr.Dataset:
         """Reconstruct Mueller matrices from captures `mean` with their `variance`, if there is one; see `SunstoneArray.reconstruct`."""
         if "variance" in self._data:
             options.setdefault("variance", self._data["variance"])

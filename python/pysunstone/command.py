@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sysconfig
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,8 +23,9 @@ class CommandError(ValueError):
 
 
 def find() -> str:
-    """The command: what the variable SUNSTONE names, or `sunstone` of the PATH."""
-    found = os.environ.get("SUNSTONE") or shutil.which("sunstone")
+    """The command: what the variable SUNSTONE names, or `sunstone` of this Python's own scripts, or of the PATH."""
+    scripts = sysconfig.get_path("scripts")
+    found = os.environ.get("SUNSTONE") or shutil.which("sunstone", path=scripts) or shutil.which("sunstone")
     if not found:
         raise CommandError("there is no command `sunstone`: put it into the PATH, or its place into the variable SUNSTONE")
     return found
@@ -48,18 +50,23 @@ def run(*words: object, command: str | None = None) -> str:
 
 
 def run_on_arrays(
-    words: list[object], inputs: Mapping[str, npt.NDArray[Any]], outputs: Mapping[str, str]
+    words: list[object],
+    inputs: Mapping[str, npt.NDArray[Any]],
+    outputs: Mapping[str, str],
+    texts: Mapping[str, str] | None = None,
 ) -> dict[str, npt.NDArray[Any]]:
     """Run the command on arrays.
 
     Parameters
     ----------
     words
-        The command's words; ``{NAME}`` stands for the file of the input of that name.
+        The command's words; ``{NAME}`` stands for the file of the input or text of that name.
     inputs
         Arrays by name.
     outputs
         Options that take a file to write, and the file's extension: ``{"--output": "npy"}``.
+    texts
+        Contents of files of TOML by name.
 
     Returns
     -------
@@ -71,6 +78,9 @@ def run_on_arrays(
         for name, values in inputs.items():
             files[name] = str(Path(folder, f"{name}.npy"))
             np.save(files[name], np.ascontiguousarray(values))
+        for name, text in (texts or {}).items():
+            files[name] = str(Path(folder, f"{name}.toml"))
+            Path(files[name]).write_text(text)
         full = [str(word).format(**files) if str(word).startswith("{") else str(word) for word in words]
         for option, kind in outputs.items():
             full += [option, str(Path(folder, f"out{option}.{kind}"))]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,15 @@ import xarray as xr
 
 from .command import run_on_arrays
 
-__all__ = ["captured", "decomposed", "reconstructed"]
+__all__ = ["SchemeLike", "captured", "decomposed", "reconstructed"]
+
+
+class _Scheme(Protocol):
+    def to_toml(self) -> str: ...
+
+
+#: A scheme: its file, or an object that says itself as such a file, as `pysunstone.Scheme`.
+SchemeLike = str | os.PathLike[str] | _Scheme
 
 _STOKES = ("stokes_out", "stokes_in")
 #: What decompositions hold: units, and words.
@@ -81,9 +89,16 @@ def _wavelengths(data: xr.DataArray) -> tuple[xr.DataArray, list[object]]:
     return data, ["--wavelengths", ",".join(f"{float(w):g}" for w in data["wavelength"].values)]
 
 
+def _scheme(scheme: SchemeLike) -> tuple[list[object], dict[str, str]]:
+    """The option that names a scheme, and the text of its file where it is none."""
+    if isinstance(scheme, (str, os.PathLike)):
+        return ["--scheme", os.fspath(scheme)], {}
+    return ["--scheme", "{scheme}"], {"scheme": scheme.to_toml()}
+
+
 def captured(
     mean: xr.DataArray,
-    scheme: str | os.PathLike[str],
+    scheme: SchemeLike,
     detector: str | os.PathLike[str] | None,
     noise: float | None,
     relative_noise: float | None,
@@ -93,14 +108,15 @@ def captured(
     single = "wavelength" in mean.coords and "wavelength" not in mean.dims
     data, option = _wavelengths(mean)
     matrices = _matrices(data)
-    words: list[object] = ["capture", "{m}", "--scheme", os.fspath(scheme), "--seed", seed, *option]
+    named, texts = _scheme(scheme)
+    words: list[object] = ["capture", "{m}", *named, "--seed", seed, *option]
     outputs = {"--output": "npy"}
     if detector is not None:
         words += ["--detector", os.fspath(detector)]
         outputs["--variance"] = "npy"
     words += [] if noise is None else ["--noise", noise]
     words += [] if relative_noise is None else ["--relative-noise", relative_noise]
-    found = run_on_arrays(words, {"m": matrices.values}, outputs)
+    found = run_on_arrays(words, {"m": matrices.values}, outputs, texts)
     pixels = matrices.dims[:-2]
     values = found["--output"]
     dims = ("capture", "channel")[: values.ndim - len(pixels)] + pixels
@@ -121,7 +137,7 @@ def captured(
 
 def reconstructed(
     intensities: xr.DataArray,
-    scheme: str | os.PathLike[str],
+    scheme: SchemeLike,
     variance: xr.DataArray | None,
     noise: float | None,
     saturation: float | None,
@@ -138,7 +154,8 @@ def reconstructed(
     pixels = [d for d in data.dims if d not in (*leading, *lanes)] + lanes
     order = [*leading, *pixels]
     inputs = {"i": data.transpose(*order).values}
-    words: list[object] = ["reconstruct", "{i}", "--scheme", os.fspath(scheme), *option]
+    named, texts = _scheme(scheme)
+    words: list[object] = ["reconstruct", "{i}", *named, *option]
     if variance is not None:
         inputs["v"] = _wavelengths(variance)[0].transpose(*order).values
         words += ["--variance", "{v}"]
@@ -146,7 +163,7 @@ def reconstructed(
     words += [] if saturation is None else ["--saturation", saturation]
     words += ["--realizable"] if realizable else []
     outputs = {"--output": "npy", **({"--errors": "npy"} if errors else {})}
-    found = run_on_arrays(words, inputs, outputs)
+    found = run_on_arrays(words, inputs, outputs, texts)
     coords: dict[Any, Any] = {**_coords(data, pixels), **{d: np.arange(4) for d in _STOKES}}
     units = intensities.attrs.get("units", "1")
     result = {}

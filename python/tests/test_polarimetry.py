@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sysconfig
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,15 @@ def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: di
     one = data["mean"].sel(wavelength=660).sunstone.capture(schemes["drr36"])["mean"]
     many = data.sunstone.capture(schemes["drr36"])["mean"].sel(wavelength=660)
     assert one.dims == ("capture", "y", "x") and np.array_equal(one, many)
+    text = schemes["drr36"].read_text()
+
+    class Told:
+        def to_toml(self) -> str:
+            return text
+
+    told = data.sunstone.capture(Told())
+    assert told.identical(data.sunstone.capture(schemes["drr36"]))
+    assert told.sunstone.reconstruct(Told(), noise=1e-3)["mean"].shape == (16, 20, 3, 4, 4)
     # Planted: read with another scheme.
     wrong = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25)).sunstone.reconstruct(schemes["drr25"], noise=1e-3)
     right = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25, None)).assign_coords(capture=range(1, 12))
@@ -142,5 +152,6 @@ def test_what_is_wrong_is_said(schemes: dict[str, Path], monkeypatch: pytest.Mon
         data.sunstone.capture("nothing.toml")
     monkeypatch.delenv("SUNSTONE")
     monkeypatch.setenv("PATH", os.devnull)
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: os.devnull)
     with pytest.raises(CommandError, match="there is no command `sunstone`"):
         data.sunstone.decompose()
