@@ -173,11 +173,17 @@ def open_store(
     known = list(attributes.get("slices", []))
     if slices is not None and (strange := [s for s in slices if s not in known]):
         raise StoreError(f"{location.name} has no slice `{strange[0]}`; it has: {', '.join(known)}")
-    groups = xr.open_groups(cast(Any, store), engine="zarr", chunks=None, consolidated=_is_consolidated(location))
+    how: Any = {"engine": "zarr", "chunks": None, "consolidated": _is_consolidated(location), "cache": chunks is None}
+    if slices is None:
+        groups = xr.open_groups(cast(Any, store), **how)
+    else:
+        # What is not asked for is not read: each slice takes a request an axis.
+        groups = {f"/{name}": xr.open_dataset(cast(Any, store), group=name, **how) for name in slices}
+        groups["/"] = xr.open_dataset(cast(Any, store), **how)
     nodes = {}
     root = _without_camera(groups["/"])
     for name, data in groups.items():
-        if name == "/" or (slices is not None and name.strip("/") in known and name.strip("/") not in slices):
+        if name == "/":
             continue
         data = _told(data, name.strip("/"), attributes)
         if entries is None and "mean" in data:

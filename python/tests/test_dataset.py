@@ -18,7 +18,8 @@ import xarray as xr
 
 import rendered
 from pysunstone import dataset
-from pysunstone.dataset import MuellerImages, make, manifest, open_dataset
+from pysunstone.dataset import make, manifest, open_dataset
+from pysunstone.images import MuellerImages
 from pysunstone.stores import NotAStoreError, UnfinishedStoreError, open_store
 
 SLICES = ["steady", "timed"]
@@ -142,6 +143,17 @@ def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
     made(output)
     assert kills > 0
     assert everything(output) == everything(three)
+
+
+def test_one_at_a_time_writes_a_data_set(tmp_path: Path) -> None:
+    output = tmp_path / "data.zarr"
+
+    def other(done: int, of: int) -> None:
+        with pytest.raises(dataset.DatasetError, match="another process writes"):
+            made(output)
+
+    made(output, 1, progress=other)
+    assert len(manifest(output)["samples"]) == 1 and sorted(p.name for p in tmp_path.iterdir()) == ["data.zarr"]
 
 
 def test_axes_must_be_the_same(tmp_path: Path) -> None:
