@@ -128,7 +128,7 @@ def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
             [sys.executable, "-c", f"from pysunstone.dataset import make; print(1, flush=True); {words}"],
             stdout=subprocess.PIPE,
             start_new_session=True,
-            cwd=rendered.ROOT / "python",
+            env={**os.environ, "PYTHONPATH": str(Path(dataset.__file__).parents[1])},
         )
         assert process.stdout is not None and process.stdout.readline() == b"1\n"
         try:
