@@ -3,12 +3,17 @@
 
 usage: zarr_open.py STORE [GROUP | --power]
 
-Every group must open without warnings, with named dimensions, a coordinate for each, and units everywhere; one group
-(the first, or GROUP) is printed. Exit code 0 if so. With --power, every group is spoilt in every way that is checked, and each
-must be noticed. Needs xarray and zarr: see requirements.txt, or use .venv/bin/python.
+Every group must open without warnings, with named dimensions, a coordinate for each, and units everywhere, and the whole store
+as one tree (xarray.open_datatree), whose metadata are those of its groups and arrays; one group (the first, or GROUP) is printed.
+Exit code 0 if so. With --power, every group and the tree's descriptions are spoilt in every way that is checked, and each must be
+noticed. Needs xarray and zarr: see requirements.txt, or use .venv/bin/python.
 """
 
+import json
+import pathlib
+import shutil
 import sys
+import tempfile
 import warnings
 
 import numpy as np
@@ -37,6 +42,55 @@ def check(data, group):
     assert data["mean"].shape == data["std_error"].shape
     assert (data["std_error"].fillna(0) >= 0).all(), f"{group} has negative standard errors"
     return data
+
+
+def check_tree(store, groups):
+    """Asserts that the store opens as one tree, and that what its root says of all below is true."""
+    try:
+        with xarray.open_datatree(store, engine="zarr") as tree:
+            found = sorted(tree.children)
+    except ValueError as e:
+        raise AssertionError(f"it does not open as a tree: {e}") from e
+    assert found == groups, f"as a tree it has {found}, not {groups}"
+    root = pathlib.Path(store)
+    said = json.loads((root / "zarr.json").read_text())["consolidated_metadata"]["metadata"]
+    stand = {str(p.parent.relative_to(root)): json.loads(p.read_text()) for p in root.glob("*/**/zarr.json")}
+    assert said.keys() == stand.keys(), f"consolidated metadata tell of {sorted(said.keys() ^ stand.keys())} otherwise"
+    for name, description in stand.items():
+        description.pop("consolidated_metadata", None)
+        assert {k: v for k, v in said[name].items() if k != "consolidated_metadata"} == description, f"{name} is not as said"
+
+
+def spoil_tree(store):
+    """What the check of the tree must notice: name, and a folder with the store's descriptions and that fault."""
+
+    def of_samples(said, stand):
+        for description in (said["samples"], stand["samples"]):
+            description["dimension_names"] = ["y", "x"]
+
+    def of_group(said, _):
+        del said[sorted(said)[0]]
+
+    def of_units(said, _):
+        next(d for d in said.values() if d["node_type"] == "array")["attributes"]["units"] = "parsec"
+
+    faults = {
+        "samples along the slices' dimensions": of_samples,
+        "an array that is not told of": of_group,
+        "metadata that are not true": of_units,
+    }
+    root = pathlib.Path(store)
+    for fault, change in faults.items():
+        with tempfile.TemporaryDirectory() as folder:
+            copy = pathlib.Path(folder, "store")
+            skip = shutil.ignore_patterns("c.*", "manifest.txt")
+            shutil.copytree(root, copy, ignore=skip)
+            paths = {str(p.parent.relative_to(copy)): p for p in copy.glob("**/zarr.json")}
+            stand = {name: json.loads(p.read_text()) for name, p in paths.items()}
+            change(stand["."]["consolidated_metadata"]["metadata"], stand)
+            for name, p in paths.items():
+                p.write_text(json.dumps(stand[name]))
+            yield fault, copy
 
 
 def without_units(data, name):
@@ -75,6 +129,13 @@ def power(store, groups):
             except AssertionError:
                 continue
             sys.exit(f"{group}: {fault}: NOT NOTICED")
+    for fault, spoilt in spoil_tree(store):
+        tried += 1
+        try:
+            check_tree(spoilt, groups)
+        except AssertionError:
+            continue
+        sys.exit(f"the tree: {fault}: NOT NOTICED")
     print(f"{tried} faults planted in {len(groups)} groups, all noticed")
     if not tried:
         sys.exit("nothing to spoil")
@@ -89,12 +150,13 @@ def main(store, shown=None):
     if shown == "--power":
         return power(store, groups)
     opened = {group: check(load(store, group), group) for group in groups}
+    check_tree(store, groups)
     for group, data in opened.items():
         sizes = ", ".join(f"{k} {v}" for k, v in data["mean"].sizes.items())
         print(f"{group:20} {sizes}")
     print()
     print(opened[shown or groups[0]])
-    print(f"\n{len(groups)} groups open cleanly (xarray {xarray.__version__}, zarr {zarr.__version__})")
+    print(f"\n{len(groups)} groups open cleanly, and as one tree (xarray {xarray.__version__}, zarr {zarr.__version__})")
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
 /// Says what is wrong with the shape and chunk of the array of sample counts, if anything.
 pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     let [rows, columns] = shape else {
-        return Some(format!("shape {shape:?} is not (y, x)"));
+        return Some(format!("shape {shape:?} is not (rows, columns)"));
     };
     let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
     if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {

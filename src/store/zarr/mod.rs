@@ -475,7 +475,9 @@ fn build(
         let description = Description {
             shape: vec![u64::from(h), u64::from(w)],
             chunk: vec![chunk(h), chunk(w)],
-            names: vec!["y", "x"],
+            // Dimensions of the root are those of all groups below it (`xarray.open_datatree`), whose `y` and `x` are parts
+            // of the camera.
+            names: vec!["camera_y", "camera_x"],
             attributes,
         };
         ChunkedArray::<u32>::create(&storage, "/samples", description)?;

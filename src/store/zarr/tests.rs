@@ -364,6 +364,27 @@ fn damaged_descriptions_are_errors() {
     ));
 }
 
+/// Dimensions of arrays of the root are those of every group below it, and slices keep parts of the camera:
+/// `xarray.open_datatree` refuses stores whose sample counts are along `y` and `x`. Those of earlier versions still open.
+#[test]
+fn sample_counts_are_along_dimensions_of_no_slice() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    create(&path).write_samples([0, 0], [7, 11], &[3; 77]).unwrap();
+    let description = path.join("samples/zarr.json");
+    let mut json = describe::read_json(&description).unwrap();
+    for name in json["dimension_names"].as_array().unwrap() {
+        assert_eq!(AxisKind::from_name(name.as_str().unwrap()), None, "{name}");
+    }
+    json["dimension_names"] = json!(["y", "x"]);
+    describe::write_json(&description, &json).unwrap();
+    let old = TensorStore::open_for_write(&path).unwrap();
+    assert_eq!(old.read_samples([0, 0], [7, 11]).unwrap(), [3; 77]);
+    old.finish().unwrap();
+    let old = TensorStore::open(&path).unwrap();
+    assert_eq!(old.read_samples([6, 10], [1, 1]).unwrap(), [3]);
+}
+
 #[test]
 fn consolidated_metadata_lists_every_array() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,0 +1,386 @@
+"""The accessor `.sunstone` of arrays, data sets and trees of xarray: probing, decomposing, capturing and drawing slices.
+
+It is there as soon as this module is imported, which `pysunstone.open_store` does. Of a `DataArray` it works on values alone; of
+a `Dataset` (a slice: `mean`, `std_error`, ...) errors are propagated.
+"""
+
+# pyright: basic
+from __future__ import annotations
+
+import os
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from . import epipolar as geometry
+from . import plots
+from .contraction import Errors, contracted, summed
+from .polarimetry import SchemeLike, captured, decomposed, reconstructed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["SunstoneArray", "SunstoneDataset", "SunstoneTree"]
+
+Kind = Literal["total", "linear", "circular"]
+
+
+def _polarized(data: xr.DataArray, kind: Kind) -> tuple[list[xr.DataArray], xr.DataArray]:
+    """Elements of the polarized part, and the intensity."""
+    if "stokes_in" in data.dims:
+        raise ValueError("these are Mueller matrices: choose the light with probe(state=...) first")
+    if "stokes_out" not in data.dims or data.sizes["stokes_out"] != 4:
+        raise ValueError("the four entries of the axis `stokes_out` are needed: render polarization `mueller`")
+    which = {"total": (1, 2, 3), "linear": (1, 2), "circular": (3,)}
+    if kind not in which:
+        raise ValueError(f"a degree of polarization is one of {', '.join(which)}, not `{kind}`")
+    data = data.astype(float)
+    return [data.isel(stokes_out=i, drop=True) for i in which[kind]], data.isel(stokes_out=0, drop=True)
+
+
+def _size(parts: list[xr.DataArray]) -> xr.DataArray:
+    squares = parts[0] ** 2
+    for part in parts[1:]:
+        squares = squares + part**2
+    return squares**0.5
+
+
+def _degree(data: xr.DataArray, kind: Kind) -> xr.DataArray:
+    parts, intensity = _polarized(data, kind)
+    size = _size(parts)
+    result: xr.DataArray = size / intensity.where(intensity > 0)
+    return result.astype(np.float32).assign_attrs(units="1", long_name=f"degree of {kind} polarization")
+
+
+@xr.register_dataarray_accessor("sunstone")  # type: ignore[no-untyped-call]
+class SunstoneArray:
+    """What can be done with an array of values of a slice.
+
+    Parameters
+    ----------
+    data
+        The array.
+    """
+
+    def __init__(self, data: xr.DataArray) -> None:
+        self._data = data
+
+    def probe(
+        self,
+        pattern: npt.ArrayLike | None = None,
+        state: str | npt.ArrayLike | None = None,
+        pulse: float | npt.ArrayLike | None = None,
+        *,
+        sum: Iterable[Hashable] = (),
+    ) -> xr.DataArray:
+        """Contract with a projector's light: I = Σ T P over s' and p', then a pulse along t, then sums.
+
+        Parameters
+        ----------
+        pattern
+            Drive of every projector pixel, 0 to 1, or a mask, of shape (rows, columns) of the projector; (K, rows, columns) for K
+            patterns at once, in a new axis `pattern`. Contracts `v` and `u`.
+        state
+            Stokes vector of the projector's light: a name (``"unpolarized"``, ``"horizontal"``, ``"vertical"``, ``"plus45"``,
+            ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states, in a new axis `state`. Contracts
+            `stokes_in`; the result's `stokes_out` is the light at the camera.
+        pulse
+            Full width at half maximum of a Gaussian pulse, picoseconds, or samples of a pulse at the slice's bin width. The light that it
+            moves out of the bins is lost here (a data set keeps it as `shifted_out`).
+        sum
+            Axes to sum over.
+
+        Returns
+        -------
+        xarray.DataArray
+            float32 over the axes that are left; lazy where the array is.
+
+        Raises
+        ------
+        ValueError
+            If the slice has not what is contracted.
+
+        Notes
+        -----
+        Probe first, select then: a selection of `t` before a pulse takes what is left out for darkness.
+        """
+        return summed(contracted(self._data, pattern, state, pulse, None)[0], sum, None)
+
+    def epipolar(
+        self, half_width_px: float = 1.5, *, camera: Mapping[str, Any], projector: Mapping[str, Any], inside: bool = True
+    ) -> xr.DataArray:
+        """As `SunstoneDataset.epipolar`; of an array alone, devices must be given (attributes `camera`, `projector` of the store)."""
+        chosen = geometry.mask(self._data, camera, projector, half_width_px)
+        kept = self._data.where(chosen if inside else ~chosen, 0)
+        return summed(kept.assign_attrs(self._data.attrs), ("v", "u"), None)
+
+    def degree_of_polarization(self, kind: Kind = "total") -> xr.DataArray:
+        """Degree of polarization of the light at the camera, √(s1² + s2² + s3²)/s0.
+
+        Parameters
+        ----------
+        kind
+            ``"total"``, ``"linear"`` (s1 and s2) or ``"circular"`` (|s3|).
+
+        Returns
+        -------
+        xarray.DataArray
+            Without the axis `stokes_out`; NaN where there is no light. Noise makes it too large where light is weak.
+        """
+        return _degree(self._data, kind)
+
+    def decompose(self, only: Sequence[str] | None = None) -> xr.Dataset:
+        """Decompose Mueller matrices after Lu and Chipman: M = M_Δ M_R M_D, as `sunstone decompose`.
+
+        Parameters
+        ----------
+        only
+            Names of the arrays to return: `polarizance`, `diattenuation`, `retardance`, `depolarization`, `retardance_axis`, `m_delta`,
+            `m_r`, `m_d` (all these without it), or `entropy` (Cloude's).
+
+        Returns
+        -------
+        xarray.Dataset
+            Matrices that cannot exist give NaN. A `Dataset`'s has also standard errors of the four scalars (``NAME_std_error``).
+        """
+        return decomposed(self._data, None, only)
+
+    def capture(
+        self,
+        scheme: SchemeLike,
+        detector: str | os.PathLike[str] | None = None,
+        *,
+        noise: float | None = None,
+        relative_noise: float | None = None,
+        seed: int = 0,
+    ) -> xr.Dataset:
+        """Simulate what a rig with a capture scheme reads of these Mueller matrices, as `sunstone capture`.
+
+        Parameters
+        ----------
+        scheme
+            Scheme file, such as `sunstone scheme drr` writes, or an object with `to_toml()`, such as `pysunstone.Scheme`.
+        detector
+            Detector file with a table [cmos]; then variances are given too, as a camera states them.
+        noise, relative_noise
+            Standard deviation of normal noise, in the unit of the matrices or over the mean M00.
+        seed
+            Seed of the noise.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean` over `capture` (and `channel` of a polarizer array) and the array's axes; `variance` with a detector. Saturated
+            intensities are NaN.
+        """
+        return captured(self._data, scheme, detector, noise, relative_noise, seed)
+
+    def reconstruct(
+        self,
+        scheme: SchemeLike,
+        *,
+        variance: xr.DataArray | None = None,
+        noise: float | None = None,
+        saturation: float | None = None,
+        realizable: bool = False,
+        errors: bool = True,
+    ) -> xr.Dataset:
+        """Reconstruct Mueller matrices from captures by least squares, as `sunstone reconstruct`.
+
+        Parameters
+        ----------
+        scheme
+            The captures' scheme, as for `capture`.
+        variance
+            Variances of the intensities: weights.
+        noise
+            Standard deviation of the intensities' noise.
+        saturation
+            Intensities from here on are left out, as those are that are NaN.
+        realizable
+            Replace each matrix by the nearest one that can exist (Cloude).
+        errors
+            Propagate errors: from `variance` or `noise`, else from what the estimate leaves over, which takes more than 16 measurements.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean` and, with `errors`, `std_error` over the captures' axes, `stokes_out` and `stokes_in`.
+        """
+        return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors)
+
+    def plot_mueller(self, **options: Any) -> Figure:
+        """Draw the sixteen elements as a grid of images; see `pysunstone.plots.plot_mueller`."""
+        return plots.plot_mueller(self._data, **options)
+
+    def plot_profile(self, **options: Any) -> Axes:
+        """Draw a time profile; see `pysunstone.plots.plot_profile`."""
+        return plots.plot_profile(self._data, **options)
+
+
+@xr.register_dataset_accessor("sunstone")  # type: ignore[no-untyped-call]
+class SunstoneDataset:
+    """What can be done with a slice: values and their standard errors.
+
+    Parameters
+    ----------
+    data
+        The slice, with `mean` and, for errors, `std_error`.
+    """
+
+    def __init__(self, data: xr.Dataset) -> None:
+        self._data = data
+
+    def _fields(self) -> list[tuple[str, xr.DataArray, bool]]:
+        """Arrays with whether they are errors, those without errors of their own too."""
+        if "mean" not in self._data:
+            raise ValueError("this is no slice of a store: it has no `mean`")
+        known = (("mean", False), ("std_error", True), ("overflow", False), ("overflow_std_error", True))
+        return [(name, self._data[name], error) for name, error in known if name in self._data]
+
+    def probe(
+        self,
+        pattern: npt.ArrayLike | None = None,
+        state: str | npt.ArrayLike | None = None,
+        pulse: float | npt.ArrayLike | None = None,
+        *,
+        sum: Iterable[Hashable] = (),
+        errors: Errors = "bound",
+    ) -> xr.Dataset:
+        """Contract with a projector's light, as `SunstoneArray.probe`, with errors.
+
+        Parameters
+        ----------
+        pattern, state, pulse, sum
+            See `SunstoneArray.probe`.
+        errors
+            ``"bound"``: Σ|w|·se over the elements of a camera pixel, which have the same samples; holds whatever their correlation, and is
+            what `sunstone probe` states. ``"independent"``: √Σ(w·se)², too short where they are correlated. Over camera pixels errors
+            add in quadrature in both.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean` and `std_error`; where time is resolved also `overflow`, the same light outside the bins, which no pulse
+            moves; with a pulse `shifted_out`, what it moves out of the bins. `total_std_error` is not that of the result, and left out.
+        """
+        sum = list(sum)
+        result: dict[str, xr.DataArray] = {}
+        for name, data, is_error in self._fields():
+            timeless = name.startswith("overflow")
+            how = errors if is_error else None
+            light, shifted = contracted(data, pattern, state, None if timeless else pulse, how)
+            over = [d for d in sum if not (timeless and d == "t")]
+            result[name] = summed(light, over, how)
+            if shifted is not None and name == "mean":
+                result["shifted_out"] = summed(shifted, [d for d in sum if d != "t"], None).assign_attrs(
+                    long_name="light that the pulse moved out of the time bins"
+                )
+        return xr.Dataset(result, attrs=self._data.attrs)
+
+    def epipolar(
+        self,
+        half_width_px: float = 1.5,
+        *,
+        camera: Mapping[str, Any] | None = None,
+        projector: Mapping[str, Any] | None = None,
+        inside: bool = True,
+        errors: Errors = "bound",
+    ) -> xr.Dataset:
+        """Sum over the projector pixels within so many pixels of each camera pixel's epipolar line.
+
+        Parameters
+        ----------
+        half_width_px
+            Distance from the line, projector pixels.
+        camera, projector
+            Devices, as the store's root attributes state them; those of the slice without them.
+        inside
+            False for the light of all others (non-epipolar).
+        errors
+            See `probe`.
+
+        Returns
+        -------
+        xarray.Dataset
+            The slice without `v` and `u`.
+
+        Raises
+        ------
+        ValueError
+            If the slice does not keep single pixels of both devices, or a lens distorts: then render an epipolar slice.
+        """
+        camera = camera or self._data.attrs.get("camera")
+        projector = projector or self._data.attrs.get("projector")
+        if camera is None or projector is None:
+            raise ValueError("camera and projector are not known: give them, or open the store with pysunstone.open_store")
+        result = {}
+        chosen = None
+        for name, data, is_error in self._fields():
+            if chosen is None:
+                chosen = geometry.mask(data, camera, projector, half_width_px)
+            kept = data.where(chosen if inside else ~chosen, 0).assign_attrs(data.attrs)
+            result[name] = summed(kept, ("v", "u"), errors if is_error else None)
+        return xr.Dataset(result, attrs=self._data.attrs)
+
+    def degree_of_polarization(self, kind: Kind = "total") -> xr.Dataset:
+        """Degree of polarization of the light at the camera, as `SunstoneArray.degree_of_polarization`, with errors.
+
+        Returns
+        -------
+        xarray.Dataset
+            `mean`, and `std_error`: to first order, the bound Σ|∂/∂s|·se, as elements of a pixel have the same samples.
+        """
+        mean = self._data["mean"]
+        result = {"mean": _degree(mean, kind)}
+        if "std_error" in self._data:
+            parts, intensity = _polarized(mean, kind)
+            errors, of_intensity = _polarized(self._data["std_error"], kind)
+            size = _size(parts)
+            # Where nothing is polarized the degree has no derivative; its error there is that of the size.
+            shares = [abs(part) / size.where(size > 0, 1) + (size == 0) for part in parts]
+            intensity = intensity.where(intensity > 0)
+            bound = sum(share * error for share, error in zip(shares, errors, strict=True)) / intensity
+            bound = bound + size / intensity**2 * of_intensity
+            result["std_error"] = bound.astype(np.float32).assign_attrs(units="1", long_name="standard error, bound")
+        return xr.Dataset(result, attrs=self._data.attrs)
+
+    def decompose(self, only: Sequence[str] | None = None) -> xr.Dataset:
+        """Decompose Mueller matrices, as `SunstoneArray.decompose`, with standard errors of the scalars."""
+        return decomposed(self._data["mean"], self._data.get("std_error"), only)
+
+    def capture(self, scheme: SchemeLike, detector: str | os.PathLike[str] | None = None, **options: Any) -> xr.Dataset:
+        """Simulate what a rig reads of `mean`; see `SunstoneArray.capture`."""
+        return SunstoneArray(self._data["mean"]).capture(scheme, detector, **options)
+
+    def reconstruct(self, scheme: SchemeLike, **options: Any) -> xr.Dataset:
+        """Reconstruct Mueller matrices from captures `mean` with their `variance`, if there is one; see `SunstoneArray.reconstruct`."""
+        if "variance" in self._data:
+            options.setdefault("variance", self._data["variance"])
+        return SunstoneArray(self._data["mean"]).reconstruct(scheme, **options)
+
+    def plot_mueller(self, **options: Any) -> Figure:
+        """Draw the sixteen elements of `mean` as a grid of images; see `pysunstone.plots.plot_mueller`."""
+        return plots.plot_mueller(self._data["mean"], **options)
+
+    def plot_profile(self, **options: Any) -> Axes:
+        """Draw a time profile with its error band; see `pysunstone.plots.plot_profile`."""
+        return plots.plot_profile(self._data["mean"], self._data.get("std_error"), **options)
+
+
+@xr.register_datatree_accessor("sunstone")  # type: ignore[no-untyped-call]
+class SunstoneTree(SunstoneDataset):
+    """What can be done with the node of a slice: the same as with its data set.
+
+    Parameters
+    ----------
+    tree
+        The node, such as ``open_store(...)["xt"]``.
+    """
+
+    def __init__(self, tree: xr.DataTree) -> None:
+        super().__init__(tree.to_dataset())

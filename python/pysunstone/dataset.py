@@ -1,0 +1,432 @@
+"""Data sets for learning: variants of a scene as one Zarr store with an axis `sample`.
+
+A scene file with `[vary]` describes any number of scenes (docs/scene-files.md, variants); variant K is always the same. `make`
+renders them one after another into one store, and goes on where it was stopped; `images` reads it for learning.
+
+Layout: a group a slice with `mean` (and `std_error`) over `sample` and the slice's axes, a chunk a sample where that is
+below 64 MiB, and coordinates along `sample`: `variant`, `seed`, and every parameter drawn. `dataset.json` is the manifest.
+"""
+
+# pyright: basic
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import json
+import os
+import shutil
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+import zarr
+from zarr.errors import ZarrUserWarning
+
+from .command import CommandError, run
+from .stores import NotAStoreError, StoreError, UnfinishedStoreError, open_store, pieces
+
+__all__ = ["DatasetError", "make", "manifest", "open_dataset"]
+
+_MANIFEST, _FORM = "dataset.json", 1
+_OF_SAMPLES = ("variant", "seed")
+#: Units by the ends of names in scene files (CONVENTIONS.md).
+_UNITS = {"deg": "degree", "nm": "nm", "ps": "ps", "px": "pixel", "mrad": "mrad", "mm": "mm", "um": "um"}
+
+
+class DatasetError(StoreError):
+    """A data set cannot be made or read; the text says why, and what mends it."""
+
+
+def manifest(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The manifest of a data set: what it is made of (`settings`), and for every sample what it is (`samples`).
+
+    Raises
+    ------
+    NotAStoreError
+        There is no data set.
+    """
+    file = Path(path, _MANIFEST)
+    try:
+        found = json.loads(file.read_text())
+    except (FileNotFoundError, NotADirectoryError):
+        raise NotAStoreError(f"{path} is no data set: it has no {_MANIFEST}") from None
+    except ValueError as e:
+        raise DatasetError(f"{file} is no valid JSON: {e}") from None
+    if not isinstance(found, dict) or found.get("form") != _FORM:
+        raise DatasetError(f"{file} is not of form {_FORM}, which this pysunstone knows")
+    return found
+
+
+def _write_manifest(path: Path, content: dict[str, Any]) -> None:
+    part = path / f".{_MANIFEST}.tmp"
+    part.write_text(json.dumps(content, indent=1) + "\n")
+    part.replace(path / _MANIFEST)
+
+
+def make(
+    scene: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    variants: Sequence[int] | int,
+    *,
+    slices: Sequence[str],
+    spp: int | None = None,
+    seed: int = 0,
+    std_error: bool = True,
+    threads: int | None = None,
+    command: str | None = None,
+    keep: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Render variants of a scene into one data set.
+
+    What is there already is not rendered again: a stopped call is repeated as it was, and goes on, inside an unfinished render too;
+    called with more variants, it adds those.
+
+    Parameters
+    ----------
+    scene
+        Scene file with `[vary]`.
+    output
+        Folder of the data set. Renders stand in ``OUTPUT.parts`` until they are in it.
+    variants
+        Numbers of the variants, or how many, from 0.
+    slices
+        Slices of the scene to keep. Their axes must be the same in all variants.
+    spp
+        Samples a pixel, instead of the scene's.
+    seed
+        Variant K is rendered with the seed `seed` + K, so that no two samples have the same noise.
+    std_error
+        Keep standard errors too.
+    threads
+        Threads of a render; all cores without it.
+    command
+        The command; without it what the variable SUNSTONE names, or `sunstone` of the PATH.
+    keep
+        Keep the renders' own stores.
+    progress
+        Called with the numbers of finished and of all samples after every one.
+
+    Returns
+    -------
+    pathlib.Path
+        The data set; `open_dataset` and `MuellerImages` read it.
+
+    Raises
+    ------
+    DatasetError
+        If a data set of something else is there, axes differ, or a render fails (the text is its own).
+    """
+    numbers = list(range(variants)) if isinstance(variants, int) else [int(k) for k in variants]
+    if not numbers or len(set(numbers)) < len(numbers) or min(numbers) < 0:
+        raise DatasetError("variants are different numbers from 0 on, and at least one")
+    if not slices:
+        raise DatasetError("name the slices to keep")
+    with _locked(Path(output)):
+        return _make(Path(scene), Path(output), numbers, slices, spp, seed, std_error, threads, command, keep, progress)
+
+
+def _make(
+    scene: Path,
+    path: Path,
+    numbers: list[int],
+    slices: Sequence[str],
+    spp: int | None,
+    seed: int,
+    std_error: bool,
+    threads: int | None,
+    command: str | None,
+    keep: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Path:
+    settings = {
+        "scene": scene.name,
+        "scene_file_sha256": hashlib.sha256(scene.read_bytes()).hexdigest(),
+        "slices": list(slices),
+        "fields": ["mean", "std_error"] if std_error else ["mean"],
+        "spp": spp,
+        "seed": seed,
+    }
+    content: dict[str, Any] = {"form": _FORM, "settings": settings, "places": _places(scene), "finished": False, "samples": []}
+    if path.exists():
+        content = manifest(path)
+        for key, ours in settings.items():
+            if content["settings"].get(key) != ours:
+                raise DatasetError(
+                    f"{path} was made with {key} {content['settings'].get(key)!r}, not {ours!r}: choose another output, or delete it"
+                )
+    order = [entry["variant"] for entry in content["samples"]]
+    order += [k for k in numbers if k not in order]
+    if len(order) > len(content["samples"]):
+        path.mkdir(parents=True, exist_ok=True)
+        content["finished"] = False
+        _write_manifest(path, content)
+    for index, variant in enumerate(order):
+        if index >= len(content["samples"]):
+            entry, store = _rendered(scene, path, variant, settings, threads, command)
+            _put(path, index, len(order), store, settings)
+            content["samples"].append(entry)
+            # The sample is in the data set when the manifest says so.
+            _write_manifest(path, content)
+            if not keep:
+                shutil.rmtree(store)
+        if progress is not None:
+            progress(index + 1, len(order))
+    if not content["finished"]:
+        _finish(path, content)
+    return path
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Nobody else writes the data set meanwhile, where the system has locks that end with their process."""
+    parts = _parts(path)
+    parts.mkdir(parents=True, exist_ok=True)
+    try:
+        with (parts / ".lock").open("w") as file:
+            if sys.platform != "win32":
+                import fcntl
+
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except OSError:
+                    raise DatasetError(f"another process writes {path}: wait for it, or choose another output") from None
+            yield
+            (parts / ".lock").unlink()
+    finally:
+        # With renders in it that may still be of use, it stays.
+        if not any(parts.iterdir()):
+            parts.rmdir()
+
+
+def _parts(path: Path) -> Path:
+    return path.with_name(f"{path.name}.parts")
+
+
+def _rendered(
+    scene: Path, path: Path, variant: int, settings: dict[str, Any], threads: int | None, command: str | None
+) -> tuple[dict[str, Any], Path]:
+    """The store of a variant, rendered if it is not there, and the sample's entry in the manifest."""
+    store = _parts(path) / f"variant{variant}.zarr"
+    seed = settings["seed"] + variant
+    begun = time.monotonic()
+    words = ["render", str(scene), "--variant", str(variant), "--seed", str(seed), "--output", str(store), "--no-figures"]
+    words += ["--slices", ",".join(settings["slices"])]
+    words += [] if settings["spp"] is None else ["--spp", str(settings["spp"])]
+    words += [] if threads is None else ["--threads", str(threads)]
+    # Of a finished store, `--resume` does nothing; of another scene's, it is refused.
+    words += ["--resume"] if store.exists() else []
+    try:
+        run(*words, command=command)
+    except CommandError as e:
+        raise DatasetError(f"variant {variant} of {scene} was not rendered: {e}") from None
+    attributes = open_store(store, chunks=None, slices=[]).attrs
+    entry = {
+        "variant": variant,
+        "seed": seed,
+        "values": {name: _value(text) for name, text in attributes["variant"]["values"].items()},
+        "scene_sha256": attributes["scene_sha256"],
+        "samples_per_pixel": attributes["samples_per_pixel"],
+        "discarded_samples": attributes.get("discarded_samples", 0),
+        "version": attributes.get("version"),
+        "seconds": round(time.monotonic() - begun, 3),
+    }
+    return entry, store
+
+
+def _value(text: str) -> Any:
+    """A value as the scene file writes it: numbers and lists of numbers as such, anything else as its text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _places(scene: Path) -> dict[str, str]:
+    """What parameters set in the scene, keys with dots, as the scene file has it; nothing where Python has no reader of TOML."""
+    try:
+        import tomllib
+    except ImportError:
+        return {}
+    try:
+        varied = tomllib.loads(scene.read_text()).get("vary", {})
+    except tomllib.TOMLDecodeError:
+        # The command says better what is wrong.
+        return {}
+    found = {}
+    for name, entry in varied.items():
+        place = entry.get("path") if isinstance(entry, dict) else None
+        found[name] = ", ".join(place) if isinstance(place, list) else str(place)
+    return found
+
+
+def _group(path: Path) -> zarr.Group:
+    # What is consolidated is that of the last finished state.
+    return zarr.open_group(path, mode="a", zarr_format=3, use_consolidated=False)
+
+
+def _put(path: Path, index: int, samples: int, store: Path, settings: dict[str, Any]) -> None:
+    """Writes a sample, in a data set that is made or made longer, for so many samples, where it must be."""
+    tree = open_store(store, chunks=None)
+    root = _group(path)
+    if "title" not in root.attrs:
+        kept = ("title", "conventions", "camera", "projector", "version")
+        origin: dict[str, Any] = {key: tree.attrs[key] for key in kept if key in tree.attrs}
+        origin["settings"] = settings
+        root.attrs.update(origin)
+    for name in settings["slices"]:
+        data = tree.children[name].to_dataset()
+        group = root.require_group(name)
+        if "projector_selection" not in group.attrs:
+            group.attrs.update({k: v for k, v in data.attrs.items() if k not in ("camera", "projector")})
+        _put_coordinates(group, data, name, first=index == 0)
+        for field in settings["fields"]:
+            values = data[field]
+            _grown(group, field, values, samples)[index] = values.values
+
+
+def _put_coordinates(group: zarr.Group, data: xr.Dataset, name: str, first: bool) -> None:
+    """Writes the axes of a slice with the first sample, and compares those of the others."""
+    for dim in map(str, data["mean"].dims):
+        coordinate = data[dim]
+        if first:
+            # Those of a call that was killed may be there, without values.
+            attributes = dict(coordinate.attrs)
+            array = group.create_array(
+                dim, shape=coordinate.shape, dtype=coordinate.dtype, dimension_names=[dim], attributes=attributes, overwrite=True
+            )
+            array[:] = coordinate.values
+        elif not np.array_equal(_values(group, dim), coordinate.values):
+            raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: a data set is of one shape")
+
+
+def _values(group: zarr.Group, name: str) -> npt.NDArray[Any]:
+    array = group[name]
+    assert isinstance(array, zarr.Array)
+    return np.asarray(array[:])
+
+
+def _grown(group: zarr.Group, field: str, values: xr.DataArray, samples: int) -> zarr.Array[Any]:
+    """The array of a field, with room for so many samples; what is not written is NaN."""
+    if field not in group:
+        sizes = {d: n for d, n in values.sizes.items()}
+        stored = dict(sizes) if values.nbytes <= 64 << 20 else values.encoding["preferred_chunks"]
+        chunk = pieces(sizes, stored, values.dtype.itemsize)
+        return group.create_array(
+            field,
+            shape=(samples, *values.shape),
+            chunks=(1, *(chunk[d] for d in values.dims)),
+            dtype="float32",
+            fill_value=float("nan"),
+            dimension_names=["sample", *map(str, values.dims)],
+            attributes={"units": values.attrs["units"], "long_name": values.attrs["long_name"]},
+        )
+    array = group[field]
+    assert isinstance(array, zarr.Array)
+    if array.shape[0] < samples:
+        array.resize((samples, *array.shape[1:]))
+    return array
+
+
+def _finish(path: Path, content: dict[str, Any]) -> None:
+    """Writes the coordinates of samples, which are all known now, and the consolidated metadata."""
+    samples = content["samples"]
+    root = _group(path)
+    for name in content["settings"]["slices"]:
+        group = root.require_group(name)
+        for coordinate, (values, dims, attributes) in _coordinates(samples, content["places"]).items():
+            array = group.create_array(
+                coordinate, shape=values.shape, dtype=values.dtype, dimension_names=dims, attributes=attributes, overwrite=True
+            )
+            array[...] = values
+        for field in content["settings"]["fields"]:
+            # So that xarray knows them for coordinates (CF conventions).
+            group[field].attrs["coordinates"] = " ".join([*_OF_SAMPLES, *samples[0]["values"]])
+    with warnings.catch_warnings():
+        # The manifest is no array, and metadata of format 3 are consolidated as xarray and Zarr have them.
+        warnings.simplefilter("ignore", ZarrUserWarning)
+        zarr.consolidate_metadata(path, zarr_format=3)
+    content["finished"] = True
+    _write_manifest(path, content)
+
+
+def _coordinates(
+    samples: list[dict[str, Any]], places: dict[str, str]
+) -> dict[str, tuple[npt.NDArray[Any], list[str], dict[str, Any]]]:
+    """Coordinates along `sample`: values, dimensions, attributes."""
+    found: dict[str, tuple[npt.NDArray[Any], list[str], dict[str, Any]]] = {
+        "sample": (np.arange(len(samples)), ["sample"], {"units": "1", "long_name": "sample"}),
+        "variant": (np.array([s["variant"] for s in samples]), ["sample"], {"units": "1", "long_name": "variant of the scene"}),
+        "seed": (np.array([s["seed"] for s in samples]), ["sample"], {"units": "1", "long_name": "random seed"}),
+    }
+    for name in samples[0]["values"]:
+        values = [s["values"][name] for s in samples]
+        place = places[name] if name in places else str(name)
+        attributes: dict[str, Any] = {"units": _units(place), "long_name": place}
+        try:
+            numbers = np.array(values, dtype=float)
+        except (TypeError, ValueError):
+            # Names and the like: their numbers, and what these stand for.
+            texts = [v if isinstance(v, str) else json.dumps(v) for v in values]
+            labels = sorted(set(texts))
+            found[name] = (np.array([labels.index(t) for t in texts]), ["sample"], {**attributes, "labels": labels})
+            continue
+        dims = ["sample", *(f"{name}_{axis}" for axis in range(1, numbers.ndim))]
+        found[name] = (numbers, dims, attributes)
+    return found
+
+
+def _units(place: str) -> str:
+    """The unit that the end of a name in a scene file says; ``1`` where it says none."""
+    words = [word for word in place.replace('"', "").split(".") if not word.isdigit()]
+    return _UNITS.get(words[-1].rsplit("_", 1)[-1], "1") if words else "1"
+
+
+def open_dataset(path: str | os.PathLike[str], *, unfinished: bool = False, chunks: Any = "auto") -> xr.DataTree:
+    """Open a data set as a tree, a node a slice.
+
+    Parameters
+    ----------
+    path
+        Folder of the data set.
+    unfinished
+        Open one too that lacks samples; those that are not there yet are left out.
+    chunks
+        ``"auto"``: arrays of Dask in pieces of the stored chunks where Dask is installed; ``None``: none.
+
+    Raises
+    ------
+    UnfinishedStoreError
+        It lacks samples.
+    NotAStoreError
+        It is no data set.
+    """
+    content = manifest(path)
+    finished, samples = bool(content["finished"]), content["samples"]
+    if not finished and not unfinished:
+        raise UnfinishedStoreError(
+            f"{path} is not finished: {len(samples)} samples are there; repeat the call that made it, or open it with unfinished=True"
+        )
+    lazily = chunks
+    if chunks == "auto":
+        lazily = {} if importlib.util.find_spec("dask") else None
+    if finished:
+        return xr.open_datatree(path, engine="zarr", chunks=lazily)
+    # Coordinates of samples are written when all are there.
+    stale = ["sample", *_OF_SAMPLES, *(samples[0]["values"] if samples else ())]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ZarrUserWarning)
+        tree = xr.open_datatree(path, engine="zarr", chunks=lazily, consolidated=False, drop_variables=stale)
+    variants = ("sample", [s["variant"] for s in samples])
+
+    def there(data: xr.Dataset) -> xr.Dataset:
+        return data.isel(sample=slice(len(samples))).assign_coords(variant=variants) if "sample" in data.dims else data
+
+    return tree.map_over_datasets(there)

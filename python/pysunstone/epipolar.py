@@ -1,0 +1,91 @@
+"""Epipolar geometry of camera and projector: which projector pixels can light directly what a camera pixel sees.
+
+The essential matrix takes a camera pixel's normalized coordinates to a line on the projector's plane z = 1 (Hartley & Zisserman
+2004, ch. 9), and the focal lengths take that line to the projector's pixels.
+"""
+
+# pyright: basic
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+__all__ = ["lines", "mask"]
+
+
+_Numbers = npt.NDArray[np.float64]
+
+
+def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _Numbers, _Numbers]:
+    """Axes as columns, centre, focal lengths, principal point."""
+    if any(device.get("distortion", {}).values()):
+        raise ValueError(
+            f"the lens of the {name} distorts, and lines are not straight: "
+            "render a slice with `projector = { epipolar = { half_width_px = ... } }`, which knows the distortion"
+        )
+    axes = np.array([device[key] for key in ("right", "down", "forward")], dtype=float).T
+    origin, focal, principal = (np.array(device[key], dtype=float) for key in ("origin_m", "focal_px", "principal_px"))
+    return axes, origin, focal, principal
+
+
+def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayLike, x: npt.ArrayLike) -> _Numbers:
+    """Epipolar lines of camera pixels on the projector's pixels: a·u + b·v + c is the distance of pixel (v, u)'s centre.
+
+    Parameters
+    ----------
+    camera, projector
+        Devices as the root attributes `camera` and `projector` of a store state them.
+    y, x
+        Pixel indices of the camera; those of bins' middles give the lines of these.
+
+    Returns
+    -------
+    array of shape (y, x, 3)
+        a, b, c with a² + b² = 1.
+    """
+    camera_axes, camera_origin, camera_focal, camera_principal = _device(camera, "camera")
+    axes, origin, focal, principal = _device(projector, "projector")
+    baseline = origin - camera_origin
+    if np.linalg.norm(baseline) < 1e-9:
+        raise ValueError("camera and projector are in one place: there are no epipolar lines")
+    a, b, c = baseline / np.linalg.norm(baseline)
+    essential = axes.T @ np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]]) @ camera_axes
+    seen_y = (np.asarray(y, dtype=float) + 0.5 - camera_principal[1]) / camera_focal[1]
+    seen_x = (np.asarray(x, dtype=float) + 0.5 - camera_principal[0]) / camera_focal[0]
+    seen = np.stack([*np.broadcast_arrays(seen_x[None, :], seen_y[:, None]), np.ones((seen_y.size, seen_x.size))], axis=-1)
+    line = seen @ essential.T
+    slope = line[..., :2] / focal
+    offset = line[..., 2] + slope @ (0.5 - principal)
+    found: _Numbers = np.concatenate([slope, offset[..., None]], axis=-1) / np.linalg.norm(slope, axis=-1, keepdims=True)
+    return found
+
+
+def mask(data: xr.DataArray, camera: Mapping[str, Any], projector: Mapping[str, Any], half_width_px: float) -> xr.DataArray:
+    """True where a projector pixel lies within so many pixels of the epipolar line of the camera pixel, over (y, x, v, u).
+
+    Raises
+    ------
+    ValueError
+        If the array does not keep camera and projector pixels apart, or a lens distorts.
+    """
+    kept = ("y", "x", "v", "u")
+    if missing := [d for d in kept if d not in data.dims]:
+        raise ValueError(
+            f'the slice has no axis `{missing[0]}`: epipolar light is told by s and s\' (`camera = "all"`, `projector = "all"`), '
+            "or rendered (`projector = { epipolar = { half_width_px = 1.5 } }`)"
+        )
+    if any(n != 1 for n in data.attrs.get("projector_bin", (1, 1))) or data.attrs.get("pixels_per_element", 1) != 1:
+        raise ValueError("the slice has bins of pixels, which lie on several lines: render single pixels, or an epipolar slice")
+    found = lines(camera, projector, data["y"].values, data["x"].values)
+    at = {"y": data["y"], "x": data["x"]}
+    a, b, c = (xr.DataArray(found[..., k], dims=("y", "x"), coords=at) for k in range(3))
+    rows, columns = (xr.DataArray(data[d].values, dims=d, coords={d: data[d]}) for d in ("v", "u"))
+    if data.chunks is not None:
+        # As lazy as the array, in the same pieces: all of it may be larger than memory.
+        cuts: dict[Hashable, tuple[int, ...]] = {d: data.chunksizes[d] for d in kept}
+        a, b, c, rows, columns = (part.chunk({d: cuts[d] for d in part.dims}) for part in (a, b, c, rows, columns))
+    return abs(a * columns + b * rows + c) <= half_width_px

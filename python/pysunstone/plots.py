@@ -1,0 +1,171 @@
+"""Plots of slices with matplotlib: Mueller images as the paper shows them, and time profiles with error bands.
+
+Matplotlib is imported when something is drawn.
+"""
+
+# pyright: basic
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_mueller", "plot_profile"]
+
+#: Colour of what is not defined.
+_UNDEFINED = "#808080"
+#: Share of values below the end of a scale.
+_WHITE = 0.99
+#: More lines than this are not told apart.
+_LINES = 12
+
+
+def _at_wavelength(data: xr.DataArray, wavelength: float | None) -> xr.DataArray:
+    """One wavelength: the nearest, or the middle one."""
+    if "wavelength" not in data.dims:
+        return data
+    if wavelength is None:
+        return data.isel(wavelength=(data.sizes["wavelength"] - 1) // 2)
+    return data.sel(wavelength=wavelength, method="nearest")
+
+
+def plot_mueller(
+    data: xr.DataArray,
+    *,
+    wavelength: float | None = None,
+    normalized: bool = True,
+    limit: float | None = None,
+    figsize: tuple[float, float] | None = None,
+) -> Figure:
+    """Draw the sixteen elements of Mueller matrices as a 4 × 4 grid of images: rows Stokes out, columns Stokes in.
+
+    Parameters
+    ----------
+    data
+        Values over `stokes_out`, `stokes_in` and the two axes of an image (`y` and `x`, or what is left); further axes but the
+        wavelength must have been selected or summed.
+    wavelength
+        Nanometres, the nearest one is taken; the middle one without it.
+    normalized
+        Show M00 as intensity, and every other element over it; else all sixteen on one signed scale.
+    limit
+        Value at the ends of the signed scale, which is symmetric around 0. Without it 1, or the 99th percentile of all sizes.
+    figsize
+        Inches.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
+
+    chosen = _at_wavelength(data, wavelength).squeeze()
+    image = [d for d in chosen.dims if d not in ("stokes_out", "stokes_in")]
+    if not {"stokes_out", "stokes_in"} <= set(chosen.dims) or chosen.sizes["stokes_out"] != 4 or chosen.sizes["stokes_in"] != 4:
+        raise ValueError("these are no Mueller matrices: the axes `stokes_out` and `stokes_in` of four entries each are needed")
+    if len(image) != 2:
+        raise ValueError(f"an image has two axes, here are {image}: select or sum the others")
+    values = chosen.transpose("stokes_out", "stokes_in", *image).values.astype(float)
+    intensity = values[0, 0]
+    if normalized:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = np.where(intensity > 0, values / intensity, np.nan)
+    sizes = np.abs(values[np.isfinite(values)])
+    end = limit if limit is not None else 1.0 if normalized else float(np.quantile(sizes, _WHITE)) if sizes.size else 1.0
+    signed = colormaps["RdBu_r"].with_extremes(bad=_UNDEFINED)
+    figure = Figure(figsize=figsize or (7.2, 6.4), layout="constrained")
+    panels = figure.subplots(4, 4, sharex=True, sharey=True)
+    drawn = None
+    for i in range(4):
+        for j in range(4):
+            panel = panels[i, j]
+            if normalized and i == j == 0:
+                lit = intensity[np.isfinite(intensity)]
+                white = float(np.quantile(lit, _WHITE)) if lit.size else 1.0
+                panel.imshow(intensity, cmap="gray", vmin=0, vmax=white or 1.0, interpolation="nearest")
+            else:
+                drawn = panel.imshow(values[i, j], cmap=signed, vmin=-end or -1, vmax=end or 1, interpolation="nearest")
+            panel.set(xticks=[], yticks=[])
+            panel.set_title(f"M{i}{j}", fontsize=7, pad=2)
+    label = "Mij / M00" if normalized else f"Mij [{data.attrs.get('units', '1')}]"
+    assert drawn is not None
+    figure.colorbar(drawn, ax=panels, label=label, shrink=0.6)
+    if "wavelength" in chosen.coords:
+        figure.suptitle(f"{float(chosen['wavelength']):g} nm", fontsize=9)
+    return figure
+
+
+def plot_profile(
+    mean: xr.DataArray,
+    std_error: xr.DataArray | None = None,
+    *,
+    wavelength: float | None = None,
+    sigmas: float = 1.0,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw a time profile, with a band of so many standard errors around it.
+
+    Parameters
+    ----------
+    mean
+        Values over `t`, and at most one axis more, each entry of which is a line; M00 is taken of Mueller matrices.
+    std_error
+        Standard errors over the same axes.
+    wavelength
+        Nanometres, the nearest one is taken. Without it, wavelengths are lines if they are the one axis more.
+    sigmas
+        Half width of the band, standard errors.
+    ax
+        Axes to draw on; new ones without it.
+    **line
+        Options of `matplotlib.axes.Axes.plot`.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    from matplotlib.figure import Figure
+
+    if ax is None:
+        ax = Figure(figsize=(5, 3.2), layout="constrained").subplots()
+
+    def chosen(data: xr.DataArray) -> xr.DataArray:
+        if "stokes_in" in data.dims:
+            data = data.isel(stokes_in=0, stokes_out=0) if "stokes_out" in data.dims else data.isel(stokes_in=0)
+        if wavelength is not None:
+            data = _at_wavelength(data, wavelength)
+        squeezable = [d for d in data.dims if d != "t" and data.sizes[d] == 1]
+        return data.squeeze(squeezable)
+
+    mean = chosen(mean)
+    if "t" not in mean.dims:
+        raise ValueError("the slice does not resolve time: render it with time bins")
+    others = [d for d in mean.dims if d != "t"]
+    if len(others) > 1 or (others and mean.sizes[others[0]] > _LINES):
+        raise ValueError(f"a profile has the axis `t` and at most one of up to {_LINES} entries more, here are {others}: select or sum")
+    error = None if std_error is None else chosen(std_error)
+    times = mean["t"].values
+    for k in range(mean.sizes[others[0]] if others else 1):
+        pick: dict[Any, int] = {others[0]: k} if others else {}
+        value = mean.isel(pick).values
+        label = None
+        if others:
+            coordinate = mean[others[0]]
+            units = coordinate.attrs.get("units", "1")
+            label = f"{others[0]} {coordinate.values[k]:g}" + ("" if units == "1" else f" {units}")
+        (drawn,) = ax.plot(times, value, **{"drawstyle": "steps-mid", "linewidth": 1, "label": label, **line})
+        if error is not None:
+            half = sigmas * error.isel(pick).values
+            ax.fill_between(times, value - half, value + half, step="mid", color=drawn.get_color(), alpha=0.3, linewidth=0)
+    if others:
+        ax.legend(fontsize=7)
+    ax.set_xlabel(f"travel time [{mean['t'].attrs.get('units', 'ps')}]")
+    ax.set_ylabel(f"{mean.attrs.get('long_name', 'value')} [{mean.attrs.get('units', '1')}]", fontsize=7)
+    return ax

@@ -1,0 +1,272 @@
+"""The accessor against the command on the same store, to rounding; planted errors must be found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import rendered
+from pysunstone.contraction import STATES, kernel, stokes_vector
+from pysunstone.epipolar import lines
+from pysunstone.stores import open_store
+from rendered import differs, probed
+
+#: Sums in double precision that were rounded once differ by a rounding or two; of errors, squares and roots by some more.
+ROUNDINGS = 4.0
+
+
+def opened(name: str, chunks: Any = "auto") -> xr.Dataset:
+    return open_store(rendered.store(), chunks).children[name].to_dataset()
+
+
+def pattern(seed: int = 3) -> np.ndarray[Any, np.dtype[np.float32]]:
+    return np.random.default_rng(seed).random((10, 12), dtype=np.float32)
+
+
+def written(drive: Any, name: str) -> str:
+    """A mask as the image that the command reads."""
+    from matplotlib import image
+
+    path = rendered.folder() / name
+    image.imsave(path, drive, cmap="gray", vmin=0, vmax=1)
+    return str(path)
+
+
+def mask() -> np.ndarray[Any, np.dtype[np.bool_]]:
+    return np.random.default_rng(5).random((10, 12)) < 0.4
+
+
+@pytest.mark.parametrize("state", ["horizontal", "right", (2.0, 0.3, -0.4, 1.1), None])
+@pytest.mark.parametrize("name", ["full", "binned", "some"])
+@pytest.mark.filterwarnings("ignore:the pattern drives")
+def test_contractions_are_the_commands(name: str, state: Any) -> None:
+    """A mask (black and white, so that no gray curve matters), a Stokes state, both at once."""
+    lit = written(mask(), "mask.png")
+    options = [] if state is None else ["--stokes", state if isinstance(state, str) else ",".join(map(str, state))]
+    mean, error = probed(name, "--pattern", lit, *options)
+    data = opened(name, chunks=None)
+    for chunks in ("auto", None):
+        result = opened(name, chunks).sunstone.probe(mask(), state)
+        assert differs(result["mean"], mean) < ROUNDINGS
+        assert differs(result["std_error"], error) < ROUNDINGS
+    assert differs(data["mean"].sunstone.probe(mask(), state), mean) < ROUNDINGS
+    # Planted: the projector pixel that lights most exchanged; a Stokes vector that is longer by 2e-5.
+    light = data["mean"].isel(stokes_out=0, stokes_in=0).sum(["y", "x", "wavelength"]).compute()
+    most = light.isel(light.argmax(["v", "u"]))
+    other = mask()
+    at = int(most["v"]), int(most["u"])
+    other[at] = ~other[at]
+    assert differs(data.sunstone.probe(other, state)["mean"], mean) > 10 * ROUNDINGS
+    if state is not None:
+        wrong = stokes_vector(state).values * (1 + 2e-5, 1, 1, 1)
+        assert differs(data.sunstone.probe(mask(), wrong)["mean"], mean) > ROUNDINGS
+
+
+@pytest.mark.parametrize("name", ["timed", "flight"])
+@pytest.mark.parametrize("pulse", [130.0, [1.0, 2.0, 0.5], 0.0])
+def test_pulses_are_the_commands(name: str, pulse: Any) -> None:
+    words = f"gaussian:{pulse}" if isinstance(pulse, float) else "samples:" + ",".join(map(str, pulse))
+    mean, error = probed(name, "--pulse", words)
+    data = opened(name)
+    result = data.sunstone.probe(pulse=pulse)
+    assert differs(result["mean"], mean) < ROUNDINGS
+    assert differs(result["std_error"], error) < ROUNDINGS
+    # No light is lost: bins, what lay outside them, and what the pulse moved out.
+    total = (result["mean"].astype(float).sum("t") + result["shifted_out"] + result["overflow"]).values
+    before = (data["mean"].astype(float).sum("t") + data["overflow"]).values
+    assert differs(total, before) < 30 * ROUNDINGS
+    assert result["t"].attrs["units"] == "ps"
+    later = result["mean"].shift(t=1, fill_value=0)
+    assert differs(later, mean) > 1000 * ROUNDINGS
+    if pulse == 0.0:
+        assert differs(result["mean"], data["mean"]) == 0
+
+
+def test_all_steps_at_once_and_sums_are_the_commands() -> None:
+    mean, error = probed("timed", "--stokes", "minus45", "--pulse", "gaussian:200", "--sum", "x,wavelength")
+    result = opened("timed").sunstone.probe(state="minus45", pulse=200, sum=["x", "wavelength"])
+    assert differs(result["mean"], mean) < ROUNDINGS
+    assert differs(result["std_error"], error) < ROUNDINGS
+    mean, error = probed("full", "--sum", "y,x,v,u")
+    data = opened("full")
+    result = data.sunstone.probe(sum=["y", "x", "v", "u"])
+    assert differs(result["mean"], mean) < ROUNDINGS
+    assert differs(result["std_error"], error) < ROUNDINGS
+    # Planted: quadrature in place of the bound, and bounds in place of quadrature.
+    assert differs(data.sunstone.probe(sum=["y", "x", "v", "u"], errors="independent")["std_error"], error) > 1000
+    assert differs(data["std_error"].sum(["y", "x", "v", "u"]), error) > 1000
+
+
+def test_independent_errors_are_shorter_and_right_where_they_are_independent() -> None:
+    """Sums over s' of rendered slices: the error of the steady slice, which was estimated as one number, is the truth."""
+    full, steady = opened("full"), opened("steady")
+    one = {"stokes_out": 0, "stokes_in": 0}
+    truth = steady["std_error"].isel(one).values
+    lit = truth > 0
+    ratio = {}
+    for errors in ("bound", "independent"):
+        found = full.sunstone.probe(sum=["v", "u"], errors=errors)["std_error"].isel(one).values
+        ratio[errors] = np.median(found[lit] / truth[lit])
+    assert ratio["bound"] >= 1
+    assert ratio["independent"] < ratio["bound"]
+    assert 0.5 < ratio["independent"] < 2, ratio
+
+
+def test_patterns_and_states_in_stacks_are_those_one_by_one() -> None:
+    data = opened("full")
+    patterns = np.stack([pattern(1), pattern(2)])
+    states = np.array([STATES["left"], STATES["vertical"], STATES["unpolarized"]])
+    both = data.sunstone.probe(patterns, states)
+    assert both["mean"].dims[:2] == ("state", "pattern") or both["mean"].dims[:2] == ("pattern", "state")
+    for k in range(2):
+        for j in range(3):
+            alone = data.sunstone.probe(patterns[k], states[j])
+            for field in ("mean", "std_error"):
+                assert differs(both[field].isel(pattern=k, state=j), alone[field]) < ROUNDINGS
+    assert differs(both["mean"].isel(pattern=0, state=0), alone["mean"]) > 1000
+
+
+def test_a_scene_lit_wholly_is_the_steady_slice() -> None:
+    """I = Σ T P holds to rounding on stored slices, and epipolar and other light are the two parts of it."""
+    full, steady = opened("full"), opened("steady")
+    white = full.sunstone.probe(np.ones((10, 12)))
+    assert differs(white["mean"], steady["mean"]) < 20
+    near, far = full.sunstone.epipolar(1.5), full.sunstone.epipolar(1.5, inside=False)
+    assert differs(near["mean"], opened("epipolar")["mean"]) < 20
+    assert differs(far["mean"], opened("nonepipolar")["mean"]) < 20
+    assert differs(full.sunstone.epipolar(1.6)["mean"], opened("epipolar")["mean"]) > 1000
+    assert differs(white["mean"], near["mean"]) > 1000
+    assert not isinstance(near["mean"].data, np.ndarray), "it is as lazy as the slice"
+    assert near.equals(opened("full", None).sunstone.epipolar(1.5))
+    bound = near["std_error"].values - opened("epipolar")["std_error"].values
+    assert bound.min() > -1e-6 * near["std_error"].values.max()
+
+
+def test_epipolar_lines_are_those_of_points() -> None:
+    """Any point that both devices see lies on the epipolar line of its camera pixel."""
+    tree = open_store(rendered.store())
+    camera, projector = tree.attrs["camera"], tree.attrs["projector"]
+
+    def seen(device: Any, point: Any) -> Any:
+        axes = np.array([device[k] for k in ("right", "down", "forward")])
+        local = axes @ (np.asarray(point) - device["origin_m"])
+        return local[:2] / local[2] * device["focal_px"] + device["principal_px"] - 0.5
+
+    for point in ([0.1, 0.2, 0.3], [-0.6, 0.4, -1.0], [0.0, 0.0, 0.0]):
+        x, y = seen(camera, point)
+        u, v = seen(projector, point)
+        a, b, c = lines(camera, projector, [y], [x])[0, 0]
+        assert a**2 + b**2 == pytest.approx(1)
+        assert abs(a * u + b * v + c) < 1e-4
+        assert abs(a * (u + 1) + b * v + c) > 0.05
+
+
+def test_slices_that_do_not_allow_it_are_refused() -> None:
+    tree = open_store(rendered.store())
+    cases: list[tuple[Any, str]] = [
+        (lambda: tree["steady"].ds.sunstone.epipolar(), "no axis `v`"),
+        (lambda: tree["binned"].ds.sunstone.epipolar(), "bins of pixels"),
+        (lambda: tree["steady"].ds.sunstone.probe(pattern()), "summed its projector pixels already"),
+        (lambda: tree["full"].ds.sunstone.probe(np.ones((12, 10))), "a pattern of 10 × 12 pixels for a projector of 12 × 10"),
+        (lambda: tree["full"].ds.sunstone.probe(np.ones(12)), "is of shape"),
+        (lambda: tree["full"].ds.sunstone.probe(state="sideways"), "there is no state `sideways`; states are unpolarized"),
+        (lambda: tree["full"].ds.sunstone.probe(state=[1, 1, 1, 0]), "no light has"),
+        (lambda: tree["flight"].ds.sunstone.probe(state="left"), "intensity alone"),
+        (lambda: tree["full"].ds.sunstone.probe(pulse=30), "does not resolve time"),
+        (lambda: tree["timed"].ds.sunstone.probe(pulse=-1.0), "not negative"),
+        (lambda: tree["timed"].ds.sunstone.probe(pulse=[0, 0]), "no positive, finite sum"),
+        (lambda: tree["full"].ds.isel(stokes_in=[0, 1]).sunstone.probe(state="left"), "probe first, select then"),
+        (lambda: tree["full"].ds.sunstone.probe(sum=["t"]), "there is no axis `t`; there are y, x"),
+        (lambda: tree["full"].ds.sunstone.degree_of_polarization(), "choose the light"),
+        (lambda: tree["/"].ds.sunstone.probe(), "no `mean`"),
+        (lambda: tree["flight"].ds.sunstone.plot_mueller(), "no Mueller matrices"),
+        (lambda: tree["full"].ds.sunstone.plot_mueller(), "an image has two axes"),
+        (lambda: tree["full"].ds.sunstone.plot_profile(), "does not resolve time"),
+        (lambda: tree["timed"].ds.sunstone.plot_profile(), "select or sum"),
+    ]
+    for call, words in cases:
+        with pytest.raises(ValueError, match=words):
+            call()
+    distorted = {**tree.attrs["camera"], "distortion": {"k1": 0.1}}
+    with pytest.raises(ValueError, match="lens of the camera distorts"):
+        tree["full"].ds.sunstone.epipolar(camera=distorted)
+    with pytest.warns(UserWarning, match=r"drives \d+ projector pixels that the slice does not keep"):
+        tree["some"].ds.sunstone.probe(np.ones((10, 12)))
+
+
+def test_the_degree_of_polarization_is_that_of_known_light() -> None:
+    """Light of known degree; the error against 20,000 draws, which never exceeds the bound (5 sigma of the draws' own error)."""
+    stokes = np.array([[2.0, 0.6, -0.8, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    error = np.array([[0.01, 0.02, 0.01, 0.02]] * 3)
+    data = xr.Dataset(
+        {"mean": (("x", "stokes_out"), stokes), "std_error": (("x", "stokes_out"), error)}, coords={"stokes_out": range(4)}
+    )
+    for kind, degree in (("total", np.sqrt(2.0) / 2), ("linear", 0.5), ("circular", 0.5)):
+        result = data.sunstone.degree_of_polarization(kind)
+        assert result["mean"].values[0] == pytest.approx(degree, rel=1e-6)
+        assert result["mean"].values[1] == 0 and np.isnan(result["mean"].values[2])
+        drawn = stokes[0] + error[0] * np.random.default_rng(1).normal(size=(20000, 4))
+        which = {"total": (1, 2, 3), "linear": (1, 2), "circular": (3,)}[kind]
+        spread = (np.sqrt((drawn[:, which] ** 2).sum(1)) / drawn[:, 0]).std()
+        bound = float(result["std_error"][0])
+        assert spread < bound * (1 + 5 / np.sqrt(2 * 20000))
+        assert bound < 3 * spread
+        assert differs(data["mean"].sunstone.degree_of_polarization(kind)[:2], result["mean"][:2]) == 0
+    light = opened("steady").sunstone.probe(state="horizontal").sunstone.degree_of_polarization("linear")
+    assert 0 <= float(light["mean"].min()) and float(light["mean"].max()) < 1 + 1e-5
+
+
+def test_nodes_of_a_tree_have_it_too() -> None:
+    tree = open_store(rendered.store())
+    ours = tree.children["timed"].sunstone.probe(state="left", pulse=80)
+    assert ours.identical(opened("timed").sunstone.probe(state="left", pulse=80))
+
+
+def test_the_kernel_is_a_gaussian_of_its_width() -> None:
+    weights = dict(kernel(100.0, 1.0))
+    assert sum(weights.values()) == pytest.approx(1)
+    assert weights[50] / weights[0] == pytest.approx(0.5)
+    assert kernel(0.0, 25.0) == [(0, 1.0)]
+
+
+def test_mueller_images_are_drawn_on_a_symmetric_scale() -> None:
+    steady = opened("steady")
+    figure = steady.sunstone.plot_mueller(wavelength=660)
+    panels = [panel for panel in figure.axes if panel.images and panel.get_title()]
+    assert [p.get_title() for p in panels] == [f"M{i}{j}" for i in range(4) for j in range(4)]
+    matrices = steady["mean"].sel(wavelength=660)
+    for k, panel in enumerate(panels):
+        i, j = divmod(k, 4)
+        shown = panel.images[0]
+        expected = matrices.isel(stokes_out=i, stokes_in=j).values.astype(float)
+        if k:
+            intensity = matrices.isel(stokes_out=0, stokes_in=0).values
+            expected = expected / np.where(intensity > 0, intensity, np.nan)
+            assert shown.get_clim() == (-1, 1) and shown.get_cmap().name == "RdBu_r"
+        assert np.allclose(np.ma.filled(shown.get_array(), np.nan), expected, equal_nan=True, rtol=1e-6)
+    # Planted: rows and columns exchanged.
+    assert not np.allclose(panels[1].images[0].get_array(), panels[4].images[0].get_array(), equal_nan=True)
+    figure = steady.sunstone.plot_mueller(normalized=False)
+    limits = {panel.images[0].get_clim() for panel in figure.axes if panel.images and panel.get_title()}
+    assert len(limits) == 1 and next(iter(limits))[0] == -next(iter(limits))[1]
+    assert "550 nm" in figure.get_suptitle()
+    figure.savefig(rendered.folder() / "mueller.png")
+
+
+def test_profiles_are_drawn_with_their_errors() -> None:
+    timed = opened("timed").isel(y=0)
+    timed = timed.isel(x=int(timed["mean"].isel(stokes_out=0, stokes_in=0).sum(["t", "wavelength"]).values.argmax()))
+    ax = timed.sunstone.plot_profile(sigmas=2)
+    assert len(ax.lines) == 3 and [t.get_text() for t in ax.get_legend().get_texts()][1] == "wavelength 550 nm"
+    one = timed.isel(stokes_out=0, stokes_in=0, wavelength=1)
+    assert np.array_equal(ax.lines[1].get_ydata(), one["mean"].values)
+    band = ax.collections[1].get_paths()[0].vertices
+    high = (one["mean"] + 2 * one["std_error"]).values
+    assert band[:, 1].max() == pytest.approx(high.max(), rel=1e-6)
+    assert band[:, 1].max() != pytest.approx(float(one["mean"].max()), rel=1e-3)
+    assert ax.get_xlabel() == "travel time [ps]"
+    assert len(timed["mean"].sunstone.plot_profile(wavelength=450).lines) == 1
+    ax.figure.savefig(rendered.folder() / "profile.png")

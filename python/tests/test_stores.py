@@ -1,0 +1,267 @@
+"""Stores as trees: what opens, what is refused, and that values are those that were written."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import importlib.util
+import json
+import pickle
+import shutil
+import signal
+import subprocess
+import threading
+import time
+import warnings
+from collections.abc import Hashable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+
+import rendered
+from pysunstone import stores
+from pysunstone.boxes import bins
+from pysunstone.stores import open_store
+
+def array(tree: xr.DataTree, path: str) -> xr.DataArray:
+    found = tree[path]
+    assert isinstance(found, xr.DataArray)
+    return found
+
+
+SLICES = ["full", "epipolar", "nonepipolar", "binned", "some", "timed", "flight", "steady"]
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    path = tmp_path / "copy.zarr"
+    shutil.copytree(rendered.store(), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def url() -> Iterator[str]:
+    """The folder of the tests, served."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    handler = functools.partial(Quiet, directory=rendered.folder())
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_xarray_opens_every_store_as_a_tree(tmp_path: Path) -> None:
+    rendered.sunstone("layers", rendered.scene(), "-o", tmp_path / "truth.zarr")
+    rendered.sunstone("probe", rendered.store(), "full", "--stokes", "right", "-o", tmp_path / "probed.zarr")
+    rendered.sunstone("denoise", rendered.store(), "-o", tmp_path / "denoised.zarr")
+    other = tmp_path / "other.zarr"
+    rendered.sunstone("render", rendered.scene(), "--seed", 7, "--spp", 32, "-o", other, "--no-figures")
+    rendered.sunstone("merge", rendered.store(), other, "-o", tmp_path / "merged.zarr")
+    rendered.sunstone("rig", "run", rendered.ROOT / "rigs/coaxial_temporal/plan.toml", "--sample", "mirror", "-o", tmp_path / "night.zarr")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for path in [rendered.store(), *sorted(tmp_path.glob("*.zarr"))]:
+            tree = xr.open_datatree(path, engine="zarr")
+            ours = open_store(path)
+            assert sorted(ours.children) == sorted(tree.children), path
+            for name, node in ours.children.items():
+                assert node.ds.equals(tree.children[name].ds), f"{path}/{name}"
+    assert len(list(tmp_path.glob("*.zarr"))) == 6
+
+
+def test_a_store_of_an_earlier_version_opens(copied: Path) -> None:
+    """Its sample counts are along y and x, which xarray refuses: the planted fault of the test above."""
+    description = copied / "samples/zarr.json"
+    old = json.loads(description.read_text())
+    old["dimension_names"] = ["y", "x"]
+    description.write_text(json.dumps(old))
+    root = json.loads((copied / "zarr.json").read_text())
+    root["consolidated_metadata"]["metadata"]["samples"] = old
+    (copied / "zarr.json").write_text(json.dumps(root))
+    _reseal(copied)
+    with pytest.raises(ValueError, match="not aligned"):
+        xr.open_datatree(copied, engine="zarr")
+    tree = open_store(copied)
+    assert array(tree, "samples").sizes == {"camera_y": 16, "camera_x": 20}
+    assert int(array(tree, "samples").min()) == 64
+    assert array(tree, "timed/mean").equals(array(open_store(rendered.store()), "timed/mean"))
+
+
+def _reseal(path: Path) -> None:
+    """Sizes of descriptions in the manifest, after they were changed."""
+    lines = (path / "manifest.txt").read_text().splitlines()
+    changed = []
+    for line in lines:
+        crc, size, name = line.split(" ", 2)
+        changed.append(f"{crc} {(path / name).stat().st_size} {name}" if name.endswith("zarr.json") else line)
+    (path / "manifest.txt").write_text("\n".join(changed) + "\n")
+
+
+def test_values_units_and_provenance_are_those_of_the_store() -> None:
+    tree = open_store(rendered.store())
+    assert list(tree.children) == SLICES
+    raw = zarr.open_group(rendered.store(), mode="r")
+    for name in SLICES:
+        data = tree[name].to_dataset()
+        for field in ("mean", "std_error"):
+            written = raw[f"{name}/{field}"]
+            assert isinstance(written, zarr.Array)
+            assert np.array_equal(data[field].values, np.asarray(written[:])), f"{name}/{field}"
+        assert all(data[d].attrs["units"] for d in data["mean"].dims)
+        assert data["mean"].attrs["units"] == "W m-2 sr-1 nm-1 per unit projector drive"
+        assert data["mean"].attrs["projector_size"] == [12, 10]
+    assert tree.attrs["seeds"] == [0] and tree.attrs["state"] == "finished"
+    assert tree.attrs["scene"] == rendered.scene().read_text()
+    assert array(tree, "timed/t").attrs["units"] == "ps"
+
+
+def test_pieces_are_whole_chunks() -> None:
+    tree = open_store(rendered.store())
+    for name in SLICES:
+        mean = array(tree, f"{name}/mean")
+        assert mean.chunks is not None
+        preferred = mean.encoding["preferred_chunks"]
+        for dim, cuts in zip(mean.dims, mean.chunks, strict=True):
+            assert all(cut % preferred[dim] == 0 for cut in cuts[:-1]), f"{name} {dim}"
+    # Chunks of 6 MiB grow from the last axis on: 4 along u, 2 along x, which makes 48 MiB of at most 64.
+    sizes: dict[Hashable, int] = {"y": 256, "x": 256, "v": 8, "u": 256, "stokes_out": 4, "stokes_in": 4, "wavelength": 3}
+    stored: dict[Hashable, int] = {"y": 8, "x": 8, "v": 8, "u": 64, "stokes_out": 4, "stokes_in": 4, "wavelength": 3}
+    lengths = stores.pieces(sizes, stored, 4)
+    assert lengths == {**stored, "u": 256, "x": 16}
+    assert stores.pieces({"y": 5}, {"y": 2}, 4) == {"y": 5}
+    assert not array(open_store(rendered.store(), chunks=None), "full/mean").chunks
+    assert array(open_store(rendered.store(), chunks={"x": 4}), "full/mean").chunksizes["x"] == (4,) * 5
+
+
+def test_nothing_needs_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "dask" else find(name, *rest))
+    mean = array(open_store(rendered.store()), "timed/mean")
+    assert not mean.chunks and mean.equals(array(open_store(rendered.store(), None), "timed/mean"))
+
+
+def test_pieces_travel_to_other_processes() -> None:
+    mean = array(open_store(rendered.store()), "steady/mean")
+    assert pickle.loads(pickle.dumps(mean)).equals(mean.compute())
+
+
+def test_a_store_is_read_over_http(url: str) -> None:
+    pytest.importorskip("aiohttp", reason="fsspec reads http with it")
+    rendered.store()
+    tree = open_store(f"{url}/ball.zarr")
+    assert list(open_store(f"{url}/ball.zarr", slices=["timed"]).children) == ["timed"]
+    local = open_store(rendered.store())
+    assert list(tree.children) == SLICES and tree.name == "ball.zarr"
+    for name in SLICES:
+        assert tree[name].to_dataset().drop_attrs().identical(local[name].to_dataset().drop_attrs()), name
+    with pytest.raises(stores.NotAStoreError, match="no zarr.json"):
+        open_store(f"{url}/nothing.zarr")
+
+
+def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(stores.NotAStoreError, match="there is nothing"):
+        open_store(tmp_path / "none.zarr")
+    with pytest.raises(stores.NotAStoreError, match="no zarr.json"):
+        open_store(tmp_path)
+    zarr.create_group(tmp_path / "strange.zarr")
+    with pytest.raises(stores.NotAStoreError, match="lists no slices"):
+        open_store(tmp_path / "strange.zarr")
+    (tmp_path / "zarr.json").write_text("{")
+    with pytest.raises(stores.DamagedStoreError, match="no valid JSON"):
+        open_store(tmp_path)
+    with pytest.raises(stores.StoreError, match="has no slice `ful`; it has: full, epipolar"):
+        open_store(rendered.store(), slices=["ful"])
+    assert list(open_store(rendered.store(), slices=["timed"]).children) == ["timed"]
+
+
+def test_a_newer_store_is_refused(copied: Path) -> None:
+    manifest = copied / "manifest.txt"
+    sound = manifest.read_text()
+    manifest.write_text(sound.replace("manifest 1:", "manifest 2:"))
+    with pytest.raises(stores.NewerStoreError, match="form 2"):
+        open_store(copied)
+    root = json.loads((copied / "zarr.json").read_text())
+    (copied / "zarr.json").write_text(json.dumps({**root, "zarr_format": 4}))
+    with pytest.raises(stores.NewerStoreError, match="Zarr format 4"):
+        open_store(copied)
+
+
+@pytest.mark.parametrize("fault", ["lost", "cut", "other", "swapped"])
+def test_damage_is_an_error_and_not_zeros(copied: Path, fault: str) -> None:
+    """Zarr alone reads a lost chunk as zeros, and does not notice one in the place of another."""
+    chunks = sorted((copied / "full/mean").glob("c.*"))
+    chunk = chunks[0]
+    if fault == "lost":
+        chunk.unlink()
+        assert np.isfinite(xr.open_datatree(copied, engine="zarr")["full/mean"]).all()
+    elif fault == "cut":
+        chunk.write_bytes(chunk.read_bytes()[:-1])
+    elif fault == "other":
+        sound = bytearray(chunk.read_bytes())
+        sound[len(sound) // 2] ^= 1
+        chunk.write_bytes(sound)
+    else:
+        shutil.copy(copied / "full/std_error" / chunk.name, chunk)
+    tree = open_store(copied)
+    assert array(tree, "steady/mean").isnull().sum() == 0
+    kinds = (stores.DamagedStoreError, ValueError, RuntimeError)
+    with pytest.raises(kinds, match="full/mean|crc32c|checksum"):
+        array(tree, "full/mean").load()
+
+
+def test_a_manifest_that_was_cut_is_damage(copied: Path) -> None:
+    manifest = copied / "manifest.txt"
+    lines = manifest.read_text().splitlines(keepends=True)
+    for spoilt in (lines[:-1], lines[:5] + lines[6:], ["sunstone", *lines[1:]], []):
+        manifest.write_text("".join(spoilt))
+        with pytest.raises(stores.DamagedStoreError, match=r"manifest\.txt"):
+            open_store(copied)
+
+
+def test_an_unfinished_store_says_how_far_it_is(tmp_path: Path) -> None:
+    """A render is killed; consolidated metadata are true of what it leaves, values are NaN where there are none."""
+    path = tmp_path / "killed.zarr"
+    scene = tmp_path / "large.toml"
+    scene.write_text(rendered.SCENE.replace("resolution = [20, 16]", "resolution = [200, 160]").replace("spp = 64", "spp = 1024"))
+    options = ["--slices", "steady,flight", "--threads", "1", "--no-figures"]
+    process = subprocess.Popen([rendered.command(), "render", str(scene), "-o", str(path), *options], stderr=subprocess.DEVNULL)
+    begun = time.monotonic()
+    while not list((path / "steady/mean").glob("c.*")) and time.monotonic() - begun < 60:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    with pytest.raises(stores.UnfinishedStoreError, match=r"status `incomplete`, \d+ % of the camera's pixels have samples"):
+        open_store(path)
+    root = json.loads((path / "zarr.json").read_text())["consolidated_metadata"]["metadata"]
+    for name, said in root.items():
+        stand = json.loads((path / name / "zarr.json").read_text())
+        for description in (said, stand):
+            description.pop("consolidated_metadata", None)
+        assert said == stand, name
+    tree = open_store(path, unfinished=True)
+    assert tree.attrs["state"] == "unfinished"
+    done = array(tree, "samples").values > 0
+    assert 0 < done.mean() < 1
+    assert np.array_equal(np.isfinite(array(tree, "steady/mean").values).all((2, 3, 4)), done)
+    binned = done.reshape(80, 2, 100, 2).all((1, 3))
+    assert np.array_equal(np.isfinite(array(tree, "flight/mean").values).all((2, 3)), binned)
+    out = tmp_path / "partial.npy"
+    rendered.sunstone("probe", path, "flight", "--partial", "-o", out)
+    assert np.array_equal(np.load(out), array(tree, "flight/mean").values, equal_nan=True)
+
+
+def test_entries_stand_for_pixels() -> None:
+    assert bins([0, 1, 2]) == [(0, 0), (1, 1), (2, 2)]
+    assert bins([1.5, 5.5, 8.5]) == [(0, 3), (4, 7), (8, 9)]
+    assert bins([1, 4, 6.5], 3) == [(0, 2), (3, 5), (6, 7)]
+    assert bins([1, 4], 1) == [(1, 1), (4, 4)]
+    for bad in ([1, 4], [1.5, 5.6], [float("nan")]):
+        with pytest.raises(ValueError):
+            bins(bad)
