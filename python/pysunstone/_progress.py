@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,7 +15,7 @@ Progress = Callable[[int, int], object]
 
 
 @contextmanager
-def told(progress: bool | Progress | None) -> Iterator[Progress | None]:
+def told(progress: bool | Progress | None) -> Generator[Progress | None, None, None]:
     """What to call with tiles done and tiles in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
     if not progress:
         yield None

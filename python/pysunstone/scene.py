@@ -326,11 +326,11 @@ class Scene:
             if resume or force:
                 raise InputError("resume and force are for stores: give an output")
             with told(progress) as tell:
-                return _slices(self._native.render_arrays(asked, tell), self.resolution)
+                return _slices(_native.render_arrays(self._native, asked, tell), self.resolution)
         if resume and force:
             raise InputError("give resume or force, not both")
         with told(progress) as tell:
-            return json.loads(self._native.render_store(asked, output, resume, force, tell))
+            return json.loads(_native.render_store(self._native, asked, output, resume, force, tell))
 
 
 def _slices(native: dict[str, Any], resolution: tuple[int, int]) -> Slices:

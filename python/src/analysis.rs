@@ -22,7 +22,8 @@ pub enum Either<'py> {
 
 /// The values of an array that is contiguous, as the package's Python makes it.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
-    a.as_slice().map_err(|_| input(format!("{what}: the array is not contiguous")))
+    a.as_slice()
+        .map_err(|_| input(format!("{what}: the array is not contiguous")))
 }
 
 /// Decomposes C-contiguous matrices of shape (..., 4, 4): arrays by name, and the number that have no decomposition.
@@ -38,7 +39,9 @@ pub fn decompose<'py>(
         (Either::Double(m), None) => all(py, &m, None, &only),
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
-        _ => Err(input("std_error: its dtype is not that of the matrices; give both in one")),
+        _ => Err(input(
+            "std_error: its dtype is not that of the matrices; give both in one",
+        )),
     }
 }
 
@@ -50,21 +53,28 @@ fn all<'py, T: Real + Element>(
 ) -> PyResult<(Bound<'py, PyDict>, usize)> {
     let shape = matrices.shape();
     let [leading @ .., 4, 4] = shape else {
-        return Err(input(format!("the matrices' shape is {shape:?}; give (..., 4, 4)")));
+        return Err(input(format!(
+            "the matrices' shape is {shape:?}; give (..., 4, 4)"
+        )));
     };
     if let Some(other) = sigmas.map(PyUntypedArrayMethods::shape).filter(|s| *s != shape) {
-        return Err(input(format!("std_error: its shape is {other:?}, that of the matrices {shape:?}")));
+        return Err(input(format!(
+            "std_error: its shape is {other:?}, that of the matrices {shape:?}"
+        )));
     }
     let mut wanted = vec![];
     for name in only {
         let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
         wanted.push(found.ok_or_else(|| {
-            input(format!("only: there is no `{name}`; choose of {}", quantities().join(", ")))
+            input(format!(
+                "only: there is no `{name}`; choose of {}",
+                quantities().join(", ")
+            ))
         })?);
     }
     let elements = slice("matrices", matrices)?;
     let sigmas = sigmas.map(|s| slice("std_error", s)).transpose()?;
-    if sigmas.is_some_and(|s| s.iter().any(|e| e.to_f64() < 0.0)) {
+    if sigmas.is_some_and(|s| s.iter().any(|e| *e < T::default())) {
         return Err(input("std_error: some are negative; give 0 or more"));
     }
     let ((found, missing), spread) = off_python(py, 0, || {

@@ -29,7 +29,9 @@ impl Scheme {
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: &str) -> PyResult<Self> {
         let path = PathBuf::from("scheme");
-        scheme_file::from_toml(&path, text).map(Self).map_err(|e| located(py, &e))
+        scheme_file::from_toml(&path, text)
+            .map(Self)
+            .map_err(|e| located(py, &e))
     }
 
     /// One of the presets: drr, qrpr, lc.
@@ -42,7 +44,11 @@ impl Scheme {
             "drr" => sunstone::Scheme::drr(captures, polarizer_array),
             "qrpr" => sunstone::Scheme::qrpr(captures, polarizer_array),
             "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
-            _ => return Err(input(format!("there is no preset `{name}`; choose of drr, qrpr, lc"))),
+            _ => {
+                return Err(input(format!(
+                    "there is no preset `{name}`; choose of drr, qrpr, lc"
+                )));
+            }
         };
         scheme.map(Self).map_err(input)
     }
@@ -88,7 +94,9 @@ impl Scheme {
         azimuth_deg: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         if !(0.0..90.0).contains(&incidence_deg) || !(azimuth_deg.abs() <= 360.0) {
-            return Err(input("give an incidence from 0 to less than 90 degrees, an azimuth from -360 to 360"));
+            return Err(input(
+                "give an incidence from 0 to less than 90 degrees, an azimuth from -360 to 360",
+            ));
         }
         let ray = Ray {
             incidence: incidence_deg.to_radians(),
@@ -104,7 +112,9 @@ impl Scheme {
 /// Rays along the axis.
 fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
-        return Err(input(format!("the wavelength {bad} is not a positive number of nanometres")));
+        return Err(input(format!(
+            "the wavelength {bad} is not a positive number of nanometres"
+        )));
     }
     if nm.is_empty() {
         return Err(input("give one wavelength at least"));
@@ -126,7 +136,9 @@ pub fn simulate<'py>(
     let values = slice("matrices", &matrices)?;
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
-        return Err(input("the last axis before the matrices is not as long as the wavelengths"));
+        return Err(input(
+            "the last axis before the matrices is not as long as the wavelengths",
+        ));
     }
     let layout = Layout {
         height: 1,
@@ -157,10 +169,14 @@ pub fn reconstruct<'py>(
     with_errors: bool,
 ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
-        return Err(input("noise: give a positive number, 1e-18 to 1e18, in units of the intensities"));
+        return Err(input(
+            "noise: give a positive number, 1e-18 to 1e18, in units of the intensities",
+        ));
     }
     if saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        return Err(input("saturation: give a positive number, in units of the intensities"));
+        return Err(input(
+            "saturation: give a positive number, in units of the intensities",
+        ));
     }
     let options = Options {
         noise,
@@ -172,9 +188,15 @@ pub fn reconstruct<'py>(
     match (intensities, variances) {
         (Either::Single(i), None) => solve(py, scheme, &i, None, &rays, options, with_errors),
         (Either::Double(i), None) => solve(py, scheme, &i, None, &rays, options, with_errors),
-        (Either::Single(i), Some(Either::Single(v))) => solve(py, scheme, &i, Some(&v), &rays, options, with_errors),
-        (Either::Double(i), Some(Either::Double(v))) => solve(py, scheme, &i, Some(&v), &rays, options, with_errors),
-        _ => Err(input("variance: its dtype is not that of the intensities; give both in one")),
+        (Either::Single(i), Some(Either::Single(v))) => {
+            solve(py, scheme, &i, Some(&v), &rays, options, with_errors)
+        }
+        (Either::Double(i), Some(Either::Double(v))) => {
+            solve(py, scheme, &i, Some(&v), &rays, options, with_errors)
+        }
+        _ => Err(input(
+            "variance: its dtype is not that of the intensities; give both in one",
+        )),
     }
 }
 
@@ -191,7 +213,9 @@ fn solve<'py, T: PixelNumber + Element>(
 ) -> PyResult<Solved<'py>> {
     let shape = intensities.shape();
     let [measurements, pixels] = *shape else {
-        return Err(input(format!("the intensities' shape is {shape:?}; give (measurements, pixels)")));
+        return Err(input(format!(
+            "the intensities' shape is {shape:?}; give (measurements, pixels)"
+        )));
     };
     if measurements != scheme.0.measurements() || pixels % rays.len() != 0 {
         return Err(input(format!(
@@ -200,8 +224,13 @@ fn solve<'py, T: PixelNumber + Element>(
             rays.len()
         )));
     }
-    if let Some(other) = variances.map(PyUntypedArrayMethods::shape).filter(|s| *s != shape) {
-        return Err(input(format!("variance: its shape is {other:?}, that of the intensities {shape:?}")));
+    if let Some(other) = variances
+        .map(PyUntypedArrayMethods::shape)
+        .filter(|s| *s != shape)
+    {
+        return Err(input(format!(
+            "variance: its shape is {other:?}, that of the intensities {shape:?}"
+        )));
     }
     let read = slice("intensities", intensities)?;
     let variances = variances.map(|v| slice("variance", v)).transpose()?;
@@ -213,7 +242,11 @@ fn solve<'py, T: PixelNumber + Element>(
         Ok((found, errors))
     })?
     .map_err(|e: sunstone::polarimetry::capture::design_matrix::RankError| input(e))?;
-    let array = |values: Vec<T>| Ok(PyArray1::from_vec(py, values).reshape(vec![pixels, 16])?.into_any());
+    let array = |values: Vec<T>| {
+        Ok(PyArray1::from_vec(py, values)
+            .reshape(vec![pixels, 16])?
+            .into_any())
+    };
     let errors: Option<PyResult<_>> = errors.map(array);
     Ok((array(found)?, errors.transpose()?))
 }

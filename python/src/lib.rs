@@ -4,8 +4,8 @@
 mod analysis;
 mod capture;
 mod error;
-mod image;
 mod off_python;
+mod picture;
 mod render;
 mod scene;
 mod watch;
@@ -25,7 +25,9 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<scene::Scene>()?;
     m.add_class::<capture::Scheme>()?;
     m.add_function(wrap_pyfunction!(command, m)?)?;
-    m.add_function(wrap_pyfunction!(image::encode_image, m)?)?;
+    m.add_function(wrap_pyfunction!(render::render_store, m)?)?;
+    m.add_function(wrap_pyfunction!(render::render_arrays, m)?)?;
+    m.add_function(wrap_pyfunction!(picture::encode_image, m)?)?;
     m.add_function(wrap_pyfunction!(analysis::quantities, m)?)?;
     m.add_function(wrap_pyfunction!(analysis::decompose, m)?)?;
     m.add_function(wrap_pyfunction!(capture::simulate, m)?)?;

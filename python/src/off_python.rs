@@ -8,8 +8,8 @@ use rayon::ThreadPoolBuilder;
 /// process that was forked.
 pub fn off_python<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-        Ok(pool.install(work))
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map(|pool| pool.install(work))
     })
-    .map_err(|e: rayon::ThreadPoolBuildError| failed(format!("cannot start threads: {e}")))
+    .map_err(|e| failed(format!("cannot start threads: {e}")))
 }

@@ -41,7 +41,7 @@ impl<'a> Changed<'a> {
             }
         }
         let changed = Self {
-            settings: scene.settings.clone(),
+            settings: scene.settings,
             slices: scene.slices.clone(),
             scene,
         };
@@ -58,14 +58,14 @@ impl<'a> Changed<'a> {
 
 impl Drop for Changed<'_> {
     fn drop(&mut self) {
-        self.scene.settings = self.settings.clone();
+        self.scene.settings = self.settings;
         self.scene.slices = std::mem::take(&mut self.slices);
     }
 }
 
 /// How to render.
 #[derive(FromPyObject)]
-struct Asked {
+pub struct Asked {
     spp: Option<u32>,
     replicates: Option<u32>,
     seed: Option<u64>,
@@ -81,9 +81,10 @@ impl Asked {
     fn threads(&self) -> PyResult<usize> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         match self.threads {
-            Some(n) if n == 0 || n > THREADS_EACH * cores => {
-                Err(input(format!("threads is {n}; give 1 to {}", THREADS_EACH * cores)))
-            }
+            Some(n) if n == 0 || n > THREADS_EACH * cores => Err(input(format!(
+                "threads is {n}; give 1 to {}",
+                THREADS_EACH * cores
+            ))),
             given => Ok(given.unwrap_or(0)),
         }
     }
@@ -167,74 +168,74 @@ fn run<T: Send>(
     })?
 }
 
-#[pymethods]
-impl Scene {
-    /// Renders into a store; returns what was done, as JSON.
-    fn render_store(
-        &self,
-        py: Python<'_>,
-        asked: Asked,
-        output: PathBuf,
-        resume: bool,
-        force: bool,
-        progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<String> {
-        let target = Target {
-            path: output,
-            replace: force,
-            resume,
-        };
-        let summary = run(py, self, &asked, progress, |render| {
-            render.to_target(&target).map_err(|e| match e {
-                RenderError::Threads(_)
-                | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => failed(e),
-                RenderError::Sink(SinkError::Create(ref cause)) if cause.is_of_system() => failed(e),
-                RenderError::Sink(_) | RenderError::NoSlices => input(e),
-            })
-        })?;
-        Ok(told(&summary))
-    }
-
-    /// Renders into arrays: of each slice its name, attributes and fields with their axes; sample counts; attributes; what was
-    /// done.
-    fn render_arrays<'py>(
-        &self,
-        py: Python<'py>,
-        asked: Asked,
-        progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let (summary, mut kept) = run(py, self, &asked, progress, |render| {
-            let mut kept = Kept::default();
-            let summary = render.into_sink(&mut kept).map_err(|e| match e {
-                schedule::RenderError::NoSlices => input(e),
-                schedule::RenderError::Threads(_) | schedule::RenderError::Sink(_) => failed(e),
-            })?;
-            Ok((summary, kept))
-        })?;
-        let slices = PyList::empty(py);
-        for (name, attributes) in kept.arrays.names().to_vec().iter().zip(&kept.of_slices) {
-            let fields = PyDict::new(py);
-            for field in Field::ALL {
-                let Some(tensor) = kept.arrays.take(name, field) else {
-                    continue;
-                };
-                let axes = PyList::empty(py);
-                for axis in &tensor.axes {
-                    let kind = axis.kind;
-                    let coords = PyArray1::from_slice(py, &axis.coords);
-                    axes.append((kind.name(), kind.units(), kind.long_name(), coords))?;
-                }
-                let shape = tensor.shape();
-                let values = PyArray1::from_vec(py, tensor.data).reshape(shape)?;
-                fields.set_item(field.name(), (axes, values, field.long_name()))?;
+/// Renders into a store; returns what was done, as JSON.
+#[pyfunction]
+pub fn render_store(
+    py: Python<'_>,
+    scene: &Scene,
+    asked: Asked,
+    output: PathBuf,
+    resume: bool,
+    force: bool,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let target = Target {
+        path: output,
+        replace: force,
+        resume,
+    };
+    let summary = run(py, scene, &asked, progress, |render| {
+        render.to_target(&target).map_err(|e| match e {
+            RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
+                failed(e)
             }
-            slices.append((name, Value::Object(attributes.clone()).to_string(), fields))?;
+            RenderError::Sink(SinkError::Create(ref cause)) if cause.is_of_system() => failed(e),
+            RenderError::Sink(_) | RenderError::NoSlices => input(e),
+        })
+    })?;
+    Ok(told(&summary))
+}
+
+/// Renders into arrays: of each slice its name, attributes and fields with their axes; sample counts; attributes; what was
+/// done.
+#[pyfunction]
+pub fn render_arrays<'py>(
+    py: Python<'py>,
+    scene: &Scene,
+    asked: Asked,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (summary, mut kept) = run(py, scene, &asked, progress, |render| {
+        let mut kept = Kept::default();
+        let summary = render.into_sink(&mut kept).map_err(|e| match e {
+            schedule::RenderError::NoSlices => input(e),
+            schedule::RenderError::Threads(_) | schedule::RenderError::Sink(_) => failed(e),
+        })?;
+        Ok((summary, kept))
+    })?;
+    let slices = PyList::empty(py);
+    for (name, attributes) in kept.arrays.names().to_vec().iter().zip(&kept.of_slices) {
+        let fields = PyDict::new(py);
+        for field in Field::ALL {
+            let Some(tensor) = kept.arrays.take(name, field) else {
+                continue;
+            };
+            let axes = PyList::empty(py);
+            for axis in &tensor.axes {
+                let kind = axis.kind;
+                let coords = PyArray1::from_slice(py, &axis.coords);
+                axes.append((kind.name(), kind.units(), kind.long_name(), coords))?;
+            }
+            let shape = tensor.shape();
+            let values = PyArray1::from_vec(py, tensor.data).reshape(shape)?;
+            fields.set_item(field.name(), (axes, values, field.long_name()))?;
         }
-        let all = PyDict::new(py);
-        all.set_item("slices", slices)?;
-        all.set_item("samples", PyArray1::from_vec(py, kept.arrays.samples()))?;
-        all.set_item("attributes", Value::Object(kept.attributes).to_string())?;
-        all.set_item("summary", told(&summary))?;
-        Ok(all)
+        slices.append((name, Value::Object(attributes.clone()).to_string(), fields))?;
     }
+    let all = PyDict::new(py);
+    all.set_item("slices", slices)?;
+    all.set_item("samples", PyArray1::from_vec(py, kept.arrays.samples()))?;
+    all.set_item("attributes", Value::Object(kept.attributes).to_string())?;
+    all.set_item("summary", told(&summary))?;
+    Ok(all)
 }

@@ -65,19 +65,30 @@ fn rows<const N: usize, T: numpy::Element + Copy>(
             view.shape()
         )));
     }
-    Ok(view.rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect())
+    Ok(view
+        .rows()
+        .into_iter()
+        .map(|r| std::array::from_fn(|i| r[i]))
+        .collect())
 }
 
 fn mesh(name: &str, (vertices, faces, normals, uvs): &Arrays<'_>) -> PyResult<Mesh> {
-    let points = |what: &str, a: &PyReadonlyArray2<'_, f32>| rows::<3, f32>(&format!("mesh {name}, {what}"), a);
+    let points =
+        |what: &str, a: &PyReadonlyArray2<'_, f32>| rows::<3, f32>(&format!("mesh {name}, {what}"), a);
     Ok(Mesh {
-        positions: points("vertices", vertices)?.into_iter().map(Into::into).collect(),
+        positions: points("vertices", vertices)?
+            .into_iter()
+            .map(Into::into)
+            .collect(),
         normals: match normals {
             Some(n) => points("normals", n)?.into_iter().map(Into::into).collect(),
             None => vec![],
         },
         uvs: match uvs {
-            Some(uv) => rows::<2, f32>(&format!("mesh {name}, uvs"), uv)?.into_iter().map(Into::into).collect(),
+            Some(uv) => rows::<2, f32>(&format!("mesh {name}, uvs"), uv)?
+                .into_iter()
+                .map(Into::into)
+                .collect(),
             None => vec![],
         },
         indices: rows(&format!("mesh {name}, faces"), faces)?,
@@ -88,13 +99,14 @@ fn mesh(name: &str, (vertices, faces, normals, uvs): &Arrays<'_>) -> PyResult<Me
 impl Scene {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
-        py.detach(|| from_text(&path, &scene::read(&path)?, variant))
-            .map_err(|e| located(py, &e))
+        let read = || from_text(&path, &scene::read(&path)?, variant);
+        py.detach(read).map_err(|e| located(py, &e))
     }
 
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: &str, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
-        py.detach(|| from_text(&path, text, variant)).map_err(|e| located(py, &e))
+        py.detach(|| from_text(&path, text, variant))
+            .map_err(|e| located(py, &e))
     }
 
     /// From a document as JSON, whose meshes and files are in memory.
@@ -112,7 +124,7 @@ impl Scene {
             .into_iter()
             .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
             .collect::<PyResult<_>>()?;
-        py.detach(|| {
+        let build = || -> Result<Self, InputError> {
             let path = Path::new("scene from a dict");
             let file: SceneFile = document::parse(path, &text, |_| {
                 "`sunstone schema` describes every key of a scene".to_owned()
@@ -130,8 +142,8 @@ impl Scene {
                 built: Mutex::new(scene),
                 figures,
             })
-        })
-        .map_err(|e| located(py, &e))
+        };
+        py.detach(build).map_err(|e| located(py, &e))
     }
 
     #[getter]

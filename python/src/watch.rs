@@ -80,7 +80,9 @@ pub fn watched<T: Send>(
         match (fault, done) {
             (Some(fault), _) => Err(fault),
             (None, Ok(done)) => Ok(done),
-            (None, Err(_)) => Err(PyRuntimeError::new_err("the render failed; this is a bug of Sunstone")),
+            (None, Err(_)) => Err(PyRuntimeError::new_err(
+                "the render failed; this is a bug of Sunstone",
+            )),
         }
     })
 }

@@ -17,7 +17,11 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
     let (height, width, channels) = match *shape {
         [h, w] => (h, w, 1),
         [h, w, 3] => (h, w, 3),
-        _ => return Err(input(format!("an image of shape {shape:?}; give (h, w) or (h, w, 3)"))),
+        _ => {
+            return Err(input(format!(
+                "an image of shape {shape:?}; give (h, w) or (h, w, 3)"
+            )));
+        }
     };
     if height == 0 || width == 0 {
         return Err(input(format!("an image of shape {shape:?} has no pixels")));
@@ -42,11 +46,17 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
             } else {
                 all.iter().copied().collect()
             };
-            (image::Rgb32FImage::from_raw(w, h, data).map(image::DynamicImage::from), OpenExr)
+            (
+                image::Rgb32FImage::from_raw(w, h, data).map(image::DynamicImage::from),
+                OpenExr,
+            )
         }
     };
     let mut bytes = Cursor::new(vec![]);
-    picture.ok_or_else(lost)?.write_to(&mut bytes, format).map_err(input)?;
+    picture
+        .ok_or_else(lost)?
+        .write_to(&mut bytes, format)
+        .map_err(input)?;
     Ok(PyBytes::new(py, bytes.get_ref()))
 }
 
