@@ -12,7 +12,12 @@
 
 #![warn(missing_docs)]
 
+// The command line names the library as programs do that use it.
+extern crate self as sunstone;
+
 pub mod applications;
+#[doc(hidden)]
+pub mod cli;
 pub mod denoise;
 pub mod figure_file;
 pub mod figures;

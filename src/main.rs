@@ -1,9 +1,7 @@
-//! The `sunstone` program: arguments, progress and exit codes around the library.
-
-mod cli;
+//! The `sunstone` program.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::run()
+    sunstone::cli::run()
 }

@@ -2,7 +2,6 @@
 
 use miette::{Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode};
 use std::fmt;
-use std::process::ExitCode;
 use sunstone::base::locate::InputError;
 use sunstone::scene::mitsuba::import::ImportError;
 
@@ -41,30 +40,30 @@ impl Failure {
     }
 
     /// Tells the user, and gives the exit code.
-    pub fn report(&self) -> ExitCode {
+    pub fn report(&self) -> u8 {
         match self {
             Self::Scene(e) => {
                 report_scene(e);
-                ExitCode::from(2)
+                2
             }
             Self::Scenes(errors) => {
                 errors.iter().take(MOST).for_each(report_scene);
                 if errors.len() > 1 {
                     eprintln!("{} problems", errors.len());
                 }
-                ExitCode::from(2)
+                2
             }
             Self::Input(m) => {
                 eprintln!("{}", cut(&format!("error: {m}")));
-                ExitCode::from(2)
+                2
             }
             Self::Failed(m) => {
                 eprintln!("{}", cut(&format!("error: {m}")));
-                ExitCode::from(1)
+                1
             }
             Self::Interrupted(m) => {
                 eprintln!("{m}");
-                ExitCode::from(130)
+                130
             }
         }
     }

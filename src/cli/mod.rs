@@ -1,4 +1,5 @@
-//! Command line: one module a command, one exit point.
+//! Command line: one module a command, one exit point. Hidden in the library, for the program `sunstone` and for the same
+//! command in the Python package; nobody else should rely on it.
 
 mod apply;
 mod calibrate;
@@ -34,6 +35,7 @@ mod verify;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
@@ -106,9 +108,22 @@ enum Command {
     Schema,
 }
 
-/// Parses, runs, reports; the only place that makes exit codes.
+/// Parses, runs, reports: the program's words, its exit code.
+#[must_use]
 pub fn run() -> ExitCode {
-    let arguments = Arguments::parse();
+    run_words(std::env::args_os()).into()
+}
+
+/// [`run`] with words of one's own, the first of which is the program's name; the only place that makes exit codes.
+pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = match Arguments::try_parse_from(words) {
+        Ok(arguments) => arguments,
+        Err(e) => {
+            // As clap does it itself: where its text cannot be shown, the code says enough.
+            let _ = e.print();
+            return u8::try_from(e.exit_code()).unwrap_or(2);
+        }
+    };
     start_logging(arguments.verbose);
     let result = match arguments.command {
         Command::Render(a) => render::run(&a),
@@ -137,7 +152,7 @@ pub fn run() -> ExitCode {
         Command::Schema => schema(),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => failure.report(),
     }
 }
@@ -150,11 +165,12 @@ fn start_logging(verbose: u8) {
         1 => Level::INFO,
         _ => Level::DEBUG,
     });
-    tracing_subscriber::fmt()
+    // In a process that logs already, that goes on.
+    let _ = tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)
         .with_target(false)
-        .init();
+        .try_init();
 }
 
 fn schema() -> Result<(), Failure> {

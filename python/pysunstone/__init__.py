@@ -1,0 +1,67 @@
+"""Sunstone in Python: polarized, time-resolved light transport between every projector pixel and every camera pixel.
+
+Units, frames and signs are those of Sunstone's ``CONVENTIONS.md``: metres, picoseconds, nanometres; Mueller matrices take Stokes
+vectors in the projector's frame to Stokes vectors in the camera's.
+
+Examples
+--------
+>>> import pysunstone as ps
+>>> scene = ps.Scene.load("scenes/mirror_room/scene.toml")
+>>> slices = scene.render(spp=16)
+>>> slices["polarimetric"].arrays["mean"].shape  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from pysunstone._native import InputError, RenderError, __version__
+
+if TYPE_CHECKING:
+    from pysunstone.builder import SceneBuilder
+    from pysunstone.capture import Scheme, design_matrix, reconstruct, simulate
+    from pysunstone.mueller import decompose
+    from pysunstone.scene import Scene, Slice, Slices
+
+__all__ = [
+    "InputError",
+    "RenderError",
+    "Scene",
+    "SceneBuilder",
+    "Scheme",
+    "Slice",
+    "Slices",
+    "__version__",
+    "decompose",
+    "design_matrix",
+    "reconstruct",
+    "simulate",
+]
+
+# Where names are, so that NumPy and xarray are imported by who needs them: the command does not.
+_HOMES = {
+    "Scene": "scene",
+    "SceneBuilder": "builder",
+    "Scheme": "capture",
+    "Slice": "scene",
+    "Slices": "scene",
+    "decompose": "mueller",
+    "design_matrix": "capture",
+    "open_store": "stores",
+    "reconstruct": "capture",
+    "simulate": "capture",
+}
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -1,0 +1,5 @@
+"""``python -m pysunstone`` is the command ``sunstone``."""
+
+from pysunstone._command import main
+
+main()

@@ -1,0 +1,51 @@
+"""How far a render is, for people."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import Any
+
+__all__ = ["Progress", "told"]
+
+Progress = Callable[[int, int], object]
+
+
+@contextmanager
+def told(progress: bool | Progress | None) -> Generator[Progress | None, None, None]:
+    """What to call with tiles done and tiles in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
+    if not progress:
+        yield None
+    elif progress is not True:
+        yield progress
+    else:
+        try:
+            tqdm: Any = importlib.import_module("tqdm.auto")
+        except ImportError:
+            yield _lines()
+            return
+        bar = tqdm.tqdm(unit="tile")
+
+        def show(done: int, tiles: int) -> None:
+            bar.total = tiles
+            bar.update(done - bar.n)
+
+        try:
+            yield show
+        finally:
+            bar.close()
+
+
+def _lines() -> Progress:
+    last = time.monotonic()
+
+    def show(done: int, tiles: int) -> None:
+        nonlocal last
+        if done == tiles or time.monotonic() - last > 5:
+            last = time.monotonic()
+            print(f"{done}/{tiles} tiles", file=sys.stderr)
+
+    return show

@@ -1,0 +1,47 @@
+"""Decomposition of Mueller matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pysunstone import _native
+from pysunstone._arrays import real
+
+__all__ = ["decompose"]
+
+
+def decompose(
+    matrices: npt.ArrayLike, std_error: npt.ArrayLike | None = None, *, only: Sequence[str] | None = None
+) -> dict[str, npt.NDArray[Any]]:
+    """Decompose Mueller matrices after Lu and Chipman, M = M_Δ M_R M_D, on all cores.
+
+    Parameters
+    ----------
+    matrices
+        (..., 4, 4). Single precision stays single, all else becomes double; contiguous arrays are read without a copy.
+    std_error
+        Standard errors of the elements, of the same shape: then those of the four scalars are told too.
+    only
+        Names of the arrays to return, also ``entropy``.
+
+    Returns
+    -------
+    dict
+        Arrays of the leading shape: ``polarizance``, ``diattenuation``, ``retardance`` (radians, 0 to π), ``depolarization``;
+        ``retardance_axis`` (..., 3), Stokes components of the fast axis; the factors ``m_delta``, ``m_r``, ``m_d`` (..., 4, 4);
+        with errors, ``polarizance_error`` and so on. NaN of matrices that cannot exist (m00 ≤ 0, diattenuation above 1).
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, numbers that are not real, negative errors, unknown names.
+    """
+    array = real("matrices", matrices)
+    errors = None if std_error is None else real("std_error", std_error, array.dtype)
+    names = [q for q in _native.quantities() if q != "entropy"] if only is None else list(only)
+    found, _ = _native.decompose(array, errors, names)
+    return {name: np.asarray(values) for name, values in found.items()}

@@ -1,0 +1,96 @@
+//! Decomposition of arrays of Mueller matrices.
+
+use crate::error::input;
+use crate::off_python::off_python;
+use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sunstone::polarimetry::decompose::maps::{Quantity, Real, WITH_ERRORS, errors, maps};
+
+/// Names of all that a decomposition gives.
+#[pyfunction]
+pub fn quantities() -> Vec<&'static str> {
+    Quantity::ALL.into_iter().map(Quantity::name).collect()
+}
+
+/// An array of either precision.
+#[derive(FromPyObject)]
+pub enum Either<'py> {
+    Single(PyReadonlyArrayDyn<'py, f32>),
+    Double(PyReadonlyArrayDyn<'py, f64>),
+}
+
+/// The values of an array that is contiguous, as the package's Python makes it.
+pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
+    a.as_slice()
+        .map_err(|_| input(format!("{what}: the array is not contiguous")))
+}
+
+/// Decomposes C-contiguous matrices of shape (..., 4, 4): arrays by name, and the number that have no decomposition.
+#[pyfunction]
+pub fn decompose<'py>(
+    py: Python<'py>,
+    matrices: Either<'py>,
+    std_error: Option<Either<'py>>,
+    only: Vec<String>,
+) -> PyResult<(Bound<'py, PyDict>, usize)> {
+    match (matrices, std_error) {
+        (Either::Single(m), None) => all(py, &m, None, &only),
+        (Either::Double(m), None) => all(py, &m, None, &only),
+        (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
+        (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
+        _ => Err(input(
+            "std_error: its dtype is not that of the matrices; give both in one",
+        )),
+    }
+}
+
+fn all<'py, T: Real + Element>(
+    py: Python<'py>,
+    matrices: &PyReadonlyArrayDyn<'py, T>,
+    sigmas: Option<&PyReadonlyArrayDyn<'py, T>>,
+    only: &[String],
+) -> PyResult<(Bound<'py, PyDict>, usize)> {
+    let shape = matrices.shape();
+    let [leading @ .., 4, 4] = shape else {
+        return Err(input(format!(
+            "the matrices' shape is {shape:?}; give (..., 4, 4)"
+        )));
+    };
+    if let Some(other) = sigmas.map(PyUntypedArrayMethods::shape).filter(|s| *s != shape) {
+        return Err(input(format!(
+            "std_error: its shape is {other:?}, that of the matrices {shape:?}"
+        )));
+    }
+    let mut wanted = vec![];
+    for name in only {
+        let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
+        wanted.push(found.ok_or_else(|| {
+            input(format!(
+                "only: there is no `{name}`; choose of {}",
+                quantities().join(", ")
+            ))
+        })?);
+    }
+    let elements = slice("matrices", matrices)?;
+    let sigmas = sigmas.map(|s| slice("std_error", s)).transpose()?;
+    if sigmas.is_some_and(|s| s.iter().any(|e| *e < T::default())) {
+        return Err(input("std_error: some are negative; give 0 or more"));
+    }
+    let ((found, missing), spread) = off_python(py, 0, || {
+        (maps(elements, &wanted), sigmas.map(|s| errors(elements, s)))
+    })?;
+    let out = PyDict::new(py);
+    for (q, values) in wanted.iter().zip(found) {
+        let tail = q.shape().iter().map(|n| *n as usize);
+        let shape: Vec<usize> = leading.iter().copied().chain(tail).collect();
+        out.set_item(q.name(), PyArray1::from_vec(py, values).reshape(shape)?)?;
+    }
+    for (q, values) in WITH_ERRORS.iter().zip(spread.into_iter().flatten()) {
+        if wanted.contains(q) {
+            let values = PyArray1::from_vec(py, values).reshape(leading.to_vec())?;
+            out.set_item(format!("{}_error", q.name()), values)?;
+        }
+    }
+    Ok((out, missing))
+}

@@ -1,0 +1,252 @@
+//! Capture schemes, simulated captures, and their reconstruction.
+
+use crate::analysis::{Either, slice};
+use crate::error::{input, located};
+use crate::off_python::off_python;
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use sunstone::Ray;
+use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
+use sunstone::polarimetry::capture::scheme_file;
+use sunstone::polarimetry::capture::simulate::{self as simulation, Layout, Noise};
+use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction};
+
+/// How a rig is set in each capture.
+#[pyclass(frozen, module = "pysunstone._native")]
+pub struct Scheme(sunstone::Scheme);
+
+/// The most captures that a scheme is made for, as by the command.
+const MOST: usize = 100_000;
+
+#[pymethods]
+impl Scheme {
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        scheme_file::load(&path).map(Self).map_err(|e| located(py, &e))
+    }
+
+    #[staticmethod]
+    fn from_toml(py: Python<'_>, text: &str) -> PyResult<Self> {
+        let path = PathBuf::from("scheme");
+        scheme_file::from_toml(&path, text)
+            .map(Self)
+            .map_err(|e| located(py, &e))
+    }
+
+    /// One of the presets: drr, qrpr, lc.
+    #[staticmethod]
+    fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
+        if captures > MOST {
+            return Err(input(format!("captures is {captures}; at most {MOST}")));
+        }
+        let scheme = match name {
+            "drr" => sunstone::Scheme::drr(captures, polarizer_array),
+            "qrpr" => sunstone::Scheme::qrpr(captures, polarizer_array),
+            "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
+            _ => {
+                return Err(input(format!(
+                    "there is no preset `{name}`; choose of drr, qrpr, lc"
+                )));
+            }
+        };
+        scheme.map(Self).map_err(input)
+    }
+
+    fn to_toml(&self) -> PyResult<String> {
+        scheme_file::to_toml(&self.0).map_err(input)
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    #[getter]
+    fn captures(&self) -> usize {
+        self.0.captures()
+    }
+
+    #[getter]
+    fn channels(&self) -> usize {
+        self.0.sensor.channels()
+    }
+
+    /// Least error variance that as many captures allow.
+    #[getter]
+    fn bound(&self) -> f64 {
+        a_optimal_bound(&self.0)
+    }
+
+    /// Rank, condition number, and error variance (infinite below rank 16).
+    fn quality(&self, wavelength_nm: f64) -> PyResult<(usize, f64, f64)> {
+        let design = DesignMatrix::new(&self.0, &rays(&[wavelength_nm])?[0]);
+        let variance = design.error_variance().unwrap_or(f64::INFINITY);
+        Ok((design.rank(), design.condition(), variance))
+    }
+
+    /// Shape (captures × channels, 16).
+    fn design_matrix<'py>(
+        &self,
+        py: Python<'py>,
+        wavelength_nm: f64,
+        incidence_deg: f64,
+        azimuth_deg: f64,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        if !(0.0..90.0).contains(&incidence_deg) || !(azimuth_deg.abs() <= 360.0) {
+            return Err(input(
+                "give an incidence from 0 to less than 90 degrees, an azimuth from -360 to 360",
+            ));
+        }
+        let ray = Ray {
+            incidence: incidence_deg.to_radians(),
+            azimuth: azimuth_deg.to_radians(),
+            ..rays(&[wavelength_nm])?[0]
+        };
+        let a = DesignMatrix::new(&self.0, &ray).a;
+        let values: Vec<f64> = a.transpose().iter().copied().collect();
+        PyArray1::from_vec(py, values).reshape(vec![a.nrows(), a.ncols()])
+    }
+}
+
+/// Rays along the axis.
+fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
+    if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
+        return Err(input(format!(
+            "the wavelength {bad} is not a positive number of nanometres"
+        )));
+    }
+    if nm.is_empty() {
+        return Err(input("give one wavelength at least"));
+    }
+    Ok(nm.iter().copied().map(Ray::axial).collect())
+}
+
+/// Intensities (measurements, pixels) of C-contiguous matrices (pixels, 16) whose wavelengths go round.
+#[pyfunction]
+pub fn simulate<'py>(
+    py: Python<'py>,
+    scheme: &Scheme,
+    matrices: PyReadonlyArrayDyn<'py, f64>,
+    wavelengths_nm: Vec<f64>,
+    noise: f64,
+    seed: u64,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let rays = rays(&wavelengths_nm)?;
+    let values = slice("matrices", &matrices)?;
+    let pixels = values.len() / 16;
+    if pixels % rays.len() != 0 {
+        return Err(input(
+            "the last axis before the matrices is not as long as the wavelengths",
+        ));
+    }
+    let layout = Layout {
+        height: 1,
+        width: pixels / rays.len(),
+        times: 1,
+        lanes: rays.len(),
+    };
+    let noise = Noise::Gaussian { sigma: noise };
+    let captured = off_python(py, 0, || {
+        simulation::simulate(values, layout, &scheme.0, &rays, &noise, seed)
+    })?
+    .map_err(input)?;
+    PyArray1::from_vec(py, captured.intensities).reshape(vec![scheme.0.measurements(), pixels])
+}
+
+/// Matrices (pixels, 16), and their standard errors if they are wanted, of C-contiguous intensities (measurements, pixels).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "Python names them")]
+pub fn reconstruct<'py>(
+    py: Python<'py>,
+    scheme: &Scheme,
+    intensities: Either<'py>,
+    variances: Option<Either<'py>>,
+    wavelengths_nm: Vec<f64>,
+    noise: Option<f64>,
+    saturation: Option<f64>,
+    realizable: bool,
+    with_errors: bool,
+) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
+    if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
+        return Err(input(
+            "noise: give a positive number, 1e-18 to 1e18, in units of the intensities",
+        ));
+    }
+    if saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
+        return Err(input(
+            "saturation: give a positive number, in units of the intensities",
+        ));
+    }
+    let options = Options {
+        noise,
+        saturation,
+        realizable,
+        prior: None,
+    };
+    let rays = rays(&wavelengths_nm)?;
+    match (intensities, variances) {
+        (Either::Single(i), None) => solve(py, scheme, &i, None, &rays, options, with_errors),
+        (Either::Double(i), None) => solve(py, scheme, &i, None, &rays, options, with_errors),
+        (Either::Single(i), Some(Either::Single(v))) => {
+            solve(py, scheme, &i, Some(&v), &rays, options, with_errors)
+        }
+        (Either::Double(i), Some(Either::Double(v))) => {
+            solve(py, scheme, &i, Some(&v), &rays, options, with_errors)
+        }
+        _ => Err(input(
+            "variance: its dtype is not that of the intensities; give both in one",
+        )),
+    }
+}
+
+type Solved<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
+
+fn solve<'py, T: PixelNumber + Element>(
+    py: Python<'py>,
+    scheme: &Scheme,
+    intensities: &PyReadonlyArrayDyn<'py, T>,
+    variances: Option<&PyReadonlyArrayDyn<'py, T>>,
+    rays: &[Ray],
+    options: Options,
+    with_errors: bool,
+) -> PyResult<Solved<'py>> {
+    let shape = intensities.shape();
+    let [measurements, pixels] = *shape else {
+        return Err(input(format!(
+            "the intensities' shape is {shape:?}; give (measurements, pixels)"
+        )));
+    };
+    if measurements != scheme.0.measurements() || pixels % rays.len() != 0 {
+        return Err(input(format!(
+            "the intensities are of shape {shape:?}, but the scheme has {} measurements, and there are {} wavelengths",
+            scheme.0.measurements(),
+            rays.len()
+        )));
+    }
+    if let Some(other) = variances
+        .map(PyUntypedArrayMethods::shape)
+        .filter(|s| *s != shape)
+    {
+        return Err(input(format!(
+            "variance: its shape is {other:?}, that of the intensities {shape:?}"
+        )));
+    }
+    let read = slice("intensities", intensities)?;
+    let variances = variances.map(|v| slice("variance", v)).transpose()?;
+    let (found, errors) = off_python(py, 0, || {
+        let estimates = Reconstruction::<T>::new(&scheme.0, rays, options)?;
+        let mut found = vec![T::default(); pixels * 16];
+        let mut errors = with_errors.then(|| vec![T::default(); pixels * 16]);
+        estimates.apply(read, variances, &mut found, errors.as_deref_mut());
+        Ok((found, errors))
+    })?
+    .map_err(|e: sunstone::polarimetry::capture::design_matrix::RankError| input(e))?;
+    let array = |values: Vec<T>| {
+        Ok(PyArray1::from_vec(py, values)
+            .reshape(vec![pixels, 16])?
+            .into_any())
+    };
+    let errors: Option<PyResult<_>> = errors.map(array);
+    Ok((array(found)?, errors.transpose()?))
+}

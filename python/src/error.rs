@@ -1,0 +1,60 @@
+//! Errors of Rust as exceptions of Python.
+
+use base::locate::InputError as Fault;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use std::fmt::Display;
+
+pyo3::create_exception!(
+    pysunstone,
+    InputError,
+    PyValueError,
+    "What was given is wrong: `file`, `line`, `column`, `message` and `mend` say where and how to mend it, or are None."
+);
+pyo3::create_exception!(
+    pysunstone,
+    RenderError,
+    PyRuntimeError,
+    "A render failed on its way: a full disk, no threads. What was finished stays on disk and can be resumed."
+);
+
+/// What an [`InputError`] has besides its text.
+const PARTS: [&str; 5] = ["file", "line", "column", "message", "mend"];
+
+pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = m.py();
+    let input = py.get_type::<InputError>();
+    for part in PARTS {
+        input.setattr(part, py.None())?;
+    }
+    m.add("InputError", input)?;
+    m.add("RenderError", py.get_type::<RenderError>())
+}
+
+/// Bad input that no file holds.
+pub fn input(e: impl Display) -> PyErr {
+    InputError::new_err(e.to_string())
+}
+
+/// A failure on the way.
+pub fn failed(e: impl Display) -> PyErr {
+    RenderError::new_err(e.to_string())
+}
+
+/// Bad input with its place.
+pub fn located(py: Python<'_>, fault: &Fault) -> PyErr {
+    let error = input(fault);
+    let (line, column) = fault.line_column().unzip();
+    let value = error.value(py);
+    let file = fault.file.display().to_string();
+    let set = value
+        .setattr("file", file)
+        .and_then(|()| value.setattr("line", line))
+        .and_then(|()| value.setattr("column", column))
+        .and_then(|()| value.setattr("message", &fault.message))
+        .and_then(|()| value.setattr("mend", &fault.help));
+    match set {
+        Ok(()) => error,
+        Err(e) => e,
+    }
+}

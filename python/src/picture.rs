@@ -1,0 +1,70 @@
+//! Arrays as the files of pictures that scenes read.
+
+use crate::error::input;
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::io::Cursor;
+
+/// An array (h, w) or (h, w, 3) of 8 bits as PNG, or of single precision as OpenEXR.
+#[pyfunction]
+pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound<'py, PyBytes>> {
+    use image::ImageFormat::{OpenExr, Png};
+    let shape = match &values {
+        Values::Bytes(a) => a.shape().to_vec(),
+        Values::Single(a) => a.shape().to_vec(),
+    };
+    let (height, width, channels) = match *shape {
+        [h, w] => (h, w, 1),
+        [h, w, 3] => (h, w, 3),
+        _ => {
+            return Err(input(format!(
+                "an image of shape {shape:?}; give (h, w) or (h, w, 3)"
+            )));
+        }
+    };
+    if height == 0 || width == 0 {
+        return Err(input(format!("an image of shape {shape:?} has no pixels")));
+    }
+    let size = |n: usize| u32::try_from(n).map_err(|_| input("an image has less than 2^32 rows and columns"));
+    let (w, h) = (size(width)?, size(height)?);
+    let lost = || input(format!("an image of shape {shape:?} does not fit"));
+    let (picture, format) = match values {
+        Values::Bytes(a) => {
+            let data: Vec<u8> = a.as_array().iter().copied().collect();
+            let picture = if channels == 1 {
+                image::GrayImage::from_raw(w, h, data).map(image::DynamicImage::from)
+            } else {
+                image::RgbImage::from_raw(w, h, data).map(image::DynamicImage::from)
+            };
+            (picture, Png)
+        }
+        Values::Single(a) => {
+            let all = a.as_array();
+            let data: Vec<f32> = if channels == 1 {
+                all.iter().flat_map(|v| [*v; 3]).collect()
+            } else {
+                all.iter().copied().collect()
+            };
+            (
+                image::Rgb32FImage::from_raw(w, h, data).map(image::DynamicImage::from),
+                OpenExr,
+            )
+        }
+    };
+    let mut bytes = Cursor::new(vec![]);
+    picture
+        .ok_or_else(lost)?
+        .write_to(&mut bytes, format)
+        .map_err(input)?;
+    Ok(PyBytes::new(py, bytes.get_ref()))
+}
+
+/// Pixels.
+#[derive(FromPyObject)]
+pub enum Values<'py> {
+    /// 0..255.
+    Bytes(PyReadonlyArrayDyn<'py, u8>),
+    /// Linear.
+    Single(PyReadonlyArrayDyn<'py, f32>),
+}

@@ -1,0 +1,241 @@
+//! Renders of scenes, into arrays or a store.
+
+use crate::error::{failed, input};
+use crate::scene::Scene;
+use crate::watch::watched;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use serde_json::{Map, Value, json};
+use std::convert::Infallible;
+use std::path::PathBuf;
+use sunstone::render::SinkError;
+use sunstone::transport::render::schedule;
+use sunstone::transport::scene::Settings;
+use sunstone::{
+    Arrays, Field, Job, Piece, Render, RenderError, SampleCounts, Sink, Summary, Target, TileRecord, Watch,
+};
+
+/// What a render changes of its scene; put back when it ends.
+struct Changed<'a> {
+    scene: &'a mut sunstone::Scene,
+    settings: Settings,
+    slices: Vec<sunstone::tensor::slice::Slice>,
+}
+
+impl<'a> Changed<'a> {
+    fn new(scene: &'a mut sunstone::Scene, a: &Asked) -> PyResult<Self> {
+        let most = 1 << 30;
+        for (name, given) in [("spp", a.spp), ("replicates", a.replicates)] {
+            if let Some(n) = given.filter(|n| !(1..=most).contains(n)) {
+                return Err(input(format!("{name} is {n}; give 1 to {most}")));
+            }
+        }
+        if let Some(names) = &a.slices {
+            let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+            if let Some(unknown) = names.iter().find(|n| !known.contains(&n.as_str())) {
+                return Err(input(format!(
+                    "slices: the scene has no slice `{unknown}`; it has {}",
+                    known.join(", ")
+                )));
+            }
+        }
+        let changed = Self {
+            settings: scene.settings,
+            slices: scene.slices.clone(),
+            scene,
+        };
+        let settings = &mut changed.scene.settings;
+        settings.spp = a.spp.unwrap_or(settings.spp);
+        settings.replicates = a.replicates.unwrap_or(settings.replicates);
+        settings.seed = a.seed.unwrap_or(settings.seed);
+        if let Some(names) = &a.slices {
+            changed.scene.slices.retain(|s| names.contains(&s.name));
+        }
+        Ok(changed)
+    }
+}
+
+impl Drop for Changed<'_> {
+    fn drop(&mut self) {
+        self.scene.settings = self.settings;
+        self.scene.slices = std::mem::take(&mut self.slices);
+    }
+}
+
+/// How to render.
+#[derive(FromPyObject)]
+pub struct Asked {
+    spp: Option<u32>,
+    replicates: Option<u32>,
+    seed: Option<u64>,
+    threads: Option<usize>,
+    slices: Option<Vec<String>>,
+}
+
+/// Threads that may be asked for, for each that the machine can run at once: as of the command.
+const THREADS_EACH: usize = 8;
+
+impl Asked {
+    /// Threads; 0 stands for as many as cores.
+    fn threads(&self) -> PyResult<usize> {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        match self.threads {
+            Some(n) if n == 0 || n > THREADS_EACH * cores => Err(input(format!(
+                "threads is {n}; give 1 to {}",
+                THREADS_EACH * cores
+            ))),
+            given => Ok(given.unwrap_or(0)),
+        }
+    }
+}
+
+/// Arrays, and what is known of them besides.
+#[derive(Default)]
+struct Kept {
+    arrays: Arrays,
+    attributes: Map<String, Value>,
+    of_slices: Vec<Map<String, Value>>,
+}
+
+impl Sink for Kept {
+    type Error = Infallible;
+
+    fn begin(&mut self, job: &Job) -> Result<Vec<TileRecord>, Infallible> {
+        self.attributes = job.attributes.clone();
+        let of = |s: &sunstone::tensor::sink::JobSlice| {
+            let mut all = s.attributes.clone();
+            if let Some((start, bin)) = s.layout.time {
+                all.insert("time_start_ps".into(), json!(start));
+                all.insert("time_bin_ps".into(), json!(bin));
+            }
+            all
+        };
+        self.of_slices = job.slices.iter().map(of).collect();
+        self.arrays.begin(job)
+    }
+
+    fn put(&self, piece: &Piece) -> Result<(), Infallible> {
+        self.arrays.put(piece)
+    }
+
+    fn put_samples(&self, samples: &SampleCounts) -> Result<(), Infallible> {
+        self.arrays.put_samples(samples)
+    }
+
+    fn tile_done(&self, record: &TileRecord) -> Result<(), Infallible> {
+        self.arrays.tile_done(record)
+    }
+
+    fn end(&mut self, summary: &Summary) -> Result<(), Infallible> {
+        self.arrays.end(summary)
+    }
+}
+
+/// What a render did, for Python.
+fn told(summary: &Summary) -> String {
+    json!({
+        "complete": summary.complete,
+        "tiles_done": summary.tiles_done,
+        "tiles": summary.tiles,
+        "samples": summary.samples,
+        "discarded_samples": summary.discarded,
+        "rays": summary.rays,
+        "wall_time_s": summary.wall_s,
+    })
+    .to_string()
+}
+
+/// Runs a render of a scene with what is asked of it, watched.
+fn run<T: Send>(
+    py: Python<'_>,
+    scene: &Scene,
+    asked: &Asked,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(Render) -> PyResult<T> + Send,
+) -> PyResult<T> {
+    let threads = asked.threads()?;
+    watched(py, progress, |watch: &dyn Watch| {
+        let mut scene_now = scene.lock();
+        let changed = Changed::new(&mut scene_now, asked)?;
+        let kept = |name: &str| changed.scene.slices.iter().any(|s| s.name == name);
+        let figures: Vec<_> = scene.figures.iter().filter(|f| kept(f.view.slice())).collect();
+        let render = Render::new(changed.scene)
+            .watch(watch)
+            .attribute("figures", json!(figures))
+            .threads(threads);
+        work(render)
+    })?
+}
+
+/// Renders into a store; returns what was done, as JSON.
+#[pyfunction]
+pub fn render_store(
+    py: Python<'_>,
+    scene: &Scene,
+    asked: Asked,
+    output: PathBuf,
+    resume: bool,
+    force: bool,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let target = Target {
+        path: output,
+        replace: force,
+        resume,
+    };
+    let summary = run(py, scene, &asked, progress, |render| {
+        render.to_target(&target).map_err(|e| match e {
+            RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
+                failed(e)
+            }
+            RenderError::Sink(SinkError::Create(ref cause)) if cause.is_of_system() => failed(e),
+            RenderError::Sink(_) | RenderError::NoSlices => input(e),
+        })
+    })?;
+    Ok(told(&summary))
+}
+
+/// Renders into arrays: of each slice its name, attributes and fields with their axes; sample counts; attributes; what was
+/// done.
+#[pyfunction]
+pub fn render_arrays<'py>(
+    py: Python<'py>,
+    scene: &Scene,
+    asked: Asked,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (summary, mut kept) = run(py, scene, &asked, progress, |render| {
+        let mut kept = Kept::default();
+        let summary = render.into_sink(&mut kept).map_err(|e| match e {
+            schedule::RenderError::NoSlices => input(e),
+            schedule::RenderError::Threads(_) | schedule::RenderError::Sink(_) => failed(e),
+        })?;
+        Ok((summary, kept))
+    })?;
+    let slices = PyList::empty(py);
+    for (name, attributes) in kept.arrays.names().to_vec().iter().zip(&kept.of_slices) {
+        let fields = PyDict::new(py);
+        for field in Field::ALL {
+            let Some(tensor) = kept.arrays.take(name, field) else {
+                continue;
+            };
+            let axes = PyList::empty(py);
+            for axis in &tensor.axes {
+                let kind = axis.kind;
+                let coords = PyArray1::from_slice(py, &axis.coords);
+                axes.append((kind.name(), kind.units(), kind.long_name(), coords))?;
+            }
+            let shape = tensor.shape();
+            let values = PyArray1::from_vec(py, tensor.data).reshape(shape)?;
+            fields.set_item(field.name(), (axes, values, field.long_name()))?;
+        }
+        slices.append((name, Value::Object(attributes.clone()).to_string(), fields))?;
+    }
+    let all = PyDict::new(py);
+    all.set_item("slices", slices)?;
+    all.set_item("samples", PyArray1::from_vec(py, kept.arrays.samples()))?;
+    all.set_item("attributes", Value::Object(kept.attributes).to_string())?;
+    all.set_item("summary", told(&summary))?;
+    Ok(all)
+}

@@ -1,0 +1,194 @@
+//! Scenes.
+
+use crate::error::{input, located};
+use base::document;
+use base::locate::InputError;
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use sunstone::figure::listed;
+use sunstone::figure::spec::Figure;
+use sunstone::scene::syntax::scene::SceneFile;
+use sunstone::scene::{self, SceneBuilder};
+use sunstone::transport::geometry::mesh::Mesh;
+
+/// A scene, ready to render, and the figures that its file lists.
+#[pyclass(frozen, module = "pysunstone._native")]
+pub struct Scene {
+    built: Mutex<sunstone::Scene>,
+    pub figures: Vec<Figure>,
+}
+
+/// A scene and its figures, from the text of its file.
+fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, InputError> {
+    let scene = match variant {
+        Some(number) => scene::variant_from_text(path, text, number)?,
+        None => scene::from_text(path, text)?,
+    };
+    let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
+    Ok(Scene {
+        built: Mutex::new(scene),
+        figures,
+    })
+}
+
+impl Scene {
+    /// The scene; who renders it has it alone.
+    pub fn lock(&self) -> MutexGuard<'_, sunstone::Scene> {
+        self.built.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Looks at the scene; waits, without Python's lock, while it is rendered.
+    fn look<T: Send>(&self, py: Python<'_>, at: impl FnOnce(&sunstone::Scene) -> T + Send) -> T {
+        py.detach(|| at(&self.lock()))
+    }
+}
+
+/// A mesh of Python: vertices (n, 3) in metres, triangles (m, 3), and normals (n, 3) and texture coordinates (n, 2) or none.
+type Arrays<'py> = (
+    PyReadonlyArray2<'py, f32>,
+    PyReadonlyArray2<'py, u32>,
+    Option<PyReadonlyArray2<'py, f32>>,
+    Option<PyReadonlyArray2<'py, f32>>,
+);
+
+/// Rows of N numbers.
+fn rows<const N: usize, T: numpy::Element + Copy>(
+    what: &str,
+    array: &PyReadonlyArray2<'_, T>,
+) -> PyResult<Vec<[T; N]>> {
+    let view = array.as_array();
+    if view.ncols() != N {
+        return Err(input(format!(
+            "{what}: the shape is {:?}; give rows of {N} numbers",
+            view.shape()
+        )));
+    }
+    Ok(view
+        .rows()
+        .into_iter()
+        .map(|r| std::array::from_fn(|i| r[i]))
+        .collect())
+}
+
+fn mesh(name: &str, (vertices, faces, normals, uvs): &Arrays<'_>) -> PyResult<Mesh> {
+    let points =
+        |what: &str, a: &PyReadonlyArray2<'_, f32>| rows::<3, f32>(&format!("mesh {name}, {what}"), a);
+    Ok(Mesh {
+        positions: points("vertices", vertices)?
+            .into_iter()
+            .map(Into::into)
+            .collect(),
+        normals: match normals {
+            Some(n) => points("normals", n)?.into_iter().map(Into::into).collect(),
+            None => vec![],
+        },
+        uvs: match uvs {
+            Some(uv) => rows::<2, f32>(&format!("mesh {name}, uvs"), uv)?
+                .into_iter()
+                .map(Into::into)
+                .collect(),
+            None => vec![],
+        },
+        indices: rows(&format!("mesh {name}, faces"), faces)?,
+    })
+}
+
+#[pymethods]
+impl Scene {
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
+        let read = || from_text(&path, &scene::read(&path)?, variant);
+        py.detach(read).map_err(|e| located(py, &e))
+    }
+
+    #[staticmethod]
+    fn from_toml(py: Python<'_>, text: &str, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
+        py.detach(|| from_text(&path, text, variant))
+            .map_err(|e| located(py, &e))
+    }
+
+    /// From a document as JSON, whose meshes and files are in memory.
+    #[staticmethod]
+    fn from_json(
+        py: Python<'_>,
+        json: &str,
+        folder: PathBuf,
+        meshes: Vec<(String, Arrays<'_>)>,
+        files: Vec<(String, Vec<u8>)>,
+    ) -> PyResult<Self> {
+        let value: toml::Table = serde_json::from_str(json).map_err(input)?;
+        let text = toml::to_string(&value).map_err(input)?;
+        let meshes: Vec<(String, Mesh)> = meshes
+            .into_iter()
+            .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
+            .collect::<PyResult<_>>()?;
+        let build = || -> Result<Self, InputError> {
+            let path = Path::new("scene from a dict");
+            let file: SceneFile = document::parse(path, &text, |_| {
+                "`sunstone schema` describes every key of a scene".to_owned()
+            })?;
+            let mut builder = SceneBuilder::from(file).folder(folder);
+            for (name, mesh) in &meshes {
+                builder = builder.mesh(name.as_str(), mesh);
+            }
+            for (name, bytes) in files {
+                builder = builder.file_in_memory(name, bytes);
+            }
+            let scene = builder.build()?;
+            let figures = listed::from_text(path, &text, &scene.slices, scene.wavelengths.nm())?;
+            Ok(Self {
+                built: Mutex::new(scene),
+                figures,
+            })
+        };
+        py.detach(build).map_err(|e| located(py, &e))
+    }
+
+    #[getter]
+    fn name(&self, py: Python<'_>) -> String {
+        self.look(py, |s| s.name.clone())
+    }
+
+    #[getter]
+    fn text(&self, py: Python<'_>) -> String {
+        self.look(py, |s| s.text.clone())
+    }
+
+    #[getter]
+    fn sha256(&self, py: Python<'_>) -> String {
+        self.look(py, |s| s.sha256.clone())
+    }
+
+    #[getter]
+    fn notes(&self, py: Python<'_>) -> Vec<String> {
+        self.look(py, |s| s.notes.clone())
+    }
+
+    #[getter]
+    fn slices(&self, py: Python<'_>) -> Vec<String> {
+        self.look(py, |s| s.slices.iter().map(|slice| slice.name.clone()).collect())
+    }
+
+    #[getter]
+    fn wavelengths_nm(&self, py: Python<'_>) -> Vec<f64> {
+        self.look(py, |s| s.wavelengths.nm().to_vec())
+    }
+
+    /// Width and height of the camera's image.
+    #[getter]
+    fn resolution(&self, py: Python<'_>) -> (u32, u32) {
+        self.look(py, |s| s.camera.resolution.into())
+    }
+
+    #[getter]
+    fn spp(&self, py: Python<'_>) -> u32 {
+        self.look(py, |s| s.settings.spp)
+    }
+
+    #[getter]
+    fn seed(&self, py: Python<'_>) -> u64 {
+        self.look(py, |s| s.settings.seed)
+    }
+}

@@ -1,0 +1,97 @@
+//! Renders that tell Python how far they are, and that Ctrl-C ends.
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::Duration;
+use sunstone::{Summary, Watch};
+
+/// How often signals are looked for and progress is told.
+const EVERY: Duration = Duration::from_millis(50);
+
+/// What the thread that renders and the one of Python tell each other.
+#[derive(Default)]
+struct Shared {
+    stop: AtomicBool,
+    /// Tiles done, and tiles in all.
+    tiles: Mutex<Option<(u32, u32)>>,
+    ended: Mutex<bool>,
+    bell: Condvar,
+}
+
+impl Watch for Shared {
+    fn tile_done(&self, s: &Summary) {
+        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((s.tiles_done, s.tiles));
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Shared {
+    /// True once the work has ended; waits a little for it.
+    fn wait(&self) -> bool {
+        let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = self.bell.wait_timeout_while(ended, EVERY, |ended| !*ended);
+        *waited.unwrap_or_else(PoisonError::into_inner).0
+    }
+}
+
+/// Says that the work has ended, also where it panics.
+struct Ring<'a>(&'a Shared);
+
+impl Drop for Ring<'_> {
+    fn drop(&mut self) {
+        *self.0.ended.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.0.bell.notify_all();
+    }
+}
+
+/// Does work on a thread of its own, while this one looks for signals and calls `progress(done, tiles)` where there are news. A
+/// signal's exception (`KeyboardInterrupt`), or one that `progress` raises, ends the work at the next tile and is the result.
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&dyn Watch) -> T + Send,
+) -> PyResult<T> {
+    let shared = Shared::default();
+    std::thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            let _ring = Ring(&shared);
+            work(&shared)
+        });
+        let mut fault: Option<PyErr> = None;
+        loop {
+            let ended = py.detach(|| shared.wait());
+            if fault.is_none() {
+                let told = py.check_signals().and_then(|()| tell(&shared, progress));
+                if let Err(e) = told {
+                    shared.stop.store(true, Ordering::Relaxed);
+                    fault = Some(e);
+                }
+            }
+            if ended {
+                break;
+            }
+        }
+        let done = py.detach(|| worker.join());
+        match (fault, done) {
+            (Some(fault), _) => Err(fault),
+            (None, Ok(done)) => Ok(done),
+            (None, Err(_)) => Err(PyRuntimeError::new_err(
+                "the render failed; this is a bug of Sunstone",
+            )),
+        }
+    })
+}
+
+/// Calls `progress`, if a tile has been finished since the last time.
+fn tell(shared: &Shared, progress: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    let news = shared.tiles.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let (Some(news), Some(progress)) = (news, progress) {
+        progress.call1(news)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,72 @@
+"""A small scene for tests: a gold ball before a wall, a camera of 24 x 16 pixels."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+
+TEXT = """
+name = "ball"
+[render]
+spp = 16
+tile = 8
+[camera]
+resolution = [24, 16]
+fov_x_deg = 45
+pose.look_at = { origin = [0, 0.5, 3], target = [0, 0, 0] }
+[projector]
+resolution = [16, 16]
+fov_x_deg = 50
+pose.look_at = { origin = [1, 1, 3], target = [0, 0, 0] }
+[materials]
+gold.rough_conductor = { n = [1.3831, 0.4242, 0.1399], k = [1.9155, 2.4721, 3.7015], alpha = 0.2 }
+wall.diffuse.albedo = 0.6
+[[objects]]
+shape.sphere = { center = [0, 0, 0], radius = 0.6 }
+material = "gold"
+[[objects]]
+shape.rectangle = { corner = [-2, -2, -1], u = [4, 0, 0], v = [0, 4, 0] }
+material = "wall"
+[[slices]]
+name = "mueller"
+polarization = "mueller"
+[[slices]]
+name = "time"
+time = { start_ps = 15000, bin_ps = 500, bins = 40 }
+"""
+
+
+def document(**changes: Any) -> dict[str, Any]:
+    """The same scene as a dict."""
+    look: Any = lambda o: {"look_at": {"origin": o, "target": [0, 0, 0]}}  # noqa: E731
+    scene: dict[str, Any] = {
+        "name": "ball",
+        "render": {"spp": 16, "tile": 8},
+        "camera": {"resolution": [24, 16], "fov_x_deg": 45, "pose": look([0, 0.5, 3])},
+        "projector": {"resolution": [16, 16], "fov_x_deg": 50, "pose": look([1, 1, 3])},
+        "materials": {
+            "gold": {"rough_conductor": {"n": [1.3831, 0.4242, 0.1399], "k": [1.9155, 2.4721, 3.7015], "alpha": 0.2}},
+            "wall": {"diffuse": {"albedo": 0.6}},
+        },
+        "objects": [
+            {"shape": {"sphere": {"center": [0, 0, 0], "radius": 0.6}}, "material": "gold"},
+            {"shape": {"rectangle": {"corner": [-2, -2, -1], "u": [4, 0, 0], "v": [0, 4, 0]}}, "material": "wall"},
+        ],
+        "slices": [
+            {"name": "mueller", "polarization": "mueller"},
+            {"name": "time", "time": {"start_ps": 15000, "bin_ps": 500, "bins": 40}},
+        ],
+    }
+    return scene | changes
+
+
+def command() -> str:
+    """The program `sunstone`: what the variable SUNSTONE names, that of the workspace, or that of the package."""
+    built = ROOT / "target" / "release" / "sunstone"
+    found = os.environ.get("SUNSTONE") or (str(built) if built.exists() else shutil.which("sunstone"))
+    assert found, "build the command first: cargo build --release"
+    return found
