@@ -33,7 +33,7 @@ fn arrays_and_stores_agree_in_every_field() {
     let folder = tempfile::tempdir().expect("a folder");
     let store = rendered(&scene, folder.path().join("out.zarr"));
     let mut arrays = Arrays::default();
-    let summary = schedule::render(&scene, &[], &mut arrays, &Unwatched).expect("memory takes all");
+    let summary = schedule::render(&scene, &[], None, &mut arrays, &Unwatched).expect("memory takes all");
     assert!(summary.complete);
     assert_eq!(arrays.names(), store.slice_names());
     assert_eq!(
@@ -79,7 +79,7 @@ camera = { binned = 3 }
 "#;
     let scene = scene(&mirror_room(18, 16, 6, 9, slices));
     let mut arrays = Arrays::default();
-    schedule::render(&scene, &[], &mut arrays, &Unwatched).expect("memory takes all");
+    schedule::render(&scene, &[], None, &mut arrays, &Unwatched).expect("memory takes all");
     let get = |slice, field| arrays.get(slice, field).expect("the field").data;
     let errors = get("photo", Field::TotalStdError);
     assert!(errors.iter().filter(|e| **e > 0.0).count() > 200);

@@ -20,10 +20,12 @@ mod error;
 pub mod frames;
 mod layers;
 mod manifest;
+mod part;
 mod partial;
 mod slice;
 mod sparse_frame;
 mod verify;
+mod zstd_frame;
 
 use base::lock::Lock;
 use base::{staging, whole_file};
@@ -292,7 +294,8 @@ impl TensorStore {
     /// unfinished store, never the same twice.
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        match base::input::read(&self.path().join(manifest::FILE)) {
+        let name = part::manifest_of(&self.attributes());
+        match base::input::read(&self.path().join(name)) {
             Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
             Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),
         }
@@ -333,7 +336,7 @@ impl TensorStore {
         }
         let values = match self.state {
             State::Writing | State::Finished => Values::All,
-            State::Unfinished => Values::Unfinished,
+            State::Unfinished => Values::Unfinished(self.part()),
             State::Partial => Values::Sampled(self.samples.clone()),
         };
         let samples = self.samples_shape().map(|(shape, _)| shape);
@@ -397,13 +400,13 @@ impl TensorStore {
     /// # Errors
     /// If a description cannot be read or written.
     pub fn finish(&self) -> Result<(), OpenError> {
-        let _held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         self.storage.remove_leftovers().map_err(|e| OpenError::Io {
             path: self.path().to_owned(),
             cause: e.to_string(),
         })?;
         describe::consolidate(self.path(), &self.names)?;
-        Manifest::write(self.path()).map_err(|e| OpenError::Io {
+        Manifest::write_as(self.path(), part::manifest_of(&held)).map_err(|e| OpenError::Io {
             path: self.path().to_owned(),
             cause: e.to_string(),
         })

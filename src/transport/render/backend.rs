@@ -142,6 +142,9 @@ impl TileBackend for Cpu<'_> {
         stop: impl Fn() -> bool + Sync,
         take: impl Fn(&mut TileSums) -> Result<(), E> + Sync,
     ) -> Result<(), E> {
+        if tiles.is_empty() {
+            return Ok(());
+        }
         // One a thread, made once: they are large.
         let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
         let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);

@@ -139,7 +139,7 @@ fn bits(scene: &Scene) -> (Vec<u32>, usize) {
 fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
     let mut arrays = Arrays::default();
     let summary =
-        render_in_parts(scene, &[], &mut arrays, &Unwatched, walks).expect("arrays take everything");
+        render_in_parts(scene, &[], None, &mut arrays, &Unwatched, walks).expect("arrays take everything");
     assert!(summary.complete && summary.discarded == 0);
     let bits: Vec<u32> = [Field::Mean, Field::StdError]
         .into_iter()
