@@ -10,7 +10,7 @@ use tensor::memory::Arrays;
 pub use tensor::part::Part;
 use tensor::sink::Sink;
 pub use tensor::sink::Summary;
-use transport::render::schedule;
+use transport::render::schedule::{self, Share};
 pub use transport::render::schedule::{Unwatched, Watch};
 use transport::scene::Scene;
 
@@ -42,7 +42,7 @@ pub struct Render<'a> {
     scene: &'a Scene,
     watch: &'a dyn Watch,
     attributes: Vec<(&'a str, Value)>,
-    part: Option<Part>,
+    share: Share<'a>,
     threads: Option<usize>,
 }
 
@@ -58,7 +58,7 @@ impl<'a> Render<'a> {
                 ("source", json!(format!("sunstone {version}"))),
                 ("version", json!(version)),
             ],
-            part: None,
+            share: Share::default(),
             threads: None,
         }
     }
@@ -81,7 +81,15 @@ impl<'a> Render<'a> {
     /// it is and reads as no finished render; [`store::merge::merge`] joins a complete set to the bytes of the whole.
     #[must_use]
     pub fn part(mut self, part: Part) -> Self {
-        self.part = Some(part);
+        self.share.part = Some(part);
+        self
+    }
+
+    /// With walks from the light that all parts K of N make together, by files in a folder that their machines share: otherwise each
+    /// part makes all of them for itself. Nobody waits for a part that is not running, and no bit changes.
+    #[must_use]
+    pub fn shared_light(mut self, folder: &'a Path) -> Self {
+        self.share.light = Some(folder);
         self
     }
 
@@ -97,7 +105,7 @@ impl<'a> Render<'a> {
     /// # Errors
     /// [`schedule::RenderError`]: the scene keeps nothing, has no such part, threads cannot be started, or the sink refuses.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
-        let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.part, sink, self.watch);
+        let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
         match self.threads {
             None => run(sink),
             Some(threads) => ThreadPoolBuilder::new()

@@ -51,6 +51,9 @@ pub struct Arguments {
     /// Render part K of N alone, such as 3/8: every N-th tile. `sunstone merge` joins all N parts to the bytes of the whole.
     #[arg(long, value_name = "K/N", value_parser = share, conflicts_with = "tiles")]
     part: Option<Part>,
+    /// Folder in which all parts make the walks from the light together, where the scene has such: without, each part makes all.
+    #[arg(long, value_name = "FOLDER", requires = "part")]
+    light: Option<PathBuf>,
     /// Render some tiles alone, such as 0-31: tiles of the image by their numbers, counted from 0 row by row.
     #[arg(long, value_name = "A-B", value_parser = tiles)]
     tiles: Option<Part>,
@@ -238,6 +241,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Some(part) => render.part(part),
         None => render,
     };
+    let render = match &a.light {
+        Some(folder) => render.shared_light(folder),
+        None => render,
+    };
     let summary = render.to_target(&target).map_err(|e| match e {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
             Failure::failed(e)
@@ -251,7 +258,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{}{}{} -o {}",
+            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{}{}{}{} -o {}",
             summary.tiles_done,
             summary.tiles,
             quoted(&a.scene),
@@ -268,6 +275,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 format!(" --slices {}", a.slices.join(","))
             },
             part.map_or(String::new(), |part| format!(" {}", named(part)[0])),
+            a.light
+                .as_ref()
+                .map_or(String::new(), |v| format!(" --light {}", quoted(v))),
             quoted(&target.path),
         )));
     }

@@ -100,7 +100,7 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
         if options.partial {
             return Err(JoinError::Partial { path: part.clone() }.into());
         }
-        return join::join(inputs, out, options.replace);
+        return Ok(join::join(inputs, out, options.replace)?);
     }
     let inputs = open_inputs(inputs, options.partial)?;
     let names = inputs[0].store.slice_names();

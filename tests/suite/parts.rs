@@ -26,7 +26,7 @@ projector = { binned = 8 }
 time = { start_ps = 10000, bin_ps = 500, bins = 24 }
 [[slices]]
 name = "block"
-camera = { block = { x = 2, y = 3, width = 11, height = 7 } }
+camera = { block = [2, 3, 11, 7] }
 polarization = "mueller"
 [[slices]]
 name = "epipolar"
@@ -114,6 +114,78 @@ fn parts_of_caustics_are_the_whole() {
 #[test]
 fn parts_of_walks_from_both_ends_are_the_whole() {
     parts_are_the_whole(&scene(&room("bidirectional")), 3, 3);
+}
+
+/// Walks from the light that parts make together, at once or one after the other: no byte differs, and each walk is made once.
+#[test]
+fn light_that_is_shared_is_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for (integrator, of) in [("bidirectional", 3), ("caustics", 4)] {
+        let scene = scene(&room(integrator));
+        let name = |what: &str| at(&format!("{integrator}-{what}"));
+        whole(&scene, &name("whole"));
+        let light = name("light");
+        let paths: Vec<PathBuf> = (1..=of).map(|n| name(&n.to_string())).collect();
+        let one = |n: u32, path: &Path| {
+            let render = Render::new(&scene).part(share(n, of)).shared_light(&light);
+            assert!(render.to_store(path).expect("a part").complete);
+        };
+        std::thread::scope(|scope| {
+            for (n, path) in (1..).zip(&paths) {
+                scope.spawn(move || one(n, path));
+            }
+        });
+        merge(&paths, &name("joined"), Options::default()).expect("all parts");
+        assert_same_store(&name("whole"), &name("joined"));
+        let made: Vec<String> = std::fs::read_dir(&light)
+            .expect("a folder")
+            .map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned())
+            .filter(|n| n.ends_with(".light"))
+            .collect();
+        assert_eq!(made.len(), of as usize, "{made:?}");
+        let share_of = |n: u32| {
+            made.iter()
+                .find(|name| name.ends_with(&format!("-{n}of{of}.light")))
+        };
+        let file = |n: u32| light.join(share_of(n).expect("a share"));
+        // Planted: a share of another seed in place of one is seen, so light is read and not made.
+        let first = std::fs::read(file(1)).expect("a share");
+        let mut other = scene.clone();
+        other.settings.seed += 1;
+        let foreign = name("foreign");
+        let render = Render::new(&other).part(share(1, of)).shared_light(&foreign);
+        render.to_store(&name("other")).expect("a part");
+        let found = std::fs::read_dir(&foreign)
+            .expect("a folder")
+            .map(|e| e.expect("an entry").path());
+        let foreign = found.filter(|p| p.to_string_lossy().ends_with(&format!("-1of{of}.light")));
+        std::fs::copy(foreign.last().expect("a share"), file(1)).expect("a copy");
+        let planted = name("planted");
+        one(2, &planted);
+        assert_ne!(
+            std::fs::read_to_string(planted.join("part.txt")).expect("a manifest"),
+            std::fs::read_to_string(paths[1].join("part.txt")).expect("a manifest")
+        );
+        // One whose maker died is made again, and one that is damaged is not believed.
+        std::fs::remove_file(file(1)).expect("a share");
+        let again = name("again");
+        one(2, &again);
+        assert_eq!(std::fs::read(file(1)).expect("a share"), first);
+        let mut damaged = first.clone();
+        damaged[first.len() / 3] ^= 16;
+        for damaged in [&damaged[..], &first[..first.len() - 5], &[]] {
+            std::fs::write(file(1), damaged).expect("a file");
+            let mended = name("mended");
+            let _ = std::fs::remove_dir_all(&mended);
+            one(2, &mended);
+            for store in [&mended, &again] {
+                let manifest =
+                    |path: &Path| std::fs::read_to_string(path.join("part.txt")).expect("a manifest");
+                assert_eq!(manifest(store), manifest(&paths[1]));
+            }
+        }
+    }
 }
 
 /// As shipped: media, glass, crystals, a lens of a hundred mirrors; by whichever paths they ask for.

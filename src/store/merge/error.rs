@@ -102,6 +102,7 @@ impl MergeError {
         match self {
             Self::Create(e) => e.is_of_system(),
             Self::Access(e) => e.is_of_system(),
+            Self::Join(e) => e.is_of_system(),
             _ => false,
         }
     }

@@ -9,7 +9,6 @@ mod set;
 pub use error::JoinError;
 use set::Set;
 
-use super::MergeError;
 use crate::zarr::{SampleGrid, StoredSlice, TensorStore};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -24,7 +23,7 @@ pub(super) fn is_part(path: &Path) -> bool {
 }
 
 /// Joins parts into a new store `out` (an existing one is overwritten only with `replace`).
-pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), MergeError> {
+pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), JoinError> {
     let set = Set::open(inputs)?;
     let parts = set.stores();
     let first = parts[0];
@@ -41,7 +40,7 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
         camera: [shape[1] as u32, shape[0] as u32],
         tile: chunk[0].max(chunk[1]) as u32,
     });
-    let fill = |whole: &TensorStore| -> Result<(), MergeError> {
+    let fill = |whole: &TensorStore| -> Result<(), JoinError> {
         for of in &slices {
             join_slice(of, &whole.slice(of[0].name())?)?;
         }
@@ -63,10 +62,13 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
 
 /// The attributes of a slice without those that its layout makes.
 fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
-    let mut attributes = slice.attributes().clone();
-    attributes.remove("time_start_ps");
-    attributes.remove("time_bin_ps");
-    attributes
+    without(slice.attributes(), &["time_start_ps", "time_bin_ps"])
+}
+
+/// Attributes but for some, in their order, which is that of the file.
+fn without(attributes: &Map<String, Value>, keys: &[&str]) -> Map<String, Value> {
+    let kept = attributes.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
+    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
 /// All that the joined values depend on.
@@ -81,8 +83,7 @@ fn origin(parts: &[&TensorStore]) -> String {
 /// Those of the whole render: what all parts say, and sums over them.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
-    let mut whole = all[0].clone();
-    whole.remove(part::ATTRIBUTE);
+    let mut whole = without(&all[0], &[part::ATTRIBUTE]);
     whole.insert("status".into(), json!("complete"));
     for key in ["discarded_samples", "rays"] {
         let sum = all
@@ -96,12 +97,12 @@ fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     whole
 }
 
-fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), MergeError> {
+fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinError> {
     for field in Field::ALL.into_iter().filter(|field| whole.has(*field)) {
         let chunks: Vec<_> = whole.chunks(field)?.collect();
         chunks
             .par_iter()
-            .try_for_each(|(start, shape)| -> Result<(), MergeError> {
+            .try_for_each(|(start, shape)| -> Result<(), JoinError> {
                 // A merge that was killed goes on: what has its file is whole.
                 if whole.is_stored(field, start)? {
                     return Ok(());
@@ -129,7 +130,7 @@ fn put_together(
     field: Field,
     start: &[u64],
     shape: &[u64],
-) -> Result<(), MergeError> {
+) -> Result<(), JoinError> {
     let mut values = parts[0].read(field, start, shape)?;
     for (n, part) in parts.iter().enumerate().skip(1) {
         for (value, other) in values.iter_mut().zip(part.read(field, start, shape)?) {
@@ -140,8 +141,7 @@ fn put_together(
                     first: parts[..n].iter().map(|p| p.path().to_owned()).collect(),
                     second: part.path().to_owned(),
                     field: field.name(),
-                }
-                .into());
+                });
             }
         }
     }
@@ -149,7 +149,7 @@ fn put_together(
 }
 
 /// Copies the sample counts, whose chunks are tiles.
-fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), MergeError> {
+fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), JoinError> {
     let Some((shape, chunk)) = whole.samples_shape() else {
         return Ok(());
     };

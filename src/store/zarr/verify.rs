@@ -1,8 +1,8 @@
 //! Whether a finished store is what was written: every file of its manifest is there, whole and unchanged, and no other.
 
-use super::TensorStore;
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
+use super::part;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -33,7 +33,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     }
     let (manifest, part) = match Manifest::read(path)? {
         Some(manifest) => (Some(manifest), None),
-        None => match TensorStore::open(path).ok().and_then(|store| store.part()) {
+        None => match part::at(path) {
             Some(part) => (Manifest::read_as(path, manifest::OF_PART)?, Some(part)),
             None => (None, None),
         },

@@ -2,10 +2,13 @@
 
 use super::backend::{Cpu, TileBackend};
 use super::job::{job, plans};
+use super::shared_light::SharedLight;
 use super::tracer::WALKS_AT_ONCE;
 use crate::scene::Scene;
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::collections::BTreeSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use tensor::part::{self, Part};
@@ -47,6 +50,41 @@ impl Watch for Unwatched {
     }
 }
 
+/// What one machine of many renders.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Share<'a> {
+    /// Which tiles; all without.
+    pub part: Option<Part>,
+    /// Folder in which shares of one number make the walks from the light together; alone without.
+    pub light: Option<&'a Path>,
+}
+
+impl Share<'_> {
+    /// The tiles of so many.
+    fn tiles(self, tiles: u32) -> Result<Vec<u32>, String> {
+        let Some(part) = self.part else {
+            return Ok((0..tiles).collect());
+        };
+        part.fault(tiles).map_or(Ok(()), Err)?;
+        Ok(part.tiles(tiles).collect())
+    }
+
+    /// Of the render that the attributes describe.
+    fn light(self, attributes: &Map<String, Value>, labelled: bool) -> Result<Option<SharedLight>, String> {
+        let Some(folder) = self.light else {
+            return Ok(None);
+        };
+        let Some(Part::Share { number, of }) = self.part else {
+            return Err("walks from the light are shared by parts of one number: give part K of N".into());
+        };
+        // Never read by another program: its own hash will do.
+        let mut hash = DefaultHasher::new();
+        (Value::Object(attributes.clone()).to_string(), labelled).hash(&mut hash);
+        let key = format!("{:016x}", hash.finish());
+        Ok(Some(SharedLight::new(folder, key, number, of)))
+    }
+}
+
 /// Renders all slices of a scene into a sink, on the current rayon thread pool: all tiles, or those of a part, the same bits.
 ///
 /// `extra` attributes stand beside the provenance that the scene has itself.
@@ -56,18 +94,18 @@ impl Watch for Unwatched {
 pub fn render<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
-    part: Option<Part>,
+    share: Share,
     sink: &mut S,
     watch: &dyn Watch,
 ) -> Result<Summary, RenderError<S::Error>> {
-    render_in_parts(scene, extra, part, sink, watch, WALKS_AT_ONCE)
+    render_in_parts(scene, extra, share, sink, watch, WALKS_AT_ONCE)
 }
 
 /// As [`render`], with the points of so many walks from the light in memory at once.
 pub(super) fn render_in_parts<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
-    part: Option<Part>,
+    share: Share,
     sink: &mut S,
     watch: &dyn Watch,
     walks_at_once: u64,
@@ -81,18 +119,14 @@ pub(super) fn render_in_parts<S: Sink>(
         .iter()
         .map(|(name, value)| ((*name).to_owned(), value.clone()));
     job.attributes.extend(extra);
-    let tiles: Vec<u32> = match part {
-        None => (0..job.tiles()).collect(),
-        Some(part) => {
-            if let Some(fault) = part.fault(job.tiles()) {
-                return Err(RenderError::Part(fault));
-            }
-            job.attributes.insert(part::ATTRIBUTE.into(), part.to_json());
-            part.tiles(job.tiles()).collect()
-        }
-    };
-    let records = sink.begin(&job).map_err(RenderError::Sink)?;
+    let tiles = share.tiles(job.tiles()).map_err(RenderError::Part)?;
     let backend = Cpu::new(scene, &plans).walks_at_once(walks_at_once);
+    let light = share.light(&job.attributes, backend.labelled());
+    let backend = backend.shared_light(light.map_err(RenderError::Part)?);
+    if let Some(part) = share.part {
+        job.attributes.insert(part::ATTRIBUTE.into(), part.to_json());
+    }
+    let records = sink.begin(&job).map_err(RenderError::Sink)?;
     let summary = run(&backend, &tiles, &records, sink, watch).map_err(RenderError::Sink)?;
     sink.end(&summary).map_err(RenderError::Sink)?;
     Ok(summary)

@@ -1,5 +1,7 @@
 //! Why parts of a render could not be joined.
 
+use crate::denoised::Denoised;
+use crate::zarr::{AccessError, CreateError, OpenError};
 use std::path::PathBuf;
 use tensor::part::Part;
 
@@ -97,4 +99,34 @@ pub enum JoinError {
         /// The field.
         field: &'static str,
     },
+    /// A store is no part of a render.
+    #[error("{path} is not a part of a render: give the parts of one")]
+    NoPart {
+        /// The store.
+        path: PathBuf,
+    },
+    /// An input was denoised: it has no samples of its own.
+    #[error(transparent)]
+    Denoised(#[from] Denoised),
+    /// An input cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The output cannot be created.
+    #[error(transparent)]
+    Create(#[from] CreateError),
+    /// Values cannot be read or written.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+impl JoinError {
+    /// Whether the system refused to write, not the parts to be joined.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        match self {
+            Self::Create(e) => e.is_of_system(),
+            Self::Access(e) => e.is_of_system(),
+            _ => false,
+        }
+    }
 }

@@ -1,8 +1,7 @@
 //! The parts of one render: all of them, each once, and of nothing else.
 
 use super::error::JoinError;
-use crate::merge::MergeError;
-use crate::zarr::TensorStore;
+use crate::zarr::{AccessError, TensorStore};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -19,7 +18,7 @@ pub(super) struct Set(Vec<(Part, TensorStore)>);
 
 impl Set {
     /// Opens parts and checks that they are a set. The same part may come twice, if it is the same to the bit.
-    pub(super) fn open(paths: &[PathBuf]) -> Result<Self, MergeError> {
+    pub(super) fn open(paths: &[PathBuf]) -> Result<Self, JoinError> {
         let mut set: Vec<(Part, TensorStore)> = Vec::new();
         for path in paths {
             let (part, store) = open(path, paths)?;
@@ -43,7 +42,7 @@ impl Set {
     }
 }
 
-fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), MergeError> {
+fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> {
     let found = TensorStore::open(path)?;
     let Some(part) = found.part() else {
         let mut others = all
@@ -54,9 +53,10 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), MergeError>
                 part: of.clone(),
                 of: part,
                 other: path.to_owned(),
-            }
-            .into(),
-            None => MergeError::TooFew,
+            },
+            None => JoinError::NoPart {
+                path: path.to_owned(),
+            },
         });
     };
     let unfinished = || JoinError::Unfinished {
@@ -75,18 +75,18 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), MergeError>
 }
 
 /// How many tiles the render has.
-fn tiles(store: &TensorStore) -> Result<u32, MergeError> {
+fn tiles(store: &TensorStore) -> Result<u32, JoinError> {
     let Some((shape, chunk)) = store.samples_shape() else {
-        return Err(MergeError::Attribute {
+        return Err(AccessError::NoSamples {
             path: store.path().to_owned(),
-            key: "samples",
-        });
+        }
+        .into());
     };
     Ok((shape[0].div_ceil(chunk[0]) * shape[1].div_ceil(chunk[1])) as u32)
 }
 
-fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), MergeError> {
-    let differs = |what: &str, theirs: String, ours: String| -> Result<(), MergeError> {
+fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), JoinError> {
+    let differs = |what: &str, theirs: String, ours: String| -> Result<(), JoinError> {
         Err(JoinError::Renders {
             first: first.path().to_owned(),
             second: second.path().to_owned(),
@@ -133,7 +133,7 @@ fn shown(value: Option<&Value>) -> String {
     }
 }
 
-fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<(), MergeError> {
+fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<(), JoinError> {
     match first.first_difference(second) {
         None => Ok(()),
         Some(file) => Err(JoinError::Differ {
@@ -147,7 +147,7 @@ fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<
 }
 
 /// Every tile is in one part.
-fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), MergeError> {
+fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinError> {
     let mut owners: Vec<Option<usize>> = vec![None; tiles as usize];
     for (n, (part, store)) in set.iter().enumerate() {
         for tile in part.tiles(tiles) {
