@@ -98,8 +98,7 @@ pub fn denoise_in_bands(
     let alike = Alike::open(inputs)?;
     let stores: Vec<&TensorStore> = alike.stores().collect();
     if let Some(unfinished) = stores.iter().find(|s| !s.is_finished()) {
-        let path = unfinished.path().to_owned();
-        return Err(AccessError::Unfinished { path }.into());
+        return Err(AccessError::unfinished(unfinished.path(), unfinished.part()).into());
     }
     let mut slices = vec![];
     for name in stores[0].slice_names() {

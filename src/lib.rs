@@ -31,7 +31,7 @@ pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, ten
 pub use base::locate::InputError;
 pub use polarimetry::capture::element::Ray;
 pub use polarimetry::capture::scheme::Scheme;
-pub use render::{Render, RenderError, Target, Watch};
+pub use render::{Part, Render, RenderError, Target, Watch};
 pub use scene::{Camera, Emitter, Material, Medium, Object, Projector, SceneBuilder, Slice};
 pub use store::probe::{Pattern, Probe};
 pub use store::zarr::TensorStore as Store;

@@ -7,9 +7,10 @@ use std::path::Path;
 use store::sink::ZarrSink;
 pub use store::sink::{SinkError, Target};
 use tensor::memory::Arrays;
+pub use tensor::part::Part;
 use tensor::sink::Sink;
 pub use tensor::sink::Summary;
-use transport::render::schedule;
+use transport::render::schedule::{self, Share};
 pub use transport::render::schedule::{Unwatched, Watch};
 use transport::scene::Scene;
 
@@ -41,6 +42,7 @@ pub struct Render<'a> {
     scene: &'a Scene,
     watch: &'a dyn Watch,
     attributes: Vec<(&'a str, Value)>,
+    share: Share<'a>,
     threads: Option<usize>,
 }
 
@@ -56,6 +58,7 @@ impl<'a> Render<'a> {
                 ("source", json!(format!("sunstone {version}"))),
                 ("version", json!(version)),
             ],
+            share: Share::default(),
             threads: None,
         }
     }
@@ -74,6 +77,22 @@ impl<'a> Render<'a> {
         self
     }
 
+    /// A part of it alone: its tiles get the bits that they have in the whole, all others stay zero. A store says which part
+    /// it is and reads as no finished render; [`store::merge::merge`] joins a complete set to the bytes of the whole.
+    #[must_use]
+    pub fn part(mut self, part: Part) -> Self {
+        self.share.part = Some(part);
+        self
+    }
+
+    /// With walks from the light that all parts K of N make together, by files in a folder that their machines share: otherwise each
+    /// part makes all of them for itself. Nobody waits for a part that is not running, and no bit changes.
+    #[must_use]
+    pub fn shared_light(mut self, folder: &'a Path) -> Self {
+        self.share.light = Some(folder);
+        self
+    }
+
     /// On so many threads of its own.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
@@ -84,9 +103,9 @@ impl<'a> Render<'a> {
     /// Into a sink.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene keeps nothing, threads cannot be started, or the sink refuses.
+    /// [`schedule::RenderError`]: the scene keeps nothing, has no such part, threads cannot be started, or the sink refuses.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
-        let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, sink, self.watch);
+        let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
         match self.threads {
             None => run(sink),
             Some(threads) => ThreadPoolBuilder::new()

@@ -12,6 +12,7 @@ use sunstone::store::doubt;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
+use sunstone::tensor::part;
 use sunstone::transport::device::pinhole::Pinhole;
 use sunstone::transport::light::distant::Across;
 use sunstone::transport::light::profile::Profile;
@@ -61,9 +62,20 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             line(format!("  {key:18} {shown}"));
         }
     }
+    if let Some(part) = store.part() {
+        line(format!(
+            "  {:18} {part} of a render: `sunstone merge` joins all of them",
+            part::ATTRIBUTE
+        ));
+    }
     for name in store.slice_names() {
         let slice = store.slice(name).map_err(Failure::input)?;
-        line(describe(&slice)?);
+        // Most light of a part is elsewhere.
+        line(if store.part().is_some() {
+            axes(&slice)
+        } else {
+            describe(&slice)?
+        });
     }
     super::output::print(text.trim_end())
 }
@@ -219,7 +231,8 @@ fn emitters(scene: &Scene) -> Vec<String> {
     out
 }
 
-fn describe(slice: &StoredSlice) -> Result<String, Failure> {
+/// A slice's name and axes.
+fn axes(slice: &StoredSlice) -> String {
     let layout = slice.layout();
     let axes: Vec<String> = layout
         .axes
@@ -230,12 +243,17 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
         .attributes()
         .get("projector_selection")
         .and_then(Value::as_str);
-    let mut out = format!(
+    format!(
         "\n{}  ({})  s': {}",
         slice.name(),
         axes.join(" × "),
         selection.unwrap_or("?")
-    );
+    )
+}
+
+fn describe(slice: &StoredSlice) -> Result<String, Failure> {
+    let layout = slice.layout();
+    let mut out = axes(slice);
     let total = m00_total(slice, Field::Mean)?;
     let _ = write!(
         out,

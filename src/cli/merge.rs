@@ -7,14 +7,15 @@ use sunstone::store::merge::{Options, merge};
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
-/// Pool renders of the same scene with different seeds into one, exactly.
+/// Pool renders of the same scene with different seeds into one, exactly; or join the parts of one render.
 ///
-/// Means, standard errors and sample counts become those of one render with all the samples. Killed at any moment, it leaves
-/// no store; the same command goes on where it was.
+/// Of different seeds, means, standard errors and sample counts become those of one render with all the samples. Of all parts of one
+/// render (`render --part`, `render --tiles`), the result is that render, byte for byte. Killed at any moment, it leaves no store;
+/// the same command goes on where it was.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Stores to pool, at least two.
-    #[arg(required = true, num_args = 2..)]
+    /// Stores to pool, at least two, or all parts of one render.
+    #[arg(required = true, num_args = 1..)]
     inputs: Vec<PathBuf>,
     /// Store to write.
     #[arg(short, long)]

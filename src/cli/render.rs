@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use sunstone::figure::listed;
 use sunstone::figure::spec::Figure;
-use sunstone::render::{Render, RenderError, SinkError, Summary, Target, Watch};
+use sunstone::render::{Part, Render, RenderError, SinkError, Summary, Target, Watch};
 use sunstone::store::doubt;
-use sunstone::store::sink::is_finished;
+use sunstone::store::sink::{is_finished, is_finished_part};
 use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::coverage::missing;
 use sunstone::transport::scene::{Integrator, Scene};
@@ -48,6 +48,15 @@ pub struct Arguments {
     /// Worker threads [default: all cores; at most 8 for each]. The result does not depend on it.
     #[arg(long)]
     threads: Option<usize>,
+    /// Render part K of N alone, such as 3/8: every N-th tile. `sunstone merge` joins all N parts to the bytes of the whole.
+    #[arg(long, value_name = "K/N", value_parser = share, conflicts_with = "tiles")]
+    part: Option<Part>,
+    /// Folder in which all parts make the walks from the light together, where the scene has such: without, each part makes all.
+    #[arg(long, value_name = "FOLDER", requires = "part")]
+    light: Option<PathBuf>,
+    /// Render some tiles alone, such as 0-31: tiles of the image by their numbers, counted from 0 row by row.
+    #[arg(long, value_name = "A-B", value_parser = tiles)]
+    tiles: Option<Part>,
     /// Go on with an unfinished render.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -72,6 +81,37 @@ fn integrator(name: &str) -> Result<Integrator, String> {
     ];
     let found = all.into_iter().find(|i| i.name() == name);
     found.ok_or_else(|| format!("give one of {}", all.map(Integrator::name).join(", ")))
+}
+
+/// Two whole numbers with a sign between them.
+fn pair(text: &str, between: char) -> Option<[u32; 2]> {
+    let (a, b) = text.split_once(between)?;
+    Some([a.parse().ok()?, b.parse().ok()?])
+}
+
+/// `K/N`.
+fn share(text: &str) -> Result<Part, String> {
+    let [number, of] = pair(text, '/').ok_or("give K/N, such as 3/8: part 3 of 8")?;
+    let part = Part::Share { number, of };
+    part.fault(0).map_or(Ok(part), Err)
+}
+
+/// `A-B`, or one tile.
+fn tiles(text: &str) -> Result<Part, String> {
+    let one = || text.parse().ok().map(|tile| [tile, tile]);
+    let [first, last] = pair(text, '-')
+        .or_else(one)
+        .ok_or("give A-B, such as 0-31: tiles 0 to 31")?;
+    let part = Part::Tiles { first, last };
+    part.fault(u32::MAX).map_or(Ok(part), Err)
+}
+
+/// A part as options name it, and as part of a file name.
+fn named(part: Part) -> [String; 2] {
+    match part {
+        Part::Share { number, of } => [format!("--part {number}/{of}"), format!("part{number}of{of}")],
+        Part::Tiles { first, last } => [format!("--tiles {first}-{last}"), format!("tiles{first}-{last}")],
+    }
 }
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -171,13 +211,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     );
     check_threads(a.threads)?;
     let variant = a.variant.map_or(String::new(), |k| format!("_variant{k}"));
-    let default = PathBuf::from("out").join(format!("{}{variant}.zarr", scene.name));
+    let part = a.part.or(a.tiles);
+    let of_part = part.map_or(String::new(), |part| format!("_{}", named(part)[1]));
+    let default = PathBuf::from("out").join(format!("{}{variant}{of_part}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
     places::folders([Some(&a.scene)], [Some(&path)])?;
     let target = Target {
         replace: a.force,
         // What nobody named and is complete already need not be made again, if it is this render.
-        resume: a.resume || (a.output.is_none() && !a.force && is_finished(&path)),
+        resume: a.resume
+            || (a.output.is_none() && !a.force && (is_finished(&path) || is_finished_part(&path))),
         path,
     };
     let _ = ctrlc::set_handler(|| {
@@ -194,12 +237,20 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         .watch(&progress)
         .attribute("figures", json!(figures))
         .threads(a.threads.unwrap_or(0));
+    let render = match part {
+        Some(part) => render.part(part),
+        None => render,
+    };
+    let render = match &a.light {
+        Some(folder) => render.shared_light(folder),
+        None => render,
+    };
     let summary = render.to_target(&target).map_err(|e| match e {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
             Failure::failed(e)
         }
         RenderError::Sink(SinkError::Create(ref cause)) => Failure::of_system(cause.is_of_system(), e),
-        RenderError::Sink(_) | RenderError::NoSlices => Failure::input(e),
+        RenderError::Sink(_) | RenderError::NoSlices | RenderError::Part(_) => Failure::input(e),
     })?;
     if let Some(bar) = &progress.bar {
         bar.finish_and_clear();
@@ -207,7 +258,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{}{} -o {}",
+            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{}{}{}{} -o {}",
             summary.tiles_done,
             summary.tiles,
             quoted(&a.scene),
@@ -223,24 +274,33 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             } else {
                 format!(" --slices {}", a.slices.join(","))
             },
+            part.map_or(String::new(), |part| format!(" {}", named(part)[0])),
+            a.light
+                .as_ref()
+                .map_or(String::new(), |v| format!(" --light {}", quoted(v))),
             quoted(&target.path),
         )));
     }
-    if summary.samples == 0 {
+    if summary.samples == 0 && summary.tiles > 0 {
         super::output::print(&format!("{store}: was complete already"))?;
     } else {
         super::output::print(&format!(
-            "{store}: {} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
+            "{store}: {}{} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
+            part.map_or(String::new(), |part| format!("{part}, {} tiles, ", summary.tiles)),
             scene.slices.len(),
             scene.settings.spp,
             summary.wall_s,
             summary.samples as f64 / summary.wall_s / 1e6,
             summary.rays as f64 / summary.wall_s / 1e6,
             summary.discarded,
-            in_doubt(&target.path)?,
+            if part.is_none() {
+                in_doubt(&target.path)?
+            } else {
+                String::new()
+            },
         ))?;
     }
-    if !a.no_figures {
+    if !a.no_figures && part.is_none() {
         super::figure::draw_all(&target.path, None)?;
     }
     Ok(())

@@ -22,7 +22,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if found.faults.is_empty() {
         let size = found.bytes as f64 / 1e6;
         return super::output::print(&format!(
-            "{store}: {files} files, {size:.1} MB, all as they were written"
+            "{store}: {}{files} files, {size:.1} MB, all as they were written",
+            found
+                .part
+                .map_or(String::new(), |part| format!("{part} of a render, "))
         ));
     }
     let mut lines: Vec<String> = found

@@ -14,12 +14,16 @@
 //!
 //! Where an element averages several pixels, its samples are not alike and only their means are known:
 //! m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
+//!
+//! Parts of one render ([`tensor::part`]) have no samples in common to pool: they are joined, to the bytes of the whole.
 
 mod error;
+mod join;
 mod pool;
 mod totals;
 
 pub use error::MergeError;
+pub use join::JoinError;
 use pool::Pool;
 
 use std::collections::BTreeSet;
@@ -83,12 +87,20 @@ pub(crate) struct Parts<'a> {
 /// `samples_per_pixel`. Of the root attributes, `seeds` are concatenated, `samples_per_pixel`, `discarded_samples`
 /// and `wall_time_s` added up, `merged_from` lists the inputs, and the rest is that of the first input.
 ///
+/// Where the inputs are parts of one render, `out` is that render, byte for byte, but for `wall_time_s`, the sum of theirs.
+///
 /// # Errors
-/// If the inputs are not renders of one scene (`scene_sha256`) with the same slices and different `seeds`, or
-/// anything cannot be read or written.
+/// If the inputs are not renders of one scene (`scene_sha256`) with the same slices and different `seeds`, nor all parts of one
+/// render, or anything cannot be read or written.
 pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
     if let Some(input) = inputs.iter().find(|input| whole_file::is_same(input, out)) {
         return Err(MergeError::Itself { path: input.clone() });
+    }
+    if let Some(part) = inputs.iter().find(|input| join::is_part(input)) {
+        if options.partial {
+            return Err(JoinError::Partial { path: part.clone() }.into());
+        }
+        return Ok(join::join(inputs, out, options.replace)?);
     }
     let inputs = open_inputs(inputs, options.partial)?;
     let names = inputs[0].store.slice_names();

@@ -6,6 +6,7 @@ use base::journal::{self, Journal};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tensor::axes::SliceLayout;
+use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 
 /// Where to and how to write.
@@ -165,6 +166,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
         })
     };
     for what in [
+        part::ATTRIBUTE,
         "variant",
         "scene_sha256",
         "seeds",
@@ -204,8 +206,10 @@ impl Sink for ZarrSink {
         let status = store.attributes().get("status").cloned();
         let names = job.slices.iter().map(|s| s.layout.name.as_str());
         let slices = names.map(|n| store.slice(n)).collect::<Result<_, _>>()?;
-        let finished =
-            status == Some(json!("complete")) && store.is_finished() && !journal::exists(store.path());
+        let all_written = store.is_finished() || store.is_finished_part();
+        let finished = status == Some(json!(finished_status(store.part())))
+            && all_written
+            && !journal::exists(store.path());
         let (journal, done) = if self.target.resume && finished {
             let all = (0..job.tiles()).map(|tile| TileRecord {
                 tile,
@@ -267,7 +271,7 @@ impl Sink for ZarrSink {
         attributes.insert("discarded_samples".into(), json!(summary.discarded));
         attributes.insert("rays".into(), json!(summary.rays_before + summary.rays));
         let status = if summary.complete {
-            "complete"
+            finished_status(open.store.part())
         } else {
             "incomplete"
         };
@@ -280,6 +284,20 @@ impl Sink for ZarrSink {
         open.store.unlock();
         Ok(())
     }
+}
+
+/// The status of a render, or of a part of one, that has all its tiles.
+fn finished_status(part: Option<Part>) -> &'static str {
+    match part {
+        Some(_) => "complete part",
+        None => "complete",
+    }
+}
+
+/// True if `path` holds all of a part of a render.
+#[must_use]
+pub fn is_finished_part(path: &Path) -> bool {
+    TensorStore::open(path).is_ok_and(|store| store.is_finished_part() && !journal::exists(path))
 }
 
 /// True if `path` holds a finished store.

@@ -12,6 +12,7 @@ pub mod label;
 pub mod layers;
 pub mod memory;
 pub mod number;
+pub mod part;
 pub mod region;
 pub mod sink;
 pub mod slice;

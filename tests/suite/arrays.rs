@@ -4,7 +4,7 @@ use crate::harness::{mirror_room, rendered, scene};
 use sunstone::render::Unwatched;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule;
+use sunstone::transport::render::schedule::{self, Share};
 
 /// Tiles that do not divide the image, binned cameras with a smaller last box, light outside the time bins, matrices, listed rows.
 const SLICES: &str = r#"
@@ -33,7 +33,8 @@ fn arrays_and_stores_agree_in_every_field() {
     let folder = tempfile::tempdir().expect("a folder");
     let store = rendered(&scene, folder.path().join("out.zarr"));
     let mut arrays = Arrays::default();
-    let summary = schedule::render(&scene, &[], &mut arrays, &Unwatched).expect("memory takes all");
+    let summary =
+        schedule::render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("memory takes all");
     assert!(summary.complete);
     assert_eq!(arrays.names(), store.slice_names());
     assert_eq!(
@@ -79,7 +80,7 @@ camera = { binned = 3 }
 "#;
     let scene = scene(&mirror_room(18, 16, 6, 9, slices));
     let mut arrays = Arrays::default();
-    schedule::render(&scene, &[], &mut arrays, &Unwatched).expect("memory takes all");
+    schedule::render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("memory takes all");
     let get = |slice, field| arrays.get(slice, field).expect("the field").data;
     let errors = get("photo", Field::TotalStdError);
     assert!(errors.iter().filter(|e| **e > 0.0).count() > 200);

@@ -22,6 +22,7 @@ mod kills;
 mod layers;
 mod merge;
 mod mitsuba;
+mod parts;
 mod pbrdf_commands;
 mod phase;
 mod resume;

@@ -1,5 +1,6 @@
 //! Why stores could not be merged.
 
+use super::join::JoinError;
 use crate::denoised::Denoised;
 use crate::zarr::{AccessError, CreateError, OpenError};
 use std::path::PathBuf;
@@ -80,6 +81,9 @@ pub enum MergeError {
     /// An input was denoised: it has no samples of its own.
     #[error(transparent)]
     Denoised(#[from] Denoised),
+    /// Parts of a render do not make a whole.
+    #[error(transparent)]
+    Join(#[from] JoinError),
     /// An input cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
@@ -98,6 +102,7 @@ impl MergeError {
         match self {
             Self::Create(e) => e.is_of_system(),
             Self::Access(e) => e.is_of_system(),
+            Self::Join(e) => e.is_of_system(),
             _ => false,
         }
     }

@@ -55,6 +55,19 @@ impl AtomicDirectory {
         Err(io::Error::other(reason).into())
     }
 
+    /// Whether the manifest has a file; `None` without a manifest.
+    pub(super) fn lists(&self, path: &str) -> Option<bool> {
+        Some(self.manifest.as_ref()?.0.contains_key(path))
+    }
+
+    /// The first file, by name, that this store and another do not have alike by their manifests, the root's description apart.
+    pub(super) fn first_difference(&self, other: &Self) -> Option<String> {
+        let none = Manifest::default();
+        let [a, b] = [self, other].map(|s| &s.manifest.as_ref().unwrap_or(&none).0);
+        let differs = |path: &&String| *path != "zarr.json" && a.get(*path) != b.get(*path);
+        a.keys().chain(b.keys()).filter(differs).min().cloned()
+    }
+
     /// The directory.
     pub(super) fn root(&self) -> &Path {
         &self.root

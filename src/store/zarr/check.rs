@@ -5,6 +5,7 @@
 
 use serde_json::{Map, Value};
 use tensor::axes::{Axis, AxisKind, SliceLayout};
+use tensor::part::{self, Part};
 
 /// Cameras have no more rows or columns.
 const MAX_CAMERA: u64 = 1 << 15;
@@ -150,6 +151,13 @@ const OF_SLICES: [(&str, Form); 4] = [
 
 /// Says what is wrong with the attributes of the root group, if anything.
 pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
+    let part = attributes.get(part::ATTRIBUTE);
+    if part.is_some_and(|value| Part::from_json(value).is_none()) {
+        return Some(format!(
+            "its attribute `{}` names no part of a render",
+            part::ATTRIBUTE
+        ));
+    }
     attributes_fault(attributes, &OF_ROOT)
 }
 

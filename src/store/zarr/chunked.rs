@@ -22,6 +22,7 @@ use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
 use super::sparse_frame::{self, Content};
+use super::zstd_frame::frame_content;
 use tensor::region::{self, Window};
 use tensor::sink::STRETCH;
 
@@ -300,6 +301,37 @@ impl<T: Number> ChunkedArray<T> {
         self.array.storage().root().join(key.as_str())
     }
 
+    /// Copies the file of the chunk that begins at `start` from an array of the same description, if its checksum is right.
+    pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
+        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let key = self.array.chunk_key(&index);
+        let lost = |cause: String| AccessError::Chunk {
+            path: from.path.clone(),
+            chunk: index.clone(),
+            cause,
+        };
+        let bytes = from.array.storage().get(&key).map_err(|e| lost(e.to_string()))?;
+        let bytes = bytes.ok_or_else(|| lost("it is lost: its file is missing".into()))?;
+        let sound = bytes
+            .split_last_chunk::<SEAL>()
+            .is_some_and(|(frame, seal)| crc32c::crc32c(frame) == u32::from_le_bytes(*seal));
+        if !sound {
+            return Err(lost("its checksum is not that of its bytes".into()));
+        }
+        let stored = self.array.storage().set(&key, bytes);
+        stored.map_err(|e| AccessError::Write {
+            path: self.path.clone(),
+            cause: e.to_string(),
+        })
+    }
+
+    /// Whether the chunk that begins at `start` is to have a file.
+    pub(super) fn is_listed(&self, start: &[u64]) -> bool {
+        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let listed = self.array.storage().lists(self.array.chunk_key(&index).as_str());
+        listed.unwrap_or_else(|| self.is_stored(start))
+    }
+
     /// Whether the chunk that begins at `start` has a file.
     pub(super) fn is_stored(&self, start: &[u64]) -> bool {
         self.file_of(start).is_file()
@@ -458,32 +490,4 @@ fn difference(a: &[u64], b: &[u64]) -> Vec<u64> {
 
 fn node_path(storage: &AtomicDirectory, node: &str) -> PathBuf {
     storage.root().join(node.trim_start_matches('/'))
-}
-
-/// The content size that one Zstandard frame declares, if the bytes are exactly one complete frame that declares it.
-fn frame_content(bytes: &[u8]) -> Option<u64> {
-    let descriptor = *bytes.strip_prefix(&[0x28, 0xB5, 0x2F, 0xFD])?.first()?;
-    let single_segment = descriptor & 0x20 != 0;
-    let checksum = if descriptor & 4 != 0 { 4 } else { 0 };
-    let mut at = 5 + usize::from(!single_segment) + [0, 1, 2, 4][usize::from(descriptor & 3)];
-    let size_bytes = match descriptor >> 6 {
-        0 => usize::from(single_segment),
-        flag => 1 << flag,
-    };
-    let field = bytes.get(at..at + size_bytes).filter(|f| !f.is_empty())?;
-    let little = field.iter().rev().fold(0_u64, |n, &b| (n << 8) | u64::from(b));
-    let content = if size_bytes == 2 { little + 256 } else { little };
-    at += size_bytes;
-    loop {
-        let header = bytes.get(at..at + 3)?;
-        let header = u32::from(header[0]) | u32::from(header[1]) << 8 | u32::from(header[2]) << 16;
-        at += 3 + match (header >> 1) & 3 {
-            1 => 1,
-            3 => return None,
-            _ => (header >> 3) as usize,
-        };
-        if header & 1 != 0 {
-            return (at + checksum == bytes.len()).then_some(content);
-        }
-    }
 }

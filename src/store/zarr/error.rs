@@ -2,6 +2,7 @@
 
 use base::lock::LockError;
 use std::path::{Path, PathBuf};
+use tensor::part::Part;
 
 /// A store could not be created.
 #[derive(Debug, thiserror::Error)]
@@ -163,6 +164,17 @@ pub enum AccessError {
         /// The slice.
         path: PathBuf,
     },
+    /// The store is a part of a render.
+    #[error(
+        "{path} is of {part} of a render, so that most of its values are elsewhere: join all parts with \
+         `sunstone merge PART.. -o WHOLE`, or take what there is with `--partial` (NaN where nothing is rendered)"
+    )]
+    Part {
+        /// The slice.
+        path: PathBuf,
+        /// Which part.
+        part: Part,
+    },
     /// The region does not lie inside the array.
     #[error("region {start:?} + {shape:?} does not lie inside {path} of shape {array:?}: shrink the region")]
     Region {
@@ -214,6 +226,16 @@ pub enum AccessError {
 }
 
 impl AccessError {
+    /// Values that are not read because the store at `path`, a part of a render or none, is not a finished render.
+    #[must_use]
+    pub fn unfinished(path: &Path, part: Option<Part>) -> Self {
+        let path = path.to_owned();
+        match part {
+            Some(part) => Self::Part { path, part },
+            None => Self::Unfinished { path },
+        }
+    }
+
     /// Whether the system refused to write.
     #[must_use]
     pub fn is_of_system(&self) -> bool {

@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file.
 pub(super) const FILE: &str = "manifest.txt";
+/// Its name in a finished part of a render: another one, so that no reader takes the part for the whole.
+pub(super) const OF_PART: &str = "part.txt";
 const HEAD: &str = "sunstone manifest 1:";
 /// Files below folders below this many are not looked for: stores have three.
 const DEEPEST: usize = 8;
@@ -91,7 +93,7 @@ pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
                 if depth < DEEPEST {
                     folders.push((path, depth + 1));
                 }
-            } else if !name.starts_with('.') && path != FILE {
+            } else if !name.starts_with('.') && path != FILE && path != OF_PART {
                 found.push(path);
             }
         }
@@ -103,6 +105,11 @@ pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
 impl Manifest {
     /// Writes the manifest of the files that are there.
     pub(super) fn write(root: &Path) -> io::Result<()> {
+        Self::write_as(root, FILE)
+    }
+
+    /// As [`Self::write`], under a name of its own.
+    pub(super) fn write_as(root: &Path, name: &str) -> io::Result<()> {
         let paths = files(root)?;
         let entries: Vec<Entry> = paths
             .par_iter()
@@ -115,20 +122,28 @@ impl Manifest {
         }
         let seal = seal(&text);
         let _ = writeln!(text, "{seal}");
-        whole_file::write(&root.join(FILE), text.as_bytes())
+        whole_file::write(&root.join(name), text.as_bytes())
     }
 
     /// Removes the manifest: the store is not finished.
     pub(super) fn remove(root: &Path) -> io::Result<()> {
-        match fs::remove_file(root.join(FILE)) {
-            Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
-            _ => Ok(()),
+        for name in [FILE, OF_PART] {
+            match fs::remove_file(root.join(name)) {
+                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
+                _ => {}
+            }
         }
+        Ok(())
     }
 
     /// Reads the manifest; `None` where there is none, because the store is not finished.
     pub(super) fn read(root: &Path) -> Result<Option<Self>, OpenError> {
-        let path = root.join(FILE);
+        Self::read_as(root, FILE)
+    }
+
+    /// As [`Self::read`], of a name of its own.
+    pub(super) fn read_as(root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
+        let path = root.join(name);
         let text = match base::input::read_text(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),

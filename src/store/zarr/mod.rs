@@ -13,6 +13,7 @@
 //! store ([`base::lock`]).
 
 mod atomic;
+mod build;
 mod check;
 mod chunked;
 mod describe;
@@ -20,25 +21,30 @@ mod error;
 pub mod frames;
 mod layers;
 mod manifest;
+mod part;
 mod partial;
 mod slice;
 mod sparse_frame;
 mod verify;
+mod zstd_frame;
 
 use base::lock::Lock;
 use base::{staging, whole_file};
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use self::atomic::AtomicDirectory;
-use self::chunked::{ChunkedArray, Description};
+use self::build::{build, check_slices};
+use self::chunked::ChunkedArray;
 use self::manifest::Manifest;
 use self::partial::Values;
 use tensor::axes::SliceLayout;
+use tensor::part::Part;
 
+pub use self::build::SampleGrid;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::layers::write_layers;
@@ -47,15 +53,6 @@ pub use self::verify::{Verified, verify};
 
 /// File in an unfinished store that says what it is made of; it begins with a dot, so that it is no part of the store.
 const ORIGIN: &str = ".sunstone-origin";
-
-/// The sample counts per camera pixel that a store keeps (array `samples`, u32 over y, x).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SampleGrid {
-    /// Camera width and height in pixels.
-    pub camera: [u32; 2],
-    /// Edge of a tile of camera pixels: the chunk.
-    pub tile: u32,
-}
 
 /// An open store of slices. May be shared by any number of threads.
 pub struct TensorStore {
@@ -288,11 +285,48 @@ impl TensorStore {
         self.path().join(manifest::FILE).is_file()
     }
 
+    /// Which part of a render it is; `None` of a whole one.
+    #[must_use]
+    pub fn part(&self) -> Option<Part> {
+        Part::of_attributes(&self.attributes())
+    }
+
+    /// True if it is a part of a render of which all was written.
+    #[must_use]
+    pub fn is_finished_part(&self) -> bool {
+        self.part().is_some() && self.path().join(manifest::OF_PART).is_file()
+    }
+
+    /// Opens a finished part to join it: its values are checked as those of a finished store, and zero where other parts have
+    /// theirs. `None` if there is no finished part.
+    pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
+        let Some(manifest) = Manifest::read_as(path, manifest::OF_PART)? else {
+            return Ok(None);
+        };
+        let store = Self::over(AtomicDirectory::finished(path, manifest), State::Finished, None)?;
+        Ok(store.part().is_some().then_some(store))
+    }
+
+    /// The first file in which two finished stores differ, but for their root's description.
+    pub(crate) fn first_difference(&self, other: &Self) -> Option<String> {
+        self.storage.first_difference(&other.storage)
+    }
+
+    /// Copies the sample counts of the chunk that begins at `start` from another store, if it has any.
+    pub(crate) fn copy_samples(&self, start: [u64; 2], from: &Self) -> Result<(), AccessError> {
+        let theirs = from.samples()?;
+        if theirs.is_listed(&start) && !self.samples()?.is_stored(&start) {
+            self.samples()?.copy(&start, theirs)?;
+        }
+        Ok(())
+    }
+
     /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
     /// unfinished store, never the same twice.
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        match base::input::read(&self.path().join(manifest::FILE)) {
+        let name = part::manifest_of(&self.attributes());
+        match base::input::read(&self.path().join(name)) {
             Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
             Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),
         }
@@ -333,7 +367,7 @@ impl TensorStore {
         }
         let values = match self.state {
             State::Writing | State::Finished => Values::All,
-            State::Unfinished => Values::Unfinished,
+            State::Unfinished => Values::Unfinished(self.part()),
             State::Partial => Values::Sampled(self.samples.clone()),
         };
         let samples = self.samples_shape().map(|(shape, _)| shape);
@@ -397,13 +431,13 @@ impl TensorStore {
     /// # Errors
     /// If a description cannot be read or written.
     pub fn finish(&self) -> Result<(), OpenError> {
-        let _held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         self.storage.remove_leftovers().map_err(|e| OpenError::Io {
             path: self.path().to_owned(),
             cause: e.to_string(),
         })?;
         describe::consolidate(self.path(), &self.names)?;
-        Manifest::write(self.path()).map_err(|e| OpenError::Io {
+        Manifest::write_as(self.path(), part::manifest_of(&held)).map_err(|e| OpenError::Io {
             path: self.path().to_owned(),
             cause: e.to_string(),
         })
@@ -429,66 +463,6 @@ pub(crate) fn reseal(path: &Path) {
 
 fn is_store(path: &Path) -> bool {
     describe::read_json(&path.join("zarr.json")).is_ok_and(|json| describe::slice_names_of(&json).is_some())
-}
-
-fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
-    for (i, (layout, attributes)) in slices.iter().enumerate() {
-        let fault = |reason: &str| CreateError::Slice {
-            name: layout.name.clone(),
-            reason: reason.into(),
-        };
-        if let Some(reason) = describe::name_fault(&layout.name) {
-            return Err(fault(reason));
-        }
-        if slices[..i].iter().any(|(other, _)| other.name == layout.name) {
-            return Err(fault("two slices have this name: rename one"));
-        }
-        if layout.axes.iter().any(|a| a.is_empty() || a.chunk == 0) {
-            return Err(fault("an axis has no entries: keep at least one"));
-        }
-        for axis in &layout.axes {
-            if let Some(reason) = check::coordinates_fault(axis) {
-                return Err(fault(&format!("axis `{}`: {reason}", axis.kind.name())));
-            }
-        }
-        if let Some(reason) = check::time_fault(layout).or_else(|| check::slice_fault(attributes)) {
-            return Err(fault(&reason));
-        }
-    }
-    Ok(())
-}
-
-fn build(
-    path: &Path,
-    slices: &[(SliceLayout, Map<String, Value>)],
-    attributes: &Map<String, Value>,
-    samples: Option<SampleGrid>,
-) -> Result<(), CreateError> {
-    let names: Vec<String> = slices.iter().map(|(layout, _)| layout.name.clone()).collect();
-    describe::create_root(path, &names, attributes)?;
-    let storage = Arc::new(AtomicDirectory::new(path));
-    if let Some(SampleGrid { camera: [w, h], tile }) = samples {
-        let chunk = |n: u32| u64::from(tile.clamp(1, n.max(1)));
-        let mut attributes = Map::new();
-        attributes.insert("units".into(), json!("1"));
-        attributes.insert("long_name".into(), json!("samples that count per camera pixel"));
-        let description = Description {
-            shape: vec![u64::from(h), u64::from(w)],
-            chunk: vec![chunk(h), chunk(w)],
-            // Dimensions of the root are those of all groups below it (`xarray.open_datatree`), whose `y` and `x` are parts
-            // of the camera.
-            names: vec!["camera_y", "camera_x"],
-            attributes,
-        };
-        ChunkedArray::<u32>::create(&storage, "/samples", description)?;
-    }
-    for (layout, attributes) in slices {
-        describe::create_slice(&storage, layout, attributes)?;
-    }
-    describe::consolidate(path, &names).map_err(|e| CreateError::Write {
-        path: PathBuf::from(path),
-        cause: e.to_string(),
-    })
 }
 
 #[cfg(test)]

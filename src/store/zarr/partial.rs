@@ -4,13 +4,14 @@ use super::chunked::ChunkedArray;
 use super::error::AccessError;
 use std::sync::Arc;
 use tensor::axes::{self, AxisKind, SliceLayout};
+use tensor::part::Part;
 
 /// Which values of a slice there are.
 pub(super) enum Values {
     /// All.
     All,
-    /// Some may be missing: none is read.
-    Unfinished,
+    /// Some may be missing: none is read; because it is a part of a render, if it is.
+    Unfinished(Option<Part>),
     /// Those of camera pixels with samples; none where samples are not counted.
     Sampled(Option<Arc<ChunkedArray<u32>>>),
 }

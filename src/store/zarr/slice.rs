@@ -171,16 +171,31 @@ impl StoredSlice {
         Ok(self.field(field)?.1.is_stored(start))
     }
 
+    /// Whether the chunk that begins at `start` is among the files of the store when it was finished, there or lost; of a store
+    /// that is not finished, whether it has a file.
+    ///
+    /// # Errors
+    /// If the slice does not have the field.
+    pub(crate) fn is_listed(&self, field: Field, start: &[u64]) -> Result<bool, AccessError> {
+        Ok(self.field(field)?.1.is_listed(start))
+    }
+
+    /// Copies the chunk that begins at `start` from the same slice of another store, as it is, and checks it on the way.
+    ///
+    /// # Errors
+    /// If the slice does not have the field, the chunk is damaged or lost, or the file system refuses.
+    pub(crate) fn copy_chunk(&self, field: Field, start: &[u64], from: &Self) -> Result<(), AccessError> {
+        self.field(field)?.1.copy(start, &from.field(field)?.1)
+    }
+
     /// Reads a region given as first index and shape, row-major.
     ///
     /// # Errors
     /// If the region lies outside the field, a chunk is damaged or lost, or the store is not finished.
     pub fn read(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Vec<f32>, AccessError> {
         let (layout, array) = self.field(field)?;
-        if let Values::Unfinished = self.0.values {
-            return Err(AccessError::Unfinished {
-                path: self.0.path.clone(),
-            });
+        if let Values::Unfinished(part) = self.0.values {
+            return Err(AccessError::unfinished(&self.0.path, part));
         }
         let mut data = array.read(start, shape)?;
         if let Values::Sampled(samples) = &self.0.values {

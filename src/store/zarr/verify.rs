@@ -2,9 +2,11 @@
 
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
+use super::part;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
+use tensor::part::Part;
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -13,11 +15,13 @@ pub struct Verified {
     pub files: usize,
     /// Their bytes.
     pub bytes: u64,
+    /// Which part of a render it is; `None` of a whole one.
+    pub part: Option<Part>,
     /// What is not as it was written, a line each, by path.
     pub faults: Vec<String>,
 }
 
-/// Reads every file of a store and compares it with the manifest.
+/// Reads every file of a store, or of a part of a render, and compares it with the manifest.
 ///
 /// # Errors
 /// [`OpenError`] if there is no store, it is not finished, or its manifest is damaged. Damage of other files is in the answer.
@@ -27,7 +31,14 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
             path: path.to_owned(),
         });
     }
-    let Some(Manifest(entries)) = Manifest::read(path)? else {
+    let (manifest, part) = match Manifest::read(path)? {
+        Some(manifest) => (Some(manifest), None),
+        None => match part::at(path) {
+            Some(part) => (Manifest::read_as(path, manifest::OF_PART)?, Some(part)),
+            None => (None, None),
+        },
+    };
+    let Some(Manifest(entries)) = manifest else {
         if !path.join("zarr.json").is_file() {
             return Err(OpenError::NotAStore {
                 path: path.to_owned(),
@@ -51,6 +62,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     Ok(Verified {
         files: entries.len(),
         bytes: entries.values().map(|e| e.size).sum(),
+        part,
         faults: faults.into_iter().collect(),
     })
 }

@@ -5,6 +5,7 @@
 
 use super::path::{BATCH, Wants};
 use super::selected::Aim;
+use super::shared_light::SharedLight;
 use super::tiles;
 use super::tracer::{Pass, Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
 use crate::accumulate::{Counted, NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
@@ -36,6 +37,7 @@ pub struct Cpu<'a> {
     plans: &'a [SlicePlan],
     epipolar: Option<Epipolar>,
     walks_at_once: u64,
+    light: Option<SharedLight>,
 }
 
 impl<'a> Cpu<'a> {
@@ -53,6 +55,7 @@ impl<'a> Cpu<'a> {
             plans,
             epipolar,
             walks_at_once: WALKS_AT_ONCE,
+            light: None,
         }
     }
 
@@ -66,8 +69,14 @@ impl<'a> Cpu<'a> {
         }
     }
 
+    /// Makes walks from the light together with other parts of the render, if any; that changes no bit either.
+    #[must_use]
+    pub fn shared_light(self, light: Option<SharedLight>) -> Self {
+        Self { light, ..self }
+    }
+
     /// True if some slice parts light by what its path did.
-    fn labelled(&self) -> bool {
+    pub(super) fn labelled(&self) -> bool {
         self.plans.iter().any(SlicePlan::needs_labels)
     }
 
@@ -142,6 +151,9 @@ impl TileBackend for Cpu<'_> {
         stop: impl Fn() -> bool + Sync,
         take: impl Fn(&mut TileSums) -> Result<(), E> + Sync,
     ) -> Result<(), E> {
+        if tiles.is_empty() {
+            return Ok(());
+        }
         // One a thread, made once: they are large.
         let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
         let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
@@ -149,7 +161,8 @@ impl TileBackend for Cpu<'_> {
             .chunks(tiles_at_once(self.scene, self.walks_at_once))
             .collect();
         let of = TileParts::new(self.scene, &parts);
-        let Some(mut prepared) = Prepared::new(self.scene, &of, self.labelled(), &stop) else {
+        let Some(mut prepared) = Prepared::new(self.scene, &of, self.labelled(), self.light.as_ref(), &stop)
+        else {
             return Ok(());
         };
         let passes = prepared.passes(self.scene).count();

@@ -19,7 +19,8 @@ use super::join::{Joiner, Scratch, Setup, most};
 use super::mirrors::Mirrors;
 use super::point::Point;
 use super::roulette::Roulette;
-use super::spill::Spill;
+use super::shared_light::SharedLight;
+use super::spill::{Parts, Spill};
 use super::splats::{Counts, Splats, WalkNumber};
 use super::state::From;
 use super::strategies::strategies;
@@ -66,14 +67,8 @@ pub struct Plan {
     splats: Splats,
     /// Of all parts, where there are several.
     spill: Option<Spill>,
-}
-
-/// The parts of an image.
-pub(super) struct Parts<F> {
-    /// How many.
-    pub count: usize,
-    /// The part of a pixel, or [`NO_PART`].
-    pub of: F,
+    /// Of all parts of a render on many machines.
+    light: Option<SharedLight>,
 }
 
 /// Walks of one camera sample, and what its pixel gets.
@@ -102,7 +97,8 @@ impl Plan {
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,
         labelled: bool,
-        stop: &impl Fn() -> bool,
+        light: Option<&SharedLight>,
+        stop: &(impl Fn() -> bool + Sync),
     ) -> Option<Self> {
         let [w, h] = scene.camera.resolution;
         let strategies = strategies(scene);
@@ -139,13 +135,33 @@ impl Plan {
             },
             splats: Splats::default(),
             spill: None,
+            light: None,
         };
         // Beside all light.
         if scene.settings.strategy.is_none() {
             plan.setup.roulette = plan.pilot(scene);
         }
         plan.setup.redirected = redirected;
-        if parts.count > 1 && plan.has_splats(scene) {
+        if let Some(light) = light.filter(|_| plan.has_splats(scene)) {
+            let made = light.make(
+                scene,
+                plan.counts(scene),
+                stop,
+                || (Walks::default(), vec![], vec![]),
+                |(walks, list, elements), number, found| {
+                    let mut out = Contributions::new(list, elements, labelled);
+                    walks.look(scene, &plan, number, &mut out, found);
+                },
+            );
+            match made {
+                Ok(made) => {
+                    made?;
+                    plan.light = Some(light.clone());
+                }
+                Err(e) => light.warn("kept in", &e),
+            }
+        }
+        if parts.count > 1 && plan.light.is_none() && plan.has_splats(scene) {
             let made = Spill::new(
                 plan.counts(scene),
                 parts.count,
@@ -177,6 +193,19 @@ impl Plan {
         }
         // One part's points are in memory at a time.
         self.splats = Splats::default();
+        let wanted = |pixel| (parts.of)(pixel) as usize == part;
+        let pixels = self.counts(scene).pixels;
+        let kept = match &self.light {
+            Some(light) => light
+                .splats(pixels, wanted)
+                .inspect_err(|e| light.warn("read from", e))
+                .ok(),
+            None => None,
+        };
+        if let Some(splats) = kept {
+            self.splats = splats;
+            return;
+        }
         self.splats = match self.spill.as_mut().map(|s| s.part(part)) {
             Some(Ok(splats)) => splats,
             told => {
@@ -187,7 +216,7 @@ impl Plan {
                 }
                 Splats::new(
                     self.counts(scene),
-                    |pixel| (parts.of)(pixel) as usize == part,
+                    wanted,
                     || (Walks::default(), vec![], vec![]),
                     |(walks, list, elements), number, found| {
                         let mut out = Contributions::new(list, elements, self.setup.labelled);

@@ -33,6 +33,7 @@ mod roulette;
 mod route;
 pub mod schedule;
 mod selected;
+mod shared_light;
 mod sheets;
 mod shot;
 pub mod sight;

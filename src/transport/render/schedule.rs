@@ -2,11 +2,16 @@
 
 use super::backend::{Cpu, TileBackend};
 use super::job::{job, plans};
+use super::shared_light::SharedLight;
 use super::tracer::WALKS_AT_ONCE;
 use crate::scene::Scene;
-use serde_json::Value;
+use serde_json::{Map, Value};
+use std::collections::BTreeSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
+use tensor::part::{self, Part};
 pub use tensor::sink::Summary;
 use tensor::sink::{Sink, TileRecord};
 
@@ -16,6 +21,9 @@ pub enum RenderError<E: std::error::Error + 'static> {
     /// The scene has no slices.
     #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
     NoSlices,
+    /// The image has no such part.
+    #[error("{0}")]
+    Part(String),
     /// No threads to render on.
     #[error("cannot start threads: {0}")]
     Threads(String),
@@ -42,7 +50,42 @@ impl Watch for Unwatched {
     }
 }
 
-/// Renders all slices of a scene into a sink, on the current rayon thread pool.
+/// What one machine of many renders.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Share<'a> {
+    /// Which tiles; all without.
+    pub part: Option<Part>,
+    /// Folder in which shares of one number make the walks from the light together; alone without.
+    pub light: Option<&'a Path>,
+}
+
+impl Share<'_> {
+    /// The tiles of so many.
+    fn tiles(self, tiles: u32) -> Result<Vec<u32>, String> {
+        let Some(part) = self.part else {
+            return Ok((0..tiles).collect());
+        };
+        part.fault(tiles).map_or(Ok(()), Err)?;
+        Ok(part.tiles(tiles).collect())
+    }
+
+    /// Of the render that the attributes describe.
+    fn light(self, attributes: &Map<String, Value>, labelled: bool) -> Result<Option<SharedLight>, String> {
+        let Some(folder) = self.light else {
+            return Ok(None);
+        };
+        let Some(Part::Share { number, of }) = self.part else {
+            return Err("walks from the light are shared by parts of one number: give part K of N".into());
+        };
+        // Never read by another program: its own hash will do.
+        let mut hash = DefaultHasher::new();
+        (Value::Object(attributes.clone()).to_string(), labelled).hash(&mut hash);
+        let key = format!("{:016x}", hash.finish());
+        Ok(Some(SharedLight::new(folder, key, number, of)))
+    }
+}
+
+/// Renders all slices of a scene into a sink, on the current rayon thread pool: all tiles, or those of a part, the same bits.
 ///
 /// `extra` attributes stand beside the provenance that the scene has itself.
 ///
@@ -51,16 +94,18 @@ impl Watch for Unwatched {
 pub fn render<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
+    share: Share,
     sink: &mut S,
     watch: &dyn Watch,
 ) -> Result<Summary, RenderError<S::Error>> {
-    render_in_parts(scene, extra, sink, watch, WALKS_AT_ONCE)
+    render_in_parts(scene, extra, share, sink, watch, WALKS_AT_ONCE)
 }
 
 /// As [`render`], with the points of so many walks from the light in memory at once.
 pub(super) fn render_in_parts<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
+    share: Share,
     sink: &mut S,
     watch: &dyn Watch,
     walks_at_once: u64,
@@ -74,32 +119,37 @@ pub(super) fn render_in_parts<S: Sink>(
         .iter()
         .map(|(name, value)| ((*name).to_owned(), value.clone()));
     job.attributes.extend(extra);
-    let tiles = job.tiles();
-    let records = sink.begin(&job).map_err(RenderError::Sink)?;
+    let tiles = share.tiles(job.tiles()).map_err(RenderError::Part)?;
     let backend = Cpu::new(scene, &plans).walks_at_once(walks_at_once);
-    let summary = run(&backend, tiles, &records, sink, watch).map_err(RenderError::Sink)?;
+    let light = share.light(&job.attributes, backend.labelled());
+    let backend = backend.shared_light(light.map_err(RenderError::Part)?);
+    if let Some(part) = share.part {
+        job.attributes.insert(part::ATTRIBUTE.into(), part.to_json());
+    }
+    let records = sink.begin(&job).map_err(RenderError::Sink)?;
+    let summary = run(&backend, &tiles, &records, sink, watch).map_err(RenderError::Sink)?;
     sink.end(&summary).map_err(RenderError::Sink)?;
     Ok(summary)
 }
 
-/// Renders those of `tiles` tiles that no record calls finished.
+/// Renders those of `tiles` that no record calls finished.
 fn run<S: Sink>(
     backend: &impl TileBackend,
-    tiles: u32,
+    tiles: &[u32],
     records: &[TileRecord],
     sink: &S,
     watch: &dyn Watch,
 ) -> Result<Summary, S::Error> {
     let begun = Instant::now();
-    let mut done = vec![false; tiles as usize];
+    let mut todo: BTreeSet<u32> = tiles.iter().copied().collect();
     // What earlier runs finished, and what this one does.
     let (before, totals) = (Totals::default(), Totals::default());
     for r in records {
-        if (r.tile as usize) < done.len() && !done[r.tile as usize] {
-            done[r.tile as usize] = true;
+        if todo.remove(&r.tile) {
             before.add(r);
         }
     }
+    let tiles = tiles.len() as u32;
     let summary = || Summary {
         complete: before.tiles() + totals.tiles() == tiles,
         tiles_done: before.tiles() + totals.tiles(),
@@ -110,7 +160,7 @@ fn run<S: Sink>(
         rays_before: before.get(&before.rays),
         wall_s: begun.elapsed().as_secs_f64(),
     };
-    let todo: Vec<u32> = (0..tiles).filter(|t| !done[*t as usize]).collect();
+    let todo: Vec<u32> = todo.into_iter().collect();
     tracing::info!("{} of {tiles} tiles to render", todo.len());
     backend.render(
         &todo,

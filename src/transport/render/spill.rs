@@ -10,6 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
 
 /// Walks that are made before their points are written.
 const BATCH: u64 = 1 << 20;
@@ -19,8 +20,7 @@ pub(super) const NO_PART: u32 = u32::MAX;
 /// Points on disk, by part.
 pub(super) struct Spill {
     file: File,
-    /// Begin and length in the file of what each batch found, batch by batch, of each part.
-    extents: Vec<Vec<[u64; 2]>>,
+    extents: Extents,
     pixels: u32,
 }
 
@@ -95,6 +95,116 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
     }
 }
 
+/// Where a batch's points of a part are in a file.
+#[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
+#[repr(C)]
+pub(super) struct Extent {
+    pub begin: u64,
+    pub length: u64,
+    /// CRC-32C.
+    pub check: u64,
+}
+
+/// Extents batch by batch, of each part.
+pub(super) type Extents = Vec<Vec<Extent>>;
+
+/// The parts of an image.
+pub(super) struct Parts<F> {
+    /// How many.
+    pub count: usize,
+    /// The part of a pixel, or [`NO_PART`].
+    pub of: F,
+}
+
+/// Makes walks as [`Splats::new`] does, and writes the points of pixels that have a part. `None` once `stop` says so.
+pub(super) fn write<T: Send>(
+    file: &mut impl Write,
+    (counts, walks): (Counts, Range<u64>),
+    parts: &Parts<impl Fn(u32) -> u32 + Sync>,
+    stop: impl Fn() -> bool,
+    make: impl Fn() -> T + Sync,
+    trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
+) -> io::Result<Option<Extents>> {
+    let mut extents = vec![vec![]; parts.count];
+    let mut at = 0;
+    for (n, first) in walks.clone().step_by(BATCH as usize).enumerate() {
+        if stop() {
+            return Ok(None);
+        }
+        if n > 0 && n % 16 == 0 {
+            tracing::info!(
+                "{first} of {} walks from the light, {} MB of points",
+                walks.end,
+                at / 1_000_000
+            );
+        }
+        let end = (first + BATCH).min(walks.end);
+        // Bytes of each part, in order whatever the number of threads.
+        let found: Vec<Vec<(u32, Vec<u8>)>> = chunk::of(first..end)
+            .map_init(&make, |state, walks| {
+                let mut points: Vec<(u32, u32, Splat)> = vec![];
+                for i in walks {
+                    trace(state, counts.number(i), &mut |pixel, splat| {
+                        let part = (parts.of)(pixel);
+                        if part != NO_PART {
+                            points.push((part, pixel, splat));
+                        }
+                    });
+                }
+                points.sort_by_key(|p| p.0);
+                let pieces = points.chunk_by(|a, b| a.0 == b.0);
+                let piece = |points: &[(u32, u32, Splat)]| {
+                    let mut bytes = vec![];
+                    points
+                        .iter()
+                        .for_each(|(_, pixel, s)| append(&mut bytes, *pixel, s));
+                    (points[0].0, bytes)
+                };
+                pieces.map(piece).collect()
+            })
+            .collect();
+        let mut next = vec![0; found.len()];
+        for (part, extents) in extents.iter_mut().enumerate() {
+            let (begin, mut check) = (at, 0);
+            for (pieces, next) in found.iter().zip(&mut next) {
+                if let Some((_, bytes)) = pieces.get(*next).filter(|p| p.0 as usize == part) {
+                    file.write_all(bytes)?;
+                    check = crc32c::crc32c_append(check, bytes);
+                    at += bytes.len() as u64;
+                    *next += 1;
+                }
+            }
+            if at > begin {
+                extents.push(Extent {
+                    begin,
+                    length: at - begin,
+                    check: check.into(),
+                });
+            }
+        }
+    }
+    Ok(Some(extents))
+}
+
+/// Reads points back.
+pub(super) fn read(
+    file: &mut (impl Read + Seek),
+    extents: &[Extent],
+    found: &mut Vec<(u32, Splat)>,
+) -> io::Result<()> {
+    let mut bytes = vec![];
+    for extent in extents {
+        bytes.resize(extent.length as usize, 0);
+        file.seek(SeekFrom::Start(extent.begin))?;
+        file.read_exact(&mut bytes)?;
+        if u64::from(crc32c::crc32c(&bytes)) != extent.check {
+            return Err(ErrorKind::InvalidData.into());
+        }
+        parse(&bytes, found)?;
+    }
+    Ok(())
+}
+
 impl Spill {
     /// Makes all walks of all samples as [`Splats::new`] does, and keeps the points of pixels that `part_of` gives one of
     /// `parts` parts. `None` once `stop` says so.
@@ -110,60 +220,12 @@ impl Spill {
         trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> io::Result<Option<Self>> {
         let mut file = tempfile::tempfile()?;
-        let mut extents = vec![vec![]; parts];
-        let mut at = 0;
-        let all = counts.all();
-        for (n, first) in (0..all).step_by(BATCH as usize).enumerate() {
-            if stop() {
-                return Ok(None);
-            }
-            if n > 0 && n % 16 == 0 {
-                tracing::info!(
-                    "{first} of {all} walks from the light, {} MB of points",
-                    at / 1_000_000
-                );
-            }
-            let end = (first + BATCH).min(all);
-            // Bytes of each part, in order whatever the number of threads.
-            let found: Vec<Vec<(u32, Vec<u8>)>> = chunk::of(first..end)
-                .map_init(&make, |state, walks| {
-                    let mut points: Vec<(u32, u32, Splat)> = vec![];
-                    for i in walks {
-                        trace(state, counts.number(i), &mut |pixel, splat| {
-                            let part = part_of(pixel);
-                            if part != NO_PART {
-                                points.push((part, pixel, splat));
-                            }
-                        });
-                    }
-                    points.sort_by_key(|p| p.0);
-                    let pieces = points.chunk_by(|a, b| a.0 == b.0);
-                    let piece = |points: &[(u32, u32, Splat)]| {
-                        let mut bytes = vec![];
-                        points
-                            .iter()
-                            .for_each(|(_, pixel, s)| append(&mut bytes, *pixel, s));
-                        (points[0].0, bytes)
-                    };
-                    pieces.map(piece).collect()
-                })
-                .collect();
-            let mut next = vec![0; found.len()];
-            for (part, extents) in extents.iter_mut().enumerate() {
-                let begin = at;
-                for (pieces, next) in found.iter().zip(&mut next) {
-                    if let Some((_, bytes)) = pieces.get(*next).filter(|p| p.0 as usize == part) {
-                        file.write_all(bytes)?;
-                        at += bytes.len() as u64;
-                        *next += 1;
-                    }
-                }
-                if at > begin {
-                    extents.push([begin, at - begin]);
-                }
-            }
-        }
-        Ok(Some(Self {
+        let parts = Parts {
+            count: parts,
+            of: part_of,
+        };
+        let extents = write(&mut file, (counts, 0..counts.all()), &parts, stop, make, trace)?;
+        Ok(extents.map(|extents| Self {
             file,
             extents,
             pixels: counts.pixels,
@@ -175,12 +237,9 @@ impl Spill {
     /// # Errors
     /// If they cannot be read back.
     pub fn part(&mut self, part: usize) -> io::Result<Splats> {
-        let (mut found, mut bytes) = (vec![], vec![]);
-        for [begin, length] in self.extents.get(part).into_iter().flatten() {
-            bytes.resize(*length as usize, 0);
-            self.file.seek(SeekFrom::Start(*begin))?;
-            self.file.read_exact(&mut bytes)?;
-            parse(&bytes, &mut found)?;
+        let mut found = vec![];
+        if let Some(extents) = self.extents.get(part) {
+            read(&mut self.file, extents, &mut found)?;
         }
         Ok(Splats::by_pixel(self.pixels, &[found]))
     }

@@ -6,6 +6,7 @@
 //! is live small and every tile independent of the others.
 
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The points that each pixel sees.
 #[derive(Default)]
@@ -54,6 +55,12 @@ impl Counts {
     /// Number of walks.
     pub fn all(self) -> u64 {
         u64::from(self.samples) * u64::from(self.walks)
+    }
+
+    /// The walks of one of so many shares, counted from 0.
+    pub fn share(self, share: u32, of: u32) -> Range<u64> {
+        let upto = |n: u32| (u128::from(self.all()) * u128::from(n) / u128::from(of)) as u64;
+        upto(share)..upto(share + 1)
     }
 
     /// The i-th walk.

@@ -1,6 +1,6 @@
 //! Renders of a scene made in code.
 
-use super::schedule::{Unwatched, render_in_parts};
+use super::schedule::{Share, Unwatched, render_in_parts};
 use super::tracer::WALKS_AT_ONCE;
 use crate::device::distortion::Distortion;
 use crate::device::emitter::{Environment, PointEmitter};
@@ -138,8 +138,8 @@ fn bits(scene: &Scene) -> (Vec<u32>, usize) {
 
 fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
     let mut arrays = Arrays::default();
-    let summary =
-        render_in_parts(scene, &[], &mut arrays, &Unwatched, walks).expect("arrays take everything");
+    let summary = render_in_parts(scene, &[], Share::default(), &mut arrays, &Unwatched, walks)
+        .expect("arrays take everything");
     assert!(summary.complete && summary.discarded == 0);
     let bits: Vec<u32> = [Field::Mean, Field::StdError]
         .into_iter()

@@ -1,9 +1,10 @@
 //! How the paths of a camera pixel are made: plain paths from the camera, walks where a scene needs more, or both, one after
 //! the other.
 
-use super::bidirectional::{Parts, Plan, Walks, samples};
+use super::bidirectional::{Plan, Walks, samples};
 use super::path::{Paths, Wants};
-use super::spill::NO_PART;
+use super::shared_light::SharedLight;
+use super::spill::{NO_PART, Parts};
 use super::tiles;
 use super::views::Views;
 use crate::accumulate::Contribution;
@@ -104,14 +105,21 @@ impl TileParts {
 }
 
 impl Prepared {
-    /// For an image in parts, whose slices want to know what paths did if `labelled`; `None` once `stop` says so.
-    pub fn new(scene: &Scene, parts: &TileParts, labelled: bool, stop: &impl Fn() -> bool) -> Option<Self> {
+    /// For an image in parts, whose slices want to know what paths did if `labelled`, with walks from the light that other machines
+    /// make if there are such; `None` once `stop` says so.
+    pub fn new(
+        scene: &Scene,
+        parts: &TileParts,
+        labelled: bool,
+        light: Option<&SharedLight>,
+        stop: &(impl Fn() -> bool + Sync),
+    ) -> Option<Self> {
         let all_by_walks = needs_walks(scene);
         let walks = all_by_walks || scene.settings.integrator == Integrator::Caustics;
         Some(Self {
             paths: (!all_by_walks).then(|| Views::new(scene)),
             walks: if walks {
-                Some(Plan::new(scene, &parts.parts(scene), labelled, stop)?)
+                Some(Plan::new(scene, &parts.parts(scene), labelled, light, stop)?)
             } else {
                 None
             },

@@ -1,0 +1,202 @@
+"""Renders by Dask: the bytes of one process, however many workers die meanwhile.
+
+Needs the command ``sunstone`` (SUNSTONE, or the PATH); without it all is skipped.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import distributed as dask
+import pytest
+
+from pysunstone import distributed
+from pysunstone.distributed import Job, RenderError
+
+COMMAND = os.environ.get("SUNSTONE") or shutil.which("sunstone")
+pytestmark = pytest.mark.skipif(COMMAND is None, reason="there is no command sunstone")
+
+# It gives its classes no types.
+DASK: Any = dask
+
+SCENE = Path(__file__).parents[2] / "scenes" / "mirror_room" / "scene.toml"
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with DASK.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def client(cluster: Any) -> Iterator[Any]:
+    with DASK.Client(cluster) as made:
+        yield made
+
+
+def sunstone(*words: object) -> str:
+    assert COMMAND is not None
+    return subprocess.run([COMMAND, *map(str, words)], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """By one process."""
+    path = tmp_path_factory.mktemp("whole") / "whole.zarr"
+    sunstone("render", SCENE, "--spp", 16, "--integrator", "path", "--no-figures", "--threads", 1, "-o", path)
+    return path
+
+
+def content(store: Path) -> dict[str, bytes]:
+    """Every file of a store, but for the time that rendering took."""
+    found = {}
+    for path in sorted(store.rglob("*")):
+        if not path.is_file():
+            continue
+        name, data = str(path.relative_to(store)), path.read_bytes()
+        if name == "zarr.json":
+            root = json.loads(data)
+            del root["attributes"]["wall_time_s"]
+            data = json.dumps(root).encode()
+        if name == "manifest.txt":
+            # It has a checksum of that file, and one of itself.
+            lines = data.splitlines()
+            data = b"\n".join(line for line in lines if not line.endswith((b" zarr.json", b" lines above")))
+        found[name] = data
+    return found
+
+
+def assert_same(a: Path, b: Path) -> None:
+    one, other = content(a), content(b)
+    assert sorted(one) == sorted(other) and len(one) > 100
+    assert [name for name in one if one[name] != other[name]] == []
+
+
+class Killer(threading.Thread):
+    """Kills a random worker every now and then, as the system does that wants its memory."""
+
+    def __init__(self, cluster: Any, every: float) -> None:
+        super().__init__(daemon=True)
+        self.cluster, self.every, self.kills, self.done = cluster, every, 0, threading.Event()
+
+    def run(self) -> None:
+        chance = random.Random(20)
+        while not self.done.wait(self.every * chance.uniform(0.5, 1.5)):
+            nannies = list(self.cluster.workers.values())
+            pids = [nanny.pid for nanny in nannies if getattr(nanny, "pid", None)]
+            if pids:
+                try:
+                    os.kill(chance.choice(pids), signal.SIGKILL)
+                    self.kills += 1
+                except ProcessLookupError:
+                    pass
+
+
+def test_killed_workers_change_no_byte(cluster: Any, client: Any, whole: Path, tmp_path: Path) -> None:
+    killer = Killer(cluster, 2.0)
+    killer.start()
+    begun = time.monotonic()
+    counts: list[tuple[int, int]] = []
+    try:
+        path = distributed.render(
+            SCENE,
+            tmp_path / "killed.zarr",
+            spp=16,
+            parts=24,
+            client=client,
+            integrator="path",
+            progress=lambda done, of: counts.append((done, of)),
+        )
+    finally:
+        killer.done.set()
+        killer.join()
+    print(f"{killer.kills} workers killed in {time.monotonic() - begun:.1f} s")
+    assert killer.kills >= 1
+    assert_same(whole, path)
+    assert counts == [(n, 24) for n in range(1, 25)]
+    assert not (tmp_path / "killed.zarr.parts").exists()
+    sunstone("verify", path)
+
+
+def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.zarr"
+    job = Job(SCENE, spp=16, integrator="path")
+    assert COMMAND is not None
+    folder = tmp_path / "out.zarr.parts"
+    kept = folder / distributed._key(COMMAND, job)
+    sunstone("render", *job.options(), "--part", "2/3", "-o", kept / "2of3")
+    stamp = (kept / "2of3" / "part.txt").stat().st_mtime_ns
+    # Planted: another seed's parts.
+    other = folder / distributed._key(COMMAND, Job(SCENE, spp=16, seed=5, integrator="path"))
+    assert other != kept
+    seen: list[int] = []
+
+    def watch(done: int, of: int) -> None:
+        seen.append((kept / "2of3" / "part.txt").stat().st_mtime_ns)
+
+    distributed.render(SCENE, out, spp=16, parts=3, client=client, integrator="path", progress=watch)
+    assert set(seen) == {stamp}
+    assert_same(whole, out)
+    with pytest.raises(FileExistsError, match="overwrite"):
+        distributed.render(SCENE, out, spp=16, parts=3, client=client)
+
+
+def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
+    """Two workers that make the same at once, one of which is late."""
+    assert COMMAND is not None
+    words = tuple(Job(SCENE, spp=2, integrator="path").options())
+    unit = distributed._Unit(COMMAND, (*words, "--part", "1/8"), str(tmp_path / "parts" / "1of8"), 1)
+    both = [threading.Thread(target=unit) for _ in range(2)]
+    for thread in both:
+        thread.start()
+    for thread in both:
+        thread.join()
+    assert [path.name for path in (tmp_path / "parts").iterdir()] == ["1of8"]
+    sunstone("verify", tmp_path / "parts" / "1of8")
+    assert unit() == 0.0
+
+
+def test_what_the_command_refuses_is_told(client: Any, tmp_path: Path) -> None:
+    with pytest.raises(RenderError, match="no slice `nothing`"):
+        distributed.render(SCENE, tmp_path / "a.zarr", spp=2, parts=2, client=client, slices=["nothing"])
+    with pytest.raises(RenderError, match="no command"):
+        distributed.render(SCENE, tmp_path / "a.zarr", client=client, command="no-such-sunstone")
+    with pytest.raises(ValueError, match="at least 1"):
+        distributed.render(SCENE, tmp_path / "a.zarr", parts=0, client=client)
+    with pytest.raises(ValueError, match="object stores are not written"):
+        distributed.render(SCENE, "s3://bucket/a.zarr", client=client)
+    assert not (tmp_path / "a.zarr").exists()
+
+
+def test_many_renders_have_a_manifest(client: Any, tmp_path: Path) -> None:
+    jobs = [Job(SCENE, spp=2, seed=seed, slices=["conventional"], integrator="path") for seed in (1, 2, 3)]
+    manifest = distributed.render_many(jobs, tmp_path / "set", client=client)
+    entries = json.loads(manifest.read_text())
+    assert [entry["store"] for entry in entries] == [f"mirror_room_seed{seed}.zarr" for seed in (1, 2, 3)]
+    assert [entry["seed"] for entry in entries] == [1, 2, 3]
+    assert len({entry["checksum"] for entry in entries}) == 3
+    for entry in entries:
+        sunstone("verify", tmp_path / "set" / entry["store"])
+    # Again, from nothing and from what is there: the same manifest.
+    assert distributed.render_many(jobs, tmp_path / "again", client=client).read_bytes() == manifest.read_bytes()
+    (tmp_path / "set" / "manifest.json").unlink()
+    shutil.rmtree(tmp_path / "set" / "mirror_room_seed2.zarr")
+    assert distributed.render_many(jobs, tmp_path / "set", client=client).read_bytes() == (
+        tmp_path / "again" / "manifest.json"
+    ).read_bytes()
+    # Another render under a name that is there.
+    jobs[0] = Job(SCENE, name="mirror_room_seed1", spp=4, seed=1, slices=["conventional"], integrator="path")
+    with pytest.raises(RenderError, match="samples_per_pixel differs"):
+        distributed.render_many(jobs, tmp_path / "set", client=client)
+    with pytest.raises(ValueError, match="two renders"):
+        distributed.render_many([jobs[1], jobs[1]], tmp_path / "set", client=client)

@@ -1,0 +1,163 @@
+//! Joining the parts of one render, tile by tile, to the bytes of the whole.
+//!
+//! Parts share no tile, so nothing is added up: a chunk that one part has is copied as it is, and one that several have (of a
+//! block of pixels that no tile begins with) is put together from elements each of which one part has.
+
+mod error;
+mod set;
+
+pub use error::JoinError;
+use set::Set;
+
+use crate::zarr::{SampleGrid, StoredSlice, TensorStore};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+use tensor::field::Field;
+use tensor::part;
+use tensor::region;
+
+/// Whether a store says that it is a part of a render, finished or not.
+pub(super) fn is_part(path: &Path) -> bool {
+    TensorStore::open(path).is_ok_and(|store| store.part().is_some())
+}
+
+/// Joins parts into a new store `out` (an existing one is overwritten only with `replace`).
+pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), JoinError> {
+    let set = Set::open(inputs)?;
+    let parts = set.stores();
+    let first = parts[0];
+    let names = first.slice_names();
+    let slices = names
+        .iter()
+        .map(|name| parts.iter().map(|store| store.slice(name)).collect())
+        .collect::<Result<Vec<Vec<StoredSlice>>, _>>()?;
+    let layouts: Vec<_> = slices
+        .iter()
+        .map(|of| (of[0].layout().clone(), written_attributes(&of[0])))
+        .collect();
+    let grid = first.samples_shape().map(|(shape, chunk)| SampleGrid {
+        camera: [shape[1] as u32, shape[0] as u32],
+        tile: chunk[0].max(chunk[1]) as u32,
+    });
+    let fill = |whole: &TensorStore| -> Result<(), JoinError> {
+        for of in &slices {
+            join_slice(of, &whole.slice(of[0].name())?)?;
+        }
+        join_samples(&parts, whole)?;
+        Ok(whole.finish()?)
+    };
+    let origin = origin(&parts);
+    TensorStore::create_from(
+        out,
+        &layouts,
+        &attributes(&parts),
+        grid,
+        replace,
+        Some(&origin),
+        fill,
+    )
+    .map(drop)
+}
+
+/// The attributes of a slice without those that its layout makes.
+fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
+    without(slice.attributes(), &["time_start_ps", "time_bin_ps"])
+}
+
+/// Attributes but for some, in their order, which is that of the file.
+fn without(attributes: &Map<String, Value>, keys: &[&str]) -> Map<String, Value> {
+    let kept = attributes.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
+    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
+/// All that the joined values depend on.
+fn origin(parts: &[&TensorStore]) -> String {
+    let mut origin = format!("join by {}\n", env!("CARGO_PKG_VERSION"));
+    for store in parts {
+        origin += &format!("{} {}\n", store.path().display(), store.fingerprint());
+    }
+    origin
+}
+
+/// Those of the whole render: what all parts say, and sums over them.
+fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
+    let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
+    let mut whole = without(&all[0], &[part::ATTRIBUTE]);
+    whole.insert("status".into(), json!("complete"));
+    for key in ["discarded_samples", "rays"] {
+        let sum = all
+            .iter()
+            .filter_map(|a| a.get(key)?.as_u64())
+            .fold(0, u64::saturating_add);
+        whole.insert(key.into(), json!(sum));
+    }
+    let seconds = all.iter().filter_map(|a| a.get("wall_time_s")?.as_f64());
+    whole.insert("wall_time_s".into(), json!(seconds.sum::<f64>()));
+    whole
+}
+
+fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinError> {
+    for field in Field::ALL.into_iter().filter(|field| whole.has(*field)) {
+        let chunks: Vec<_> = whole.chunks(field)?.collect();
+        chunks
+            .par_iter()
+            .try_for_each(|(start, shape)| -> Result<(), JoinError> {
+                // A merge that was killed goes on: what has its file is whole.
+                if whole.is_stored(field, start)? {
+                    return Ok(());
+                }
+                let mut having = vec![];
+                for part in parts {
+                    if part.is_listed(field, start)? {
+                        having.push(part);
+                    }
+                }
+                match having[..] {
+                    [] => Ok(()),
+                    [one] => Ok(whole.copy_chunk(field, start, one)?),
+                    _ => put_together(&having, whole, field, start, shape),
+                }
+            })?;
+    }
+    Ok(())
+}
+
+/// Writes a chunk whose elements several parts have, each a different one.
+fn put_together(
+    parts: &[&StoredSlice],
+    whole: &StoredSlice,
+    field: Field,
+    start: &[u64],
+    shape: &[u64],
+) -> Result<(), JoinError> {
+    let mut values = parts[0].read(field, start, shape)?;
+    for (n, part) in parts.iter().enumerate().skip(1) {
+        for (value, other) in values.iter_mut().zip(part.read(field, start, shape)?) {
+            if value.to_bits() == 0 {
+                *value = other;
+            } else if other.to_bits() != 0 {
+                return Err(JoinError::Twice {
+                    first: parts[..n].iter().map(|p| p.path().to_owned()).collect(),
+                    second: part.path().to_owned(),
+                    field: field.name(),
+                });
+            }
+        }
+    }
+    Ok(whole.write(field, start, shape, &values)?)
+}
+
+/// Copies the sample counts, whose chunks are tiles.
+fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), JoinError> {
+    let Some((shape, chunk)) = whole.samples_shape() else {
+        return Ok(());
+    };
+    for (tile, (start, _)) in region::chunks(&shape, &chunk).enumerate() {
+        let owner = |store: &&&TensorStore| store.part().is_some_and(|p| p.contains(tile as u32));
+        if let Some(store) = parts.iter().find(owner) {
+            whole.copy_samples([start[0], start[1]], store)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,80 @@
+//! New stores: their slices checked, and all descriptions written, before there are values.
+
+use super::atomic::AtomicDirectory;
+use super::check;
+use super::chunked::{ChunkedArray, Description};
+use super::describe;
+use super::error::CreateError;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tensor::axes::SliceLayout;
+
+/// The sample counts per camera pixel that a store keeps (array `samples`, u32 over y, x).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleGrid {
+    /// Camera width and height in pixels.
+    pub camera: [u32; 2],
+    /// Edge of a tile of camera pixels: the chunk.
+    pub tile: u32,
+}
+
+pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
+    for (i, (layout, attributes)) in slices.iter().enumerate() {
+        let fault = |reason: &str| CreateError::Slice {
+            name: layout.name.clone(),
+            reason: reason.into(),
+        };
+        if let Some(reason) = describe::name_fault(&layout.name) {
+            return Err(fault(reason));
+        }
+        if slices[..i].iter().any(|(other, _)| other.name == layout.name) {
+            return Err(fault("two slices have this name: rename one"));
+        }
+        if layout.axes.iter().any(|a| a.is_empty() || a.chunk == 0) {
+            return Err(fault("an axis has no entries: keep at least one"));
+        }
+        for axis in &layout.axes {
+            if let Some(reason) = check::coordinates_fault(axis) {
+                return Err(fault(&format!("axis `{}`: {reason}", axis.kind.name())));
+            }
+        }
+        if let Some(reason) = check::time_fault(layout).or_else(|| check::slice_fault(attributes)) {
+            return Err(fault(&reason));
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn build(
+    path: &Path,
+    slices: &[(SliceLayout, Map<String, Value>)],
+    attributes: &Map<String, Value>,
+    samples: Option<SampleGrid>,
+) -> Result<(), CreateError> {
+    let names: Vec<String> = slices.iter().map(|(layout, _)| layout.name.clone()).collect();
+    describe::create_root(path, &names, attributes)?;
+    let storage = Arc::new(AtomicDirectory::new(path));
+    if let Some(SampleGrid { camera: [w, h], tile }) = samples {
+        let chunk = |n: u32| u64::from(tile.clamp(1, n.max(1)));
+        let mut attributes = Map::new();
+        attributes.insert("units".into(), json!("1"));
+        attributes.insert("long_name".into(), json!("samples that count per camera pixel"));
+        let description = Description {
+            shape: vec![u64::from(h), u64::from(w)],
+            chunk: vec![chunk(h), chunk(w)],
+            // Dimensions of the root are those of all groups below it (`xarray.open_datatree`), whose `y` and `x` are parts
+            // of the camera.
+            names: vec!["camera_y", "camera_x"],
+            attributes,
+        };
+        ChunkedArray::<u32>::create(&storage, "/samples", description)?;
+    }
+    for (layout, attributes) in slices {
+        describe::create_slice(&storage, layout, attributes)?;
+    }
+    describe::consolidate(path, &names).map_err(|e| CreateError::Write {
+        path: PathBuf::from(path),
+        cause: e.to_string(),
+    })
+}

@@ -1,0 +1,161 @@
+//! Parts of a render: which tiles of camera pixels one of many machines renders.
+//!
+//! A tile is a pure function of scene, seed and samples, so a render in parts is the whole render, bit for bit. Tiles are dealt
+//! out in turn, as cards are: dark sky and deep glass lie together in an image, and each part gets its share of both.
+
+use serde_json::{Map, Value, json};
+use std::fmt;
+
+/// Root attribute of a store that says which part of a render it is.
+pub const ATTRIBUTE: &str = "part";
+
+/// Some of the tiles of a render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// Every `of`-th tile: those whose number, counted from 1, leaves the same rest as `number`.
+    Share {
+        /// From 1 to `of`.
+        number: u32,
+        /// How many parts there are.
+        of: u32,
+    },
+    /// Tiles by their numbers, counted from 0 row by row.
+    Tiles {
+        /// The first.
+        first: u32,
+        /// The last.
+        last: u32,
+    },
+}
+
+impl Part {
+    /// Says what is wrong with it for a render of so many tiles, if anything. A share may be empty: of more parts than tiles.
+    #[must_use]
+    pub fn fault(self, tiles: u32) -> Option<String> {
+        match self {
+            Self::Share { number, of } if number == 0 || number > of => Some(format!(
+                "there is no part {number} of {of}; give 1/{of} to {of}/{of}"
+            )),
+            Self::Tiles { first, last } if first > last => Some(format!(
+                "tiles {first} to {last} are none; give the lower number first"
+            )),
+            Self::Tiles { last, .. } if last >= tiles => {
+                let most = tiles.saturating_sub(1);
+                Some(format!(
+                    "there is no tile {last}; the image has tiles 0 to {most}"
+                ))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether a tile is in it.
+    #[must_use]
+    pub fn contains(self, tile: u32) -> bool {
+        match self {
+            Self::Share { number, of } => of > 0 && tile % of == number.wrapping_sub(1),
+            Self::Tiles { first, last } => (first..=last).contains(&tile),
+        }
+    }
+
+    /// Its tiles of so many.
+    pub fn tiles(self, tiles: u32) -> impl Iterator<Item = u32> {
+        (0..tiles).filter(move |tile| self.contains(*tile))
+    }
+
+    /// As an attribute of a store: `{"number": 3, "of": 8}` or `{"tiles": [0, 31]}`.
+    #[must_use]
+    pub fn to_json(self) -> Value {
+        match self {
+            Self::Share { number, of } => json!({"number": number, "of": of}),
+            Self::Tiles { first, last } => json!({"tiles": [first, last]}),
+        }
+    }
+
+    /// From an attribute of a store; `None` if it is not one of [`Self::to_json`].
+    #[must_use]
+    pub fn from_json(value: &Value) -> Option<Self> {
+        let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
+        let part = match value.get("tiles") {
+            Some(tiles) => Self::Tiles {
+                first: number(tiles.get(0)?)?,
+                last: number(tiles.get(1)?)?,
+            },
+            None => Self::Share {
+                number: number(value.get("number")?)?,
+                of: number(value.get("of")?)?,
+            },
+        };
+        (part.fault(u32::MAX).is_none() && part.to_json() == *value).then_some(part)
+    }
+
+    /// The part that the root attributes of a store name.
+    #[must_use]
+    pub fn of_attributes(attributes: &Map<String, Value>) -> Option<Self> {
+        attributes.get(ATTRIBUTE).and_then(Self::from_json)
+    }
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Share { number, of } => write!(f, "part {number} of {of}"),
+            Self::Tiles { first, last } if first == last => write!(f, "tile {first}"),
+            Self::Tiles { first, last } => write!(f, "tiles {first} to {last}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every tile is in one share, and shares differ by one tile at most.
+    #[test]
+    fn shares_are_all_tiles_once() {
+        for (of, tiles) in [(1, 7), (3, 7), (7, 7), (8, 7), (5, 0)] {
+            let shares: Vec<Vec<u32>> = (1..=of)
+                .map(|number| Part::Share { number, of }.tiles(tiles).collect())
+                .collect();
+            let mut all = shares.concat();
+            all.sort_unstable();
+            assert_eq!(all, (0..tiles).collect::<Vec<_>>());
+            let sizes = shares.iter().map(Vec::len);
+            assert!(sizes.clone().max().unwrap_or(0) - sizes.min().unwrap_or(0) <= 1);
+        }
+    }
+
+    #[test]
+    fn attributes_are_read_as_written_and_others_are_not() {
+        let parts = [
+            Part::Share { number: 3, of: 8 },
+            Part::Tiles { first: 0, last: 31 },
+        ];
+        for part in parts {
+            assert_eq!(Part::from_json(&part.to_json()), Some(part));
+        }
+        for wrong in [
+            json!(null),
+            json!("3/8"),
+            json!({"number": 9, "of": 8}),
+            json!({"number": 0, "of": 0}),
+            json!({"number": 1.5, "of": 8}),
+            json!({"tiles": [5, 4]}),
+            json!({"tiles": [0]}),
+            json!({"tiles": [0, 1, 2]}),
+            json!({"number": 1, "of": 2, "more": 3}),
+        ] {
+            assert_eq!(Part::from_json(&wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn faults_tell_what_there_is() {
+        let fault = |part: Part| part.fault(12).unwrap_or_default();
+        assert!(fault(Part::Share { number: 9, of: 8 }).contains("8/8"));
+        assert!(fault(Part::Tiles { first: 3, last: 12 }).contains("0 to 11"));
+        assert!(fault(Part::Tiles { first: 3, last: 2 }).contains("lower"));
+        assert_eq!(Part::Share { number: 20, of: 20 }.fault(12), None);
+        assert!(!Part::Share { number: 0, of: 0 }.contains(0));
+    }
+}

@@ -1,0 +1,472 @@
+//! Parts of a render, joined, are the whole: every byte of every file, however it is cut.
+
+use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+use sunstone::optics::sampling::stream::Stream;
+use sunstone::render::{Part, Render, Target, Unwatched, render};
+use sunstone::store::merge::{Options, merge};
+use sunstone::store::zarr::{TensorStore, verify};
+use sunstone::tensor::field::Field;
+use sunstone::transport::scene::Scene;
+
+/// Time bins, an epipolar band, labels, camera bins, and a block that no tile begins with: its chunks are of four tiles.
+const SLICES: &str = r#"
+[[slices]]
+name = "sum"
+[[slices]]
+name = "mueller"
+camera = { binned = 2 }
+polarization = "mueller"
+[[slices]]
+name = "flight"
+camera = { rows = [3, 11] }
+projector = { binned = 8 }
+time = { start_ps = 10000, bin_ps = 500, bins = 24 }
+[[slices]]
+name = "block"
+camera = { block = [2, 3, 11, 7] }
+polarization = "mueller"
+[[slices]]
+name = "epipolar"
+projector = { epipolar = { half_width_px = 1.0 } }
+bounces = true
+split_first_bounce = true
+[[slices]]
+name = "labels"
+labels = true
+"#;
+
+const SHARES: [Part; 3] = [share(1, 3), share(2, 3), share(3, 3)];
+
+const fn share(number: u32, of: u32) -> Part {
+    Part::Share { number, of }
+}
+
+fn room(integrator: &str) -> String {
+    let text = mirror_room(24, 16, 4, 4, SLICES);
+    text.replacen("[render]", &format!("[render]\nintegrator = \"{integrator}\""), 1)
+}
+
+fn part(scene: &Scene, part: Part, path: &Path) {
+    let summary = Render::new(scene).part(part).to_store(path).expect("a part");
+    assert!(summary.complete, "{summary:?}");
+}
+
+fn whole(scene: &Scene, path: &Path) {
+    let target = Target {
+        path: path.to_owned(),
+        ..Target::default()
+    };
+    assert!(render(scene, &target, &Unwatched).expect("a render").complete);
+}
+
+/// All tiles in `of` shares, or in random ranges.
+fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
+    let mut upto = |n: u32| (stream.uniform() * n as f32) as u32;
+    if upto(2) == 0 {
+        let of = 2 + upto(5);
+        return (1..=of).map(|number| share(number, of)).collect();
+    }
+    let mut cuts = vec![];
+    let mut first = 0;
+    while first < tiles {
+        let last = (first + upto(tiles / 2 + 1)).min(tiles - 1);
+        cuts.push(Part::Tiles { first, last });
+        first = last + 1;
+    }
+    cuts
+}
+
+/// Cuts a scene at random `times` times, joins the parts in another order, and compares with the whole.
+fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    whole(scene, &at("whole"));
+    let ([w, h], tile) = (scene.camera.resolution, scene.settings.tile);
+    let tiles = w.div_ceil(tile) * h.div_ceil(tile);
+    let mut stream = Stream::new(seed, 0, 0);
+    for time in 0..times {
+        let mut paths: Vec<PathBuf> = vec![];
+        for (n, cut) in cuts(tiles, &mut stream).into_iter().enumerate() {
+            paths.push(at(&format!("{time}-{n}")));
+            part(scene, cut, &paths[n]);
+        }
+        paths.reverse();
+        let joined = at(&format!("{time}"));
+        merge(&paths, &joined, Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert_same_store(&at("whole"), &joined);
+        assert!(verify(&joined).expect("a store").faults.is_empty());
+    }
+}
+
+#[test]
+fn parts_of_plain_paths_are_the_whole() {
+    parts_are_the_whole(&scene(&room("path")), 1, 4);
+}
+
+#[test]
+fn parts_of_caustics_are_the_whole() {
+    parts_are_the_whole(&scene(&room("caustics")), 2, 3);
+}
+
+#[test]
+fn parts_of_walks_from_both_ends_are_the_whole() {
+    parts_are_the_whole(&scene(&room("bidirectional")), 3, 3);
+}
+
+/// Walks from the light that parts make together, at once or one after the other: no byte differs, and each walk is made once.
+#[test]
+fn light_that_is_shared_is_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for (integrator, of) in [("bidirectional", 3), ("caustics", 4)] {
+        let scene = scene(&room(integrator));
+        let name = |what: &str| at(&format!("{integrator}-{what}"));
+        whole(&scene, &name("whole"));
+        let light = name("light");
+        let paths: Vec<PathBuf> = (1..=of).map(|n| name(&n.to_string())).collect();
+        let one = |n: u32, path: &Path| {
+            let render = Render::new(&scene).part(share(n, of)).shared_light(&light);
+            assert!(render.to_store(path).expect("a part").complete);
+        };
+        std::thread::scope(|scope| {
+            for (n, path) in (1..).zip(&paths) {
+                scope.spawn(move || one(n, path));
+            }
+        });
+        merge(&paths, &name("joined"), Options::default()).expect("all parts");
+        assert_same_store(&name("whole"), &name("joined"));
+        let made: Vec<String> = std::fs::read_dir(&light)
+            .expect("a folder")
+            .map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned())
+            .filter(|n| n.ends_with(".light"))
+            .collect();
+        assert_eq!(made.len(), of as usize, "{made:?}");
+        let share_of = |n: u32| {
+            made.iter()
+                .find(|name| name.ends_with(&format!("-{n}of{of}.light")))
+        };
+        let file = |n: u32| light.join(share_of(n).expect("a share"));
+        // Planted: a share of another seed in place of one is seen, so light is read and not made.
+        let first = std::fs::read(file(1)).expect("a share");
+        let mut other = scene.clone();
+        other.settings.seed += 1;
+        let foreign = name("foreign");
+        let render = Render::new(&other).part(share(1, of)).shared_light(&foreign);
+        render.to_store(&name("other")).expect("a part");
+        let found = std::fs::read_dir(&foreign)
+            .expect("a folder")
+            .map(|e| e.expect("an entry").path());
+        let foreign = found.filter(|p| p.to_string_lossy().ends_with(&format!("-1of{of}.light")));
+        std::fs::copy(foreign.last().expect("a share"), file(1)).expect("a copy");
+        let planted = name("planted");
+        one(2, &planted);
+        assert_ne!(
+            std::fs::read_to_string(planted.join("part.txt")).expect("a manifest"),
+            std::fs::read_to_string(paths[1].join("part.txt")).expect("a manifest")
+        );
+        // One whose maker died is made again, and one that is damaged is not believed.
+        std::fs::remove_file(file(1)).expect("a share");
+        let again = name("again");
+        one(2, &again);
+        assert_eq!(std::fs::read(file(1)).expect("a share"), first);
+        let mut damaged = first.clone();
+        damaged[first.len() / 3] ^= 16;
+        for damaged in [&damaged[..], &first[..first.len() - 5], &[]] {
+            std::fs::write(file(1), damaged).expect("a file");
+            let mended = name("mended");
+            let _ = std::fs::remove_dir_all(&mended);
+            one(2, &mended);
+            for store in [&mended, &again] {
+                let manifest =
+                    |path: &Path| std::fs::read_to_string(path.join("part.txt")).expect("a manifest");
+                assert_eq!(manifest(store), manifest(&paths[1]));
+            }
+        }
+    }
+}
+
+/// As shipped: media, glass, crystals, a lens of a hundred mirrors; by whichever paths they ask for.
+#[test]
+fn parts_of_shipped_scenes_are_the_whole() {
+    for (seed, name) in (10..).zip(["milky_tank", "fruits", "crystals", "disco_ball", "coins_mirror"]) {
+        parts_are_the_whole(&small(name), seed, 2);
+    }
+}
+
+/// A shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these tests.
+fn small(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/scene.toml"));
+    let text = std::fs::read_to_string(&path).expect("a shipped scene");
+    let text = &text[..text.find("[[slices]]").expect("slices")];
+    let text = text
+        .replace("resolution = [128, 128]", "resolution = [20, 20]")
+        .replacen("spp = 128", "spp = 2\ntile = 4", 1);
+    sunstone::scene::from_text(&path, &(text + SLICES)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// A part says what it is, and is nothing else to anybody.
+#[test]
+fn a_part_is_no_finished_render() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");
+    let out = run(at, &["render", "scene.toml", "--part", "2/3", "-o", "p2"], 0);
+    let told = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(told.contains("part 2 of 3, 12 tiles"), "{told}");
+    let info = run(at, &["info", "p2"], 0);
+    let info = String::from_utf8_lossy(&info.stdout).into_owned();
+    assert!(
+        info.contains("part 2 of 3 of a render") && info.contains("complete part"),
+        "{info}"
+    );
+    assert!(!info.contains("Σ"), "{info}");
+    let checked = run(at, &["verify", "p2"], 0);
+    let checked = String::from_utf8_lossy(&checked.stdout).into_owned();
+    assert!(checked.contains("part 2 of 3 of a render"), "{checked}");
+    for command in [
+        &["probe", "p2", "sum", "-o", "sum.npy"][..],
+        &["export", "p2", "mueller", "-o", "m.exr"],
+        &["decompose", "p2", "mueller", "-o", "m.npz"],
+        &["denoise", "p2", "-o", "d.zarr"],
+    ] {
+        let text = stderr(&run(at, command, 2));
+        assert!(
+            text.contains("part 2 of 3") && text.contains("sunstone merge"),
+            "{command:?}: {text}"
+        );
+    }
+    let store = TensorStore::open(&at.join("p2")).expect("a store");
+    assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
+    // What there is of it can be had, and the rest is not zero.
+    run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
+    let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
+    let sum = partial
+        .slice("sum")
+        .expect("a slice")
+        .read_all(Field::Mean)
+        .expect("values");
+    let missing = sum.data.iter().filter(|v| v.is_nan()).count();
+    assert_eq!(missing, sum.data.len() / 3 * 2);
+    // One byte less, and it is not joined.
+    for number in [1, 3] {
+        let option = format!("{number}/3");
+        run(
+            at,
+            &[
+                "render",
+                "scene.toml",
+                "--part",
+                &option,
+                "-o",
+                &format!("p{number}"),
+            ],
+            0,
+        );
+    }
+    let chunk = at.join("p2/sum/mean/c.0.1.0");
+    let mut bytes = std::fs::read(&chunk).expect("a chunk of the second tile");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 4;
+    std::fs::write(&chunk, &bytes).expect("a file");
+    let text = stderr(&run(at, &["merge", "p1", "p2", "p3", "-o", "all"], 2));
+    assert!(text.contains("p2/sum/mean"), "{text}");
+    assert!(!at.join("all").exists());
+}
+
+/// Only all parts of one render, each once, are joined.
+#[test]
+fn wrong_sets_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let mut scene = scene(&room("path"));
+    for (n, one) in (1..).zip(SHARES) {
+        part(&scene, one, &at(&format!("p{n}")));
+    }
+    part(&scene, share(1, 2), &at("half"));
+    part(&scene, Part::Tiles { first: 0, last: 3 }, &at("first"));
+    part(&scene, Part::Tiles { first: 6, last: 35 }, &at("last"));
+    whole(&scene, &at("whole"));
+    scene.settings.seed += 1;
+    part(&scene, SHARES[1], &at("seed"));
+    whole(&scene, &at("other"));
+    scene.settings.seed -= 1;
+    scene.settings.spp = 8;
+    part(&scene, SHARES[1], &at("spp"));
+    let refused = |names: &[&str], words: &[&str]| {
+        let paths: Vec<PathBuf> = names.iter().map(|name| at(name)).collect();
+        let text = match merge(&paths, &at("joined"), Options::default()) {
+            Ok(()) => panic!("{names:?} were joined"),
+            Err(e) => e.to_string(),
+        };
+        for word in words {
+            assert!(text.contains(word), "{names:?}: {text}");
+        }
+        assert!(!at("joined").exists());
+    };
+    refused(&["p1", "p3"], &["part 2 of 3 is missing", "--part 2/3"]);
+    refused(&["p3"], &["parts 1 and 2 of 3 are missing"]);
+    refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
+    refused(
+        &["p1", "p2", "p3", "first"],
+        &["both have tile", "leave one of them out"],
+    );
+    refused(&["p1", "half"], &["both have tile 0"]);
+    // Planted: one part is of another seed, or of other samples.
+    refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
+    refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
+    refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
+    refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is not a part"]);
+    refused(&["other", "p1"], &["is not a part"]);
+    // The same part twice is one part, if it is the same.
+    scene.settings.spp = 4;
+    part(&scene, SHARES[1], &at("twin"));
+    merge(
+        &["p1", "twin", "p2", "p3"].map(at),
+        &at("joined"),
+        Options::default(),
+    )
+    .expect("all parts");
+    assert_same_store(&at("whole"), &at("joined"));
+    let partial = Options {
+        partial: true,
+        ..Options::default()
+    };
+    let text = merge(&SHARES.map(|_| at("p1")), &at("no"), partial).map_err(|e| e.to_string());
+    assert!(text.expect_err("refused").contains("--partial"));
+    // Planted: a twin that is not, by one number.
+    std::fs::remove_dir_all(at("joined")).expect("a folder");
+    let twin = TensorStore::open_for_write(&at("twin")).expect("a store");
+    let sum = twin.slice("sum").expect("a slice");
+    sum.write(Field::Mean, &[0, 5, 1], &[1, 1, 1], &[7.0])
+        .expect("a number");
+    twin.finish().expect("a part");
+    refused(
+        &["p1", "twin", "p2", "p3"],
+        &["both part 2 of 3", "sum/mean/c.0.1.0"],
+    );
+    // Planted: a number in a tile of another part.
+    sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0])
+        .expect("a number");
+    twin.finish().expect("a part");
+    refused(&["p1", "twin", "p3"], &["another part has too"]);
+}
+
+/// More machines than tiles: some have nothing to do, and it is a part all the same.
+#[test]
+fn more_parts_than_tiles_are_the_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let scene = scene(&mirror_room(
+        8,
+        8,
+        2,
+        4,
+        "[[slices]]\nname = \"sum\"\n[[slices]]\nname = \"two\"",
+    ));
+    whole(&scene, &at("whole"));
+    let paths: Vec<PathBuf> = (1..=6).map(|n| at(&n.to_string())).collect();
+    for (number, path) in (1..).zip(&paths) {
+        part(&scene, share(number, 6), path);
+    }
+    merge(&paths, &at("joined"), Options::default()).expect("all parts");
+    assert_same_store(&at("whole"), &at("joined"));
+}
+
+/// Killed, a part goes on where it was; as another part it does not.
+#[test]
+fn a_killed_part_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let text = mirror_room(
+        64,
+        32,
+        48,
+        4,
+        "[[slices]]\nname = \"sum\"\npolarization = \"mueller\"",
+    );
+    std::fs::write(at.join("scene.toml"), text).expect("a scene");
+    let begin = [
+        "render",
+        "scene.toml",
+        "--threads",
+        "2",
+        "--part",
+        "1/2",
+        "-o",
+        "1",
+    ];
+    let mut child = sunstone(at, &begin)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program");
+    let journal = at.join("1/.sunstone-progress");
+    let begun = Instant::now();
+    while std::fs::read(&journal).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count()) < 5 {
+        assert!(
+            begun.elapsed() < Duration::from_mins(1),
+            "no tile was finished in a minute"
+        );
+        assert!(
+            child.try_wait().expect("a child").is_none(),
+            "it ended before it could be killed"
+        );
+        std::thread::sleep(Duration::from_micros(500));
+    }
+    child.kill().expect("a kill");
+    child.wait().expect("its end");
+    run(at, &["render", "scene.toml", "--part", "2/2", "-o", "2"], 0);
+    let text = stderr(&run(at, &["merge", "1", "2", "-o", "all"], 2));
+    assert!(
+        text.contains("part 1 of 2") && text.contains("not finished"),
+        "{text}"
+    );
+    for other in [&["--part", "2/2"][..], &["--tiles", "0-9"], &[]] {
+        let arguments = [&["render", "scene.toml", "-o", "1", "--resume"], other].concat();
+        assert!(stderr(&run(at, &arguments, 2)).contains("part differs"));
+    }
+    run(at, &[&begin[..], &["--resume"]].concat(), 0);
+    let again = run(at, &[&begin[..], &["--resume"]].concat(), 0);
+    assert!(String::from_utf8_lossy(&again.stdout).contains("was complete already"));
+    run(at, &["merge", "1", "2", "-o", "all"], 0);
+    run(at, &["render", "scene.toml", "-o", "whole"], 0);
+    assert_same_store(&at.join("whole"), &at.join("all"));
+}
+
+#[test]
+fn wrong_options_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");
+    for (option, value, words) in [
+        ("--part", "0/8", "no part 0 of 8"),
+        ("--part", "9/8", "no part 9 of 8"),
+        ("--part", "3", "give K/N"),
+        ("--part", "3/8/9", "give K/N"),
+        ("--part", "-1/8", "give K/N"),
+        ("--tiles", "5-4", "lower number first"),
+        ("--tiles", "x", "give A-B"),
+        ("--tiles", "0-36", "tiles 0 to 35"),
+    ] {
+        let option = format!("{option}={value}");
+        let text = stderr(&run(at, &["render", "scene.toml", "-o", "p", &option], 2));
+        assert!(text.contains(words), "{option}: {text}");
+        assert!(!at.join("p").exists());
+    }
+    run(
+        at,
+        &[
+            "render",
+            "scene.toml",
+            "-o",
+            "p",
+            "--part",
+            "1/2",
+            "--tiles",
+            "1-2",
+        ],
+        2,
+    );
+}
