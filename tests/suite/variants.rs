@@ -378,11 +378,11 @@ fn variants_of_one_seed_have_their_own_noise() {
     let own = [noise(0, Some(0)), noise(1, Some(1))];
     let shared = [noise(0, None), noise(1, None)];
     assert!(correlation(&shared[0], &shared[1]) > 0.9);
-    // Its standard deviation is 1/√n for independent numbers of any size, measured from those very products.
+    // The sum of independent products has the standard deviation that the products themselves tell.
     let products: Vec<f64> = own[0].iter().zip(&own[1]).map(|(a, b)| a * b).collect();
     let sum = products.iter().sum::<f64>();
     let deviation = products.iter().map(|p| p * p).sum::<f64>().sqrt();
-    assert!(sum.abs() < 5.0 * deviation, "{} of {deviation}", sum);
-    // And it is no other variant's, nor another seed's, turned: the two seeds of one variant differ.
-    assert!(own[0].iter().any(|v| *v != 0.0));
+    assert!(sum.abs() < 5.0 * deviation, "{sum} of {deviation}");
+    // Which is not so for want of noise.
+    assert!(deviation > 0.0);
 }

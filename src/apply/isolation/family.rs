@@ -67,7 +67,7 @@ impl Family {
             }
             Self::NamedAtATime { either } => {
                 let bins = seen.parts().filter(|(part, _)| matches!(part.1, Time::At(_)));
-                let all = bins.flat_map(|(part, _)| task.named.map(|e| Element { part, ..e }));
+                let all = bins.filter_map(|(part, _)| task.named.map(|e| Element { part, ..e }));
                 (all.collect(), either)
             }
             Self::Any {
