@@ -205,8 +205,8 @@ mod tests {
         panes.add(&pane(0, 0.005), true);
         for (lane, more) in [(0, 0.0), (1, f64::from(0.02_f32))] {
             let [air, glass, water] = [INDICES[0], INDICES[1] + more, INDICES[2] + more];
-            for to in [[0.02, -0.01, 0.4], [0.3, -0.2, 0.5], [-2.0, 0.5, 0.3]].map(Vec3A::from_array) {
-                let way = [(to.x - from.x) as f64, (to.y - from.y) as f64];
+            for to in [[0.02, -0.01, 0.4], [0.3, -0.2, 0.5], [-0.22, 0.05, 0.3]].map(Vec3A::from_array) {
+                let way = [to.x - from.x, to.y - from.y].map(f64::from);
                 let across = way[0].hypot(way[1]);
                 // How far a ray of n sin θ = k comes to the side.
                 let side = |k: f64| {
