@@ -163,9 +163,9 @@ def open_store(
     attributes = _attributes(location)
     entries = _manifest(location)
     if entries is None and not unfinished:
+        mend = "join all parts (`sunstone merge`)" if "part" in attributes else "let it finish (`sunstone render --resume`)"
         raise UnfinishedStoreError(
-            f"{location.name} is not finished ({_state(location, attributes)}): "
-            "let it finish (`sunstone render --resume`), or read what there is with unfinished=True"
+            f"{location.name} is not finished ({_state(location, attributes)}): {mend}, or read what there is with unfinished=True"
         )
     store = location.store()
     if entries is not None:

@@ -257,6 +257,20 @@ def test_an_unfinished_store_says_how_far_it_is(tmp_path: Path) -> None:
     assert np.array_equal(np.load(out), array(tree, "flight/mean").values, equal_nan=True)
 
 
+def test_a_part_is_no_whole_render(tmp_path: Path) -> None:
+    path = tmp_path / "part.zarr"
+    scene = tmp_path / "tiles.toml"
+    scene.write_text(rendered.SCENE.replace("max_depth = 4", "max_depth = 4, tile = 8"))
+    rendered.sunstone("render", scene, "--part", "1/2", "--spp", 2, "-o", path, "--no-figures")
+    with pytest.raises(stores.UnfinishedStoreError, match=r"`complete part`, \d+ % .*: join all parts"):
+        open_store(path)
+    tree = open_store(path, unfinished=True)
+    assert 0 < float(array(tree, "steady/mean").notnull().mean()) < 1
+    assert array(tree, "steady/mean").notnull().all(["stokes_out", "stokes_in", "wavelength"]).equals(
+        xr.DataArray(array(tree, "samples").values > 0, dims=("y", "x"), coords={d: tree["steady"][d] for d in ("y", "x")})
+    )
+
+
 def test_entries_stand_for_pixels() -> None:
     assert bins([0, 1, 2]) == [(0, 0), (1, 1), (2, 2)]
     assert bins([1.5, 5.5, 8.5]) == [(0, 3), (4, 7), (8, 9)]
