@@ -311,12 +311,11 @@ def _key(command: str, job: Job) -> str:
 
 def _run(words: Sequence[str]) -> str:
     """Run the command, which dies with this process where the system can see to that."""
+    if shutil.which(words[0]) is None:
+        raise RenderError(f"there is no command `{words[0]}`: say where it is by command=")
     ties = shutil.which("setpriv")
     tied = [ties, "--pdeathsig", "KILL", *words] if ties else list(words)
-    try:
-        done = subprocess.run(tied, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        raise RenderError(f"there is no command `{words[0]}`: say where it is by command=") from None
+    done = subprocess.run(tied, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RenderError(done.stderr.strip() or f"{words[0]} ended with code {done.returncode}")
     return done.stdout

@@ -151,7 +151,7 @@ fn light_that_is_shared_is_the_same() {
         let file = |n: u32| light.join(share_of(n).expect("a share"));
         // Planted: a share of another seed in place of one is seen, so light is read and not made.
         let first = std::fs::read(file(1)).expect("a share");
-        let mut other = scene.clone();
+        let mut other = crate::harness::scene(&room(integrator));
         other.settings.seed += 1;
         let foreign = name("foreign");
         let render = Render::new(&other).part(share(1, of)).shared_light(&foreign);

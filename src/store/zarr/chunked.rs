@@ -375,7 +375,7 @@ impl<T: Number> ChunkedArray<T> {
         let zero = T::default();
         self.for_chunks(start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
-            if shape == self.chunk {
+            if shape == self.chunk && origin == start {
                 // The region is this chunk and nothing else: no copy.
                 let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
                 return self.store(index, values, touched.filter(enough));

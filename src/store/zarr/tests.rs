@@ -3,6 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 use serde_json::json;
+use std::path::PathBuf;
 use tensor::axes::{AxisKind, Extents};
 use tensor::field::Field;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
@@ -543,4 +544,24 @@ fn finished_stores_are_what_was_written() {
     assert!(verify(&path).unwrap().faults.is_empty());
     store.unfinish().unwrap();
     assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
+}
+
+/// A region of a chunk's shape that begins within one is of several chunks.
+#[test]
+fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = create(&dir.path().join("s"));
+    let slice = store.slice("steady").unwrap();
+    let layout = slice.field_layout(Field::Mean).unwrap().clone();
+    let shape = layout.chunk_shape();
+    let mut start = vec![0; shape.len()];
+    start[1] = 3;
+    let values = ramp(shape.iter().product::<u64>() as usize);
+    let touched = vec![u64::MAX; values.len()];
+    slice
+        .write_touched(Field::Mean, &start, &shape, &values, &touched)
+        .unwrap();
+    assert_eq!(slice.read(Field::Mean, &start, &shape).unwrap(), values);
+    let all = slice.read_all(Field::Mean).unwrap().data;
+    assert_eq!(all.iter().filter(|v| **v != 0.0).count(), values.len());
 }
