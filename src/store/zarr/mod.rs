@@ -21,6 +21,7 @@ pub mod frames;
 mod layers;
 mod manifest;
 mod partial;
+mod remote;
 mod slice;
 mod sparse_frame;
 mod verify;
@@ -37,6 +38,7 @@ use self::atomic::AtomicDirectory;
 use self::chunked::{ChunkedArray, Description};
 use self::manifest::Manifest;
 use self::partial::Values;
+use crate::place::Place;
 use tensor::axes::SliceLayout;
 
 pub use self::describe::VALUE_UNITS;
@@ -189,11 +191,14 @@ impl TensorStore {
     /// # Errors
     /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
-        let manifest = Manifest::read(path)?;
-        match manifest {
-            Some(manifest) => Self::over(AtomicDirectory::finished(path, manifest), State::Finished, None),
-            None => Self::over(AtomicDirectory::new(path), State::Unfinished, None),
-        }
+        let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
+        let manifest = Manifest::read_at(&place, path)?;
+        let state = if manifest.is_some() {
+            State::Finished
+        } else {
+            State::Unfinished
+        };
+        Self::over(AtomicDirectory::at(path, place, manifest), state, None)
     }
 
     /// Opens a store to read what there is of it: as [`TensorStore::open`], but values of an unfinished store that are not
@@ -216,7 +221,11 @@ impl TensorStore {
     fn over(storage: AtomicDirectory, state: State, lock: Option<Lock>) -> Result<Self, OpenError> {
         let storage = Arc::new(storage);
         let path = storage.root();
-        if !path.exists() {
+        let missing = match storage.remote() {
+            None => !path.exists(),
+            Some(_) => !storage.has_description("")? && state != State::Finished,
+        };
+        if missing {
             return Err(OpenError::Missing {
                 path: path.to_owned(),
             });
@@ -225,10 +234,13 @@ impl TensorStore {
             path: path.to_owned(),
             reason: reason.into(),
         };
-        if !path.join("zarr.json").is_file() {
+        if !storage.has_description("")? {
             return Err(not_a_store("it has no zarr.json"));
         }
-        let json = describe::read_json(&path.join("zarr.json"))?;
+        let json = storage.json("zarr.json")?;
+        if let Some(remote) = storage.remote() {
+            remote.describe(&json);
+        }
         let names = describe::slice_names_of(&json)
             .ok_or_else(|| not_a_store("its zarr.json has no list of slices"))?;
         let mut attributes = describe::attributes_of(&json).unwrap_or_default();
@@ -239,7 +251,7 @@ impl TensorStore {
                 reason,
             });
         }
-        let samples = if path.join("samples").is_dir() {
+        let samples = if storage.has_node("samples") {
             let array = ChunkedArray::<u32>::open(&storage, "/samples")?;
             if let Some(reason) = check::samples_fault(array.shape(), array.chunk()) {
                 return Err(OpenError::Damaged {
@@ -285,16 +297,23 @@ impl TensorStore {
     /// True if all of it was written, to the manifest.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.path().join(manifest::FILE).is_file()
+        match self.storage.remote() {
+            None => self.path().join(manifest::FILE).is_file(),
+            Some(_) => self.state == State::Finished,
+        }
     }
 
     /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
     /// unfinished store, never the same twice.
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        match base::input::read(&self.path().join(manifest::FILE)) {
-            Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
-            Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),
+        let read = match self.storage.remote() {
+            None => Place::read_file(&self.path().join(manifest::FILE)),
+            Some(remote) => remote.objects().get(manifest::FILE).map_err(std::io::Error::from),
+        };
+        match read {
+            Ok(Some(bytes)) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
+            _ => format!("unfinished {:?}", std::time::SystemTime::now()),
         }
     }
 

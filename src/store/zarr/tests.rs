@@ -522,3 +522,6 @@ fn finished_stores_are_what_was_written() {
     store.unfinish().unwrap();
     assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
 }
+
+#[cfg(feature = "object-stores")]
+mod remote;
