@@ -30,7 +30,8 @@ pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<
     };
     let [rows, columns] = pixels.unwrap_or([0..height as usize, 0..width as usize]);
     // They and their neighbours, which alone tell of them.
-    let around = |of: &Range<usize>, length: u64| of.start.saturating_sub(1)..(of.end + 1).min(length as usize);
+    let around =
+        |of: &Range<usize>, length: u64| of.start.saturating_sub(1)..(of.end + 1).min(length as usize);
     let read = [around(&rows, height), around(&columns, width)];
     let start = [0, 1].map(|i| read[i].start as u64);
     let shape = [0, 1].map(|i| read[i].len() as u64);

@@ -130,7 +130,7 @@ impl Objects {
     }
 
     fn key(&self, key: &str) -> Key {
-        key.split('/').fold(self.below.clone(), |at, part| at.join(part))
+        key.split('/').fold(self.below.clone(), Key::join)
     }
 
     fn refusal(&self, error: &Error) -> Refusal {
@@ -174,9 +174,18 @@ impl Objects {
         self.note(1);
         let (store, below) = (self.store.clone(), self.below.clone());
         let prefix = below.clone();
-        let all = wait(async move { store.list(Some(&prefix)).try_collect::<Vec<_>>().await })?
-            .map_err(|e| self.refusal(&e))?;
-        let name = |key: &Key| Some(Key::from_iter(key.prefix_match(&below)?).to_string());
+        let list = async move {
+            let mut attempts = ATTEMPTS;
+            loop {
+                attempts -= 1;
+                match store.list(Some(&prefix)).try_collect::<Vec<_>>().await {
+                    Err(Error::Generic { .. }) if attempts > 0 => {}
+                    result => return result,
+                }
+            }
+        };
+        let all = wait(list)?.map_err(|e| self.refusal(&e))?;
+        let name = |key: &Key| Some(key.prefix_match(&below)?.collect::<Key>().to_string());
         let mut names: Vec<String> = all.iter().filter_map(|meta| name(&meta.location)).collect();
         names.sort_unstable();
         Ok(names)
@@ -213,7 +222,10 @@ async fn fetch(store: &dyn ObjectStore, key: &Key) -> Result<Option<Bytes>, Erro
             Err(e) => return Err(e),
         };
         if found.meta.size > LARGEST {
-            let source = format!("{key} has {} bytes, which no file of a store has", found.meta.size);
+            let source = format!(
+                "{key} has {} bytes, which no file of a store has",
+                found.meta.size
+            );
             return Err(Error::Generic {
                 store: "object",
                 source: source.into(),
@@ -273,7 +285,12 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
             format!("check its name, and {server} if the server is one of your own"),
         );
     }
-    if says(&["169.254.169.254", "metadata.google", "MissingCredential", "Account must be"]) {
+    if says(&[
+        "169.254.169.254",
+        "metadata.google",
+        "MissingCredential",
+        "Account must be",
+    ]) {
         return Refusal::new(
             "no credentials were found",
             format!("set {credentials}, or {public} for what is public"),
@@ -291,11 +308,18 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
             "use an object store (s3://, gs://, az://)",
         );
     }
-    if says(&["301 Moved", "PermanentRedirect", "AuthorizationHeaderMalformed", "bare redirect"]) {
+    if says(&[
+        "301 Moved",
+        "PermanentRedirect",
+        "AuthorizationHeaderMalformed",
+        "bare redirect",
+    ]) {
         return Refusal::new("the bucket is of another region", "set AWS_REGION to its region");
     }
-    if matches!(error, Error::Unauthenticated { .. } | Error::PermissionDenied { .. })
-        || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
+    if matches!(
+        error,
+        Error::Unauthenticated { .. } | Error::PermissionDenied { .. }
+    ) || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
     {
         return Refusal::new(
             "access is denied",
@@ -309,7 +333,10 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
         );
     }
     if says(&["timed out"]) {
-        return Refusal::new("the server did not answer in time", "try again, or check the network");
+        return Refusal::new(
+            "the server did not answer in time",
+            "try again, or check the network",
+        );
     }
     if says(&["error sending request", "Connect", "dns error", "connection"]) {
         return Refusal::new(

@@ -7,9 +7,7 @@ static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(M
 
 /// The object store in memory that addresses `memory://NAME/..` of tests lie in.
 pub(crate) fn memory(name: &str) -> Arc<InMemory> {
-    let mut stores = STORES
-        .lock()
-        .unwrap_or_else(std::sync::PoisonError::into_inner);
+    let mut stores = STORES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     stores.entry(name.to_owned()).or_default().clone()
 }
 
@@ -87,18 +85,41 @@ fn errors_say_what_is_to_be_done() {
         source: text.to_owned().into(),
     };
     for (text, scheme, what, mend) in [
-        ("404: <Code>NoSuchBucket</Code>", "s3", "no such bucket", "AWS_ENDPOINT"),
-        ("GET http://169.254.169.254/latest", "s3", "no credentials", "AWS_SKIP_SIGNATURE"),
-        ("MissingCredential", "az", "no credentials", "AZURE_STORAGE_ACCOUNT_NAME"),
+        (
+            "404: <Code>NoSuchBucket</Code>",
+            "s3",
+            "no such bucket",
+            "AWS_ENDPOINT",
+        ),
+        (
+            "GET http://169.254.169.254/latest",
+            "s3",
+            "no credentials",
+            "AWS_SKIP_SIGNATURE",
+        ),
+        (
+            "MissingCredential",
+            "az",
+            "no credentials",
+            "AZURE_STORAGE_ACCOUNT_NAME",
+        ),
         ("operation timed out", "gs", "in time", "network"),
         ("error sending request: tcp", "gs", "reached", "GOOGLE_BASE_URL"),
         ("error sending request: tcp", "https", "reached", "the address"),
-        ("403 <Code>SignatureDoesNotMatch</Code>", "s3", "denied", "AWS_SECRET_ACCESS_KEY"),
+        (
+            "403 <Code>SignatureDoesNotMatch</Code>",
+            "s3",
+            "denied",
+            "AWS_SECRET_ACCESS_KEY",
+        ),
         ("301 Moved Permanently", "s3", "another region", "AWS_REGION"),
         ("what\nnobody knows", "s3", "what nobody knows", "check"),
     ] {
         let told = refusal(scheme, &generic(text));
-        assert!(told.what.contains(what) && told.mend.contains(mend), "{text}: {told}");
+        assert!(
+            told.what.contains(what) && told.mend.contains(mend),
+            "{text}: {told}"
+        );
     }
 }
 
@@ -111,7 +132,9 @@ fn addresses_that_cannot_be_are_refused() {
         ("ftp://host/a", "s3://"),
     ] {
         let scheme = crate::place::scheme(Path::new(address)).expect("a scheme");
-        let told = Objects::open(scheme, Path::new(address)).expect_err("refused").to_string();
+        let told = Objects::open(scheme, Path::new(address))
+            .expect_err("refused")
+            .to_string();
         assert!(told.contains(word), "{address}: {told}");
     }
 }

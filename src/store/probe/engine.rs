@@ -134,7 +134,11 @@ fn gather(
     for (k, part) in boxes(inner).enumerate() {
         for (ahead, field) in ahead.iter_mut().zip(fields) {
             if *ahead == k {
-                let next: Vec<_> = boxes(inner).skip(k).take(AHEAD).map(|part| region(&part)).collect();
+                let next: Vec<_> = boxes(inner)
+                    .skip(k)
+                    .take(AHEAD)
+                    .map(|part| region(&part))
+                    .collect();
                 *ahead += slice.fetch_ahead(field, &next)?;
             }
         }

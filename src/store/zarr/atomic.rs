@@ -84,7 +84,9 @@ impl AtomicDirectory {
             None => Ok(self.root.join(file).is_file()),
             Some(remote) => {
                 // What the root's description does not have, and is asked for once.
-                let found = self.read(file).map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
+                let found = self
+                    .read(file)
+                    .map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
                 Ok(found.is_some_and(|bytes| remote.keep_description(file.to_owned(), bytes)))
             }
         }

@@ -36,9 +36,8 @@ impl Remote {
     /// Takes descriptions from that of the root.
     pub(super) fn describe(&self, root: &Value) {
         let metadata = root["consolidated_metadata"]["metadata"].as_object();
-        let file = |(node, json): (&String, &Value)| {
-            (format!("{node}/zarr.json"), Bytes::from(json.to_string()))
-        };
+        let file =
+            |(node, json): (&String, &Value)| (format!("{node}/zarr.json"), Bytes::from(json.to_string()));
         self.descriptions()
             .extend(metadata.into_iter().flatten().map(file));
     }
@@ -73,11 +72,7 @@ impl Remote {
     }
 
     /// See [`super::atomic::AtomicDirectory::fetch_ahead`].
-    pub(super) fn fetch_ahead(
-        &self,
-        keys: &[String],
-        manifest: Option<&Manifest>,
-    ) -> Result<usize, Refusal> {
+    pub(super) fn fetch_ahead(&self, keys: &[String], manifest: Option<&Manifest>) -> Result<usize, Refusal> {
         let (mut wanted, mut bytes, mut passed) = (vec![], 0, 0);
         for key in keys {
             let size = match manifest {

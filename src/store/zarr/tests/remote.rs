@@ -82,12 +82,19 @@ fn requests_are_few() {
     slice.read_all(Field::Mean).expect("reads");
     assert_eq!(requests(&store), opened + 1 + 3, "a row of three tiles is lit");
     let chunks: Vec<_> = slice.chunks(Field::StdError).expect("has it").collect();
-    assert_eq!(slice.fetch_ahead(Field::StdError, &chunks).expect("fetches"), chunks.len());
+    assert_eq!(
+        slice.fetch_ahead(Field::StdError, &chunks).expect("fetches"),
+        chunks.len()
+    );
     let fetched = requests(&store);
     for (start, shape) in &chunks {
         slice.read(Field::StdError, start, shape).expect("reads");
     }
-    assert_eq!(requests(&store), fetched, "what is fetched ahead is not fetched again");
+    assert_eq!(
+        requests(&store),
+        fetched,
+        "what is fetched ahead is not fetched again"
+    );
 }
 
 #[test]
@@ -125,13 +132,19 @@ fn damage_is_found() {
     assert_eq!(told(), "nothing");
     // Of a render that came later, everything but the manifest.
     let root = std::fs::read(folder.path().join("zarr.json")).expect("reads");
-    let later = String::from_utf8(root.clone()).expect("JSON").replace("abc", "abd");
+    let later = String::from_utf8(root.clone())
+        .expect("JSON")
+        .replace("abc", "abd");
     put(&objects, "a/out.zarr/zarr.json", later.into_bytes());
     assert!(told().contains("not what was written"), "{}", told());
     put(&objects, "a/out.zarr/zarr.json", root);
     put(&objects, "a/out.zarr/steady/mean/c.9.9", vec![1]);
     assert_eq!(faults().len(), 1);
-    put(&objects, "a/out.zarr/manifest.txt", b"sunstone manifest 1: 0 files\n".to_vec());
+    put(
+        &objects,
+        "a/out.zarr/manifest.txt",
+        b"sunstone manifest 1: 0 files\n".to_vec(),
+    );
     assert!(told().contains("manifest.txt is damaged"), "{}", told());
 }
 
@@ -142,12 +155,18 @@ fn what_is_not_finished_is_not_read() {
     let store = TensorStore::open(&address).expect("opens");
     assert!(!store.is_finished());
     let slice = store.slice("steady").expect("a slice");
-    assert!(matches!(slice.read_all(Field::Mean), Err(AccessError::Unfinished { .. })));
+    assert!(matches!(
+        slice.read_all(Field::Mean),
+        Err(AccessError::Unfinished { .. })
+    ));
     assert!(matches!(verify(&address), Err(OpenError::Unfinished { .. })));
     let partial = TensorStore::open_partial(&address).expect("opens");
     let values = partial.slice("steady").expect("a slice").read_all(Field::Mean);
     assert!(values.expect("reads").data.iter().all(|v| v.is_finite()));
     let nothing = PathBuf::from("memory://unfinished/b.zarr");
-    assert!(matches!(TensorStore::open(&nothing), Err(OpenError::Missing { .. })));
+    assert!(matches!(
+        TensorStore::open(&nothing),
+        Err(OpenError::Missing { .. })
+    ));
     assert!(matches!(verify(&nothing), Err(OpenError::Missing { .. })));
 }
