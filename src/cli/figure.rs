@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
 use sunstone::figure::{Drawing, FigureError, Format};
 use sunstone::figures::{self, FiguresError};
+use sunstone::store::place::is_address;
 
 /// Draw pictures of a store's slices, or figures from figure files: PNG, or SVG or PDF whose texts and lines are vectors.
 ///
@@ -161,9 +162,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&path.display().to_string())
 }
 
-/// Where the figures of a store go unless the user says otherwise.
+/// Where the figures of a store go unless the user says otherwise: beside it, or of one that is elsewhere, here.
 fn folder(store: &Path) -> PathBuf {
-    store.with_extension("figures")
+    let beside = store.with_extension("figures");
+    match beside.file_name() {
+        Some(name) if is_address(store) => PathBuf::from(name),
+        _ => beside,
+    }
 }
 
 /// Draws the figures that the scene lists, and prints where they are.

@@ -301,7 +301,12 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
     let layout = slice.field_layout(field).map_err(Failure::input)?.clone();
     let lanes = |shape: &[u64]| layout.find(AxisKind::Wavelength).map_or(1, |i| shape[i] as usize);
     let mut total = vec![0.0; lanes(&layout.shape())];
-    for (start, mut shape) in slice.chunks(field).map_err(Failure::input)? {
+    let chunks: Vec<_> = slice.chunks(field).map_err(Failure::input)?.collect();
+    let mut ahead = 0;
+    for (k, (start, mut shape)) in chunks.iter().cloned().enumerate() {
+        if k == ahead {
+            ahead += slice.fetch_ahead(field, &chunks[k..]).map_err(Failure::input)?;
+        }
         // Of the matrix, its first element alone: where a chunk has it.
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];
         let stokes: Vec<usize> = stokes.iter().filter_map(|k| layout.find(*k)).collect();

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use sunstone::matrices::{Matrices, MatricesError};
 use sunstone::polarimetry::capture::mueller_image::{ImageError, MuellerImage};
 use sunstone::store::denoised;
+use sunstone::store::place::is_address;
 use sunstone::store::probe::Selection;
 
 /// Where matrices are.
@@ -29,7 +30,7 @@ impl MatrixSource {
         if let Some(slice) = &self.slice {
             return self.stored(command, slice);
         }
-        if self.source.is_dir() {
+        if self.source.is_dir() || is_address(&self.source) {
             return Err(Failure::input(format!(
                 "{}: it is a store; name the slice, as in: sunstone {command} {0} polarimetric {rest}",
                 self.source.display(),

@@ -5,6 +5,7 @@ use super::failure::Failure;
 use std::path::{Component, Path, PathBuf};
 use sunstone::base::input::is_special;
 use sunstone::base::whole_file::is_same;
+use sunstone::store::place::is_address;
 
 /// Extensions of files that people know, none of which a folder or a store is named with by intent.
 const OF_FILES: [&str; 28] = [
@@ -106,7 +107,7 @@ fn check<'a>(
         if text == "-" {
             return refused("outputs are files; give one a name".into());
         }
-        if is_address(&text) {
+        if is_address(output) {
             return refused(
                 "it is an address, and only files of this machine are written; give a path".into(),
             );
@@ -147,16 +148,6 @@ fn check<'a>(
         }
     }
     Ok(())
-}
-
-/// Whether a text is an address as of a web page or a bucket: a scheme of at least two letters before `://`.
-fn is_address(text: &str) -> bool {
-    text.split_once("://").is_some_and(|(scheme, _)| {
-        scheme.len() > 1
-            && scheme
-                .chars()
-                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
-    })
 }
 
 /// Whether a real path lies in a store.

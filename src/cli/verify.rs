@@ -21,6 +21,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let (store, files) = (a.store.display(), found.files);
     if found.faults.is_empty() {
         let size = found.bytes as f64 / 1e6;
+        if let Some(refusal) = &found.unlisted {
+            eprintln!("note: what else lies there is not known: {refusal}");
+        }
         return super::output::print(&format!(
             "{store}: {}{files} files, {size:.1} MB, all as they were written",
             found

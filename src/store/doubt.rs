@@ -3,6 +3,8 @@
 use crate::zarr::{AccessError, StoredSlice};
 use serde_json::Value;
 use std::ops::Range;
+use tensor::array::Tensor;
+use tensor::axes::Axis;
 use tensor::doubt::{Doubt, doubtful};
 use tensor::field::Field;
 
@@ -22,16 +24,34 @@ pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<
     if !slice.has(Field::TotalStdError) {
         return Ok(None);
     }
-    let errors = slice.read_all(Field::TotalStdError)?;
-    let [height, width] = errors.shape()[..] else {
+    let layout = slice.field_layout(Field::TotalStdError)?;
+    let [height, width] = layout.shape()[..] else {
         return Ok(None);
     };
+    let [rows, columns] = pixels.unwrap_or([0..height as usize, 0..width as usize]);
+    // They and their neighbours, which alone tell of them.
+    let around =
+        |of: &Range<usize>, length: u64| of.start.saturating_sub(1)..(of.end + 1).min(length as usize);
+    let read = [around(&rows, height), around(&columns, width)];
+    let start = [0, 1].map(|i| read[i].start as u64);
+    let shape = [0, 1].map(|i| read[i].len() as u64);
+    let part = |i: usize| Axis {
+        coords: layout.axes[i].coords[read[i].clone()].to_vec(),
+        ..layout.axes[i].clone()
+    };
+    let errors = Tensor {
+        name: layout.name.clone(),
+        axes: vec![part(0), part(1)],
+        data: slice.read(Field::TotalStdError, &start, &shape)?,
+    };
+    let width = read[1].len();
+    let within = |of: &Range<usize>, read: &Range<usize>| of.start - read.start..of.end - read.start;
+    let (rows, columns) = (within(&rows, &read[0]), within(&columns, &read[1]));
     let single = slice
         .attributes()
         .get("pixels_per_element")
         .and_then(Value::as_u64);
     let marks = doubtful(&errors, single == Some(1));
-    let [rows, columns] = pixels.unwrap_or([0..height, 0..width]);
     let mut all = Doubt::default();
     for row in rows {
         let part = row * width + columns.start..row * width + columns.end;

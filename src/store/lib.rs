@@ -9,6 +9,9 @@ pub mod exr;
 pub mod merge;
 pub mod npz_layers;
 pub mod numpy;
+#[cfg(feature = "object-stores")]
+mod objects;
+pub mod place;
 pub mod probe;
 pub mod sink;
 pub mod zarr;

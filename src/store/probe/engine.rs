@@ -13,6 +13,9 @@ use tensor::region;
 /// Room for more sums than this is tried first.
 const LARGE: usize = 1 << 25;
 
+/// Boxes that are fetched ahead at once, at most.
+const AHEAD: usize = 64;
+
 /// Half-open ranges of entries, one per axis.
 type Ranges = Vec<(usize, usize)>;
 
@@ -123,10 +126,24 @@ fn gather(
         mean: zeros(pixels, rest)?,
         bound: zeros(pixels, rest)?,
     };
-    for part in boxes(inner) {
+    let region = |part: &Ranges| -> (Vec<u64>, Vec<u64>) {
+        let ranges = block.iter().chain(part);
+        ranges.map(|r| (r.0 as u64, (r.1 - r.0) as u64)).unzip()
+    };
+    let mut ahead = [0; 2];
+    for (k, part) in boxes(inner).enumerate() {
+        for (ahead, field) in ahead.iter_mut().zip(fields) {
+            if *ahead == k {
+                let next: Vec<_> = boxes(inner)
+                    .skip(k)
+                    .take(AHEAD)
+                    .map(|part| region(&part))
+                    .collect();
+                *ahead += slice.fetch_ahead(field, &next)?;
+            }
+        }
         let ranges: Ranges = block.iter().chain(&part).copied().collect();
-        let start: Vec<u64> = ranges.iter().map(|r| r.0 as u64).collect();
-        let shape: Vec<u64> = ranges.iter().map(|r| (r.1 - r.0) as u64).collect();
+        let (start, shape) = region(&part);
         let (tail, run) = tail(plan, block.len(), &ranges);
         let walk = Walk {
             targets: targets(plan, block, &ranges, rest).drain(..tail).collect(),

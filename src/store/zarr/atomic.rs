@@ -1,13 +1,19 @@
-//! A directory as Zarr storage in which every file appears whole or not at all.
+//! A place as Zarr storage in which every file appears whole or not at all: a directory, or the objects below an address.
 //!
-//! Values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
+//! In a directory values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
 //! never see and [`AtomicDirectory::remove_leftovers`] deletes.
 
+use super::describe;
+use super::error::OpenError;
 use super::manifest::{Entry, Manifest};
+use super::remote::Remote;
+use crate::place::Place;
 use base::whole_file;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+
+use serde_json::Value;
 
 use zarrs::storage::byte_range::{ByteRangeIterator, InvalidByteRangeError};
 use zarrs::storage::{
@@ -15,10 +21,12 @@ use zarrs::storage::{
     StoreKey, StorePrefix, WritableStorageTraits, store_set_partial_many,
 };
 
-/// Zarr storage in a directory with atomic replacement of files.
+/// Zarr storage in a directory with atomic replacement of files, or below an address.
 #[derive(Debug)]
 pub(super) struct AtomicDirectory {
     root: PathBuf,
+    /// None for a directory.
+    remote: Option<Remote>,
     /// What the files of a finished store are; every file that is read must be as it says.
     manifest: Option<Manifest>,
 }
@@ -28,7 +36,21 @@ impl AtomicDirectory {
     pub(super) fn new(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
+            remote: None,
             manifest: None,
+        }
+    }
+
+    /// Storage at a place, and what files are there if it is that of a finished store.
+    pub(super) fn at(root: &Path, place: Place, manifest: Option<Manifest>) -> Self {
+        let remote = match place {
+            Place::Folder(_) => None,
+            Place::Objects(objects) => Some(Remote::new(objects)),
+        };
+        Self {
+            root: root.to_owned(),
+            remote,
+            manifest,
         }
     }
 
@@ -36,12 +58,86 @@ impl AtomicDirectory {
     pub(super) fn finished(root: &Path, manifest: Manifest) -> Self {
         Self {
             root: root.to_owned(),
+            remote: None,
             manifest: Some(manifest),
         }
     }
 
+    /// What is below an address; `None` of a directory.
+    pub(super) fn remote(&self) -> Option<&Remote> {
+        self.remote.as_ref()
+    }
+
+    /// Whether a group or an array is there.
+    pub(super) fn has_node(&self, node: &str) -> bool {
+        match &self.remote {
+            None => self.root.join(node).is_dir(),
+            Some(remote) => remote.has_description(node, self.manifest.as_ref()),
+        }
+    }
+
+    /// Whether there is a description of a group or an array, such as `/steady/mean`.
+    pub(super) fn has_description(&self, node: &str) -> Result<bool, OpenError> {
+        let file = format!("{node}/zarr.json");
+        let file = file.trim_start_matches('/');
+        match &self.remote {
+            None => Ok(self.root.join(file).is_file()),
+            Some(remote) => {
+                // What the root's description does not have, and is asked for once.
+                let found = self
+                    .read(file)
+                    .map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
+                Ok(found.is_some_and(|bytes| remote.keep_description(file.to_owned(), bytes)))
+            }
+        }
+    }
+
+    /// Reads a description below the root as JSON.
+    pub(super) fn json(&self, file: &str) -> Result<Value, OpenError> {
+        let path = self.root.join(file);
+        if self.remote.is_none() {
+            return describe::read_json(&path);
+        }
+        match self.read(file).map_err(|e| OpenError::of_read(&path, &e))? {
+            Some(bytes) => describe::parse_json(&path, &bytes),
+            None => Err(OpenError::Damaged {
+                path,
+                reason: "it is missing".into(),
+            }),
+        }
+    }
+
+    /// Gets files that are about to be read, beside each other, so far as they take time to come: of the first ones, as many as
+    /// should be held at once. Says how many these were.
+    pub(super) fn fetch_ahead(&self, keys: &[String]) -> io::Result<usize> {
+        match &self.remote {
+            None => Ok(keys.len()),
+            Some(remote) => Ok(remote.fetch_ahead(keys, self.manifest.as_ref())?),
+        }
+    }
+
+    /// Reads a file and holds it against the manifest.
+    pub(super) fn read(&self, key: &str) -> io::Result<Option<Bytes>> {
+        let bytes = match &self.remote {
+            None => Place::read_file(&self.root.join(key))?,
+            Some(remote) => {
+                if let Some(description) = remote.description(key) {
+                    // A part of the root's description, which has been held against the manifest.
+                    return Ok(Some(description));
+                }
+                // What is no part of a finished store is not asked for.
+                if self.manifest.as_ref().is_some_and(|m| !m.0.contains_key(key)) {
+                    return Ok(None);
+                }
+                remote.get(key)?
+            }
+        };
+        self.check(key, bytes.as_deref())?;
+        Ok(bytes)
+    }
+
     /// Refuses a file that is not what the manifest says, `None` being no file.
-    fn check(&self, path: &str, bytes: Option<&[u8]>) -> Result<(), StorageError> {
+    fn check(&self, path: &str, bytes: Option<&[u8]>) -> io::Result<()> {
         let Some(manifest) = &self.manifest else {
             return Ok(());
         };
@@ -52,7 +148,7 @@ impl AtomicDirectory {
             (Some(_), None) => "it is lost: its file is missing",
             (None, Some(_)) => "it was not there when the store was finished",
         };
-        Err(io::Error::other(reason).into())
+        Err(io::Error::other(reason))
     }
 
     /// Whether the manifest has a file; `None` without a manifest.
@@ -104,13 +200,7 @@ fn remove_if_present(path: &Path) -> io::Result<()> {
 
 impl ReadableStorageTraits for AtomicDirectory {
     fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        let bytes = match base::input::read(&self.file(key)) {
-            Ok(bytes) => Some(bytes),
-            Err(e) if e.kind() == ErrorKind::NotFound => None,
-            Err(e) => return Err(e.into()),
-        };
-        self.check(key.as_str(), bytes.as_deref())?;
-        Ok(bytes.map(Bytes::from))
+        Ok(self.read(key.as_str())?)
     }
 
     fn get_partial_many<'a>(
@@ -133,6 +223,9 @@ impl ReadableStorageTraits for AtomicDirectory {
     }
 
     fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
+        if self.remote.is_some() {
+            return Ok(self.read(key.as_str())?.map(|bytes| bytes.len() as u64));
+        }
         match fs::metadata(self.file(key)) {
             Ok(meta) => Ok(Some(meta.len())),
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),

@@ -22,7 +22,6 @@ use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
 use super::sparse_frame::{self, Content};
-use super::zstd_frame::frame_content;
 use tensor::region::{self, Window};
 use tensor::sink::STRETCH;
 
@@ -143,7 +142,7 @@ impl<T: Number> ChunkedArray<T> {
             path: path.clone(),
             reason,
         };
-        if !path.join("zarr.json").is_file() {
+        if !storage.has_description(node)? {
             return Err(damaged("its description zarr.json is missing".into()));
         }
         let array = Array::open(storage.clone(), node).map_err(|e| damaged(e.to_string()))?;
@@ -340,7 +339,13 @@ impl<T: Number> ChunkedArray<T> {
     /// The values of a region, row-major.
     pub(super) fn read(&self, start: &[u64], shape: &[u64]) -> Result<Vec<T>, AccessError> {
         let mut values = self.zeros(self.check(start, shape)?)?;
+        let keys = self.keys_ahead(start, shape)?;
+        let (mut at, mut ahead) = (0, 0);
         self.for_chunks(start, shape, |index, from, size, origin, _| {
+            if at == ahead && ahead < keys.len() {
+                ahead += self.fetch_ahead(&keys[at..], index)?;
+            }
+            at += 1;
             if let Some(chunk) = self.read_chunk(index)? {
                 let inner = difference(from, origin);
                 let outer = difference(from, start);
@@ -353,6 +358,40 @@ impl<T: Number> ChunkedArray<T> {
             Ok(())
         })?;
         Ok(values)
+    }
+
+    /// Files of the chunks that a region touches, in the order in which they are read, where they are worth fetching ahead.
+    pub(super) fn keys_ahead(&self, start: &[u64], shape: &[u64]) -> Result<Vec<String>, AccessError> {
+        let mut keys = vec![];
+        if self.array.storage().remote().is_some() {
+            self.for_chunks(start, shape, |index, _, _, _, _| {
+                keys.push(self.array.chunk_key(index).as_str().to_owned());
+                Ok(())
+            })?;
+        }
+        Ok(keys)
+    }
+
+    /// Fetches the first ones of these files ahead, `index` being the first one's, and says how many.
+    pub(super) fn fetch_ahead(&self, keys: &[String], index: &[u64]) -> Result<usize, AccessError> {
+        let fetched = self.array.storage().fetch_ahead(keys);
+        fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
+    }
+
+    /// Fetches the files of the first ones of several regions ahead, and says of how many regions.
+    pub(super) fn fetch_regions(&self, regions: &[(Vec<u64>, Vec<u64>)]) -> Result<usize, AccessError> {
+        if self.array.storage().remote().is_none() {
+            return Ok(regions.len());
+        }
+        let mut keys = vec![];
+        let mut ends = vec![];
+        for (start, shape) in regions {
+            self.check(start, shape)?;
+            keys.extend(self.keys_ahead(start, shape)?);
+            ends.push(keys.len());
+        }
+        let fetched = self.fetch_ahead(&keys, &[])?;
+        Ok(ends.iter().filter(|end| **end <= fetched).count().max(1))
     }
 
     /// Writes a region, row-major. Other elements of the chunks it touches keep their values. For `touched` see
@@ -432,20 +471,16 @@ impl<T: Number> ChunkedArray<T> {
             cause,
         };
         let key = self.array.chunk_key(index);
-        let Some(bytes) = self
-            .array
-            .storage()
-            .get(&key)
-            .map_err(|e| failed(e.to_string()))?
-        else {
+        let read = self.array.storage().read(key.as_str());
+        let Some(bytes) = read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))? else {
             return Ok(None);
         };
         let elements = self.chunk.iter().product::<u64>() as usize;
         let expected = (elements * size_of::<T>()) as u64;
         let declared = match self.coding {
             Coding::Plain => Some(bytes.len() as u64),
-            Coding::Frame => frame_content(&bytes),
-            Coding::SealedFrame => frame_content(&bytes[..bytes.len().saturating_sub(SEAL)]),
+            Coding::Frame => sparse_frame::content_size(&bytes),
+            Coding::SealedFrame => sparse_frame::content_size(&bytes[..bytes.len().saturating_sub(SEAL)]),
         };
         if declared != Some(expected) {
             let found = declared.map_or("no complete Zstandard frame".into(), |n| format!("{n} bytes"));

@@ -63,11 +63,16 @@ pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
         path: path.to_owned(),
         reason: e.to_string(),
     })?;
+    parse_json(path, &bytes)
+}
+
+/// The JSON of a `zarr.json`.
+pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
     let damaged = |reason: String| OpenError::Damaged {
         path: path.to_owned(),
         reason,
     };
-    match serde_json::from_slice(&bytes) {
+    match serde_json::from_slice(bytes) {
         // What reads or changes a description does so by its keys.
         Ok(object @ Value::Object(_)) => Ok(object),
         Ok(_) => Err(damaged("it is no JSON object".into())),
@@ -248,6 +253,9 @@ pub(super) fn read_layout(
             mean.shape().len()
         )));
     }
+    let coordinates: Vec<String> = names.iter().map(|n| format!("{slice}/{n}/c.0")).collect();
+    let fetched = storage.fetch_ahead(&coordinates);
+    fetched.map_err(|e| OpenError::of_read(mean.path(), &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {
         let kind =
@@ -278,11 +286,7 @@ pub(super) fn read_layout(
         axes,
         time: start.zip(bin),
         // Stores of earlier versions have none.
-        totals: storage
-            .root()
-            .join(slice)
-            .join(Field::TotalStdError.name())
-            .is_dir(),
+        totals: storage.has_node(&format!("{slice}/{}", Field::TotalStdError.name())),
     };
     match check::time_fault(&layout) {
         Some(reason) => Err(damaged(reason)),

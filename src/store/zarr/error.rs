@@ -1,5 +1,6 @@
 //! What can go wrong with a store, one enum per kind of operation. Every message names the path and the mend.
 
+use crate::place::Refusal;
 use base::lock::LockError;
 use std::path::{Path, PathBuf};
 use tensor::part::Part;
@@ -67,6 +68,24 @@ impl CreateError {
 }
 
 impl OpenError {
+    pub(super) fn remote(path: &Path, refusal: Refusal) -> Self {
+        Self::Remote {
+            path: path.to_owned(),
+            refusal,
+        }
+    }
+
+    /// The error of a file that is a part of a store's description.
+    pub(super) fn of_read(path: &Path, error: &std::io::Error) -> Self {
+        match Refusal::in_io(error) {
+            Some(refusal) => Self::remote(path, refusal.clone()),
+            None => Self::Damaged {
+                path: path.to_owned(),
+                reason: error.to_string(),
+            },
+        }
+    }
+
     pub(super) fn locked(path: &Path, error: LockError) -> Self {
         let path = path.to_owned();
         match error {
@@ -127,6 +146,14 @@ pub enum OpenError {
     Unfinished {
         /// The store.
         path: PathBuf,
+    },
+    /// An object store refused, or could not be asked.
+    #[error("cannot open {path}: {refusal}")]
+    Remote {
+        /// The store.
+        path: PathBuf,
+        /// The refusal, with its mend.
+        refusal: Refusal,
     },
     /// A file could not be read, or a leftover could not be removed.
     #[error("cannot open {path}: {cause}; check its permissions")]
@@ -215,6 +242,16 @@ pub enum AccessError {
         /// What was found.
         cause: String,
     },
+    /// An object store refused a chunk, or could not be asked.
+    #[error("chunk {chunk:?} of {path} cannot be read: {refusal}")]
+    Remote {
+        /// The array.
+        path: PathBuf,
+        /// Index of the chunk in the chunk grid.
+        chunk: Vec<u64>,
+        /// The refusal, with its mend.
+        refusal: Refusal,
+    },
     /// A file could not be written.
     #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
     Write {
@@ -233,6 +270,23 @@ impl AccessError {
         match part {
             Some(part) => Self::Part { path, part },
             None => Self::Unfinished { path },
+        }
+    }
+
+    /// The error of a chunk's file.
+    pub(super) fn of_chunk(path: &Path, chunk: &[u64], error: &std::io::Error) -> Self {
+        let (path, chunk) = (path.to_owned(), chunk.to_vec());
+        match Refusal::in_io(error) {
+            Some(refusal) => Self::Remote {
+                path,
+                chunk,
+                refusal: refusal.clone(),
+            },
+            None => Self::Chunk {
+                path,
+                chunk,
+                cause: error.to_string(),
+            },
         }
     }
 

@@ -5,6 +5,7 @@
 //! (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
 
 use super::error::OpenError;
+use crate::place::{Objects, Place};
 use base::whole_file;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -75,6 +76,11 @@ impl Entry {
     }
 }
 
+/// Whether a file that is found below a store's root is to be in its manifest: not the manifests, the journal and temporary files.
+pub(super) fn is_part(path: &str) -> bool {
+    path != FILE && path != OF_PART && !path.rsplit('/').next().is_some_and(|name| name.starts_with('.'))
+}
+
 /// Paths of all files below a folder, sorted, but for those that are no part of a store: the manifest, the journal and
 /// temporary files.
 pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
@@ -93,7 +99,7 @@ pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
                 if depth < DEEPEST {
                     folders.push((path, depth + 1));
                 }
-            } else if !name.starts_with('.') && path != FILE && path != OF_PART {
+            } else if is_part(&path) {
                 found.push(path);
             }
         }
@@ -134,6 +140,23 @@ impl Manifest {
             }
         }
         Ok(())
+    }
+
+    /// Reads the manifest of what lies at `place`, which `root` names; `None` where there is none.
+    pub(super) fn read_at(place: &Place, root: &Path) -> Result<Option<Self>, OpenError> {
+        match place {
+            Place::Folder(root) => Self::read(root),
+            Place::Objects(objects) => Self::of_objects(objects, root),
+        }
+    }
+
+    /// [`Self::read`] below an address.
+    pub(super) fn of_objects(objects: &Objects, root: &Path) -> Result<Option<Self>, OpenError> {
+        let Some(bytes) = objects.get(FILE).map_err(|e| OpenError::remote(root, e))? else {
+            return Ok(None);
+        };
+        let manifest = std::str::from_utf8(&bytes).ok().and_then(parse);
+        manifest.map(Some).ok_or_else(|| damaged(root.join(FILE)))
     }
 
     /// Reads the manifest; `None` where there is none, because the store is not finished.

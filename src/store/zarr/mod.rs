@@ -23,10 +23,11 @@ mod layers;
 mod manifest;
 mod part;
 mod partial;
+mod remote;
+mod samples;
 mod slice;
 mod sparse_frame;
 mod verify;
-mod zstd_frame;
 
 use base::lock::Lock;
 use base::{staging, whole_file};
@@ -41,6 +42,7 @@ use self::build::{build, check_slices};
 use self::chunked::ChunkedArray;
 use self::manifest::Manifest;
 use self::partial::Values;
+use crate::place::Place;
 use tensor::axes::SliceLayout;
 use tensor::part::Part;
 
@@ -186,11 +188,14 @@ impl TensorStore {
     /// # Errors
     /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
-        let manifest = Manifest::read(path)?;
-        match manifest {
-            Some(manifest) => Self::over(AtomicDirectory::finished(path, manifest), State::Finished, None),
-            None => Self::over(AtomicDirectory::new(path), State::Unfinished, None),
-        }
+        let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
+        let manifest = Manifest::read_at(&place, path)?;
+        let state = if manifest.is_some() {
+            State::Finished
+        } else {
+            State::Unfinished
+        };
+        Self::over(AtomicDirectory::at(path, place, manifest), state, None)
     }
 
     /// Opens a store to read what there is of it: as [`TensorStore::open`], but values of an unfinished store that are not
@@ -213,7 +218,11 @@ impl TensorStore {
     fn over(storage: AtomicDirectory, state: State, lock: Option<Lock>) -> Result<Self, OpenError> {
         let storage = Arc::new(storage);
         let path = storage.root();
-        if !path.exists() {
+        let missing = match storage.remote() {
+            None => !path.exists(),
+            Some(_) => !storage.has_description("")? && state != State::Finished,
+        };
+        if missing {
             return Err(OpenError::Missing {
                 path: path.to_owned(),
             });
@@ -222,10 +231,13 @@ impl TensorStore {
             path: path.to_owned(),
             reason: reason.into(),
         };
-        if !path.join("zarr.json").is_file() {
+        if !storage.has_description("")? {
             return Err(not_a_store("it has no zarr.json"));
         }
-        let json = describe::read_json(&path.join("zarr.json"))?;
+        let json = storage.json("zarr.json")?;
+        if let Some(remote) = storage.remote() {
+            remote.describe(&json);
+        }
         let names = describe::slice_names_of(&json)
             .ok_or_else(|| not_a_store("its zarr.json has no list of slices"))?;
         let mut attributes = describe::attributes_of(&json).unwrap_or_default();
@@ -236,7 +248,7 @@ impl TensorStore {
                 reason,
             });
         }
-        let samples = if path.join("samples").is_dir() {
+        let samples = if storage.has_node("samples") {
             let array = ChunkedArray::<u32>::open(&storage, "/samples")?;
             if let Some(reason) = check::samples_fault(array.shape(), array.chunk()) {
                 return Err(OpenError::Damaged {
@@ -282,7 +294,10 @@ impl TensorStore {
     /// True if all of it was written, to the manifest.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.path().join(manifest::FILE).is_file()
+        match self.storage.remote() {
+            None => self.path().join(manifest::FILE).is_file(),
+            Some(_) => self.state == State::Finished,
+        }
     }
 
     /// Which part of a render it is; `None` of a whole one.
@@ -326,9 +341,13 @@ impl TensorStore {
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let name = part::manifest_of(&self.attributes());
-        match base::input::read(&self.path().join(name)) {
-            Ok(bytes) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
-            Err(_) => format!("unfinished {:?}", std::time::SystemTime::now()),
+        let read = match self.storage.remote() {
+            None => Place::read_file(&self.path().join(name)),
+            Some(remote) => remote.objects().get(name).map_err(std::io::Error::from),
+        };
+        match read {
+            Ok(Some(bytes)) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
+            _ => format!("unfinished {:?}", std::time::SystemTime::now()),
         }
     }
 
@@ -394,36 +413,6 @@ impl TensorStore {
         describe::set_root_attributes(self.path(), &attributes)?;
         *held = attributes;
         Ok(())
-    }
-
-    /// Shape (rows, columns) and chunk (rows, columns) of the sample counts, `None` if the store keeps none.
-    #[must_use]
-    pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
-        let array = self.samples.as_ref()?;
-        let pair = |v: &[u64]| [v[0], v[1]];
-        Some((pair(array.shape()), pair(array.chunk())))
-    }
-
-    fn samples(&self) -> Result<&Arc<ChunkedArray<u32>>, AccessError> {
-        self.samples.as_ref().ok_or_else(|| AccessError::NoSamples {
-            path: self.path().to_owned(),
-        })
-    }
-
-    /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
-    ///
-    /// # Errors
-    /// If the store keeps none, the region lies outside, or the file system refuses.
-    pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
-        self.samples()?.write(&start, &shape, counts, None)
-    }
-
-    /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
-    ///
-    /// # Errors
-    /// If the store keeps none, the region lies outside, or a chunk is damaged.
-    pub fn read_samples(&self, start: [u64; 2], shape: [u64; 2]) -> Result<Vec<u32>, AccessError> {
-        self.samples()?.read(&start, &shape)
     }
 
     /// Brings the consolidated metadata up to date, removes leftovers and writes the manifest. Call it once all is written.

@@ -50,7 +50,7 @@ impl StoredSlice {
             path: group.clone(),
             reason,
         };
-        let attributes = describe::attributes_of(&describe::read_json(&group)?)
+        let attributes = describe::attributes_of(&storage.json(&format!("{name}/zarr.json"))?)
             .ok_or_else(|| damaged("its attributes are no table".into()))?;
         let mean = ChunkedArray::<f32>::open(storage, &format!("/{name}/mean"))?;
         let layout = describe::read_layout(storage, name, &mean, &attributes)?;
@@ -186,6 +186,15 @@ impl StoredSlice {
     /// If the slice does not have the field, the chunk is damaged or lost, or the file system refuses.
     pub(crate) fn copy_chunk(&self, field: Field, start: &[u64], from: &Self) -> Result<(), AccessError> {
         self.field(field)?.1.copy(start, &from.field(field)?.1)
+    }
+
+    /// Gets regions, given as first index and shape, that are about to be read one by one, beside each other where their files take
+    /// time to come. Says how many of them have been got, at least one: with the others it is to be asked again once those are read.
+    ///
+    /// # Errors
+    /// If the slice does not have the field, a region lies outside of it, or an object store refuses.
+    pub fn fetch_ahead(&self, field: Field, regions: &[(Vec<u64>, Vec<u64>)]) -> Result<usize, AccessError> {
+        self.field(field)?.1.fetch_regions(regions)
     }
 
     /// Reads a region given as first index and shape, row-major.

@@ -565,3 +565,6 @@ fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
     let all = slice.read_all(Field::Mean).unwrap().data;
     assert_eq!(all.iter().filter(|v| **v != 0.0).count(), values.len());
 }
+
+#[cfg(feature = "object-stores")]
+mod remote;

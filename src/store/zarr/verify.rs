@@ -3,10 +3,14 @@
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
 use super::part;
+use crate::place::{Objects, Place, Refusal};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use tensor::part::Part;
+
+/// Objects that are held at once.
+const BATCH: usize = 64;
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -19,6 +23,8 @@ pub struct Verified {
     pub part: Option<Part>,
     /// What is not as it was written, a line each, by path.
     pub faults: Vec<String>,
+    /// Why nothing is known of files that are no part of the store, where its place cannot be listed, as a plain web server.
+    pub unlisted: Option<Refusal>,
 }
 
 /// Reads every file of a store, or of a part of a render, and compares it with the manifest.
@@ -26,6 +32,10 @@ pub struct Verified {
 /// # Errors
 /// [`OpenError`] if there is no store, it is not finished, or its manifest is damaged. Damage of other files is in the answer.
 pub fn verify(path: &Path) -> Result<Verified, OpenError> {
+    let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
+    if let Place::Objects(objects) = &place {
+        return verify_objects(path, objects);
+    }
     if !path.is_dir() {
         return Err(OpenError::Missing {
             path: path.to_owned(),
@@ -53,27 +63,70 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
         path: path.to_owned(),
         cause: e.to_string(),
     })?;
-    let mut faults: BTreeSet<String> = entries
+    let faults: BTreeSet<String> = entries
         .par_iter()
-        .filter_map(|(name, entry)| Some(format!("{name}: {}", fault(path, name, *entry)?)))
+        .filter_map(|(name, entry)| {
+            let told = match Place::read_file(&path.join(name)) {
+                Ok(bytes) => fault(name, bytes.as_deref(), *entry)?,
+                Err(e) => format!("cannot be read: {e}"),
+            };
+            Some(format!("{name}: {told}"))
+        })
         .collect();
-    let foreign = found.iter().filter(|name| !entries.contains_key(*name));
-    faults.extend(foreign.map(|name| format!("{name}: no part of the store when it was finished")));
     Ok(Verified {
-        files: entries.len(),
-        bytes: entries.values().map(|e| e.size).sum(),
         part,
-        faults: faults.into_iter().collect(),
+        ..verified(&entries, faults, &found)
     })
 }
 
-fn fault(root: &Path, name: &str, entry: Entry) -> Option<String> {
-    let bytes = match base::input::read(&root.join(name)) {
-        Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Some("is missing".into()),
-        Err(e) => return Some(format!("cannot be read: {e}")),
+/// [`verify`] below an address, where requests that are refused end it.
+fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError> {
+    let refused = |e| OpenError::remote(path, e);
+    let Some(Manifest(entries)) = Manifest::of_objects(objects, path)? else {
+        let path = path.to_owned();
+        return Err(match objects.get("zarr.json").map_err(refused)? {
+            Some(_) => OpenError::Unfinished { path },
+            None => OpenError::Missing { path },
+        });
     };
-    let found = Entry::of(name, &bytes);
+    let mut names: Vec<String> = entries.keys().cloned().collect();
+    names.sort_unstable();
+    let mut faults = BTreeSet::new();
+    for batch in names.chunks(BATCH) {
+        let found = objects.get_many(batch).map_err(refused)?;
+        for (name, bytes) in batch.iter().zip(found) {
+            let told = fault(name, bytes.as_deref(), entries[name]);
+            faults.extend(told.map(|told| format!("{name}: {told}")));
+        }
+    }
+    let (found, unlisted) = match objects.list() {
+        Ok(found) => (found, None),
+        Err(refusal) => (vec![], Some(refusal)),
+    };
+    let found: Vec<String> = found.into_iter().filter(|name| manifest::is_part(name)).collect();
+    Ok(Verified {
+        unlisted,
+        ..verified(&entries, faults, &found)
+    })
+}
+
+fn verified(entries: &HashMap<String, Entry>, mut faults: BTreeSet<String>, found: &[String]) -> Verified {
+    let foreign = found.iter().filter(|name| !entries.contains_key(*name));
+    faults.extend(foreign.map(|name| format!("{name}: no part of the store when it was finished")));
+    Verified {
+        files: entries.len(),
+        bytes: entries.values().map(|e| e.size).sum(),
+        part: None,
+        faults: faults.into_iter().collect(),
+        unlisted: None,
+    }
+}
+
+fn fault(name: &str, bytes: Option<&[u8]>, entry: Entry) -> Option<String> {
+    let Some(bytes) = bytes else {
+        return Some("is missing".into());
+    };
+    let found = Entry::of(name, bytes);
     if found.size != entry.size {
         return Some(format!("has {} bytes instead of {}", found.size, entry.size));
     }

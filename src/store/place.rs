@@ -1,0 +1,133 @@
+//! Where a store lies: in a folder, or below an address of an object store (`s3://`, `gs://`, `az://`, `http(s)://`).
+//!
+//! A path that begins with a scheme is an address; everything else is a folder. What an object store refuses is told by
+//! [`Refusal`], which travels as the inner error of an [`io::Error`] through what knows files alone.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use zarrs::storage::Bytes;
+
+#[cfg(feature = "object-stores")]
+pub(crate) use crate::objects::Objects;
+
+/// What an object store refused, or why it could not be asked, and the mend.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}; {mend}")]
+pub struct Refusal {
+    /// What was refused.
+    pub what: String,
+    /// How to mend it.
+    pub mend: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self {
+            what: what.into(),
+            mend: mend.into(),
+        }
+    }
+
+    /// The refusal that an error of reading carries, if it is one.
+    pub(crate) fn in_io(error: &io::Error) -> Option<&Self> {
+        error.get_ref()?.downcast_ref()
+    }
+}
+
+impl From<Refusal> for io::Error {
+    fn from(refusal: Refusal) -> Self {
+        Self::other(refusal)
+    }
+}
+
+/// The scheme of an address as of a web page or a bucket, at least two letters before `://`; `None` for a path.
+#[must_use]
+pub fn scheme(path: &Path) -> Option<&str> {
+    let (scheme, _) = path.to_str()?.split_once("://")?;
+    let plain = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
+    (scheme.len() > 1 && scheme.chars().all(plain)).then_some(scheme)
+}
+
+/// Whether a path is an address, and no file or folder of this machine.
+#[must_use]
+pub fn is_address(path: &Path) -> bool {
+    scheme(path).is_some()
+}
+
+/// A place of a store.
+#[derive(Debug)]
+pub(crate) enum Place {
+    Folder(PathBuf),
+    Objects(Objects),
+}
+
+impl Place {
+    /// The place that a path or an address names; nothing is asked yet.
+    pub(crate) fn of(path: &Path) -> Result<Self, Refusal> {
+        match scheme(path) {
+            None => Ok(Self::Folder(path.to_owned())),
+            Some(scheme) => Ok(Self::Objects(Objects::open(scheme, path)?)),
+        }
+    }
+
+    /// Reads a file of this machine whole; `None` where there is none.
+    pub(crate) fn read_file(path: &Path) -> io::Result<Option<Bytes>> {
+        match base::input::read(path) {
+            Ok(bytes) => Ok(Some(bytes.into())),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(e),
+        }
+    }
+}
+
+/// Object stores, in a build without them.
+#[cfg(not(feature = "object-stores"))]
+#[derive(Debug)]
+pub(crate) enum Objects {}
+
+#[cfg(not(feature = "object-stores"))]
+impl Objects {
+    pub(crate) fn open(scheme: &str, _: &Path) -> Result<Self, Refusal> {
+        Err(Refusal::new(
+            format!("this program was built without object stores, and reads no {scheme}://"),
+            "build it with the feature `object-stores`, or copy the store to a folder",
+        ))
+    }
+
+    pub(crate) fn get(&self, _: &str) -> Result<Option<Bytes>, Refusal> {
+        match *self {}
+    }
+
+    pub(crate) fn get_many(&self, _: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
+        match *self {}
+    }
+
+    pub(crate) fn list(&self) -> Result<Vec<String>, Refusal> {
+        match *self {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_told_from_paths() {
+        for (text, found) in [
+            ("s3://bucket/a.zarr", Some("s3")),
+            ("https://host/a.zarr", Some("https")),
+            ("a.zarr", None),
+            ("/tmp/s3:/a", None),
+            ("c://a", None),
+            ("out/s3://a", None),
+        ] {
+            assert_eq!(scheme(Path::new(text)), found, "{text}");
+        }
+    }
+
+    #[test]
+    fn schemes_that_are_not_known_are_refused() {
+        let refusal = Place::of(Path::new("ftp://host/a.zarr")).expect_err("refused");
+        assert!(refusal.to_string().contains("ftp://"), "{refusal}");
+    }
+}

@@ -1,0 +1,38 @@
+//! Sample counts per camera pixel of a store.
+
+use super::TensorStore;
+use super::chunked::ChunkedArray;
+use super::error::AccessError;
+use std::sync::Arc;
+
+impl TensorStore {
+    /// Shape (rows, columns) and chunk (rows, columns) of the sample counts, `None` if the store keeps none.
+    #[must_use]
+    pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
+        let array = self.samples.as_ref()?;
+        let pair = |v: &[u64]| [v[0], v[1]];
+        Some((pair(array.shape()), pair(array.chunk())))
+    }
+
+    pub(super) fn samples(&self) -> Result<&Arc<ChunkedArray<u32>>, AccessError> {
+        self.samples.as_ref().ok_or_else(|| AccessError::NoSamples {
+            path: self.path().to_owned(),
+        })
+    }
+
+    /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
+    ///
+    /// # Errors
+    /// If the store keeps none, the region lies outside, or the file system refuses.
+    pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
+        self.samples()?.write(&start, &shape, counts, None)
+    }
+
+    /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
+    ///
+    /// # Errors
+    /// If the store keeps none, the region lies outside, or a chunk is damaged.
+    pub fn read_samples(&self, start: [u64; 2], shape: [u64; 2]) -> Result<Vec<u32>, AccessError> {
+        self.samples()?.read(&start, &shape)
+    }
+}
