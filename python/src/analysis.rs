@@ -57,7 +57,7 @@ fn all<'py, T: Real + Element>(
             "the matrices' shape is {shape:?}; give (..., 4, 4)"
         )));
     };
-    if let Some(other) = sigmas.map(PyUntypedArrayMethods::shape).filter(|s| *s != shape) {
+    if let Some(other) = sigmas.map(|s| s.shape()).filter(|s| *s != shape) {
         return Err(input(format!(
             "std_error: its shape is {other:?}, that of the matrices {shape:?}"
         )));

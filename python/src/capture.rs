@@ -225,7 +225,7 @@ fn solve<'py, T: PixelNumber + Element>(
         )));
     }
     if let Some(other) = variances
-        .map(PyUntypedArrayMethods::shape)
+        .map(|v| v.shape())
         .filter(|s| *s != shape)
     {
         return Err(input(format!(
