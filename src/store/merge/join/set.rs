@@ -93,8 +93,7 @@ fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), Jo
             what: what.to_owned(),
             theirs,
             ours,
-        }
-        .into())
+        })
     };
     let (a, b) = (first.attributes(), second.attributes());
     let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
@@ -141,8 +140,7 @@ fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<
             second: second.path().to_owned(),
             part,
             file,
-        }
-        .into()),
+        }),
     }
 }
 
@@ -159,8 +157,7 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
                     second: store.path().to_owned(),
                     other: *part,
                     tile,
-                }
-                .into());
+                });
             }
         }
     }
@@ -171,7 +168,7 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
         return Ok(());
     }
     let parts: Vec<Part> = set.iter().map(|(part, _)| *part).collect();
-    Err(told(&parts, &missing).into())
+    Err(told(&parts, &missing))
 }
 
 /// What is missing: shares, where all parts are shares of one number, else tiles.
@@ -202,9 +199,12 @@ fn told(parts: &[Part], missing: &[u32]) -> JoinError {
         }
     }
     let (first, last) = ranges[0];
-    let names = ranges.iter().map(|(first, last)| match first == last {
-        true => first.to_string(),
-        false => format!("{first} to {last}"),
+    let names = ranges.iter().map(|(first, last)| {
+        if first == last {
+            first.to_string()
+        } else {
+            format!("{first} to {last}")
+        }
     });
     JoinError::Missing {
         missing: match missing {
