@@ -2,7 +2,7 @@
 
 Renders a scene, uploads the store, and reads it through a proxy that counts requests and bytes, and that fails a fifth of them
 where it is told to: half with 503, half by cutting the connection in the middle of the body. Everything that is read must be, byte
-for byte, what the folder gives. Renders to s3:// must be, byte for byte, those to a folder, also where they were killed and resumed.
+for byte, what the folder gives.
 
     python validation/object_store.py            # checks
     python validation/object_store.py --power    # plants damage: each must be found
@@ -19,7 +19,6 @@ import os
 import pathlib
 import random
 import shutil
-import signal
 import socket
 import subprocess
 import sys
