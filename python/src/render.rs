@@ -190,7 +190,7 @@ pub fn render_store(
                 failed(e)
             }
             RenderError::Sink(SinkError::Create(ref cause)) if cause.is_of_system() => failed(e),
-            RenderError::Sink(_) | RenderError::NoSlices => input(e),
+            RenderError::Sink(_) | RenderError::NoSlices | RenderError::Part(_) => input(e),
         })
     })?;
     Ok(told(&summary))
@@ -208,7 +208,7 @@ pub fn render_arrays<'py>(
     let (summary, mut kept) = run(py, scene, &asked, progress, |render| {
         let mut kept = Kept::default();
         let summary = render.into_sink(&mut kept).map_err(|e| match e {
-            schedule::RenderError::NoSlices => input(e),
+            schedule::RenderError::NoSlices | schedule::RenderError::Part(_) => input(e),
             schedule::RenderError::Threads(_) | schedule::RenderError::Sink(_) => failed(e),
         })?;
         Ok((summary, kept))
