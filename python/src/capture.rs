@@ -224,10 +224,7 @@ fn solve<'py, T: PixelNumber + Element>(
             rays.len()
         )));
     }
-    if let Some(other) = variances
-        .map(|v| v.shape())
-        .filter(|s| *s != shape)
-    {
+    if let Some(other) = variances.map(|v| v.shape()).filter(|s| *s != shape) {
         return Err(input(format!(
             "variance: its shape is {other:?}, that of the intensities {shape:?}"
         )));

@@ -8,7 +8,7 @@ use glam::DVec3;
 use std::f64::consts::PI;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
 const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
@@ -37,7 +37,8 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     scene.set_integrator(integrator);
     scene.settings.manifold = integrator != Integrator::Path;
     let mut arrays = Arrays::default();
-    let summary = render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    let summary =
+        render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
     println!("{integrator:?}: {:.1} s", summary.wall_s);
     let [mean, error] = [Field::Mean, Field::StdError].map(|f| arrays.get("m", f).expect("the field").data);
     // The mean over the four pixels.

@@ -13,7 +13,7 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind::Bounces;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::render::schedule::{self, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
 const BIN_PS: f64 = 25.0;
@@ -38,7 +38,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     // Ways through interfaces where the scene asks for them alone.
     scene.settings.manifold = text.contains("manifold = true");
     let mut arrays = Arrays::default();
-    render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    render(&scene, &[], schedule::Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
     ["t", "p"].map(|slice| {
         let of = |field| -> Tensor {
             let all = arrays.get(slice, field).expect("the field");

@@ -7,7 +7,7 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::doubt::doubtful;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::strategy::{Strategies, Strategy};
 
 /// Camera pixels in a row, samples of each, seeds.
@@ -31,7 +31,7 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
         .map(|seed| {
             scene.settings.seed = seed;
             let mut arrays = Arrays::default();
-            render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+            render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
             let mut take = |field| arrays.take("i", field).expect("the field");
             let means = take(Field::Mean);
             let means = means.data.chunks_exact(3);

@@ -5,7 +5,7 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind::{self, Bounces, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
 /// Camera and projector pixels in a row, samples a camera pixel.
@@ -48,7 +48,8 @@ fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
     scene.set_integrator(Integrator::Path);
     (scene.settings.seed, scene.settings.replicates) = (seed, spp);
     let mut arrays = Arrays::default();
-    let summary = render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    let summary =
+        render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
     assert_eq!(summary.discarded, 0);
     arrays
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use sunstone::tensor::axes::AxisKind::Wavelength;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
 /// Camera pixels in a row.
@@ -36,7 +36,8 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     scene.settings.manifold = false;
     (scene.settings.spp, scene.settings.seed, scene.settings.tile) = (spp, seed, 4);
     let mut arrays = Arrays::default();
-    let summary = render(&scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+    let summary =
+        render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
     println!(
         "{file}, {integrator:?}: {spp} samples a pixel, {:.1} s",
         summary.wall_s

@@ -5,7 +5,7 @@ use crate::optics::head;
 use crate::support::{mirror_room, scene_of};
 use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
-use sunstone::transport::render::schedule::{Unwatched, render};
+use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::{Integrator, Scene};
 
 /// How many, unless the variable `SEEDS` says otherwise.
@@ -138,7 +138,8 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     for seed in 0..seeds {
         scene.settings.seed = 1000 + seed;
         let mut arrays = Arrays::default();
-        let summary = render(scene, &[], &mut arrays, &Unwatched).expect("arrays take everything");
+        let summary =
+            render(scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
         assert_eq!(summary.discarded, 0);
         for (name, list) in names.iter().zip(&mut values) {
             list.push([Field::Mean, Field::StdError].map(|f| arrays.take(name, f).expect("the field").data));

@@ -7,7 +7,7 @@ use syntax::medium::PhaseFile;
 use syntax::texture::ImageAlbedo;
 use tensor::field::Field;
 use tensor::memory::Arrays;
-use transport::render::schedule::{Unwatched, render};
+use transport::render::schedule::{Share, Unwatched, render};
 
 /// A tent of two triangles with normals and texture coordinates.
 fn tent() -> Mesh {
@@ -123,7 +123,7 @@ fn in_code() -> SceneBuilder {
 
 fn rendered(scene: &Scene) -> Vec<Vec<u32>> {
     let mut arrays = Arrays::default();
-    render(scene, &[], &mut arrays, &Unwatched).expect("a render");
+    render(scene, &[], Share::default(), &mut arrays, &Unwatched).expect("a render");
     let fields = Field::ALL.iter().filter_map(|f| arrays.get("flight", *f));
     fields
         .map(|t| t.data.iter().map(|v| v.to_bits()).collect())
