@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pysunstone.capture import Scheme, design_matrix, reconstruct, simulate
     from pysunstone.mueller import decompose
     from pysunstone.scene import Scene, Slice, Slices
+    from pysunstone.stores import open_store
 
 __all__ = [
     "InputError",
@@ -35,6 +36,7 @@ __all__ = [
     "__version__",
     "decompose",
     "design_matrix",
+    "open_store",
     "reconstruct",
     "simulate",
 ]

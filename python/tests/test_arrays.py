@@ -145,6 +145,9 @@ def test_captures_are_the_command(tmp_path: Path, name: str, captures: int, arra
     run("scheme", name, "-k", str(captures), *sensor, "-o", "theirs.toml")
     assert (tmp_path / "theirs.toml").read_text() == scheme.to_toml()
     run("scheme", "matrix", "theirs.toml", "-o", "A.npy")
+    # Files hold degrees: what was written and read again is off by a rounding.
+    np.testing.assert_allclose(np.load(tmp_path / "A.npy"), ps.design_matrix(scheme), atol=1e-14)
+    scheme = ps.Scheme.load(tmp_path / "theirs.toml")
     np.testing.assert_array_equal(np.load(tmp_path / "A.npy"), ps.design_matrix(scheme))
     nm = [450.0, 660.0]
     run("capture", "M.npy", "--scheme", "theirs.toml", "--wavelengths", "450,660", "--noise", "1e-3", "--seed", "4", "-o", "I.npy")
@@ -152,8 +155,7 @@ def test_captures_are_the_command(tmp_path: Path, name: str, captures: int, arra
     np.testing.assert_array_equal(np.load(tmp_path / "I.npy"), intensities)
     words = ["--noise", "1e-3", "--errors", "E.npy", "--wavelengths", "450,660"]
     run("reconstruct", "I.npy", "--scheme", "theirs.toml", *words, "-o", "R.npy")
-    again = ps.Scheme.load(tmp_path / "theirs.toml")
-    found, spread = ps.reconstruct(intensities, again, wavelengths_nm=nm, noise=1e-3, errors=True)
+    found, spread = ps.reconstruct(intensities, scheme, wavelengths_nm=nm, noise=1e-3, errors=True)
     assert found.dtype == np.float32
     np.testing.assert_array_equal(np.load(tmp_path / "R.npy"), found)
     np.testing.assert_array_equal(np.load(tmp_path / "E.npy"), spread)

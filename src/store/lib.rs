@@ -13,6 +13,7 @@ pub mod numpy;
 mod objects;
 pub mod place;
 pub mod probe;
+pub mod refusal;
 pub mod sink;
 pub mod zarr;
 

@@ -4,7 +4,7 @@
 //! passing reason (5xx, a cut connection) are made again. Credentials, endpoint and region are those of the environment, by the
 //! names that each cloud gives them.
 
-use crate::place::Refusal;
+use crate::refusal::Refusal;
 use futures_util::stream::{self, StreamExt, TryStreamExt};
 use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;

@@ -1,44 +1,15 @@
 //! Where a store lies: in a folder, or below an address of an object store (`s3://`, `gs://`, `az://`, `http(s)://`).
 //!
 //! A path that begins with a scheme is an address; everything else is a folder. What an object store refuses is told by
-//! [`Refusal`], which travels as the inner error of an [`io::Error`] through what knows files alone.
+//! [`Refusal`].
 
+use crate::refusal::Refusal;
 use std::io;
 use std::path::{Path, PathBuf};
 use zarrs::storage::Bytes;
 
 #[cfg(feature = "object-stores")]
 pub(crate) use crate::objects::Objects;
-
-/// What an object store refused, or why it could not be asked, and the mend.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{what}; {mend}")]
-pub struct Refusal {
-    /// What was refused.
-    pub what: String,
-    /// How to mend it.
-    pub mend: String,
-}
-
-impl Refusal {
-    pub(crate) fn new(what: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self {
-            what: what.into(),
-            mend: mend.into(),
-        }
-    }
-
-    /// The refusal that an error of reading carries, if it is one.
-    pub(crate) fn in_io(error: &io::Error) -> Option<&Self> {
-        error.get_ref()?.downcast_ref()
-    }
-}
-
-impl From<Refusal> for io::Error {
-    fn from(refusal: Refusal) -> Self {
-        Self::other(refusal)
-    }
-}
 
 /// The scheme of an address as of a web page or a bucket, at least two letters before `://`; `None` for a path.
 #[must_use]

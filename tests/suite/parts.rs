@@ -116,6 +116,15 @@ fn parts_of_walks_from_both_ends_are_the_whole() {
     parts_are_the_whole(&scene(&room("bidirectional")), 3, 3);
 }
 
+/// Checksums of all files of a part, but for its root's description, which says how long it took.
+fn values(part: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(part.join("part.txt")).expect("a manifest");
+    let lines = text
+        .lines()
+        .filter(|line| !line.ends_with(" zarr.json") && !line.ends_with(" lines above"));
+    lines.map(str::to_owned).collect()
+}
+
 /// Walks from the light that parts make together, at once or one after the other: no byte differs, and each walk is made once.
 #[test]
 fn light_that_is_shared_is_the_same() {
@@ -163,10 +172,7 @@ fn light_that_is_shared_is_the_same() {
         std::fs::copy(foreign.last().expect("a share"), file(1)).expect("a copy");
         let planted = name("planted");
         one(2, &planted);
-        assert_ne!(
-            std::fs::read_to_string(planted.join("part.txt")).expect("a manifest"),
-            std::fs::read_to_string(paths[1].join("part.txt")).expect("a manifest")
-        );
+        assert_ne!(values(&planted), values(&paths[1]));
         // One whose maker died is made again, and one that is damaged is not believed.
         std::fs::remove_file(file(1)).expect("a share");
         let again = name("again");
@@ -180,9 +186,7 @@ fn light_that_is_shared_is_the_same() {
             let _ = std::fs::remove_dir_all(&mended);
             one(2, &mended);
             for store in [&mended, &again] {
-                let manifest =
-                    |path: &Path| std::fs::read_to_string(path.join("part.txt")).expect("a manifest");
-                assert_eq!(manifest(store), manifest(&paths[1]));
+                assert_eq!(values(store), values(&paths[1]));
             }
         }
     }

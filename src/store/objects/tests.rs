@@ -1,3 +1,5 @@
+//! Object stores in memory: what is read, asked again and refused.
+
 use super::*;
 use object_store::memory::InMemory;
 use std::collections::HashMap;

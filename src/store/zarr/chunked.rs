@@ -17,7 +17,7 @@ use zarrs::array::{
     Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, ChunkKeySeparator, CodecOptions,
     ElementOwned, data_type,
 };
-use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
+use zarrs::storage::WritableStorageTraits;
 
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
@@ -82,13 +82,13 @@ enum Coding {
 }
 
 /// Bytes of a CRC-32C.
-const SEAL: usize = 4;
+pub(super) const SEAL: usize = 4;
 
 /// An open array of numbers.
 pub(super) struct ChunkedArray<T> {
-    array: Array<AtomicDirectory>,
-    path: PathBuf,
-    chunk: Vec<u64>,
+    pub(super) array: Array<AtomicDirectory>,
+    pub(super) path: PathBuf,
+    pub(super) chunk: Vec<u64>,
     coding: Coding,
     locks: Vec<Mutex<()>>,
     options: CodecOptions,
@@ -291,49 +291,6 @@ impl<T: Number> ChunkedArray<T> {
             f(&index, &from, &size, &origin, whole)?;
         }
         Ok(())
-    }
-
-    /// The file of the chunk that begins at `start`.
-    pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
-        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
-        let key = self.array.chunk_key(&index);
-        self.array.storage().root().join(key.as_str())
-    }
-
-    /// Copies the file of the chunk that begins at `start` from an array of the same description, if its checksum is right.
-    pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
-        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
-        let key = self.array.chunk_key(&index);
-        let lost = |cause: String| AccessError::Chunk {
-            path: from.path.clone(),
-            chunk: index.clone(),
-            cause,
-        };
-        let bytes = from.array.storage().get(&key).map_err(|e| lost(e.to_string()))?;
-        let bytes = bytes.ok_or_else(|| lost("it is lost: its file is missing".into()))?;
-        let sound = bytes
-            .split_last_chunk::<SEAL>()
-            .is_some_and(|(frame, seal)| crc32c::crc32c(frame) == u32::from_le_bytes(*seal));
-        if !sound {
-            return Err(lost("its checksum is not that of its bytes".into()));
-        }
-        let stored = self.array.storage().set(&key, bytes);
-        stored.map_err(|e| AccessError::Write {
-            path: self.path.clone(),
-            cause: e.to_string(),
-        })
-    }
-
-    /// Whether the chunk that begins at `start` is to have a file.
-    pub(super) fn is_listed(&self, start: &[u64]) -> bool {
-        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
-        let listed = self.array.storage().lists(self.array.chunk_key(&index).as_str());
-        listed.unwrap_or_else(|| self.is_stored(start))
-    }
-
-    /// Whether the chunk that begins at `start` has a file.
-    pub(super) fn is_stored(&self, start: &[u64]) -> bool {
-        self.file_of(start).is_file()
     }
 
     /// The values of a region, row-major.

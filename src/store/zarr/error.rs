@@ -1,6 +1,6 @@
 //! What can go wrong with a store, one enum per kind of operation. Every message names the path and the mend.
 
-use crate::place::Refusal;
+use crate::refusal::Refusal;
 use base::lock::LockError;
 use std::path::{Path, PathBuf};
 use tensor::part::Part;

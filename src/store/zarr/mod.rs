@@ -15,6 +15,7 @@
 mod atomic;
 mod build;
 mod check;
+mod chunk_file;
 mod chunked;
 mod describe;
 mod error;

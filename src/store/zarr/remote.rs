@@ -4,7 +4,8 @@
 //! manifest and of the root's description. Chunks that are about to be read are fetched ahead.
 
 use super::manifest::Manifest;
-use crate::place::{Objects, Refusal};
+use crate::place::Objects;
+use crate::refusal::Refusal;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

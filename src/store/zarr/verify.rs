@@ -3,7 +3,8 @@
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
 use super::part;
-use crate::place::{Objects, Place, Refusal};
+use crate::place::{Objects, Place};
+use crate::refusal::Refusal;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;

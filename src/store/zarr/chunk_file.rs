@@ -1,0 +1,51 @@
+//! Files of chunks: where they are, whether they are there, and copies of them from other stores.
+
+use super::chunked::{ChunkedArray, Number, SEAL};
+use super::error::AccessError;
+use std::path::PathBuf;
+use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
+
+impl<T: Number> ChunkedArray<T> {
+    /// The file of the chunk that begins at `start`.
+    pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
+        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let key = self.array.chunk_key(&index);
+        self.array.storage().root().join(key.as_str())
+    }
+
+    /// Copies the file of the chunk that begins at `start` from an array of the same description, if its checksum is right.
+    pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
+        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let key = self.array.chunk_key(&index);
+        let lost = |cause: String| AccessError::Chunk {
+            path: from.path.clone(),
+            chunk: index.clone(),
+            cause,
+        };
+        let bytes = from.array.storage().get(&key).map_err(|e| lost(e.to_string()))?;
+        let bytes = bytes.ok_or_else(|| lost("it is lost: its file is missing".into()))?;
+        let sound = bytes
+            .split_last_chunk::<SEAL>()
+            .is_some_and(|(frame, seal)| crc32c::crc32c(frame) == u32::from_le_bytes(*seal));
+        if !sound {
+            return Err(lost("its checksum is not that of its bytes".into()));
+        }
+        let stored = self.array.storage().set(&key, bytes);
+        stored.map_err(|e| AccessError::Write {
+            path: self.path.clone(),
+            cause: e.to_string(),
+        })
+    }
+
+    /// Whether the chunk that begins at `start` is to have a file.
+    pub(super) fn is_listed(&self, start: &[u64]) -> bool {
+        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let listed = self.array.storage().lists(self.array.chunk_key(&index).as_str());
+        listed.unwrap_or_else(|| self.is_stored(start))
+    }
+
+    /// Whether the chunk that begins at `start` has a file.
+    pub(super) fn is_stored(&self, start: &[u64]) -> bool {
+        self.file_of(start).is_file()
+    }
+}
