@@ -14,6 +14,12 @@ from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)(#[^)\s]*)?(\))")
+# Its pages come when the site is built (`on_post_build`), so that the link is none that is checked.
+RUST = """# Rust: reference
+
+What `cargo doc` makes of the sources: <a href="rust/sunstone/index.html">the crate sunstone and all that is behind it</a>.
+[Using the library](library.md) says how to begin.
+"""
 FENCE = re.compile(r"^(```|~~~)")
 # Texts that a page shows, by what its highlighter calls their language.
 LANGUAGES = {".rs": "rust", ".toml": "toml", ".py": "python", ".sh": "bash", ".json": "json"}
@@ -96,6 +102,7 @@ def on_files(files, config):
                 files.append(File.generated(config, uri(target), abs_src_path=str(full)))
             else:
                 files.append(File.generated(config, uri(target), content=page))
+    files.append(File.generated(config, "rust-reference.md", content=RUST))
     files.append(File.generated(config, "index.md", content=(ROOT / "README.md").read_text()))
     return files
 
@@ -103,6 +110,8 @@ def on_files(files, config):
 def on_page_markdown(markdown, page, config, files):
     """Turns a page's links into those of the site."""
     place = page.file.src_uri
+    if place == "rust-reference.md":
+        return markdown
     if place == "index.md":
         source = ROOT / "README.md"
     elif place.startswith("repository/"):

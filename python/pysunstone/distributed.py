@@ -25,7 +25,7 @@ import shutil
 import subprocess
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -259,7 +259,7 @@ def render_many(
             _run([name, "render", *unit.words, "--resume", "-o", unit.place])
     with _client(client) as on:
         _finish(on, units, progress)
-    entries = []
+    entries: list[dict[str, Any]] = []
     for store in names:
         attributes = json.loads((into / store / "zarr.json").read_text())["attributes"]
         entries.append(
@@ -322,7 +322,7 @@ def _run(words: Sequence[str]) -> str:
 
 
 @contextmanager
-def _client(given: Client | None) -> Iterator[Any]:
+def _client(given: Client | None) -> Generator[Any, None, None]:
     """A client, whose methods Dask gives no types."""
     if given is not None:
         yield given

@@ -93,7 +93,7 @@ impl Scheme {
         incidence_deg: f64,
         azimuth_deg: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        if !(0.0..90.0).contains(&incidence_deg) || !(azimuth_deg.abs() <= 360.0) {
+        if !(0.0..90.0).contains(&incidence_deg) || !(-360.0..=360.0).contains(&azimuth_deg) {
             return Err(input(
                 "give an incidence from 0 to less than 90 degrees, an azimuth from -360 to 360",
             ));

@@ -102,7 +102,7 @@ impl Sink for Kept {
     type Error = Infallible;
 
     fn begin(&mut self, job: &Job) -> Result<Vec<TileRecord>, Infallible> {
-        self.attributes = job.attributes.clone();
+        self.attributes.clone_from(&job.attributes);
         let of = |s: &sunstone::tensor::sink::JobSlice| {
             let mut all = s.attributes.clone();
             if let Some((start, bin)) = s.layout.time {

@@ -83,7 +83,7 @@ pub enum MergeError {
     Denoised(#[from] Denoised),
     /// Parts of a render do not make a whole.
     #[error(transparent)]
-    Join(#[from] JoinError),
+    Join(Box<JoinError>),
     /// An input cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
@@ -93,6 +93,12 @@ pub enum MergeError {
     /// Values cannot be read or written.
     #[error(transparent)]
     Access(#[from] AccessError),
+}
+
+impl From<JoinError> for MergeError {
+    fn from(e: JoinError) -> Self {
+        Self::Join(Box::new(e))
+    }
 }
 
 impl MergeError {

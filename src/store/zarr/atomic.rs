@@ -3,7 +3,7 @@
 //! In a directory values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
 //! never see and [`AtomicDirectory::remove_leftovers`] deletes.
 
-use super::describe;
+use super::description;
 use super::error::OpenError;
 use super::manifest::{Entry, Manifest};
 use super::remote::Remote;
@@ -96,10 +96,10 @@ impl AtomicDirectory {
     pub(super) fn json(&self, file: &str) -> Result<Value, OpenError> {
         let path = self.root.join(file);
         if self.remote.is_none() {
-            return describe::read_json(&path);
+            return description::read_json(&path);
         }
         match self.read(file).map_err(|e| OpenError::of_read(&path, &e))? {
-            Some(bytes) => describe::parse_json(&path, &bytes),
+            Some(bytes) => description::parse_json(&path, &bytes),
             None => Err(OpenError::Damaged {
                 path,
                 reason: "it is missing".into(),

@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 use super::atomic::AtomicDirectory;
 use super::check;
 use super::chunked::{ChunkedArray, Description};
+use super::description::{read_json, to_bytes, write_json};
 use super::error::{CreateError, OpenError};
 use base::whole_file;
 use tensor::axes::{Axis, AxisKind, SliceLayout};
@@ -42,42 +43,6 @@ pub(super) fn name_fault(name: &str) -> Option<&'static str> {
 
 fn group_json(attributes: &Map<String, Value>) -> Value {
     json!({"zarr_format": 3, "node_type": "group", "attributes": attributes})
-}
-
-fn to_bytes(value: &Value) -> Vec<u8> {
-    let mut text = format!("{value:#}");
-    text.push('\n');
-    text.into_bytes()
-}
-
-pub(super) fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
-    whole_file::write(path, &to_bytes(value)).map_err(|e| CreateError::Write {
-        path: path.to_owned(),
-        cause: e.to_string(),
-    })
-}
-
-/// Reads a `zarr.json`.
-pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
-    let bytes = base::input::read(path).map_err(|e| OpenError::Damaged {
-        path: path.to_owned(),
-        reason: e.to_string(),
-    })?;
-    parse_json(path, &bytes)
-}
-
-/// The JSON of a `zarr.json`.
-pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
-    let damaged = |reason: String| OpenError::Damaged {
-        path: path.to_owned(),
-        reason,
-    };
-    match serde_json::from_slice(bytes) {
-        // What reads or changes a description does so by its keys.
-        Ok(object @ Value::Object(_)) => Ok(object),
-        Ok(_) => Err(damaged("it is no JSON object".into())),
-        Err(e) => Err(damaged(format!("no valid JSON: {e}"))),
-    }
 }
 
 /// The attributes of a group description, `None` where they are no table.

@@ -250,7 +250,7 @@ pub enum AccessError {
         /// Index of the chunk in the chunk grid.
         chunk: Vec<u64>,
         /// The refusal, with its mend.
-        refusal: Refusal,
+        refusal: Box<Refusal>,
     },
     /// A file could not be written.
     #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
@@ -280,7 +280,7 @@ impl AccessError {
             Some(refusal) => Self::Remote {
                 path,
                 chunk,
-                refusal: refusal.clone(),
+                refusal: Box::new(refusal.clone()),
             },
             None => Self::Chunk {
                 path,

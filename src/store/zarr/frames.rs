@@ -14,6 +14,7 @@ use serde_json::{Map, Value, json};
 use super::atomic::AtomicDirectory;
 use super::chunked::{ChunkedArray, Description};
 use super::describe;
+use super::description;
 use super::error::{AccessError, CreateError, OpenError};
 use super::manifest::{self, Manifest};
 use tensor::region;
@@ -138,7 +139,7 @@ impl FrameStore {
         describe::create_root(path, &[], attributes)?;
         let group =
             json!({"zarr_format": 3, "node_type": "group", "attributes": {"run_axes": layout.run_axes}});
-        describe::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
+        description::write_json(&path.join(GROUP).join("zarr.json"), &group)?;
         for axis in &layout.axes {
             let node = format!("/{GROUP}/{}", axis.name);
             column(
@@ -206,10 +207,10 @@ impl FrameStore {
         if !is_frames(path) {
             return Err(not_frames(path));
         }
-        let root = describe::read_json(&path.join("zarr.json"))?;
+        let root = description::read_json(&path.join("zarr.json"))?;
         let mut attributes = describe::attributes_of(&root).unwrap_or_default();
         attributes.remove("slices");
-        let group = describe::read_json(&path.join(GROUP).join("zarr.json"))?;
+        let group = description::read_json(&path.join(GROUP).join("zarr.json"))?;
         let node = format!("/{GROUP}/raw");
         let (raw, number) = match ChunkedArray::<u16>::open(&storage, &node) {
             Ok(array) => (Raw::U16(array), FrameNumber::U16),
@@ -233,7 +234,7 @@ impl FrameStore {
             if array.shape() != [*n] {
                 return Err(damaged("an axis has other coordinates than entries"));
             }
-            let json = describe::read_json(&array.path().join("zarr.json"))?;
+            let json = description::read_json(&array.path().join("zarr.json"))?;
             axes.push(FrameAxis {
                 name: name.clone(),
                 units: json["attributes"]["units"].as_str().unwrap_or("1").to_owned(),

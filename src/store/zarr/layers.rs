@@ -6,7 +6,7 @@
 
 use super::atomic::AtomicDirectory;
 use super::chunked::{ChunkedArray, Description, Number};
-use super::describe::{read_json, write_json};
+use super::description::{read_json, write_json};
 use super::error::CreateError;
 use super::manifest::Manifest;
 use base::lock::Lock;

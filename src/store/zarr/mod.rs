@@ -18,6 +18,7 @@ mod check;
 mod chunk_file;
 mod chunked;
 mod describe;
+mod description;
 mod error;
 pub mod frames;
 mod layers;
@@ -452,7 +453,8 @@ pub(crate) fn reseal(path: &Path) {
 }
 
 fn is_store(path: &Path) -> bool {
-    describe::read_json(&path.join("zarr.json")).is_ok_and(|json| describe::slice_names_of(&json).is_some())
+    description::read_json(&path.join("zarr.json"))
+        .is_ok_and(|json| describe::slice_names_of(&json).is_some())
 }
 
 #[cfg(test)]

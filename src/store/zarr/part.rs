@@ -1,6 +1,7 @@
 //! Stores of a part of a render: their manifest has another name, so that they are finished for [`crate::merge`] alone.
 
 use super::describe;
+use super::description;
 use super::manifest;
 use serde_json::{Map, Value};
 use std::path::Path;
@@ -16,6 +17,6 @@ pub(super) fn manifest_of(attributes: &Map<String, Value>) -> &'static str {
 
 /// Which part of a render the store at `path` is; `None` of a whole one, or of no store.
 pub(super) fn at(path: &Path) -> Option<Part> {
-    let json = describe::read_json(&path.join("zarr.json")).ok()?;
+    let json = description::read_json(&path.join("zarr.json")).ok()?;
     Part::of_attributes(&describe::attributes_of(&json)?)
 }

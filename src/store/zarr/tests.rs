@@ -374,12 +374,12 @@ fn sample_counts_are_along_dimensions_of_no_slice() {
     let path = dir.path().join("s");
     create(&path).write_samples([0, 0], [7, 11], &[3; 77]).unwrap();
     let description = path.join("samples/zarr.json");
-    let mut json = describe::read_json(&description).unwrap();
+    let mut json = description::read_json(&description).unwrap();
     for name in json["dimension_names"].as_array().unwrap() {
         assert_eq!(AxisKind::from_name(name.as_str().unwrap()), None, "{name}");
     }
     json["dimension_names"] = json!(["y", "x"]);
-    describe::write_json(&description, &json).unwrap();
+    description::write_json(&description, &json).unwrap();
     let old = TensorStore::open_for_write(&path).unwrap();
     assert_eq!(old.read_samples([0, 0], [7, 11]).unwrap(), [3; 77]);
     old.finish().unwrap();
@@ -396,7 +396,7 @@ fn consolidated_metadata_lists_every_array() {
     attributes.insert("wall_time_s".into(), json!(1.5));
     store.set_attributes(attributes).unwrap();
     let check = || {
-        let root = describe::read_json(&path.join("zarr.json")).unwrap();
+        let root = description::read_json(&path.join("zarr.json")).unwrap();
         let all = root["consolidated_metadata"]["metadata"].as_object().unwrap();
         for key in [
             "samples",
@@ -409,7 +409,7 @@ fn consolidated_metadata_lists_every_array() {
             assert!(all.contains_key(key), "{key}");
         }
         assert_eq!(root["attributes"]["wall_time_s"], 1.5);
-        let group = describe::read_json(&path.join("timed/zarr.json")).unwrap();
+        let group = description::read_json(&path.join("timed/zarr.json")).unwrap();
         assert_eq!(
             group["consolidated_metadata"]["metadata"]["t"]["attributes"]["units"],
             "ps"

@@ -146,7 +146,8 @@ impl Splats {
         let points = &self.points[begin as usize..end as usize];
         let from = points.partition_point(|p| p.walk.sample < sample);
         let to = points.partition_point(|p| p.walk.sample <= sample);
-        &points[from..to]
+        // Those of a file of another make may be in no order.
+        points.get(from..to).unwrap_or_default()
     }
 }
 

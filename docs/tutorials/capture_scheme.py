@@ -1,0 +1,80 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#       format_version: '1.3'
+#   kernelspec:
+#     name: python3
+#     display_name: Python 3
+# ---
+
+# %% [markdown]
+# # Validate a capture scheme
+#
+# How well does a polarimeter measure Mueller matrices? Simulated captures of a rendered scene, reconstructed and held against the truth,
+# before anything is bought.
+
+# %%
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pysunstone as ps
+
+ROOT = next(folder for folder in [Path.cwd(), *Path.cwd().parents] if (folder / "scenes").is_dir())
+scene = ps.Scene.load(ROOT / "scenes/gold_mirror/scene.toml")
+slices = scene.render(spp=16)
+name = next(n for n, s in slices.items() if "stokes_in" in s.dims and "t" not in s.dims)
+data = slices[name].to_xarray()["mean"].transpose("y", "x", "wavelength", "stokes_out", "stokes_in")
+data.sizes
+
+# %% [markdown]
+# The lit pixels at one wavelength, as matrices with M00 = 1:
+
+# %%
+matrices = data.sel(wavelength=550).values.reshape(-1, 4, 4)
+truth = matrices[matrices[:, 0, 0] > 0.01 * matrices[:, 0, 0].max()]
+truth = truth / truth[:, :1, :1]
+len(truth)
+
+# %% [markdown]
+# ## Design matrices
+#
+# A scheme turns 16 elements into intensities, `A @ M.reshape(16)`. Rank 16 determines a matrix; the error variance over its bound says how
+# well the settings are chosen. (Sixteen captures of dual rotating retarders by 5 and 25 degrees just reach rank 16, and are of no use.)
+
+# %%
+for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Scheme.drr(9, polarizer_array=True)):
+    told = scheme.quality()
+    print(f"{scheme!r}: rank {told['rank']:.0f}, error variance {told['error_variance'] / scheme.bound:.2f} of its bound")
+
+# %% [markdown]
+# ## Captures and back
+
+# %%
+noise = 0.01
+def measured_error(scheme, seed):
+    intensities = ps.simulate(truth, scheme, noise=noise, seed=seed)
+    found, stated = ps.reconstruct(intensities, scheme, noise=noise, errors=True)
+    return found - truth, stated
+
+counts = [20, 25, 30, 36, 49, 64]
+found, expected = [], []
+for captures in counts:
+    scheme = ps.Scheme.drr(captures)
+    errors, stated = measured_error(scheme, seed=captures)
+    found.append(np.sqrt(np.mean(errors**2)))
+    expected.append(noise * np.sqrt(scheme.quality()["error_variance"] / 16))
+    # Errors are what they are stated to be.
+    z = errors / stated
+    assert abs(np.mean(z**2) - 1) < 5 * np.sqrt(2 / z.size) * 4, np.mean(z**2)
+
+plt.loglog(counts, found, "o", label="simulated captures")
+plt.loglog(counts, expected, "-", label="from the design matrix")
+plt.xlabel("captures"), plt.ylabel("error of an element (M00 = 1)"), plt.legend();
+
+# %% [markdown]
+# Points lie on the line: the closed form says beforehand what a capture will cost. Which angles are best for a given number of captures, `sunstone
+# learn` finds by that closed form.

@@ -1,0 +1,42 @@
+//! Files of descriptions, `zarr.json`, as the JSON that they are.
+
+use super::error::{CreateError, OpenError};
+use base::whole_file;
+use serde_json::Value;
+use std::path::Path;
+
+pub(super) fn to_bytes(value: &Value) -> Vec<u8> {
+    let mut text = format!("{value:#}");
+    text.push('\n');
+    text.into_bytes()
+}
+
+pub(super) fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> {
+    whole_file::write(path, &to_bytes(value)).map_err(|e| CreateError::Write {
+        path: path.to_owned(),
+        cause: e.to_string(),
+    })
+}
+
+/// Reads a `zarr.json`.
+pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
+    let bytes = base::input::read(path).map_err(|e| OpenError::Damaged {
+        path: path.to_owned(),
+        reason: e.to_string(),
+    })?;
+    parse_json(path, &bytes)
+}
+
+/// The JSON of a `zarr.json`.
+pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
+    let damaged = |reason: String| OpenError::Damaged {
+        path: path.to_owned(),
+        reason,
+    };
+    match serde_json::from_slice(bytes) {
+        // What reads or changes a description does so by its keys.
+        Ok(object @ Value::Object(_)) => Ok(object),
+        Ok(_) => Err(damaged("it is no JSON object".into())),
+        Err(e) => Err(damaged(format!("no valid JSON: {e}"))),
+    }
+}
