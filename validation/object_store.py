@@ -197,7 +197,7 @@ def sunstone(server, *arguments, timeout=300):
 
 
 def render(server, out, *more):
-    return sunstone(server, "render", SCENE, "--spp", "4", "--no-figures", "-o", out, *more)
+    return sunstone(server, "render", SCENE, "--spp", "2", "--slices", "polarimetric,ss,xt", "--no-figures", "-o", out, *more)
 
 
 QUESTIONS = [
@@ -237,7 +237,7 @@ def reads(server, work):
     server.proxy.reset(SHARE, seed=2)
     done = sunstone(server, "verify", address)
     check("verify, with failures", done.returncode == 0, done.stdout.decode().strip() + done.stderr.decode())
-    check("failures were met", server.proxy.failed > 100, f"{server.proxy.failed} of {len(server.proxy.requests)}")
+    check("failures were met", server.proxy.failed > 0.1 * len(server.proxy.requests), f"{server.proxy.failed} of {len(server.proxy.requests)}")
     server.proxy.reset()
     for command, end, name in (
         (["decompose", "{}", "polarimetric", "-k", "wavelength=550", "-o"], "npz", "decompositions"),
