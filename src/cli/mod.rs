@@ -1,5 +1,7 @@
 //! Command line: one module a command, one exit point. Hidden in the library, for the program `sunstone` and for the same
 //! command in the Python package; nobody else should rely on it.
+// Its docs are what --help prints, where <name> is a place holder and no tag of a page.
+#![allow(rustdoc::invalid_html_tags)]
 
 mod apply;
 mod calibrate;
