@@ -15,6 +15,7 @@ import hashlib
 import importlib.util
 import json
 import os
+import re
 import shutil
 import sys
 import time
@@ -162,6 +163,7 @@ def _make(
                 raise DatasetError(
                     f"{path} was made with {key} {content['settings'].get(key)!r}, not {ours!r}: choose another output, or delete it"
                 )
+        _sweep(path)
     order = [entry["variant"] for entry in content["samples"]]
     order += [k for k in numbers if k not in order]
     if len(order) > len(content["samples"]):
@@ -182,6 +184,13 @@ def _make(
     if not content["finished"]:
         _finish(path, content)
     return path
+
+
+def _sweep(path: Path) -> None:
+    """Removes what Zarr was writing when its process was killed: it renames files into place from names like these."""
+    for file in path.rglob("*.partial"):
+        if re.fullmatch(r".*\.[0-9a-f]{32}\.partial", file.name):
+            file.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
