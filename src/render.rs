@@ -146,6 +146,75 @@ impl<'a> Render<'a> {
     }
 }
 
+/// What a render is to do otherwise than its scene says: what is `None` stays, and all slices do where none is named.
+#[derive(Clone, Debug, Default)]
+pub struct Choices {
+    /// Samples per camera pixel.
+    pub spp: Option<u32>,
+    /// Least number of independent groups of samples.
+    pub replicates: Option<u32>,
+    /// Random seed.
+    pub seed: Option<u64>,
+    /// Names of the slices that are kept.
+    pub slices: Option<Vec<String>>,
+}
+
+/// Most samples and groups of them that may be asked for.
+const MOST_SAMPLES: u32 = 1 << 30;
+
+impl Choices {
+    /// Changes a scene, wholly or not at all. `dashes` stand before the names of choices in messages: those of a command, or
+    /// nothing.
+    ///
+    /// # Errors
+    /// A message that names the choice, what is wrong with it and the mend.
+    pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
+        for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
+            if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
+                return Err(format!("{dashes}{name} is {n}; give 1 to {MOST_SAMPLES}"));
+            }
+        }
+        if let Some(names) = &self.slices {
+            let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+            if let Some(unknown) = names.iter().find(|n| !known.contains(&n.as_str())) {
+                return Err(format!(
+                    "{dashes}slices: the scene has no slice `{unknown}`; it has {}",
+                    known.join(", ")
+                ));
+            }
+            scene.slices.retain(|s| names.contains(&s.name));
+        }
+        let settings = &mut scene.settings;
+        settings.spp = self.spp.unwrap_or(settings.spp);
+        settings.replicates = self.replicates.unwrap_or(settings.replicates);
+        settings.seed = self.seed.unwrap_or(settings.seed);
+        Ok(())
+    }
+}
+
+/// Most threads that may be asked for: as many as the machine can make use of, and then some, not so many that it does nothing
+/// else.
+#[must_use]
+pub fn most_threads() -> usize {
+    8 * cores()
+}
+
+/// Threads that the machine runs at once.
+#[must_use]
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Whether the system refused a render into a store, as a full disk does, and not what was asked for.
+#[must_use]
+pub fn is_of_system(e: &RenderError) -> bool {
+    match e {
+        RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => true,
+        RenderError::Sink(SinkError::Create(cause)) => cause.is_of_system(),
+        RenderError::Sink(_) | RenderError::NoSlices | RenderError::Part(_) => false,
+    }
+}
+
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors

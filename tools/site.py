@@ -5,6 +5,7 @@ a picture or a data file a copy, a text of the program or of a scene a page that
 files. They stand under repository/, by their paths there. The pages of the Rust library are what `cargo doc` made, under rust/.
 """
 
+import os
 import re
 import shutil
 from pathlib import Path, PurePosixPath
@@ -130,9 +131,7 @@ def on_page_markdown(markdown, page, config, files):
         if target is None:
             return match[0]
         to = PurePosixPath(uri(target)) if target != PurePosixPath("README.md") else PurePosixPath("index.md")
-        up = len(here.parts)
-        common = next((k for k, (a, b) in enumerate(zip(here.parts, to.parts)) if a != b), min(up, len(to.parts) - 1))
-        link = "../" * (up - common) + "/".join(to.parts[common:])
+        link = os.path.relpath(to, here)
         return match[1] + link + (match[3] or "") + match[4]
 
     return "".join(LINK.sub(turned, block) if outside else block for block, outside in blocks(markdown))

@@ -359,9 +359,9 @@ def numbers(seconds, used):
 
 def store(pixels):
     """Where files of that many pixels go: in memory if there is room."""
-    memory = Path("/dev/shm")
+    memory = environment.in_memory()
     need = 5 * pixels * 4 * (CAPTURES + 16) * 1.2
-    return memory if memory.is_dir() and shutil.disk_usage(memory).free > need else None
+    return memory if memory and shutil.disk_usage(memory).free > need else None
 
 
 def main():

@@ -41,6 +41,13 @@ def need_llvm(variant, otherwise):
         sys.exit(3)
 
 
+def in_memory():
+    """Where files of commands lie that are timed whole: in memory, since a disk that others use stalls their flushes; None where the
+    system has no such place."""
+    memory = Path("/dev/shm")
+    return memory if memory.is_dir() else None
+
+
 def sunstone():
     """Path of the program; built if there is none."""
     program = Path(os.environ.get("SUNSTONE", ROOT / "target/release/sunstone"))

@@ -44,8 +44,6 @@ WAVELENGTHS = [450, 550, 660]
 SAMPLERS = ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
 ROW = '[[slices]]\nname = "row"\ncamera = { rows = [128] }\ntime = { start_ps = 20000, bin_ps = 234.4, bins = 64 }\n'
 SIXTEEN = '[[slices]]\nname = "sixteen"\npolarization = "mueller"\n'
-# Stores of commands that are timed whole: a disk that others use stalls their flushes.
-MEMORY = Path("/dev/shm")
 IMAGE = '[[slices]]\nname = "image"\n'
 
 
@@ -178,7 +176,7 @@ def main():
     parser.add_argument("--record", action="store_true", help="write results/equal_error.json")
     options = parser.parse_args()
     check_error()
-    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as temporary:
+    with tempfile.TemporaryDirectory(dir=environment.in_memory()) as temporary:
         folder = Path(temporary)
         numbers = stratified(folder, options.seeds, options.reference)
         numbers |= against_mitsuba(folder, options.seeds, options.reference)

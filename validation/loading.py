@@ -29,7 +29,6 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
     rays.np = np
 
-MEMORY = Path("/dev/shm")
 SCENE = """
 [render]
 spp = 1
@@ -105,7 +104,7 @@ def main():
     parser.add_argument("--record", action="store_true", help="write results/loading.json")
     options = parser.parse_args()
     numbers = {}
-    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as temporary:
+    with tempfile.TemporaryDirectory(dir=environment.in_memory()) as temporary:
         few = Path(temporary) / "few.ply"
         rays.write_ply(few, *hills(2))
         bare = theirs(few)[1]

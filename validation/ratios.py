@@ -40,8 +40,6 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 RESULTS = environment.HERE / "results/ratios.json"
 CACHE = environment.ROOT / "target/ratios"
-# Files of commands that are timed whole.
-MEMORY = Path("/dev/shm")
 # Rounds in CI, when a ratio would fail, when the file is written; the least share of a ratio; the slowdown that is planted.
 ROUNDS, MORE_ROUNDS, WRITTEN_ROUNDS = 6, 12, 15
 # The slowdown is as much beyond the floor as the noise of a dozen rounds can hide.
@@ -91,7 +89,7 @@ class Cornell:
         self.scene = mi.load_file(str(folder / "mitsuba/scene.xml"))
 
     def ours(self, seed):
-        with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else self.folder) as store:
+        with tempfile.TemporaryDirectory(dir=environment.in_memory() or self.folder) as store:
             command = ["render", self.file, "-o", f"{store}/out.zarr", "--no-figures", "--spp", self.SPP, "--seed", seed]
             return timed(lambda: ours(*command))
 

@@ -31,8 +31,17 @@ def find() -> str:
     return found
 
 
-def run(*words: object, command: str | None = None) -> str:
+def run(*words: object, command: str | None = None, tied: bool = False) -> str:
     """Run the command, and return what it prints.
+
+    Parameters
+    ----------
+    words
+        Its words.
+    command
+        The command, instead of that of `find`.
+    tied
+        Whether it dies with this process, where the system can see to that.
 
     Raises
     ------
@@ -40,10 +49,11 @@ def run(*words: object, command: str | None = None) -> str:
         With what the command says, if it fails.
     """
     name = command or find()
-    try:
-        done = subprocess.run([name, *map(str, words)], capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        raise CommandError(f"there is no command `{name}`: install it, or say where it is") from None
+    if shutil.which(name) is None:
+        raise CommandError(f"there is no command `{name}`: install it, or say where it is")
+    ties = shutil.which("setpriv") if tied else None
+    tie = [ties, "--pdeathsig", "KILL"] if ties else []
+    done = subprocess.run([*tie, name, *map(str, words)], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise CommandError(done.stderr.strip() or f"{name} ended with code {done.returncode}")
     return done.stdout

@@ -22,7 +22,6 @@ import hashlib
 import json
 import os
 import shutil
-import subprocess
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -31,6 +30,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pysunstone._native import RenderError
+from pysunstone.command import CommandError, find, run
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -45,10 +47,6 @@ ATTEMPTS = 100
 
 LOST_REPEATS = 10
 """How often the scheduler itself lets workers die under a unit before it asks us."""
-
-
-class RenderError(RuntimeError):
-    """The command refused a render, or a part of it was lost too often; the text says which and why."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,7 @@ def render(
     threads
         Threads of one part.
     command
-        The command ``sunstone`` on the workers; by default what SUNSTONE names, or that of the PATH.
+        The command ``sunstone`` on the workers; by default what SUNSTONE names, that of this Python's scripts, or that of the PATH.
     overwrite
         Replace a store at ``path``.
     progress
@@ -295,10 +293,11 @@ def _local(path: str | os.PathLike[str]) -> Path:
 
 
 def _command(command: str | None) -> str:
-    found = command or os.environ.get("SUNSTONE") or shutil.which("sunstone")
-    if not found:
-        raise RenderError("there is no command `sunstone`: put it into the PATH, or name it by SUNSTONE or command=")
-    return found
+    """The command on the workers."""
+    try:
+        return command or find()
+    except CommandError as e:
+        raise RenderError(str(e)) from None
 
 
 def _key(command: str, job: Job) -> str:
@@ -311,14 +310,11 @@ def _key(command: str, job: Job) -> str:
 
 def _run(words: Sequence[str]) -> str:
     """Run the command, which dies with this process where the system can see to that."""
-    if shutil.which(words[0]) is None:
-        raise RenderError(f"there is no command `{words[0]}`: say where it is by command=")
-    ties = shutil.which("setpriv")
-    tied = [ties, "--pdeathsig", "KILL", *words] if ties else list(words)
-    done = subprocess.run(tied, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RenderError(done.stderr.strip() or f"{words[0]} ended with code {done.returncode}")
-    return done.stdout
+    name, *rest = words
+    try:
+        return run(*rest, command=name, tied=True)
+    except CommandError as e:
+        raise RenderError(str(e)) from None
 
 
 @contextmanager

@@ -9,12 +9,10 @@ use pyo3::types::{PyDict, PyList};
 use serde_json::{Map, Value, json};
 use std::convert::Infallible;
 use std::path::PathBuf;
-use sunstone::render::SinkError;
+use sunstone::render::{Choices, is_of_system, most_threads};
 use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
-use sunstone::{
-    Arrays, Field, Job, Piece, Render, RenderError, SampleCounts, Sink, Summary, Target, TileRecord, Watch,
-};
+use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord, Watch};
 
 /// What a render changes of its scene; put back when it ends.
 struct Changed<'a> {
@@ -24,34 +22,13 @@ struct Changed<'a> {
 }
 
 impl<'a> Changed<'a> {
-    fn new(scene: &'a mut sunstone::Scene, a: &Asked) -> PyResult<Self> {
-        let most = 1 << 30;
-        for (name, given) in [("spp", a.spp), ("replicates", a.replicates)] {
-            if let Some(n) = given.filter(|n| !(1..=most).contains(n)) {
-                return Err(input(format!("{name} is {n}; give 1 to {most}")));
-            }
-        }
-        if let Some(names) = &a.slices {
-            let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
-            if let Some(unknown) = names.iter().find(|n| !known.contains(&n.as_str())) {
-                return Err(input(format!(
-                    "slices: the scene has no slice `{unknown}`; it has {}",
-                    known.join(", ")
-                )));
-            }
-        }
+    fn new(scene: &'a mut sunstone::Scene, choices: &Choices) -> PyResult<Self> {
         let changed = Self {
             settings: scene.settings,
             slices: scene.slices.clone(),
             scene,
         };
-        let settings = &mut changed.scene.settings;
-        settings.spp = a.spp.unwrap_or(settings.spp);
-        settings.replicates = a.replicates.unwrap_or(settings.replicates);
-        settings.seed = a.seed.unwrap_or(settings.seed);
-        if let Some(names) = &a.slices {
-            changed.scene.slices.retain(|s| names.contains(&s.name));
-        }
+        choices.apply(changed.scene, "").map_err(input)?;
         Ok(changed)
     }
 }
@@ -73,19 +50,22 @@ pub struct Asked {
     slices: Option<Vec<String>>,
 }
 
-/// Threads that may be asked for, for each that the machine can run at once: as of the command.
-const THREADS_EACH: usize = 8;
-
 impl Asked {
     /// Threads; 0 stands for as many as cores.
     fn threads(&self) -> PyResult<usize> {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let most = most_threads();
         match self.threads {
-            Some(n) if n == 0 || n > THREADS_EACH * cores => Err(input(format!(
-                "threads is {n}; give 1 to {}",
-                THREADS_EACH * cores
-            ))),
+            Some(n) if n == 0 || n > most => Err(input(format!("threads is {n}; give 1 to {most}"))),
             given => Ok(given.unwrap_or(0)),
+        }
+    }
+
+    fn choices(&self) -> Choices {
+        Choices {
+            spp: self.spp,
+            replicates: self.replicates,
+            seed: self.seed,
+            slices: self.slices.clone(),
         }
     }
 }
@@ -154,10 +134,10 @@ fn run<T: Send>(
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(Render) -> PyResult<T> + Send,
 ) -> PyResult<T> {
-    let threads = asked.threads()?;
+    let (threads, choices) = (asked.threads()?, asked.choices());
     watched(py, progress, |watch: &dyn Watch| {
         let mut scene_now = scene.lock();
-        let changed = Changed::new(&mut scene_now, asked)?;
+        let changed = Changed::new(&mut scene_now, &choices)?;
         let kept = |name: &str| changed.scene.slices.iter().any(|s| s.name == name);
         let figures: Vec<_> = scene.figures.iter().filter(|f| kept(f.view.slice())).collect();
         let render = Render::new(changed.scene)
@@ -185,13 +165,9 @@ pub fn render_store(
         resume,
     };
     let summary = run(py, scene, &asked, progress, |render| {
-        render.to_target(&target).map_err(|e| match e {
-            RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
-                failed(e)
-            }
-            RenderError::Sink(SinkError::Create(ref cause)) if cause.is_of_system() => failed(e),
-            RenderError::Sink(_) | RenderError::NoSlices | RenderError::Part(_) => input(e),
-        })
+        render
+            .to_target(&target)
+            .map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })
     })?;
     Ok(told(&summary))
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import functools
+import json
 import os
 import shutil
 import subprocess
@@ -82,6 +83,24 @@ def command() -> str:
     built = ROOT / "target/release/sunstone"
     found = os.environ.get("SUNSTONE") or (str(built) if built.exists() else shutil.which("sunstone"))
     assert found, "there is no command sunstone: cargo build --release"
+    return found
+
+def content(store: Path) -> dict[str, bytes]:
+    """Every file of a store, but for the time that rendering took."""
+    found = {}
+    for path in sorted(store.rglob("*")):
+        if not path.is_file():
+            continue
+        name, data = str(path.relative_to(store)), path.read_bytes()
+        if name == "zarr.json":
+            root = json.loads(data)
+            del root["attributes"]["wall_time_s"]
+            data = json.dumps(root).encode()
+        if name == "manifest.txt":
+            # It has a checksum of that file, and one of itself.
+            lines = data.splitlines()
+            data = b"\n".join(line for line in lines if not line.endswith((b" zarr.json", b" lines above")))
+        found[name] = data
     return found
 
 

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-from pathlib import Path
 from typing import Any
-
-ROOT = Path(__file__).resolve().parents[2]
 
 TEXT = """
 name = "ball"
@@ -62,11 +57,3 @@ def document(**changes: Any) -> dict[str, Any]:
         ],
     }
     return scene | changes
-
-
-def command() -> str:
-    """The program `sunstone`: what the variable SUNSTONE names, that of the workspace, or that of the package."""
-    built = ROOT / "target" / "release" / "sunstone"
-    found = os.environ.get("SUNSTONE") or (str(built) if built.exists() else shutil.which("sunstone"))
-    assert found, "build the command first: cargo build --release"
-    return found

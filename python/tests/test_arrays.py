@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import command
+from rendered import command
 
 import pysunstone as ps
 

@@ -1,7 +1,4 @@
-"""Renders by Dask: the bytes of one process, however many workers die meanwhile.
-
-Needs the command ``sunstone`` (SUNSTONE, or the PATH); without it all is skipped.
-"""
+"""Renders by Dask: the bytes of one process, however many workers die meanwhile."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ import os
 import random
 import shutil
 import signal
-import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -19,12 +15,12 @@ from typing import Any
 
 import distributed as dask
 import pytest
+from rendered import command, content, sunstone
 
 from pysunstone import distributed
 from pysunstone.distributed import Job, RenderError
 
-COMMAND = os.environ.get("SUNSTONE") or shutil.which("sunstone")
-pytestmark = pytest.mark.skipif(COMMAND is None, reason="there is no command sunstone")
+COMMAND = command()
 
 # It gives its classes no types.
 DASK: Any = dask
@@ -44,36 +40,12 @@ def client(cluster: Any) -> Iterator[Any]:
         yield made
 
 
-def sunstone(*words: object) -> str:
-    assert COMMAND is not None
-    return subprocess.run([COMMAND, *map(str, words)], capture_output=True, text=True, check=True).stdout
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """By one process."""
     path = tmp_path_factory.mktemp("whole") / "whole.zarr"
     sunstone("render", SCENE, "--spp", 16, "--integrator", "path", "--no-figures", "--threads", 1, "-o", path)
     return path
-
-
-def content(store: Path) -> dict[str, bytes]:
-    """Every file of a store, but for the time that rendering took."""
-    found = {}
-    for path in sorted(store.rglob("*")):
-        if not path.is_file():
-            continue
-        name, data = str(path.relative_to(store)), path.read_bytes()
-        if name == "zarr.json":
-            root = json.loads(data)
-            del root["attributes"]["wall_time_s"]
-            data = json.dumps(root).encode()
-        if name == "manifest.txt":
-            # It has a checksum of that file, and one of itself.
-            lines = data.splitlines()
-            data = b"\n".join(line for line in lines if not line.endswith((b" zarr.json", b" lines above")))
-        found[name] = data
-    return found
 
 
 def assert_same(a: Path, b: Path) -> None:
@@ -131,7 +103,6 @@ def test_killed_workers_change_no_byte(cluster: Any, client: Any, whole: Path, t
 def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.zarr"
     job = Job(SCENE, spp=16, integrator="path")
-    assert COMMAND is not None
     folder = tmp_path / "out.zarr.parts"
     kept = folder / distributed._key(COMMAND, job)
     sunstone("render", *job.options(), "--part", "2/3", "-o", kept / "2of3")
@@ -153,7 +124,6 @@ def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole:
 
 def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
     """Two workers that make the same at once, one of which is late."""
-    assert COMMAND is not None
     words = tuple(Job(SCENE, spp=2, integrator="path").options())
     unit = distributed._Unit(COMMAND, (*words, "--part", "1/8"), str(tmp_path / "parts" / "1of8"), 1)
     both = [threading.Thread(target=unit) for _ in range(2)]

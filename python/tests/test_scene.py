@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -14,21 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import TEXT, command, document
+from rendered import command, content
+from scenes import TEXT, document
 
 import pysunstone as ps
-
-
-def tree(store: Path) -> dict[str, bytes]:
-    """All files of a store, but the one that says how long it took."""
-    files = {str(p.relative_to(store)): p.read_bytes() for p in sorted(store.rglob("*")) if p.is_file()}
-    meta = json.loads(files.pop("zarr.json"))
-    attributes = {k: v for k, v in meta["attributes"].items() if k not in ("wall_time_s",)}
-    # The manifest's lines of the root and of itself: the time is in them.
-    lines = files["manifest.txt"].splitlines()
-    files["manifest.txt"] = b"\n".join(line for line in lines if not line.endswith((b" zarr.json", b" lines above")) or b"/" in line)
-    files["attributes"] = json.dumps(attributes, sort_keys=True).encode()
-    return files
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_store_is_that_of_the_command(folder: Path, tmp_path: Path) -> None:
     done = ps.Scene.load(folder / "scene.toml").render(tmp_path / "a.zarr", seed=3, threads=2)
     assert done["complete"] and done["tiles"] == 6
-    mine, theirs = tree(tmp_path / "a.zarr"), tree(folder / "by_command.zarr")
+    mine, theirs = content(tmp_path / "a.zarr"), content(folder / "by_command.zarr")
     assert mine.keys() == theirs.keys()
     assert [name for name in mine if mine[name] != theirs[name]] == []
 
@@ -260,8 +248,8 @@ except KeyboardInterrupt:
     done = scene.render(tmp_path / "a.zarr", spp=20000, resume=True)
     assert done["complete"] and 0 < done["samples"] < 24 * 16 * 20000
     scene.render(tmp_path / "b.zarr", spp=20000)
-    mine, theirs = tree(tmp_path / "a.zarr"), tree(tmp_path / "b.zarr")
-    assert [name for name in theirs if name != "attributes" and mine.get(name) != theirs[name]] == []
+    mine, theirs = content(tmp_path / "a.zarr"), content(tmp_path / "b.zarr")
+    assert [name for name in theirs if name != "zarr.json" and mine.get(name) != theirs[name]] == []
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

@@ -14,7 +14,7 @@ use sunstone::apply::catalog;
 use sunstone::apply::chain::file;
 use sunstone::apply::comparison::Row;
 use sunstone::apply::metrics::paired::Estimate;
-use sunstone::render::{RenderError, SinkError};
+use sunstone::render::is_of_system;
 use sunstone::studio::{Studio, StudioError};
 
 /// Run one of the paper's applications: render its scenes, fit every method on some variants and judge it on others.
@@ -196,12 +196,7 @@ impl From<StudioError> for Failure {
         match e {
             StudioError::Scene(e) => e.into(),
             StudioError::Interrupted => Failure::Interrupted(e.to_string()),
-            StudioError::Render(
-                RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }),
-            ) => Failure::failed(e),
-            StudioError::Render(RenderError::Sink(SinkError::Create(ref cause))) => {
-                Failure::of_system(cause.is_of_system(), e)
-            }
+            StudioError::Render(ref cause) => Failure::of_system(is_of_system(cause), e),
             _ => Failure::input(e),
         }
     }

@@ -10,13 +10,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use sunstone::figure::listed;
-use sunstone::figure::spec::Figure;
-use sunstone::render::{Part, Render, RenderError, SinkError, Summary, Target, Watch};
+use sunstone::render::{Choices, Part, Render, Summary, Target, Watch, cores, is_of_system, most_threads};
 use sunstone::store::doubt;
 use sunstone::store::sink::{is_finished, is_finished_part};
 use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::coverage::missing;
-use sunstone::transport::scene::{Integrator, Scene};
+use sunstone::transport::scene::Integrator;
 
 /// Render a scene file to slices of T, with error bars, and draw its figures.
 ///
@@ -186,23 +185,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         None => sunstone::scene::from_text(&a.scene, &text)?,
     };
     let mut figures = listed::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
-    let settings = &mut scene.settings;
-    let counts = [
-        ("spp", a.spp, &mut settings.spp),
-        ("replicates", a.replicates, &mut settings.replicates),
-    ];
-    for (name, given, setting) in counts {
-        let Some(n) = given else { continue };
-        if !(1..=1 << 30).contains(&n) {
-            return Err(Failure::input(format!("--{name} is {n}; give 1 to {}", 1 << 30)));
-        }
-        *setting = n;
-    }
-    scene.settings.seed = a.seed.unwrap_or(scene.settings.seed);
     if let Some(integrator) = a.integrator {
         scene.set_integrator(integrator);
     }
-    keep_slices(&mut scene, &mut figures, &a.slices)?;
+    let choices = Choices {
+        spp: a.spp,
+        replicates: a.replicates,
+        seed: a.seed,
+        slices: (!a.slices.is_empty()).then(|| a.slices.clone()),
+    };
+    choices.apply(&mut scene, "--").map_err(Failure::input)?;
+    figures.retain(|f| scene.slices.iter().any(|s| s.name == f.view.slice()));
     let (triangles, quadrics) = scene.geometry.counts();
     tracing::info!(
         "scene {}: {triangles} triangles, {quadrics} quadrics, read in {:.2?}",
@@ -245,13 +238,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Some(folder) => render.shared_light(folder),
         None => render,
     };
-    let summary = render.to_target(&target).map_err(|e| match e {
-        RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => {
-            Failure::failed(e)
-        }
-        RenderError::Sink(SinkError::Create(ref cause)) => Failure::of_system(cause.is_of_system(), e),
-        RenderError::Sink(_) | RenderError::NoSlices | RenderError::Part(_) => Failure::input(e),
-    })?;
+    let summary = render
+        .to_target(&target)
+        .map_err(|e| Failure::of_system(is_of_system(&e), e))?;
     if let Some(bar) = &progress.bar {
         bar.finish_and_clear();
     }
@@ -326,17 +315,14 @@ fn in_doubt(path: &Path) -> Result<String, Failure> {
     Ok(most.1)
 }
 
-/// Threads that may be asked for, for each that the machine can run at once.
-const THREADS_EACH: usize = 8;
-
-/// As many threads as a machine can make use of, and then some: not so many that it does nothing else.
+/// Refuses more threads than [`most_threads`].
 fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let most = THREADS_EACH * cores;
+    let (cores, most) = (cores(), most_threads());
     match threads {
         Some(0) => Err(Failure::input("--threads is 0; give at least 1")),
         Some(n) if n > most => Err(Failure::input(format!(
-            "--threads is {n}; this machine runs {cores} at once, and at most {THREADS_EACH} times as many, {most}, are taken"
+            "--threads is {n}; this machine runs {cores} at once, and at most {} times as many, {most}, are taken",
+            most / cores
         ))),
         _ => Ok(()),
     }
@@ -350,21 +336,4 @@ fn quoted(path: &Path) -> String {
         return text;
     }
     format!("'{}'", text.replace('\'', "'\\''"))
-}
-
-/// Drops slices that were not asked for, and the figures that draw them.
-fn keep_slices(scene: &mut Scene, figures: &mut Vec<Figure>, names: &[String]) -> Result<(), Failure> {
-    if names.is_empty() {
-        return Ok(());
-    }
-    if let Some(unknown) = names.iter().find(|n| !scene.slices.iter().any(|s| s.name == **n)) {
-        let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
-        return Err(Failure::input(format!(
-            "--slices: the scene has no slice `{unknown}`; it has {}",
-            known.join(", ")
-        )));
-    }
-    scene.slices.retain(|s| names.contains(&s.name));
-    figures.retain(|f| names.iter().any(|n| n == f.view.slice()));
-    Ok(())
 }

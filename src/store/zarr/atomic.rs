@@ -54,12 +54,11 @@ impl AtomicDirectory {
         }
     }
 
-    /// Storage of a finished store, whose files are to be those of its manifest.
+    /// Storage of a finished store in a directory, whose files are to be those of its manifest.
     pub(super) fn finished(root: &Path, manifest: Manifest) -> Self {
         Self {
-            root: root.to_owned(),
-            remote: None,
             manifest: Some(manifest),
+            ..Self::new(root)
         }
     }
 
@@ -87,7 +86,11 @@ impl AtomicDirectory {
                 let found = self
                     .read(file)
                     .map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
-                Ok(found.is_some_and(|bytes| remote.keep_description(file.to_owned(), bytes)))
+                let is_there = found.is_some();
+                if let Some(bytes) = found {
+                    remote.keep_description(file.to_owned(), bytes);
+                }
+                Ok(is_there)
             }
         }
     }

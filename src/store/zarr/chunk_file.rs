@@ -6,16 +6,20 @@ use std::path::PathBuf;
 use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 
 impl<T: Number> ChunkedArray<T> {
+    /// Index in the chunk grid of the chunk that begins at `start`.
+    fn index_of(&self, start: &[u64]) -> Vec<u64> {
+        start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect()
+    }
+
     /// The file of the chunk that begins at `start`.
     pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
-        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
-        let key = self.array.chunk_key(&index);
+        let key = self.array.chunk_key(&self.index_of(start));
         self.array.storage().root().join(key.as_str())
     }
 
     /// Copies the file of the chunk that begins at `start` from an array of the same description, if its checksum is right.
     pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
-        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
+        let index = self.index_of(start);
         let key = self.array.chunk_key(&index);
         let lost = |cause: String| AccessError::Chunk {
             path: from.path.clone(),
@@ -39,8 +43,8 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Whether the chunk that begins at `start` is to have a file.
     pub(super) fn is_listed(&self, start: &[u64]) -> bool {
-        let index: Vec<u64> = start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect();
-        let listed = self.array.storage().lists(self.array.chunk_key(&index).as_str());
+        let key = self.array.chunk_key(&self.index_of(start));
+        let listed = self.array.storage().lists(key.as_str());
         listed.unwrap_or_else(|| self.is_stored(start))
     }
 

@@ -44,9 +44,8 @@ impl Remote {
     }
 
     /// Keeps a description that has been read.
-    pub(super) fn keep_description(&self, file: String, bytes: Bytes) -> bool {
+    pub(super) fn keep_description(&self, file: String, bytes: Bytes) {
         self.descriptions().insert(file, bytes);
-        true
     }
 
     fn descriptions(&self) -> MutexGuard<'_, HashMap<String, Bytes>> {
