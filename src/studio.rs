@@ -27,8 +27,8 @@ pub const TRUTH_SEED: u64 = 1 << 32;
 /// Groups of samples that standard errors are estimated from, at least.
 const REPLICATES: u32 = 8;
 
-/// How long another process that works at a render is waited for, which may but look whether it is finished.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// After how long it is told that another process works at a render: it may but look whether that is finished.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// 2⁶⁴ over the golden ratio, the step of SplitMix64.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -149,6 +149,7 @@ impl<'a> Studio<'a> {
         scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
         let path = self.renders.join(file_name(&scene, number, seed));
         let begun = Instant::now();
+        let mut told = false;
         let summary = loop {
             let target = Target {
                 resume: path.exists(),
@@ -156,7 +157,14 @@ impl<'a> Studio<'a> {
                 replace: false,
             };
             match Render::new(&scene).watch(self.watch).to_target(&target) {
-                Err(e) if is_locked(&e) && begun.elapsed() < PATIENCE => std::thread::sleep(PAUSE),
+                // Whoever holds it renders the same, and lets go of it when it ends, however that comes.
+                Err(e) if is_locked(&e) => {
+                    if !told && begun.elapsed() > PATIENCE {
+                        tracing::warn!("waiting for another process that renders {}", path.display());
+                        told = true;
+                    }
+                    std::thread::sleep(PAUSE);
+                }
                 made => break made.map_err(|e| kept(&path, e))?,
             }
             if self.watch.interrupted() {

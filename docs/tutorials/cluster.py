@@ -25,6 +25,8 @@
 
 # %%
 import json
+import os
+import signal
 import tempfile
 import threading
 from pathlib import Path
@@ -38,7 +40,7 @@ ROOT = next(folder for folder in [Path.cwd(), *Path.cwd().parents] if (folder / 
 SCENE = ROOT / "scenes/mirror_room/scene.toml"
 folder = Path(tempfile.mkdtemp())
 
-cluster = dask.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+cluster = dask.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0")
 client = cluster.get_client()
 cluster
 
@@ -47,18 +49,19 @@ cluster
 # worker makes it, when, or how often. To show it, a worker is killed while they render.
 
 # %%
-workers = list(cluster.workers.values())
-murder = threading.Timer(1.0, lambda: workers[0].process.process.kill())
-murder.start()
-whole = distributed.render(SCENE, folder / "room.zarr", spp=8, parts=12, client=client)
-murder.join()
-whole.name
+processes = client.run(os.getpid)
+death = threading.Timer(1.0, os.kill, [next(iter(processes.values())), signal.SIGKILL])
+death.start()
+whole = distributed.render(SCENE, folder / "room.zarr", spp=8, parts=12, slices=["polarimetric", "xt"], client=client)
+death.join()
+client.wait_for_workers(2)
+sorted(processes.values()), sorted(client.run(os.getpid).values())
 
 # %% [markdown]
 # On this process alone, without a cluster, the numbers are the same to the bit:
 
 # %%
-alone = ps.Scene.load(SCENE).render(spp=8)
+alone = ps.Scene.load(SCENE).render(spp=8, slices=["polarimetric", "xt"])
 together = ps.open_store(whole)
 for name, node in together.children.items():
     assert np.array_equal(node["mean"].values, alone[name]["mean"], equal_nan=True), name

@@ -1,0 +1,100 @@
+#!/usr/bin/env python3
+"""What renders by Dask cost: its scheduler's time for units that do nothing, and a render by two workers against one process of two threads.
+
+Rounds are interleaved, and every render is whole: its process or call from start to a finished store in memory. Workers start before.
+
+    python3 validation/clusters.py [--rounds 3] [--record]
+
+Needs the package pysunstone in .venv (pip install ./python[dask]). With --record the numbers go to results/clusters.json.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+
+import environment
+import result_file
+
+if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
+    environment.enter()
+
+UNITS = 10_000
+PARTS = 8
+# Half a minute to a minute each on two cores of 2020: what is rendered on clusters takes longer.
+RENDERS = {"path": 768, "caustics": 512, "bidirectional": 96}
+SCENE = environment.ROOT / "scenes/mirror_room/scene.toml"
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """A unit that takes no time."""
+
+    place: str
+
+    def __call__(self):
+        return 0.0
+
+
+def scheduler(client, rounds):
+    """Milliseconds of a unit, from 10,000 that do nothing."""
+    from pysunstone import distributed
+
+    each = []
+    for n in range(rounds):
+        units = [Nothing(f"{n}/{k}") for k in range(UNITS)]
+        begun = time.perf_counter()
+        distributed._finish(client, units, None)
+        each.append(1e3 * (time.perf_counter() - begun) / UNITS)
+    return each
+
+
+def pair(client, integrator, spp, folder):
+    """Seconds of one process with two threads, and of two workers with one each."""
+    from pysunstone import distributed
+
+    words = ["--spp", str(spp), "--integrator", integrator, "--no-figures", "--threads", "2"]
+    begun = time.perf_counter()
+    subprocess.run([environment.sunstone(), "render", SCENE, *words, "-o", f"{folder}/one"], check=True, capture_output=True)
+    one = time.perf_counter() - begun
+    begun = time.perf_counter()
+    distributed.render(SCENE, f"{folder}/two", spp=spp, parts=PARTS, client=client, integrator=integrator, command=str(environment.sunstone()))
+    return one, time.perf_counter() - begun
+
+
+def main():
+    import dask
+    import distributed
+
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--record", action="store_true", help="write results/clusters.json")
+    options = parser.parse_args()
+    numbers = {}
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.wait_for_workers(2)
+        numbers["unit"] = result_file.rounds(scheduler(client, options.rounds), "ms", "lower", f"{options.rounds} rounds of {UNITS}")
+        print(f"{UNITS} units that do nothing: {numbers['unit']['median']:.2f} ms each", flush=True)
+        found = {name: [] for name in RENDERS}
+        for _ in range(options.rounds):
+            for name, spp in RENDERS.items():
+                with tempfile.TemporaryDirectory(dir=environment.in_memory()) as folder:
+                    found[name].append(pair(client, name, spp, folder))
+        for name, pairs in found.items():
+            one, two = zip(*pairs, strict=True)
+            numbers[f"one_{name}"] = result_file.rounds(one, "s")
+            numbers[f"workers_{name}"] = result_file.rounds(two, "s")
+            numbers[f"efficiency_{name}"] = result_file.ratio(one, two)
+            print(f"{name:14} efficiency {numbers[f'efficiency_{name}']['median']:.3f}; one process {one}, workers {two}", flush=True)
+    if options.record:
+        measures = [*result_file.TRACER, "python", "src/cli", "scenes/mirror_room", "validation/clusters.py"]
+        result_file.write("clusters", __file__, measures, numbers, {"dask": dask.__version__, "distributed": distributed.__version__})
+
+
+if __name__ == "__main__":
+    main()
