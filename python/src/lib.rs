@@ -7,6 +7,7 @@ mod error;
 mod off_python;
 mod picture;
 mod render;
+mod rig;
 mod scene;
 mod watch;
 
@@ -32,5 +33,5 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(analysis::decompose, m)?)?;
     m.add_function(wrap_pyfunction!(capture::simulate, m)?)?;
     m.add_function(wrap_pyfunction!(capture::reconstruct, m)?)?;
-    Ok(())
+    rig::register(m)
 }

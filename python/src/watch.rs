@@ -10,11 +10,11 @@ use sunstone::{Summary, Watch};
 /// How often signals are looked for and progress is told.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// What the thread that renders and the one of Python tell each other.
+/// What the thread that works and the one of Python tell each other.
 #[derive(Default)]
-struct Shared {
+pub struct Shared {
     stop: AtomicBool,
-    /// Tiles done, and tiles in all.
+    /// Tiles or frames done, and in all.
     tiles: Mutex<Option<(u32, u32)>>,
     ended: Mutex<bool>,
     bell: Condvar,
@@ -22,7 +22,7 @@ struct Shared {
 
 impl Watch for Shared {
     fn tile_done(&self, s: &Summary) {
-        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((s.tiles_done, s.tiles));
+        self.tell(s.tiles_done, s.tiles);
     }
 
     fn interrupted(&self) -> bool {
@@ -31,6 +31,16 @@ impl Watch for Shared {
 }
 
 impl Shared {
+    /// True once the work is to end.
+    pub fn stop(&self) -> &AtomicBool {
+        &self.stop
+    }
+
+    /// Notes how far the work is.
+    pub fn tell(&self, done: u32, all: u32) {
+        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((done, all));
+    }
+
     /// True once the work has ended; waits a little for it.
     fn wait(&self) -> bool {
         let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
@@ -55,6 +65,15 @@ pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&dyn Watch) -> T + Send,
+) -> PyResult<T> {
+    watched_by(py, progress, |shared| work(shared))
+}
+
+/// As [`watched`], for work that is no render.
+pub fn watched_by<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Shared) -> T + Send,
 ) -> PyResult<T> {
     let shared = Shared::default();
     std::thread::scope(|scope| {
@@ -81,7 +100,7 @@ pub fn watched<T: Send>(
             (Some(fault), _) => Err(fault),
             (None, Ok(done)) => Ok(done),
             (None, Err(_)) => Err(PyRuntimeError::new_err(
-                "the render failed; this is a bug of Sunstone",
+                "the work failed; this is a bug of Sunstone",
             )),
         }
     })

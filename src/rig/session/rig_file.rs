@@ -27,7 +27,7 @@ use super::geometry::Geometry;
 use super::projector_file;
 pub use super::projector_file::FlashPlan;
 use super::rig_syntax::{BenchFile, CounterFile, RigFile, SampleFile};
-pub use super::rig_syntax::{Driver, StageFile};
+pub use super::rig_syntax::{APPROACH_DEG, Driver, StageFile};
 use crate::driver::galvo::wiring::Wiring;
 use crate::driver::scpi::table::LaserTable;
 use crate::driver::th260::settings::Th260Settings;
