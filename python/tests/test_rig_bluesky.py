@@ -18,7 +18,7 @@ import pytest
 import rigs
 from bluesky import protocols
 from bluesky.run_engine import RunEngine
-from ophyd_async.core import Array2D, AsyncStatus, StandardReadable, init_devices, soft_signal_r_and_setter, soft_signal_rw
+from ophyd_async.core import AsyncStatus, StandardReadable, init_devices, soft_signal_r_and_setter, soft_signal_rw
 from ophyd_async.sim import SimMotor
 
 import pysunstone as ps
@@ -78,28 +78,28 @@ def test_motors_turn_the_stages_of_a_run(engine: RunEngine, session: rig.Session
     limits = rig.StageLimits((-720, 720), 400, 8000, 0.001)
     turning, axis = motor(2000.0), ophyd.sim.SynAxis(name="axis")
     session["retarder_2"] = StageOfDevice(turning, limits)
-    session["polarizer_1"] = StageOfDevice(axis, limits)
-    assert session["polarizer_1"].identify(1.0) == rig.Identity("ophyd", "SynAxis", "axis")
+    session["retarder_3"] = StageOfDevice(axis, limits)
+    assert session["retarder_3"].identify(1.0) == rig.Identity("ophyd", "SynAxis", "axis")
     outcome = session.run(tmp_path / "s.zarr")
     assert (outcome.taken, outcome.retries) == (60, 0)
     frames = ps.open_store(tmp_path / "s.zarr")["frames"]
     own = rig.Session(tmp_path / "camera.toml")
     own.run(tmp_path / "own.zarr")
     goals = ps.open_store(tmp_path / "own.zarr")["frames"]
-    for name in ("angle_retarder_2", "angle_polarizer_1"):
+    for name in ("angle_retarder_2", "angle_retarder_3"):
         assert len(np.unique(goals[name])) > 3, "it turns"
         np.testing.assert_allclose(frames[name], goals[name], atol=2e-3)
 
 
 class Jammed(SimMotor):
-    """Fails every second move."""
+    """Fails every third move."""
 
     moves = 0
 
     @AsyncStatus.wrap
     async def set(self, new_position: float, timeout: Any = None) -> None:  # type: ignore[override]
         self.moves += 1
-        if self.moves % 2 == 0:
+        if self.moves % 3 == 0:
             raise RuntimeError("the gear slips")
         await super().set(new_position)
 
@@ -137,7 +137,7 @@ class Detector(StandardReadable):
         self.camera = camera
         self.exposure = soft_signal_rw(float, 0.01)
         with self.add_children_as_readables():
-            self.image, self._set_image = soft_signal_r_and_setter(Array2D[np.uint16])
+            self.image, self._set_image = soft_signal_r_and_setter(np.ndarray)
         super().__init__(name)
 
     @AsyncStatus.wrap

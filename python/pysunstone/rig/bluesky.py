@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +49,7 @@ def event_loop() -> asyncio.AbstractEventLoop:
     was made.
     """
     engine = sys.modules.get("bluesky.run_engine")
-    found = engine.get_bluesky_event_loop() if engine else None
+    found: asyncio.AbstractEventLoop | None = engine.get_bluesky_event_loop() if engine else None
     if found is not None and found.is_running():
         return found
     global _own_loop
@@ -91,9 +91,12 @@ class _Device:
         """Waits for a status; raises what it failed with."""
         ended = threading.Event()
 
+        def end(_: object) -> None:
+            ended.set()
+
         async def listen() -> None:
             # Callbacks of asyncio's tasks are added in their own thread.
-            status.add_callback(lambda *_: ended.set())
+            status.add_callback(end)
 
         self._run(listen, _ANSWER_S)
         if not ended.wait(within_s):
@@ -117,8 +120,8 @@ class _Device:
             raise
 
     def identity(self) -> Identity:
-        of = type(self.device)
-        return Identity(of.__module__.partition(".")[0], of.__qualname__, self.name())
+        of = cast("type[object]", type(self.device))
+        return Identity(of.__module__.partition(".")[0], of.__name__, self.name())
 
     def value(self, key: str | None, within_s: float) -> Any:
         """What it reads: the value of a key; of its own name, or its only one, without a key."""

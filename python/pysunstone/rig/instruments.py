@@ -92,10 +92,11 @@ class Instrument(Protocol):
 
     def identify(self, within_s: float) -> Identity:
         """Who it is: proof that the line works."""
-        return Identity(type(self).__module__, type(self).__qualname__, "unknown")
+        return Identity(type(self).__module__, type(self).__name__, "unknown")
 
     def reconnect(self, within_s: float) -> None:
         """Connect anew after the line was lost, and forget what was under way. Settings are made again after that."""
+        return None
 
     def temperature_c(self) -> float | None:
         """Temperature, degrees Celsius, where it knows it."""

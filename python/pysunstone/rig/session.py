@@ -185,7 +185,7 @@ def _fits(name: str, instrument: object) -> None:
     kind = name if name in _KINDS and name != "stage" else "stage"
     if lacks := _lacks(instrument, kind):
         what = f"`{name}`" if kind == name else f"`{name}`, a stage by its name (there are {', '.join(list(_KINDS)[1:])} besides),"
-        raise InputError(f"{what} is a {type(instrument).__qualname__}, which has no method {', '.join(lacks)}")
+        raise InputError(f"{what} is a {type(instrument).__name__}, which has no method {', '.join(lacks)}")
 
 
 @dataclass(frozen=True)
@@ -232,6 +232,6 @@ def check(instrument: Instrument, *, name: str | None = None) -> Report:
     if kind is None:
         nearest = min(_KINDS, key=lambda k: len(_lacks(instrument, k)) / len(_KINDS[k]))
         raise InputError(
-            f"a {type(instrument).__qualname__} is no instrument: of a {nearest} it has no {', '.join(_lacks(instrument, nearest))}"
+            f"a {type(instrument).__name__} is no instrument: of a {nearest} it has no {', '.join(_lacks(instrument, nearest))}"
         )
     return Report(Check(*c) for c in _native.rig_check(kind, name or type(instrument).__name__, instrument))
