@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -460,3 +462,55 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     for part in code:
         exec(compile(part, "docs/python-rig.md", "exec"), names)  # noqa: S102
     assert (tmp_path / "night.zarr" / "manifest.txt").exists()
+
+
+def test_one_other_number_in_one_frame_is_seen(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    """The comparison of bytes can fail."""
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+
+    def change(frame: rig.Frame) -> rig.Frame:
+        if frame.number == 33:
+            frame.pixels[4, 7] ^= 1
+        return frame
+
+    session["camera"] = Lying(session["camera"], change)
+    session.run(tmp_path / "s.zarr")
+    found = rigs.content(tmp_path / "s.zarr")
+    assert sorted(found) == sorted(sound["camera"])
+    other = [name for name in found if found[name] != sound["camera"][name]]
+    assert len(other) == 2 and "manifest.txt" in other, other
+
+
+def test_protocols_are_types(tmp_path: Path) -> None:
+    """mypy finds a method that is missing, and one of another signature."""
+    (tmp_path / "lab.py").write_text("""
+from pysunstone import rig, _native
+
+def camera(own: _native.RigCamera) -> rig.AreaCamera:
+    return own
+
+class Half(rig.RotationStage):
+    def limits(self) -> rig.StageLimits:
+        return rig.StageLimits()
+
+Half()
+
+class Wrong(rig.PulsedLaser):
+    def limits(self) -> rig.LaserLimits:
+        return rig.LaserLimits(550.0, (1e6, 8e7))
+
+    def emit(self, on: bool, rate_hz: str, within_s: float) -> None: ...
+
+    def state(self, within_s: float) -> int:
+        return 3
+""")
+    # NumPy's own types take long to read, and are not looked at.
+    (tmp_path / "mypy.ini").write_text("[mypy]\n[mypy-numpy.*]\nfollow_imports = skip\n")
+    mypy = [sys.executable, "-m", "mypy", "--cache-dir", tmp_path / "cache", "lab.py"]
+    path = os.environ | {"MYPYPATH": str(Path(ps.__file__).parents[1])}
+    done = subprocess.run(mypy, cwd=tmp_path, env=path, capture_output=True, text=True, check=False)
+    errors = [line.split("error: ")[1] for line in done.stdout.splitlines() if "error: " in line]
+    assert len(errors) == 3, done.stdout
+    assert errors[0].startswith('Cannot instantiate abstract class "Half" with abstract attributes "begin_move", "finish_move", "home", "read"')
+    assert errors[1].startswith('Argument 2 of "emit" is incompatible with supertype')
+    assert errors[2].startswith('Return type "int" of "state" incompatible with return type "LaserState"')

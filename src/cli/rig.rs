@@ -17,9 +17,6 @@ pub struct Arguments {
     command: Command,
 }
 
-/// Where benches keep the tensors of the scenes that they play.
-const BENCH: &str = "out/bench";
-
 #[derive(clap::Subcommand)]
 enum Command {
     Run(run::Arguments),

@@ -87,8 +87,11 @@ impl Prepared {
     /// # Errors
     /// [`PrepareError::Wrong`]: there is no such sample.
     pub fn put_sample(&mut self, sample: &str) -> Result<(), PrepareError> {
-        let mueller = sample_of(sample)
-            .ok_or_else(|| wrong(format!("no sample is called `{sample}`; give air, mirror or polarizer")))?;
+        let mueller = sample_of(sample).ok_or_else(|| {
+            wrong(format!(
+                "no sample is called `{sample}`; give air, mirror or polarizer"
+            ))
+        })?;
         if let Some(bench) = &mut self.rig.bench {
             bench.scene = Scene::Sample(mueller);
             // Another night has other noise.
@@ -186,8 +189,7 @@ impl Prepared {
             RunStoreError::Create(cause) if cause.is_of_system() => failed(e),
             _ => wrong(e),
         })?;
-        let recovered =
-            writer::recover(&store).map_err(|e| failed(format!("{}: {e}", output.display())))?;
+        let recovered = writer::recover(&store).map_err(|e| failed(format!("{}: {e}", output.display())))?;
         Ok((store, recovered))
     }
 

@@ -35,7 +35,9 @@ impl Picture {
         let most = (1_u32 << format.bits()) - 1;
         if let Some(n) = numbers.iter().find(|n| **n > most) {
             let name = format.name();
-            return Err(format!("a pixel is {n}, and {name} holds 0 to {most}; give digital numbers of that format"));
+            return Err(format!(
+                "a pixel is {n}, and {name} holds 0 to {most}; give digital numbers of that format"
+            ));
         }
         let (number, timestamp_ns) = match of_frame {
             Some(_) => (
@@ -100,7 +102,11 @@ pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String
     let own: Option<u64> = from.field("number", "the counter's own count, or None")?;
     Ok(Histogram {
         counts: integers(from, "counts")?,
-        records: if tagged { integers(from, "records")? } else { vec![] },
+        records: if tagged {
+            integers(from, "records")?
+        } else {
+            vec![]
+        },
         pulses: from.field("pulses", "the laser's pulses while it counted, an integer from 0")?,
         number: own.unwrap_or(number),
         timestamp_ns: from.field("timestamp_ns", "nanoseconds, an integer from 0")?,
@@ -142,12 +148,15 @@ pub fn of_patterns<'py>(py: Python<'py>, patterns: &[Pattern]) -> PyResult<Bound
 /// Patterns of Python.
 pub fn patterns(given: &Bound<'_, PyAny>) -> Result<Vec<Pattern>, String> {
     let wanted = "give a sequence of NumPy arrays (rows, columns) of uint8";
-    let items = given.try_iter().map_err(|_| format!("{}: {wanted}", shown(given)))?;
+    let items = given
+        .try_iter()
+        .map_err(|_| format!("{}: {wanted}", shown(given)))?;
     let mut all = vec![];
     for item in items {
         let item = item.map_err(|e| e.to_string())?;
-        let array: PyReadonlyArray2<'_, u8> =
-            item.extract().map_err(|_| format!("a pattern is {}; {wanted}", kind(&item)))?;
+        let array: PyReadonlyArray2<'_, u8> = item
+            .extract()
+            .map_err(|_| format!("a pattern is {}; {wanted}", kind(&item)))?;
         all.push(Pattern {
             width: array.shape()[1] as u32,
             height: array.shape()[0] as u32,

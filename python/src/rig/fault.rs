@@ -76,6 +76,8 @@ fn told(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> {
 /// Whether an exception has a class of a name among its own: asyncio's timeout is Python's from 3.11 on.
 fn of_name(py: Python<'_>, error: &PyErr, name: &str) -> bool {
     let classes = error.get_type(py).mro();
-    let mut names = classes.iter().filter_map(|c| c.getattr("__name__").ok()?.extract::<String>().ok());
+    let mut names = classes
+        .iter()
+        .filter_map(|c| c.getattr("__name__").ok()?.extract::<String>().ok());
     names.any(|n| n == name)
 }

@@ -56,7 +56,10 @@ impl<L, S> Given<L, S> {
             let answer = self.object.bind(py).call_method1(method, args);
             let answer = answer.map_err(|e| self.thrown.failure(py, &self.name, method, e))?;
             read(&Answer(&answer)).map_err(|what| {
-                self.failure(Fault::Refused, format!("`{method}` answered {}: {what}", shown(&answer)))
+                self.failure(
+                    Fault::Refused,
+                    format!("`{method}` answered {}: {what}", shown(&answer)),
+                )
             })
         })
     }
@@ -85,7 +88,7 @@ impl<L: Send, S: Default + Send> Instrument for Given<L, S> {
         Python::attach(|py| {
             let object = self.object.bind(py);
             let method = object.getattr("temperature_c").ok()?;
-            let found = method.call0().and_then(|t| t.extract::<Option<f64>>().map_err(PyErr::from));
+            let found = method.call0().and_then(|t| t.extract::<Option<f64>>());
             // The trait's word for a failure is none; that it was one is told on stderr.
             found.unwrap_or_else(|e| {
                 e.write_unraisable(py, Some(object));
@@ -146,11 +149,16 @@ impl PatternProjector for Projector {
         }
         for (i, p) in patterns.iter().enumerate() {
             if [p.width, p.height] != self.limits.size || p.pixels.len() != width as usize * height as usize {
-                let what = format!("pattern {i} is of {} x {} pixels, it has {width} x {height}", p.width, p.height);
+                let what = format!(
+                    "pattern {i} is of {} x {} pixels, it has {width} x {height}",
+                    p.width, p.height
+                );
                 return limit(what);
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
-                return limit(format!("pattern {i} has grey pixels; it knows on (255) and off (0)"));
+                return limit(format!(
+                    "pattern {i} has grey pixels; it knows on (255) and off (0)"
+                ));
             }
         }
         self.state = 0;
@@ -246,7 +254,8 @@ impl AreaCamera for Camera {
     }
 
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
-        let (Some(CameraSettings { region, format, .. }), true) = (self.of.state.settings, self.of.state.under_way)
+        let (Some(CameraSettings { region, format, .. }), true) =
+            (self.of.state.settings, self.of.state.under_way)
         else {
             return Err(self.of.failure(Fault::Refused, "no exposure was begun"));
         };
@@ -284,7 +293,10 @@ impl GalvoScanner for Galvo {
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
         let mut both = angles_deg.iter().zip(self.limits.range_deg);
         if !both.all(|(a, most)| a.is_finite() && a.abs() <= most) {
-            let what = format!("{angles_deg:?}° is beyond ±{:?}°; mend the plan", self.limits.range_deg);
+            let what = format!(
+                "{angles_deg:?}° is beyond ±{:?}°; mend the plan",
+                self.limits.range_deg
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         let [x, y] = angles_deg;
@@ -389,12 +401,17 @@ impl PhotonCounter for Counter {
         self.of.state.under_way = false;
         let bins = if settings.tags { 0 } else { settings.bins };
         if found.counts.len() != bins {
-            let what = format!("`finish` answered {} counts; it was set to {bins} bins", found.counts.len());
+            let what = format!(
+                "`finish` answered {} counts; it was set to {bins} bins",
+                found.counts.len()
+            );
             return Err(self.of.failure(Fault::Timeout, what));
         }
         let full = self.of.limits.full;
         if found.counts.iter().any(|n| u64::from(*n) >= full) {
-            return Err(self.of.failure(Fault::Saturated, "a bin is full; count for a shorter time"));
+            return Err(self
+                .of
+                .failure(Fault::Saturated, "a bin is full; count for a shorter time"));
         }
         self.taken = number;
         Ok(found)

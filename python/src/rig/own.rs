@@ -8,8 +8,8 @@ use crate::error::input;
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use sunstone::rig::instrument::{
-    AreaCamera, CameraSettings, CounterSettings, Failure, GalvoScanner, PatternProjector,
-    PhotonCounter, PulsedLaser, RotationStage,
+    AreaCamera, CameraSettings, CounterSettings, Failure, GalvoScanner, PatternProjector, PhotonCounter,
+    PulsedLaser, RotationStage,
 };
 
 /// An instrument that is lent to a session and comes back.
@@ -42,7 +42,12 @@ impl<D: ?Sized + Send> Slot<D> {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
             device.as_mut().map(|device| work(device))
         });
-        done.ok_or_else(|| input(format!("{}: a session runs with it; wait until that has ended", self.name)))
+        done.ok_or_else(|| {
+            input(format!(
+                "{}: a session runs with it; wait until that has ended",
+                self.name
+            ))
+        })
     }
 
     /// Asks it for what it may refuse.
@@ -51,7 +56,8 @@ impl<D: ?Sized + Send> Slot<D> {
         py: Python<'_>,
         work: impl FnOnce(&mut D) -> Result<T, Failure> + Send,
     ) -> PyResult<T> {
-        self.with(py, work)?.map_err(|failure| exception(py, &failure, ""))
+        self.with(py, work)?
+            .map_err(|failure| exception(py, &failure, ""))
     }
 }
 
@@ -179,7 +185,7 @@ own!(
         }
 
         fn expose(&self, py: Python<'_>) -> PyResult<()> {
-            self.0.ask(py, |d| d.expose())
+            self.0.ask(py, AreaCamera::expose)
         }
 
         fn frame(&self, py: Python<'_>, within_s: f64) -> PyResult<Py<PyAny>> {
@@ -226,7 +232,7 @@ own!(
         }
 
         fn begin(&self, py: Python<'_>) -> PyResult<()> {
-            self.0.ask(py, |d| d.begin())
+            self.0.ask(py, PhotonCounter::begin)
         }
 
         fn finish<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {

@@ -112,11 +112,31 @@ impl Drop for Lent<'_, '_> {
         };
         for (name, object) in &self.objects {
             match name.as_str() {
-                "projector" => rig.projector.take().into_iter().for_each(|d| RigProjector::give_back(object, d)),
-                "camera" => rig.camera.take().into_iter().for_each(|d| RigCamera::give_back(object, d)),
-                "galvo" => rig.galvo.take().into_iter().for_each(|d| RigGalvo::give_back(object, d)),
-                "laser" => rig.laser.take().into_iter().for_each(|d| RigLaser::give_back(object, d)),
-                "counter" => rig.counter.take().into_iter().for_each(|d| RigCounter::give_back(object, d)),
+                "projector" => rig
+                    .projector
+                    .take()
+                    .into_iter()
+                    .for_each(|d| RigProjector::give_back(object, d)),
+                "camera" => rig
+                    .camera
+                    .take()
+                    .into_iter()
+                    .for_each(|d| RigCamera::give_back(object, d)),
+                "galvo" => rig
+                    .galvo
+                    .take()
+                    .into_iter()
+                    .for_each(|d| RigGalvo::give_back(object, d)),
+                "laser" => rig
+                    .laser
+                    .take()
+                    .into_iter()
+                    .for_each(|d| RigLaser::give_back(object, d)),
+                "counter" => rig
+                    .counter
+                    .take()
+                    .into_iter()
+                    .for_each(|d| RigCounter::give_back(object, d)),
                 stage => {
                     let device = rig.stages.remove(stage).map(|s| s.device);
                     device.into_iter().for_each(|d| RigStage::give_back(object, d));
@@ -172,7 +192,8 @@ fn lend(
                 None => Box::new(given::Stage::new(name, object, thrown)?),
             };
             let approach_deg = session.prepared.approach_deg(stage);
-            rig.stages.insert(stage.to_owned(), Stage { device, approach_deg });
+            rig.stages
+                .insert(stage.to_owned(), Stage { device, approach_deg });
         }
     }
     Ok(())
@@ -192,7 +213,12 @@ pub fn rig_cost<'py>(
     };
     let steps = session.prepared.steps(rig).map_err(|e| prepare(py, &e))?;
     let cost = steps.cost(rig);
-    Ok((cost.frames, cost.duration.as_secs_f64(), cost.moving.as_secs_f64(), cost.bytes))
+    Ok((
+        cost.frames,
+        cost.duration.as_secs_f64(),
+        cost.moving.as_secs_f64(),
+        cost.bytes,
+    ))
 }
 
 /// How a run ended before its end.
@@ -240,7 +266,10 @@ pub fn rig_run<'py>(
         Ok(outcome) => Ok((outcome.taken, outcome.retries, outcome.elapsed.as_secs_f64())),
         Err(Ended::Prepare(e)) => Err(prepare(py, &e)),
         Err(Ended::Run(RunError::Instrument(failure))) => {
-            let rest = format!("all frames until then are safe in {}; resume=True goes on", output.display());
+            let rest = format!(
+                "all frames until then are safe in {}; resume=True goes on",
+                output.display()
+            );
             Err(thrown.raise(py, &failure, &rest))
         }
         Err(Ended::Run(e)) => Err(failed(e)),

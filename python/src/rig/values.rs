@@ -25,7 +25,10 @@ pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
 /// An object as messages show it.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
-    let text = object.repr().map_or_else(|_| "what has no repr".into(), |t: Bound<'_, PyString>| t.to_string());
+    let text = object.repr().map_or_else(
+        |_| "what has no repr".into(),
+        |t: Bound<'_, PyString>| t.to_string(),
+    );
     match text.char_indices().nth(120) {
         Some((at, _)) => format!("{} …", &text[..at]),
         None => text,
@@ -35,7 +38,10 @@ pub fn shown(object: &Bound<'_, PyAny>) -> String {
 impl<'py> Answer<'_, 'py> {
     /// A field of a kind; `wanted` says which.
     pub fn field<T: FromPyObjectOwned<'py>>(&self, name: &str, wanted: &str) -> Result<T, String> {
-        let value = self.0.getattr(name).map_err(|_| format!("it has no `{name}`; give {wanted}"))?;
+        let value = self
+            .0
+            .getattr(name)
+            .map_err(|_| format!("it has no `{name}`; give {wanted}"))?;
         value
             .extract()
             .map_err(|_| format!("`{name}` is {}; give {wanted}", shown(&value)))
@@ -130,7 +136,13 @@ impl Value for StageLimits {
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let [least, most] = self.range_deg;
-        ((least, most), self.velocity, self.acceleration, self.resolution_deg).into_pyobject(py)
+        (
+            (least, most),
+            self.velocity,
+            self.acceleration,
+            self.resolution_deg,
+        )
+            .into_pyobject(py)
     }
 }
 
@@ -164,7 +176,13 @@ impl Value for ProjectorLimits {
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let [width, height] = self.size;
-        ((width, height), self.patterns, self.bits, self.shortest.as_secs_f64()).into_pyobject(py)
+        (
+            (width, height),
+            self.patterns,
+            self.bits,
+            self.shortest.as_secs_f64(),
+        )
+            .into_pyobject(py)
     }
 }
 
@@ -183,7 +201,10 @@ impl Value for CameraLimits {
         Ok(Self {
             size: from.field("size", "columns and rows, pixels")?,
             step: from.field("step", "columns and rows, pixels")?,
-            exposure: [duration("exposure_s", shortest)?, duration("exposure_s", longest)?],
+            exposure: [
+                duration("exposure_s", shortest)?,
+                duration("exposure_s", longest)?,
+            ],
             gain_db: from.pair("gain_db", "decibels")?,
             formats: formats.iter().map(|f| format(f)).collect::<Result<_, _>>()?,
             row_time: from.seconds("row_time_s")?,
@@ -196,7 +217,15 @@ impl Value for CameraLimits {
         let [least, most] = self.gain_db;
         let formats = PyTuple::new(py, self.formats.iter().map(|f| f.name()))?;
         let row = self.row_time.as_secs_f64();
-        (pair(self.size), pair(self.step), (shortest, longest), (least, most), formats, row).into_pyobject(py)
+        (
+            pair(self.size),
+            pair(self.step),
+            (shortest, longest),
+            (least, most),
+            formats,
+            row,
+        )
+            .into_pyobject(py)
     }
 }
 
@@ -244,7 +273,14 @@ impl Value for CameraSettings {
             Trigger::Line => "line",
         };
         let exposure = self.exposure.as_secs_f64();
-        (self.region.object(py)?, exposure, self.gain_db, self.format.name(), trigger).into_pyobject(py)
+        (
+            self.region.object(py)?,
+            exposure,
+            self.gain_db,
+            self.format.name(),
+            trigger,
+        )
+            .into_pyobject(py)
     }
 }
 
@@ -319,7 +355,14 @@ impl Value for CounterLimits {
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let tags = self.tags.map(RecordType::name);
-        (self.bins, self.finest_ps, self.longest.as_secs_f64(), self.full, tags).into_pyobject(py)
+        (
+            self.bins,
+            self.finest_ps,
+            self.longest.as_secs_f64(),
+            self.full,
+            tags,
+        )
+            .into_pyobject(py)
     }
 }
 
@@ -337,6 +380,13 @@ impl Value for CounterSettings {
     }
 
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.bins, self.bin_ps, self.dwell.as_secs_f64(), self.offset_ps, self.tags).into_pyobject(py)
+        (
+            self.bins,
+            self.bin_ps,
+            self.dwell.as_secs_f64(),
+            self.offset_ps,
+            self.tags,
+        )
+            .into_pyobject(py)
     }
 }

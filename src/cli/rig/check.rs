@@ -1,7 +1,7 @@
 //! `sunstone rig check`.
 
 use super::super::failure::Failure;
-use super::session::driver;
+use super::session::{BENCH, driver};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use sunstone::render::Unwatched;
@@ -28,7 +28,7 @@ const WITHIN: Duration = Duration::from_secs(5);
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let session = Prepared::load(&a.plan, a.rig.as_ref())?;
-    let mut rig = session.assemble(&[], true, Path::new(super::BENCH), &Unwatched)?;
+    let mut rig = session.assemble(&[], true, Path::new(BENCH), &Unwatched)?;
     let mut lines = vec![];
     let mut failed = vec![];
     for instrument in rig.instruments() {

@@ -3,7 +3,7 @@
 use super::super::failure::Failure;
 use super::super::places;
 use super::live::{Live, Rendering};
-use super::session::{summary, time};
+use super::session::{BENCH, summary, time};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -75,7 +75,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         eprintln!("finishing the frame in flight (press Ctrl-C again to stop at once)");
     });
     let begun = Instant::now();
-    let mut rig = session.assemble(&[], a.dry_run, Path::new(super::BENCH), &Rendering(&INTERRUPTED))?;
+    let mut rig = session.assemble(&[], a.dry_run, Path::new(BENCH), &Rendering(&INTERRUPTED))?;
     let steps = session.steps(&rig)?;
     super::super::output::print(summary(&session.plan.scheme, &steps, &rig).trim_end())?;
     let Some(output) = a.output.as_ref().filter(|_| !a.dry_run) else {

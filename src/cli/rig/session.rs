@@ -8,6 +8,9 @@ use sunstone::rig::session::rig_file::{BenchPlan, Driver, Scene};
 use sunstone::rig::session::steps::Steps;
 use sunstone::rigs::prepared::{PrepareError, Prepared};
 
+/// Where benches keep the tensors of the scenes that they play.
+pub(super) const BENCH: &str = "out/bench";
+
 impl From<PrepareError> for Failure {
     fn from(e: PrepareError) -> Self {
         match e {
