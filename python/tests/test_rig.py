@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rigs
-from rendered import ROOT, sunstone
+from rendered import ROOT, SCENE, sunstone
 
 import pysunstone as ps
 from pysunstone import rig
@@ -266,6 +266,25 @@ def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: di
     session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
     # Another bench's camera sees another bench: dark, but it runs.
     assert session.run(tmp_path / "s.zarr").taken == 60
+
+
+def test_a_bench_that_plays_a_scene_renders_it_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = rigs.write(tmp_path)
+    (folder / "ball.toml").write_text(SCENE)
+    text = rigs.RIG.replace('sample = "air"\n', 'scene = "ball.toml"\nspp = 4\nslice = "full"\n')
+    (folder / "rig.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    expected = by_command(folder, "camera")
+    session = rig.Session("camera.toml", dry=True)
+    assert session.cost().frames == 60
+    with pytest.raises(ps.InputError, match="a dry session takes nothing"):
+        session.run("s.zarr")
+    seen: list[tuple[int, int]] = []
+    session = rig.Session("camera.toml", bench_folder="bench", progress=lambda done, tiles: seen.append((done, tiles)))
+    assert seen[-1][0] == seen[-1][1] and len(list(Path("bench").glob("*.zarr"))) == 1
+    rigs.wrap(session)
+    session.run("s.zarr")
+    assert rigs.content(tmp_path / "s.zarr") == expected
 
 
 def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:

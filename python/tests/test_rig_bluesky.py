@@ -20,6 +20,7 @@ from bluesky import protocols
 from bluesky.run_engine import RunEngine
 from ophyd_async.core import AsyncStatus, StandardReadable, init_devices, soft_signal_r_and_setter, soft_signal_rw
 from ophyd_async.sim import SimMotor
+from rendered import ROOT
 
 import pysunstone as ps
 from pysunstone import rig
@@ -245,6 +246,20 @@ def test_a_stage_of_ours_is_stopped_on_its_way(engine: RunEngine) -> None:
     assert isinstance(status.exception(10.0), rig.InstrumentError) and not status.success
     assert 0.0 < stage.position < 90.0
     stage.set(stage.position + 1.0).wait(10.0)
+
+
+def test_the_example_of_the_page_runs(engine: RunEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code of docs/python-rig.md, in a folder that has the files that it names."""
+    code = (ROOT / "docs" / "python-rig.md").read_text().split("```py\n")[1].split("```")[0]
+    for folder in ("rigs", "scenes"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    monkeypatch.chdir(tmp_path)
+    # One engine to a process: its loop is where devices live.
+    assert "engine = RunEngine()\n" in code
+    names: dict[str, Any] = {"engine": engine}
+    exec(compile(code.replace("engine = RunEngine()\n", ""), "docs/python-rig.md", "exec"), names)  # noqa: S102
+    turned = ps.open_store(tmp_path / "turned.zarr")["frames/angle_retarder_2"]
+    assert len(np.unique(turned)) == 36
 
 
 def test_a_status_calls_back_once_it_has_ended() -> None:
