@@ -1,6 +1,6 @@
 //! Renders that tell Python how far they are, and that Ctrl-C ends.
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
@@ -14,6 +14,8 @@ const EVERY: Duration = Duration::from_millis(50);
 #[derive(Default)]
 pub struct Shared {
     stop: AtomicBool,
+    /// The thread that works, as Python numbers it, where it calls Python.
+    worker: Mutex<Option<u64>>,
     /// Tiles or frames done, and in all.
     tiles: Mutex<Option<(u32, u32)>>,
     ended: Mutex<bool>,
@@ -34,6 +36,27 @@ impl Shared {
     /// True once the work is to end.
     pub fn stop(&self) -> &AtomicBool {
         &self.stop
+    }
+
+    /// Notes that this thread works and calls Python: a second Ctrl-C then ends that call.
+    pub fn calls_python(&self) -> PyResult<()> {
+        let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
+        *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
+        Ok(())
+    }
+
+    /// Raises `KeyboardInterrupt` in the thread that works, if that runs code of Python.
+    fn insist(&self, py: Python<'_>) -> PyResult<()> {
+        let worker = *self.worker.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(ident) = worker else {
+            return Ok(());
+        };
+        let ctypes = py.import("ctypes")?;
+        let class = ctypes.call_method1("py_object", (py.get_type::<PyKeyboardInterrupt>(),))?;
+        let thread = ctypes.call_method1("c_ulong", (ident,))?;
+        let python = ctypes.getattr("pythonapi")?;
+        python.call_method1("PyThreadState_SetAsyncExc", (thread, class))?;
+        Ok(())
     }
 
     /// Notes how far the work is.
@@ -84,12 +107,22 @@ pub fn watched_by<T: Send>(
         let mut fault: Option<PyErr> = None;
         loop {
             let ended = py.detach(|| shared.wait());
-            if fault.is_none() {
-                let told = py.check_signals().and_then(|()| tell(&shared, progress));
-                if let Err(e) = told {
+            let first = fault.is_none();
+            let told = py
+                .check_signals()
+                .and_then(|()| if first { tell(&shared, progress) } else { Ok(()) });
+            match told {
+                Err(e) if first => {
                     shared.stop.store(true, Ordering::Relaxed);
                     fault = Some(e);
                 }
+                // A second Ctrl-C. The work goes on until it sees it, and is waited for in any case.
+                Err(_) => {
+                    if let Err(e) = shared.insist(py) {
+                        e.write_unraisable(py, None);
+                    }
+                }
+                Ok(()) => {}
             }
             if ended {
                 break;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -161,6 +162,26 @@ def test_pythons_wish_to_end_is_not_wrapped(tmp_path: Path) -> None:
         session.run(tmp_path / "s.zarr")
 
 
+def test_errors_are_copied_whole() -> None:
+    error = pickle.loads(pickle.dumps(rig.InstrumentError("stalled", "it sticks", "a", "resume")))
+    assert (error.fault, error.what, error.instrument, str(error)) == ("stalled", "it sticks", "a", "a: stalled: it sticks\nresume")
+
+
+def test_a_thermometer_that_fails_is_told_and_no_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Feverish(rigs.Stage):
+        def temperature_c(self) -> float | None:
+            raise ValueError("no probe")
+
+    told: list[Any] = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["retarder_2"] = Feverish(session["retarder_2"])
+    assert session.run(tmp_path / "s.zarr").retries == 0
+    assert [str(t.exc_value) for t in told] == ["no probe"]
+    noted = next(e["temperatures_c"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "frame")
+    assert "retarder_2" not in dict(noted) and dict(noted)["retarder_3"] == 23.0
+
+
 class Lying(rigs.Camera):
     """Answers what it should not."""
 
@@ -305,6 +326,41 @@ def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str
     assert frames == list(range(camera.calls.count("expose"))), "the frame in flight was kept"
     # By whom it goes on is no matter: by the command here.
     sunstone("rig", "run", tmp_path / "camera.toml", "-o", tmp_path / "s.zarr", "--resume")
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+
+
+def test_a_second_ctrl_c_ends_a_camera_that_hangs(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    own = session["camera"]
+    hangs, raised = threading.Event(), []
+
+    class Hanging(rigs.Camera):
+        def frame(self, within_s: float) -> Any:
+            if self.calls.count("expose") == 9:
+                hangs.set()
+                try:
+                    while True:
+                        time.sleep(0.02)
+                except BaseException as error:
+                    raised.append(type(error))
+                    raise
+            return super().frame(within_s)
+
+    def twice() -> None:
+        hangs.wait(60)
+        for _ in range(2):
+            time.sleep(0.4)
+            assert raised == []
+            os.kill(os.getpid(), signal.SIGINT)
+
+    session["camera"] = Hanging(own)
+    threading.Thread(target=twice).start()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        session.run(tmp_path / "s.zarr")
+    assert raised == [KeyboardInterrupt] and time.monotonic() - begun < 30
+    session["camera"] = own
+    assert session.run(tmp_path / "s.zarr", resume=True).taken == 60 - 8
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
 

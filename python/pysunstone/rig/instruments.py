@@ -70,6 +70,11 @@ class InstrumentError(RuntimeError):
         self.fault: Fault = fault
         self.what = what
         self.instrument = instrument
+        self._rest = rest
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An exception is copied by its text alone otherwise.
+        return type(self), (self.fault, self.what, self.instrument, self._rest)
 
 
 @dataclass(frozen=True)

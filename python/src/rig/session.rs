@@ -226,6 +226,7 @@ enum Ended {
     Prepare(PrepareError),
     Run(RunError),
     Disk(String),
+    Python(PyErr),
 }
 
 /// Takes all frames that are missing; returns how many, tries that failed, and seconds of the rig's clock. The session's thread is another
@@ -253,6 +254,7 @@ pub fn rig_run<'py>(
     };
     let (prepared, sample) = (&session.prepared, session.sample.as_deref());
     let done = watched_by(py, progress, |seen| {
+        seen.calls_python().map_err(Ended::Python)?;
         let steps = prepared.steps(rig).map_err(Ended::Prepare)?;
         let begun = prepared.begin(&output, &steps, existing, sample);
         let (store, recovered) = begun.map_err(Ended::Prepare)?;
@@ -274,5 +276,6 @@ pub fn rig_run<'py>(
         }
         Err(Ended::Run(e)) => Err(failed(e)),
         Err(Ended::Disk(e)) => Err(failed(e)),
+        Err(Ended::Python(e)) => Err(e),
     }
 }

@@ -186,7 +186,7 @@ class StageOfDevice(RotationStage):
         if self._status is not None:
             try:
                 self._of.wait(self._status, within_s)
-            except (TimeoutError, InstrumentError):
+            except (TimeoutError, asyncio.TimeoutError, InstrumentError):
                 raise
             except Exception as error:
                 raise InstrumentError("stalled", f"its move failed: {error}") from error
