@@ -18,13 +18,24 @@ import pytest
 import rigs
 from bluesky import protocols
 from bluesky.run_engine import RunEngine
-from ophyd_async.core import AsyncStatus, StandardReadable, init_devices, soft_signal_r_and_setter, soft_signal_rw
+from ophyd_async.core import Array1D, AsyncStatus, StandardReadable, init_devices, soft_signal_r_and_setter, soft_signal_rw
 from ophyd_async.sim import SimMotor
 from rendered import ROOT
 
 import pysunstone as ps
 from pysunstone import rig
-from pysunstone.rig.bluesky import CameraOfDevice, MovableProjector, MovableStage, ReadableCamera, StageOfDevice, Status, event_loop
+from pysunstone.rig.bluesky import (
+    CameraOfDevice,
+    CounterOfDevice,
+    GalvoOfDevices,
+    LaserOfDevices,
+    MovableProjector,
+    MovableStage,
+    ReadableCamera,
+    StageOfDevice,
+    Status,
+    event_loop,
+)
 
 
 @pytest.fixture(scope="module")
@@ -179,6 +190,77 @@ def test_a_detector_of_ophyd_is_a_camera(session: rig.Session, tmp_path: Path) -
     assert (raw.min((1, 2)) == 0).sum() > 10
     faults = [c.name for c in rig.check(session["camera"]).faults]
     assert faults == ["a deadline that is too short is a timeout, and the frame comes still"], "it has no exposure to wait for"
+
+
+class Spot(StandardReadable):
+    """Counts with the rig's own counter, as a device of ophyd-async."""
+
+    def __init__(self, counter: Any, name: str = "") -> None:
+        self.counter = counter
+        self.dwell = soft_signal_rw(float, 0.001)
+        with self.add_children_as_readables():
+            self.counts, self._set_counts = soft_signal_r_and_setter(Array1D[np.uint32])
+        super().__init__(name)
+
+    @AsyncStatus.wrap
+    async def trigger(self) -> None:
+        self.counter.configure(rig.CounterSettings(100, 25.0, await self.dwell.get_value()), 1.0)
+        self.counter.begin()
+        self._set_counts(self.counter.finish(10.0).counts)
+
+
+class Mirror(ophyd.sim.SynAxis):
+    """One of two axes that turn the rig's own mirrors."""
+
+    def __init__(self, galvo: Any, at: list[float], axis: int, name: str) -> None:
+        self.galvo, self.at, self.axis = galvo, at, axis
+        super().__init__(name=name)
+
+    def set(self, value: float) -> Any:
+        self.at[self.axis] = value
+        found = self.galvo.point(tuple(self.at), 1.0)
+        return super().set(found[self.axis])
+
+
+class Shutter(ophyd.sim.SynAxis):
+    """Lets the rig's own laser shine."""
+
+    def __init__(self, laser: Any, name: str) -> None:
+        self.laser = laser
+        super().__init__(name=name)
+
+    def set(self, value: float) -> Any:
+        self.laser.emit(value == 1, 1e7, 1.0)
+        return super().set(value)
+
+
+def test_devices_scan_as_the_rig_does(engine: RunEngine, tmp_path: Path) -> None:
+    """Mirrors, shutter and counter around those of the simulated rig: the very same counts."""
+    plan = rigs.write(tmp_path) / "scan.toml"
+    plan.write_text(plan.read_text().replace("dwell_ms = 2", "dwell_ms = 2\nrate_hz = 1e7"))
+    rig.Session(plan).run(tmp_path / "own.zarr")
+    session = rig.Session(plan)
+    at = [0.0, 0.0]
+    x, y = (Mirror(session["galvo"], at, i, "xy"[i]) for i in range(2))
+    with init_devices():
+        spot = Spot(session["counter"], "spot")
+    session["galvo"] = GalvoOfDevices(x, y, session["galvo"].limits())
+    session["laser"] = laser = LaserOfDevices(Shutter(session["laser"], "shutter"), session["laser"].limits())
+    limits = rig.CounterLimits(bins=100)
+    session["counter"] = CounterOfDevice(spot, limits, rate_hz=1e7, dwell=spot.dwell, key="spot-counts")
+    assert session.run(tmp_path / "s.zarr").retries == 0
+    assert not laser.state(1.0).emitting
+    own, found = (ps.open_store(tmp_path / f"{name}.zarr")["frames"] for name in ("own", "s"))
+    assert int(own["raw"].sum()) > 1000
+    np.testing.assert_array_equal(found["raw"], own["raw"])
+    for name in ("pointing_x", "pointing_y", "pulses"):
+        np.testing.assert_array_equal(found[name], own[name])
+    assert len(np.unique(found["pointing_x"])) == 5 and len(np.unique(found["pointing_y"])) == 4
+    assert rig.check(session["galvo"]), str(rig.check(session["galvo"]))
+    plan.write_text(plan.read_text().replace("bin_ps = 25", "bin_ps = 50"))
+    session = rig.Session(plan, instruments={"counter": session["counter"]})
+    with pytest.raises(rig.InstrumentError, match=r"counter: limit: it has bins of 25\.0 ps from the sync pulse on"):
+        session.run(tmp_path / "wide.zarr")
 
 
 def test_a_key_that_is_not_there_is_told(session: rig.Session, tmp_path: Path) -> None:

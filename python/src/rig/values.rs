@@ -4,7 +4,7 @@
 use super::fault::HOME;
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
-use pyo3::types::{PyString, PyTuple};
+use pyo3::types::PyTuple;
 use std::time::Duration;
 use sunstone::rig::instrument::{
     CameraLimits, CameraSettings, CounterLimits, CounterSettings, GalvoLimits, Identity, LaserLimits,
@@ -25,10 +25,9 @@ pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
 /// An object as messages show it.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
-    let text = object.repr().map_or_else(
-        |_| "what has no repr".into(),
-        |t: Bound<'_, PyString>| t.to_string(),
-    );
+    let text = object.repr().map_or_else(|_| "what has no repr".into(), |t| t.to_string());
+    // Arrays go over many lines.
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
         Some((at, _)) => format!("{} …", &text[..at]),
         None => text,

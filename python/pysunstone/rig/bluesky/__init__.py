@@ -6,5 +6,17 @@ A device is known by bluesky's protocols alone, so that neither library is neede
 
 from pysunstone.rig.bluesky.devices import CameraOfDevice, StageOfDevice, event_loop
 from pysunstone.rig.bluesky.plans import MovableProjector, MovableStage, ReadableCamera, Status
+from pysunstone.rig.bluesky.scan_devices import CounterOfDevice, GalvoOfDevices, LaserOfDevices
 
-__all__ = ["CameraOfDevice", "MovableProjector", "MovableStage", "ReadableCamera", "StageOfDevice", "Status", "event_loop"]
+__all__ = [
+    "CameraOfDevice",
+    "CounterOfDevice",
+    "GalvoOfDevices",
+    "LaserOfDevices",
+    "MovableProjector",
+    "MovableStage",
+    "ReadableCamera",
+    "StageOfDevice",
+    "Status",
+    "event_loop",
+]

@@ -25,7 +25,7 @@ from pysunstone.rig.instruments import (
     StageReading,
 )
 
-__all__ = ["CameraOfDevice", "StageOfDevice", "event_loop"]
+__all__ = ["CameraOfDevice", "Device", "StageOfDevice", "event_loop", "position", "reconnect"]
 
 #: Longest wait for an answer that no deadline of the session is given for, seconds.
 _ANSWER_S = 10.0
@@ -52,7 +52,7 @@ def event_loop() -> asyncio.AbstractEventLoop:
         return _own_loop
 
 
-class _Device:
+class Device:
     """A device whose methods may be coroutines."""
 
     def __init__(self, device: Any, loop: asyncio.AbstractEventLoop | None) -> None:
@@ -152,7 +152,7 @@ class StageOfDevice(RotationStage):
         key: str | None = None,
         loop: asyncio.AbstractEventLoop | None = None,
     ) -> None:
-        self._of = _Device(device, loop)
+        self._of = Device(device, loop)
         self._limits = limits or StageLimits()
         self._home = home
         self._homed = home is None
@@ -167,7 +167,7 @@ class StageOfDevice(RotationStage):
 
     def reconnect(self, within_s: float) -> None:
         self._status = None
-        _reconnect(self._of, within_s)
+        reconnect(self._of, within_s)
 
     def home(self, within_s: float) -> None:
         if self._home is not None:
@@ -193,13 +193,8 @@ class StageOfDevice(RotationStage):
         return self.read(within_s)
 
     def read(self, within_s: float) -> StageReading:
-        device = self._of.device
-        if hasattr(device, "locate"):
-            angle = self._of.ask(device.locate, within_s=within_s)["readback"]
-        else:
-            angle = self._of.value(self._key, within_s)
         moving = self._status is not None and not self._status.done
-        return StageReading(float(angle), moving, self._homed)
+        return StageReading(position(self._of, self._key, within_s), moving, self._homed)
 
     def stop(self, within_s: float) -> None:
         stop = getattr(self._of.device, "stop", None)
@@ -244,10 +239,10 @@ class CameraOfDevice(AreaCamera):
         key: str | None = None,
         loop: asyncio.AbstractEventLoop | None = None,
     ) -> None:
-        self._of = _Device(device, loop)
+        self._of = Device(device, loop)
         self._limits = limits
-        self._exposure = None if exposure is None else _Device(exposure, loop)
-        self._gain = None if gain is None else _Device(gain, loop)
+        self._exposure = None if exposure is None else Device(exposure, loop)
+        self._gain = None if gain is None else Device(gain, loop)
         self._key = key
         self._settings: CameraSettings | None = None
         self._status: Any = None
@@ -260,7 +255,7 @@ class CameraOfDevice(AreaCamera):
 
     def reconnect(self, within_s: float) -> None:
         self._status = self._settings = None
-        _reconnect(self._of, within_s)
+        reconnect(self._of, within_s)
 
     def configure(self, settings: CameraSettings, within_s: float) -> None:
         if settings.trigger != "software":
@@ -287,7 +282,16 @@ class CameraOfDevice(AreaCamera):
         return image
 
 
-def _reconnect(of: _Device, within_s: float) -> None:
+def position(of: Device, key: str | None, within_s: float) -> float:
+    """Where a device is: by ``locate`` where it has that, else a key of what it reads."""
+    locate = getattr(of.device, "locate", None)
+    if locate is not None:
+        return float(of.ask(locate, within_s=within_s)["readback"])
+    return float(of.value(key, within_s))
+
+
+def reconnect(of: Device, within_s: float) -> None:
+    """Connects a device of ophyd-async anew; others mind their own lines."""
     connect = getattr(of.device, "connect", None)
     if connect is not None and inspect.iscoroutinefunction(connect):
         of.ask(lambda: connect(force_reconnect=True), within_s=within_s)
