@@ -207,6 +207,8 @@ class StageOfDevice(RotationStage):
                 time.sleep(0.005)
             if not self._status.done:
                 raise TimeoutError(f"{self._of.name()} cannot be stopped, or moves still after {within_s:.1f} s")
+            # asyncio complains of failures that nobody looked at.
+            self._status.exception()
             self._status = None
 
 
