@@ -25,7 +25,9 @@ pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
 /// An object as messages show it.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
-    let text = object.repr().map_or_else(|_| "what has no repr".into(), |t| t.to_string());
+    let text = object
+        .repr()
+        .map_or_else(|_| "what has no repr".into(), |t| t.to_string());
     // Arrays go over many lines.
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
