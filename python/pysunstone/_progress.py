@@ -1,4 +1,4 @@
-"""How far a render is, for people."""
+"""How far a render, or other work, is, for people."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Progress = Callable[[int, int], object]
 
 @contextmanager
 def told(progress: bool | Progress | None, unit: str = "tile") -> Generator[Progress | None, None, None]:
-    """What to call with tiles done and tiles in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
+    """What to call with tiles (or other units) done and in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
     if not progress:
         yield None
     elif progress is not True:

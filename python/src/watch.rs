@@ -1,4 +1,4 @@
-//! Renders that tell Python how far they are, and that Ctrl-C ends.
+//! Work that tells Python how far it is, and that Ctrl-C ends.
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
@@ -14,17 +14,17 @@ const EVERY: Duration = Duration::from_millis(50);
 #[derive(Default)]
 pub struct Shared {
     stop: AtomicBool,
-    /// The thread that works, as Python numbers it, where it calls Python.
-    worker: Mutex<Option<u64>>,
-    /// Tiles or frames done, and in all.
+    /// Tiles done, and tiles in all.
     tiles: Mutex<Option<(u32, u32)>>,
     ended: Mutex<bool>,
     bell: Condvar,
+    /// The thread that works, as Python numbers it, where it calls Python.
+    worker: Mutex<Option<u64>>,
 }
 
 impl Watch for Shared {
     fn tile_done(&self, s: &Summary) {
-        self.tell(s.tiles_done, s.tiles);
+        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((s.tiles_done, s.tiles));
     }
 
     fn interrupted(&self) -> bool {
@@ -33,37 +33,6 @@ impl Watch for Shared {
 }
 
 impl Shared {
-    /// True once the work is to end.
-    pub fn stop(&self) -> &AtomicBool {
-        &self.stop
-    }
-
-    /// Notes that this thread works and calls Python: a second Ctrl-C then ends that call.
-    pub fn calls_python(&self) -> PyResult<()> {
-        let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
-        *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
-        Ok(())
-    }
-
-    /// Raises `KeyboardInterrupt` in the thread that works, if that runs code of Python.
-    fn insist(&self, py: Python<'_>) -> PyResult<()> {
-        let worker = *self.worker.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(ident) = worker else {
-            return Ok(());
-        };
-        let ctypes = py.import("ctypes")?;
-        let class = ctypes.call_method1("py_object", (py.get_type::<PyKeyboardInterrupt>(),))?;
-        let thread = ctypes.call_method1("c_ulong", (ident,))?;
-        let python = ctypes.getattr("pythonapi")?;
-        python.call_method1("PyThreadState_SetAsyncExc", (thread, class))?;
-        Ok(())
-    }
-
-    /// Notes how far the work is.
-    pub fn tell(&self, done: u32, all: u32) {
-        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((done, all));
-    }
-
     /// True once the work has ended; waits a little for it.
     fn wait(&self) -> bool {
         let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
@@ -89,11 +58,11 @@ pub fn watched<T: Send>(
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&dyn Watch) -> T + Send,
 ) -> PyResult<T> {
-    watched_by(py, progress, |shared| work(shared))
+    looked_on(py, progress, |shared| work(shared))
 }
 
-/// As [`watched`], for work that is no render.
-pub fn watched_by<T: Send>(
+/// As [`watched`], of work that tells of other things than tiles.
+pub fn looked_on<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Shared) -> T + Send,
@@ -146,4 +115,38 @@ fn tell(shared: &Shared, progress: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         progress.call1(news)?;
     }
     Ok(())
+}
+
+/// Of work that calls Python itself.
+impl Shared {
+    /// True once the work is to end.
+    pub fn stop(&self) -> &AtomicBool {
+        &self.stop
+    }
+
+    /// Notes that this thread works and calls Python: a second Ctrl-C then ends that call.
+    pub fn calls_python(&self) -> PyResult<()> {
+        let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
+        *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
+        Ok(())
+    }
+
+    /// Raises `KeyboardInterrupt` in the thread that works, if that runs code of Python.
+    fn insist(&self, py: Python<'_>) -> PyResult<()> {
+        let worker = *self.worker.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(ident) = worker else {
+            return Ok(());
+        };
+        let ctypes = py.import("ctypes")?;
+        let class = ctypes.call_method1("py_object", (py.get_type::<PyKeyboardInterrupt>(),))?;
+        let thread = ctypes.call_method1("c_ulong", (ident,))?;
+        let python = ctypes.getattr("pythonapi")?;
+        python.call_method1("PyThreadState_SetAsyncExc", (thread, class))?;
+        Ok(())
+    }
+
+    /// Notes how far the work is.
+    pub fn tell(&self, done: u32, all: u32) {
+        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((done, all));
+    }
 }

@@ -4,7 +4,7 @@ use super::fault::Thrown;
 use super::given;
 use super::own::{RigCamera, RigCounter, RigGalvo, RigLaser, RigProjector, RigStage};
 use crate::error::input;
-use crate::watch::watched_by;
+use crate::watch::looked_on;
 use pyo3::prelude::*;
 use sunstone::rig::conformance::{self, Report};
 use sunstone::rig::instrument::{
@@ -21,7 +21,7 @@ macro_rules! checked {
                 false,
             ),
         };
-        let report = watched_by($py, None, |_| $check(device.as_mut()));
+        let report = looked_on($py, None, |_| $check(device.as_mut()));
         if own {
             $own::give_back($object, device);
         }

@@ -4,7 +4,7 @@ use super::fault::Thrown;
 use super::given;
 use super::own::{RigCamera, RigCounter, RigGalvo, RigLaser, RigProjector, RigStage};
 use crate::error::{failed, input, located};
-use crate::watch::watched_by;
+use crate::watch::looked_on;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -51,7 +51,7 @@ pub fn rig_open<'py>(
     if let Some(sample) = &sample {
         prepared.put_sample(sample).map_err(|e| prepare(py, &e))?;
     }
-    let made = watched_by(py, progress, |seen| prepared.assemble(&given, dry, &bench, seen))?;
+    let made = looked_on(py, progress, |seen| prepared.assemble(&given, dry, &bench, seen))?;
     let mut rig = made.map_err(|e| prepare(py, &e))?;
     let own = PyDict::new(py);
     for (name, stage) in std::mem::take(&mut rig.stages) {
@@ -253,7 +253,7 @@ pub fn rig_run<'py>(
         return Err(input("the session is at work"));
     };
     let (prepared, sample) = (&session.prepared, session.sample.as_deref());
-    let done = watched_by(py, progress, |seen| {
+    let done = looked_on(py, progress, |seen| {
         seen.calls_python().map_err(Ended::Python)?;
         let steps = prepared.steps(rig).map_err(Ended::Prepare)?;
         let begun = prepared.begin(&output, &steps, existing, sample);
