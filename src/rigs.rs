@@ -2,6 +2,8 @@
 //!
 //! This stands here, at the front door, because the rig's crate never sees the tracer.
 
+pub mod prepared;
+
 use base::locate::InputError;
 use rig::session::plan::{Plan, Work};
 use rig::session::rig_file::{BenchPlan, RigPlan, Scene};

@@ -7,6 +7,7 @@ mod error;
 mod off_python;
 mod picture;
 mod render;
+mod rig;
 mod scene;
 mod watch;
 
@@ -22,6 +23,7 @@ fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     error::register(m)?;
+    rig::register(m)?;
     m.add_class::<scene::Scene>()?;
     m.add_class::<capture::Scheme>()?;
     m.add_function(wrap_pyfunction!(command, m)?)?;

@@ -1,6 +1,6 @@
-//! Renders that tell Python how far they are, and that Ctrl-C ends.
+//! Work that tells Python how far it is, and that Ctrl-C ends.
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
@@ -10,14 +10,16 @@ use sunstone::{Summary, Watch};
 /// How often signals are looked for and progress is told.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// What the thread that renders and the one of Python tell each other.
+/// What the thread that works and the one of Python tell each other.
 #[derive(Default)]
-struct Shared {
+pub struct Shared {
     stop: AtomicBool,
     /// Tiles done, and tiles in all.
     tiles: Mutex<Option<(u32, u32)>>,
     ended: Mutex<bool>,
     bell: Condvar,
+    /// The thread that works, as Python numbers it, where it calls Python.
+    worker: Mutex<Option<u64>>,
 }
 
 impl Watch for Shared {
@@ -56,6 +58,15 @@ pub fn watched<T: Send>(
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&dyn Watch) -> T + Send,
 ) -> PyResult<T> {
+    looked_on(py, progress, |shared| work(shared))
+}
+
+/// As [`watched`], of work that tells of other things than tiles.
+pub fn looked_on<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Shared) -> T + Send,
+) -> PyResult<T> {
     let shared = Shared::default();
     std::thread::scope(|scope| {
         let worker = scope.spawn(|| {
@@ -65,12 +76,22 @@ pub fn watched<T: Send>(
         let mut fault: Option<PyErr> = None;
         loop {
             let ended = py.detach(|| shared.wait());
-            if fault.is_none() {
-                let told = py.check_signals().and_then(|()| tell(&shared, progress));
-                if let Err(e) = told {
+            let first = fault.is_none();
+            let told = py
+                .check_signals()
+                .and_then(|()| if first { tell(&shared, progress) } else { Ok(()) });
+            match told {
+                Err(e) if first => {
                     shared.stop.store(true, Ordering::Relaxed);
                     fault = Some(e);
                 }
+                // A second Ctrl-C. The work goes on until it sees it, and is waited for in any case.
+                Err(_) => {
+                    if let Err(e) = shared.insist(py) {
+                        e.write_unraisable(py, None);
+                    }
+                }
+                Ok(()) => {}
             }
             if ended {
                 break;
@@ -81,7 +102,7 @@ pub fn watched<T: Send>(
             (Some(fault), _) => Err(fault),
             (None, Ok(done)) => Ok(done),
             (None, Err(_)) => Err(PyRuntimeError::new_err(
-                "the render failed; this is a bug of Sunstone",
+                "the work failed; this is a bug of Sunstone",
             )),
         }
     })
@@ -94,4 +115,38 @@ fn tell(shared: &Shared, progress: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         progress.call1(news)?;
     }
     Ok(())
+}
+
+/// Of work that calls Python itself.
+impl Shared {
+    /// True once the work is to end.
+    pub fn stop(&self) -> &AtomicBool {
+        &self.stop
+    }
+
+    /// Notes that this thread works and calls Python: a second Ctrl-C then ends that call.
+    pub fn calls_python(&self) -> PyResult<()> {
+        let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
+        *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
+        Ok(())
+    }
+
+    /// Raises `KeyboardInterrupt` in the thread that works, if that runs code of Python.
+    fn insist(&self, py: Python<'_>) -> PyResult<()> {
+        let worker = *self.worker.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(ident) = worker else {
+            return Ok(());
+        };
+        let ctypes = py.import("ctypes")?;
+        let class = ctypes.call_method1("py_object", (py.get_type::<PyKeyboardInterrupt>(),))?;
+        let thread = ctypes.call_method1("c_ulong", (ident,))?;
+        let python = ctypes.getattr("pythonapi")?;
+        python.call_method1("PyThreadState_SetAsyncExc", (thread, class))?;
+        Ok(())
+    }
+
+    /// Notes how far the work is.
+    pub fn tell(&self, done: u32, all: u32) {
+        *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((done, all));
+    }
 }

@@ -1,11 +1,12 @@
 //! `sunstone rig check`.
 
 use super::super::failure::Failure;
-use super::session::{Session, driver};
-use std::path::PathBuf;
+use super::session::{BENCH, driver};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use sunstone::render::Unwatched;
 use sunstone::rig::conformance::{self, Report};
+use sunstone::rigs::prepared::Prepared;
 
 /// Talk to every instrument of a rig. Nothing moves without --move.
 ///
@@ -26,8 +27,8 @@ pub struct Arguments {
 const WITHIN: Duration = Duration::from_secs(5);
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let session = Session::load(&a.plan, a.rig.as_ref())?;
-    let mut rig = session.assemble(true, &Unwatched)?;
+    let session = Prepared::load(&a.plan, a.rig.as_ref())?;
+    let mut rig = session.assemble(&[], true, Path::new(BENCH), &Unwatched)?;
     let mut lines = vec![];
     let mut failed = vec![];
     for instrument in rig.instruments() {

@@ -2,11 +2,12 @@
 
 use super::super::failure::Failure;
 use super::super::places;
-use super::session::Session;
+use super::session::stand_in;
 use std::path::PathBuf;
 use sunstone::base::whole_file;
 use sunstone::rig::driver::dlpc350::flash;
 use sunstone::rig::driver::dlpc350::projector::SIZE;
+use sunstone::rigs::prepared::Prepared;
 
 /// Write the patterns of a plan as images for a DLPC350's flash.
 ///
@@ -26,7 +27,7 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let session = Session::load(&a.plan, a.rig.as_ref())?;
+    let session = Prepared::load(&a.plan, a.rig.as_ref())?;
     places::folders(session.inputs.iter().map(Some), [Some(&a.output)])?;
     if a.output.exists() {
         return Err(Failure::input(format!(
@@ -34,7 +35,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             a.output.display()
         )));
     }
-    let steps = session.steps(&session.stand_in()?)?;
+    let steps = session.steps(&stand_in(&session)?)?;
     let [w, h] = SIZE;
     if steps.patterns.is_empty() || steps.patterns.iter().any(|p| [p.width, p.height] != SIZE) {
         return Err(Failure::input(format!(

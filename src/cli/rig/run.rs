@@ -3,14 +3,14 @@
 use super::super::failure::Failure;
 use super::super::places;
 use super::live::{Live, Rendering};
-use super::session::{Session, summary, time};
-use std::path::PathBuf;
+use super::session::{BENCH, summary, time};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use sunstone::rig::session::rig_file;
+use sunstone::rig::session::rig_file::Scene;
 use sunstone::rig::session::run::{self, RunError};
-use sunstone::rig::session::run_store::{self, RunStoreError};
-use sunstone::rig::session::writer;
+use sunstone::rig::session::run_store;
+use sunstone::rigs::prepared::{Existing, Prepared};
 
 /// Execute a plan: every frame is on disk and noted before it counts.
 ///
@@ -51,21 +51,14 @@ pub struct Arguments {
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    let mut session = Session::load(&a.plan, a.rig.as_ref())?;
-    if let (Some(sample), Some(bench)) = (&a.sample, &mut session.rig.bench) {
-        let mueller = rig_file::sample_of(sample).unwrap_or_default();
-        bench.scene = rig_file::Scene::Sample(mueller);
-        // Another night has other noise.
-        bench.seed = bench
-            .seed
-            .wrapping_add(u64::from_le_bytes(std::array::from_fn(|i| {
-                sample.as_bytes().get(i).copied().unwrap_or(0)
-            })));
+    let mut session = Prepared::load(&a.plan, a.rig.as_ref())?;
+    if let Some(sample) = &a.sample {
+        session.put_sample(sample)?;
     }
     if let Some(output) = &a.output {
         places::folders(session.inputs.iter().map(Some), [Some(output)])?;
         let extra = session.rig.bench.as_ref().map(|b| &b.scene);
-        if let Some(sunstone::rig::session::rig_file::Scene::Tensor(tensor)) = extra {
+        if let Some(Scene::Tensor(tensor)) = extra {
             places::folders([Some(tensor)], [Some(output)])?;
         }
         if output.exists() && !a.resume && !a.force {
@@ -82,23 +75,20 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         eprintln!("finishing the frame in flight (press Ctrl-C again to stop at once)");
     });
     let begun = Instant::now();
-    let mut rig = session.assemble(a.dry_run, &Rendering(&INTERRUPTED))?;
+    let mut rig = session.assemble(&[], a.dry_run, Path::new(BENCH), &Rendering(&INTERRUPTED))?;
     let steps = session.steps(&rig)?;
     super::super::output::print(summary(&session.plan.scheme, &steps, &rig).trim_end())?;
     let Some(output) = a.output.as_ref().filter(|_| !a.dry_run) else {
         return Ok(());
     };
-    let store = if a.resume {
-        run_store::resume(output, &steps, &session.rig, a.sample.as_deref())
+    let existing = if a.resume {
+        Existing::Resume
+    } else if a.force {
+        Existing::Replace
     } else {
-        run_store::create(output, &steps, &session.rig, a.sample.as_deref(), a.force)
+        Existing::Refuse
     };
-    let store = store.map_err(|e| match &e {
-        RunStoreError::Create(cause) => Failure::of_system(cause.is_of_system(), e),
-        _ => Failure::input(e),
-    })?;
-    let recovered =
-        writer::recover(&store).map_err(|e| Failure::failed(format!("{}: {e}", output.display())))?;
+    let (store, recovered) = session.begin(output, &steps, existing, a.sample.as_deref())?;
     if recovered.frames > 0 {
         eprintln!(
             "{} of {} frames are there; going on",

@@ -187,9 +187,11 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
         })
     };
     let missing = |name: &str, driver: &Driver| {
-        Err(AssembleError(format!(
-            "`{name}`: driver {driver:?} does not drive this kind of instrument"
-        )))
+        Err(AssembleError(if *driver == Driver::Python {
+            format!("`{name}` is written in Python; give it to `pysunstone.rig.Session` (docs/python-rig.md)")
+        } else {
+            format!("`{name}`: driver {driver:?} does not drive this kind of instrument")
+        }))
     };
     for (name, file) in &plan.stages {
         let device: Box<dyn crate::instrument::RotationStage> = match &file.driver {

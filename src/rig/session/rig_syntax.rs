@@ -32,6 +32,8 @@ pub enum Driver {
     Scpi,
     /// A vendor's library, loaded when it is needed.
     Vendor,
+    /// An object of Python, which `pysunstone.rig.Session` is given.
+    Python,
 }
 
 /// A stage of a rig file.
@@ -46,7 +48,7 @@ pub struct StageFile {
     /// Model, of `apt`.
     pub model: Option<String>,
     /// Overshoot with which it comes to its goals from below, degrees.
-    #[serde(default = "half")]
+    #[serde(default = "approach")]
     pub approach_deg: f64,
     /// Play of a simulated one, degrees.
     #[serde(default)]
@@ -62,8 +64,11 @@ pub struct StageFile {
     pub resolution_deg: f64,
 }
 
-fn half() -> f64 {
-    0.5
+/// Overshoot of a stage of which nothing else is said, degrees.
+pub const APPROACH_DEG: f64 = 0.5;
+
+fn approach() -> f64 {
+    APPROACH_DEG
 }
 fn twenty_five() -> f64 {
     25.0

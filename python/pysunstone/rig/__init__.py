@@ -1,0 +1,63 @@
+"""Rigs: sessions that execute a plan, with the instruments of a rig file and with instruments written in Python.
+
+See docs/python-rig.md. `pysunstone.rig.bluesky` is the bridge to bluesky and ophyd-async.
+"""
+
+from pysunstone.rig.instruments import (
+    AreaCamera,
+    CameraLimits,
+    CameraSettings,
+    CounterLimits,
+    CounterSettings,
+    Fault,
+    Frame,
+    GalvoLimits,
+    GalvoScanner,
+    Histogram,
+    Identity,
+    Instrument,
+    InstrumentError,
+    LaserLimits,
+    LaserState,
+    PatternProjector,
+    PhotonCounter,
+    ProjectorLimits,
+    PulsedLaser,
+    Region,
+    RotationStage,
+    StageLimits,
+    StageReading,
+)
+from pysunstone.rig.session import Check, Cost, Outcome, Report, Session, check
+
+__all__ = [
+    "AreaCamera",
+    "CameraLimits",
+    "CameraSettings",
+    "Check",
+    "Cost",
+    "CounterLimits",
+    "CounterSettings",
+    "Fault",
+    "Frame",
+    "GalvoLimits",
+    "GalvoScanner",
+    "Histogram",
+    "Identity",
+    "Instrument",
+    "InstrumentError",
+    "LaserLimits",
+    "LaserState",
+    "Outcome",
+    "PatternProjector",
+    "PhotonCounter",
+    "ProjectorLimits",
+    "PulsedLaser",
+    "Region",
+    "Report",
+    "RotationStage",
+    "Session",
+    "StageLimits",
+    "StageReading",
+    "check",
+]

@@ -1,0 +1,419 @@
+//! Instruments that are objects of Python: their methods are called from the session's thread, which has Python's lock for the
+//! time of the call alone. What the limits forbid is refused here, so that no object has to.
+
+use super::arrays::{Picture, histogram, of_patterns};
+use super::fault::Thrown;
+use super::values::{Answer, Value, shown};
+use pyo3::call::PyCallArgs;
+use pyo3::prelude::*;
+use std::time::Duration;
+use sunstone::rig::instrument::{
+    AreaCamera, CameraLimits, CameraSettings, CounterLimits, CounterSettings, Failure, Fault, GalvoLimits,
+    GalvoScanner, Histogram, Identity, Instrument, LaserLimits, LaserState, Pattern, PatternProjector,
+    PhotonCounter, ProjectorLimits, PulsedLaser, RawFrame, Region, RotationStage, StageLimits, StageReading,
+    pixels,
+};
+
+/// An object of Python in the place of an instrument, with what its limits say and what it is set to.
+pub struct Given<Limits, State> {
+    name: String,
+    object: Py<PyAny>,
+    thrown: Thrown,
+    limits: Limits,
+    state: State,
+}
+
+impl<L: Value, S: Default> Given<L, S> {
+    /// Asks an object for its limits, once.
+    pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
+        let answer = object.call_method0("limits")?;
+        let limits = L::read(&Answer(&answer)).map_err(|what| {
+            crate::error::input(format!("{name}: `limits` answered {}: {what}", shown(&answer)))
+        })?;
+        Ok(Self {
+            name: name.to_owned(),
+            object: object.clone().unbind(),
+            thrown: thrown.clone(),
+            limits,
+            state: S::default(),
+        })
+    }
+}
+
+impl<L, S> Given<L, S> {
+    fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
+        Failure::new(fault, &self.name, what)
+    }
+
+    /// Calls a method, with Python's lock, and reads its answer.
+    fn call<T>(
+        &self,
+        method: &str,
+        args: impl for<'py> PyCallArgs<'py>,
+        read: impl FnOnce(&Answer<'_, '_>) -> Result<T, String>,
+    ) -> Result<T, Failure> {
+        Python::attach(|py| {
+            let answer = self.object.bind(py).call_method1(method, args);
+            let answer = answer.map_err(|e| self.thrown.failure(py, &self.name, method, e))?;
+            read(&Answer(&answer)).map_err(|what| {
+                self.failure(
+                    Fault::Refused,
+                    format!("`{method}` answered {}: {what}", shown(&answer)),
+                )
+            })
+        })
+    }
+
+    /// Calls a method whose answer is of no matter.
+    fn tell(&self, method: &str, args: impl for<'py> PyCallArgs<'py>) -> Result<(), Failure> {
+        self.call(method, args, |_| Ok(()))
+    }
+}
+
+impl<L: Send, S: Default + Send> Instrument for Given<L, S> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
+        self.call("identify", (within.as_secs_f64(),), Identity::read)
+    }
+
+    fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+        self.state = S::default();
+        self.tell("reconnect", (within.as_secs_f64(),))
+    }
+
+    fn temperature_c(&mut self) -> Option<f64> {
+        Python::attach(|py| {
+            let object = self.object.bind(py);
+            let method = object.getattr("temperature_c").ok()?;
+            let found = method.call0().and_then(|t| t.extract::<Option<f64>>());
+            // The trait's word for a failure is none; that it was one is told on stderr.
+            found.unwrap_or_else(|e| {
+                e.write_unraisable(py, Some(object));
+                None
+            })
+        })
+    }
+}
+
+/// A rotation stage of Python.
+pub type Stage = Given<StageLimits, ()>;
+
+impl RotationStage for Stage {
+    fn limits(&self) -> StageLimits {
+        self.limits
+    }
+
+    fn home(&mut self, within: Duration) -> Result<(), Failure> {
+        self.tell("home", (within.as_secs_f64(),))
+    }
+
+    fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
+        let [least, most] = self.limits.range_deg;
+        if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
+            let what = format!("{angle_deg}° is not within {least}° to {most}°; mend the plan");
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.tell("begin_move", (angle_deg,))
+    }
+
+    fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure> {
+        self.call("finish_move", (within.as_secs_f64(),), StageReading::read)
+    }
+
+    fn read(&mut self, within: Duration) -> Result<StageReading, Failure> {
+        self.call("read", (within.as_secs_f64(),), StageReading::read)
+    }
+
+    fn stop(&mut self, within: Duration) -> Result<(), Failure> {
+        self.tell("stop", (within.as_secs_f64(),))
+    }
+}
+
+/// A pattern projector of Python, and how many patterns it has.
+pub type Projector = Given<ProjectorLimits, usize>;
+
+impl PatternProjector for Projector {
+    fn limits(&self) -> ProjectorLimits {
+        self.limits
+    }
+
+    fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
+        let [width, height] = self.limits.size;
+        let limit = |what: String| Err(self.failure(Fault::Limit, what));
+        if patterns.len() > self.limits.patterns {
+            let most = self.limits.patterns;
+            return limit(format!("{} patterns are more than its {most}", patterns.len()));
+        }
+        for (i, p) in patterns.iter().enumerate() {
+            if [p.width, p.height] != self.limits.size || p.pixels.len() != width as usize * height as usize {
+                let what = format!(
+                    "pattern {i} is of {} x {} pixels, it has {width} x {height}",
+                    p.width, p.height
+                );
+                return limit(what);
+            }
+            if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
+                return limit(format!(
+                    "pattern {i} has grey pixels; it knows on (255) and off (0)"
+                ));
+            }
+        }
+        self.state = 0;
+        let arrays = Python::attach(|py| of_patterns(py, patterns).map(Bound::unbind));
+        let arrays = arrays.map_err(|e| self.failure(Fault::Refused, e.to_string()))?;
+        self.tell("load", (arrays, within.as_secs_f64()))?;
+        self.state = patterns.len();
+        Ok(())
+    }
+
+    fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
+        if pattern >= self.state {
+            let what = format!("there is no pattern {pattern}; {} are loaded", self.state);
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.tell("show", (pattern, within.as_secs_f64()))
+    }
+
+    fn dark(&mut self, within: Duration) -> Result<(), Failure> {
+        self.tell("dark", (within.as_secs_f64(),))
+    }
+}
+
+/// What a camera of Python is set to.
+#[derive(Default)]
+pub struct Exposing {
+    settings: Option<CameraSettings>,
+    under_way: bool,
+}
+
+/// An area camera of Python. The count of its frames is kept apart: it goes on when the camera is connected anew.
+pub struct Camera {
+    of: Given<CameraLimits, Exposing>,
+    taken: u64,
+}
+
+impl Camera {
+    /// As [`Given::new`].
+    pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
+        let of = Given::new(name, object, thrown)?;
+        Ok(Self { of, taken: 0 })
+    }
+}
+
+/// What a camera and a counter have of the object that they are.
+macro_rules! instrument_of {
+    ($of:ty) => {
+        impl Instrument for $of {
+            fn name(&self) -> &str {
+                self.of.name()
+            }
+            fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
+                self.of.identify(within)
+            }
+            fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
+                self.of.reconnect(within)
+            }
+            fn temperature_c(&mut self) -> Option<f64> {
+                self.of.temperature_c()
+            }
+        }
+    };
+}
+
+instrument_of!(Camera);
+
+impl AreaCamera for Camera {
+    fn limits(&self) -> CameraLimits {
+        self.of.limits.clone()
+    }
+
+    fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure> {
+        let fits = self.of.limits.check(settings);
+        fits.map_err(|what| self.of.failure(Fault::Limit, what))?;
+        self.of.state = Exposing::default();
+        let asked = Python::attach(|py| settings.object(py).map(Bound::unbind));
+        let asked = asked.map_err(|e| self.of.failure(Fault::Refused, e.to_string()))?;
+        self.of.tell("configure", (asked, within.as_secs_f64()))?;
+        self.of.state.settings = Some(*settings);
+        Ok(())
+    }
+
+    fn expose(&mut self) -> Result<(), Failure> {
+        if self.of.state.settings.is_none() {
+            return Err(self.of.failure(Fault::Refused, "it is not configured"));
+        }
+        if self.of.state.under_way {
+            return Err(self.of.failure(Fault::Refused, "an exposure is under way"));
+        }
+        self.of.tell("expose", ())?;
+        self.of.state.under_way = true;
+        Ok(())
+    }
+
+    fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
+        let (Some(CameraSettings { region, format, .. }), true) =
+            (self.of.state.settings, self.of.state.under_way)
+        else {
+            return Err(self.of.failure(Fault::Refused, "no exposure was begun"));
+        };
+        let read = |answer: &Answer<'_, '_>| Picture::read(answer, format);
+        let picture = self.of.call("frame", (within.as_secs_f64(),), read)?;
+        self.of.state.under_way = false;
+        let Region { width, height, .. } = region;
+        let [rows, columns] = picture.shape;
+        if picture.shape != [height as usize, width as usize] {
+            // One of before may come late: it is asked for again.
+            let what = format!(
+                "`frame` answered an array of shape ({rows}, {columns}); the region that it was set to has {height} rows and {width} columns"
+            );
+            return Err(self.of.failure(Fault::Timeout, what));
+        }
+        self.taken += 1;
+        Ok(RawFrame {
+            region,
+            format,
+            bytes: pixels::pack(&picture.numbers, format),
+            number: picture.number.unwrap_or(self.taken),
+            timestamp_ns: picture.timestamp_ns,
+        })
+    }
+}
+
+/// A galvo scanner of Python.
+pub type Galvo = Given<GalvoLimits, ()>;
+
+impl GalvoScanner for Galvo {
+    fn limits(&self) -> GalvoLimits {
+        self.limits
+    }
+
+    fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
+        let mut both = angles_deg.iter().zip(self.limits.range_deg);
+        if !both.all(|(a, most)| a.is_finite() && a.abs() <= most) {
+            let what = format!(
+                "{angles_deg:?}° is beyond ±{:?}°; mend the plan",
+                self.limits.range_deg
+            );
+            return Err(self.failure(Fault::Limit, what));
+        }
+        let [x, y] = angles_deg;
+        self.call("point", ((x, y), within.as_secs_f64()), |answer| {
+            let found: Option<[f64; 2]> = answer.0.extract().ok();
+            let finite = found.filter(|a| a.iter().all(|v| v.is_finite()));
+            finite.ok_or_else(|| "give where the mirrors are, two finite numbers of degrees".to_owned())
+        })
+    }
+}
+
+/// A pulsed laser of Python.
+pub type Laser = Given<LaserLimits, ()>;
+
+impl PulsedLaser for Laser {
+    fn limits(&self) -> LaserLimits {
+        self.limits
+    }
+
+    fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
+        let [least, most] = self.limits.rate_hz;
+        if on && !(rate_hz >= least && rate_hz <= most) {
+            let what = format!("{rate_hz} Hz is not within {least} to {most}; mend the plan");
+            return Err(self.failure(Fault::Limit, what));
+        }
+        self.tell("emit", (on, rate_hz, within.as_secs_f64()))
+    }
+
+    fn state(&mut self, within: Duration) -> Result<LaserState, Failure> {
+        self.call("state", (within.as_secs_f64(),), LaserState::read)
+    }
+}
+
+/// What a counter of Python is set to.
+#[derive(Default)]
+pub struct Counting {
+    settings: Option<CounterSettings>,
+    under_way: bool,
+}
+
+/// A photon counter of Python.
+pub struct Counter {
+    of: Given<CounterLimits, Counting>,
+    taken: u64,
+}
+
+impl Counter {
+    /// As [`Given::new`].
+    pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
+        let of = Given::new(name, object, thrown)?;
+        Ok(Self { of, taken: 0 })
+    }
+}
+
+instrument_of!(Counter);
+
+impl PhotonCounter for Counter {
+    fn limits(&self) -> CounterLimits {
+        self.of.limits
+    }
+
+    fn configure(&mut self, s: &CounterSettings, within: Duration) -> Result<(), Failure> {
+        let limits = &self.of.limits;
+        let fits = (1..=limits.bins).contains(&s.bins)
+            && s.bin_ps >= limits.finest_ps
+            && s.bin_ps.is_finite()
+            && s.offset_ps.is_finite()
+            && s.dwell > Duration::ZERO
+            && s.dwell <= limits.longest
+            && (limits.tags.is_some() || !s.tags);
+        if !fits {
+            let what = format!("{s:?} is not within {limits:?}; mend the plan");
+            return Err(self.of.failure(Fault::Limit, what));
+        }
+        self.of.state = Counting::default();
+        let asked = Python::attach(|py| s.object(py).map(Bound::unbind));
+        let asked = asked.map_err(|e| self.of.failure(Fault::Refused, e.to_string()))?;
+        self.of.tell("configure", (asked, within.as_secs_f64()))?;
+        self.of.state.settings = Some(*s);
+        Ok(())
+    }
+
+    fn begin(&mut self) -> Result<(), Failure> {
+        if self.of.state.settings.is_none() {
+            return Err(self.of.failure(Fault::Refused, "it is not configured"));
+        }
+        if self.of.state.under_way {
+            return Err(self.of.failure(Fault::Refused, "an acquisition is under way"));
+        }
+        self.of.tell("begin", ())?;
+        self.of.state.under_way = true;
+        Ok(())
+    }
+
+    fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
+        let (Some(settings), true) = (self.of.state.settings, self.of.state.under_way) else {
+            return Err(self.of.failure(Fault::Refused, "no acquisition was begun"));
+        };
+        let number = self.taken + 1;
+        let read = |answer: &Answer<'_, '_>| histogram(answer, number);
+        let found = self.of.call("finish", (within.as_secs_f64(),), read)?;
+        self.of.state.under_way = false;
+        let bins = if settings.tags { 0 } else { settings.bins };
+        if found.counts.len() != bins {
+            let what = format!(
+                "`finish` answered {} counts; it was set to {bins} bins",
+                found.counts.len()
+            );
+            return Err(self.of.failure(Fault::Timeout, what));
+        }
+        let full = self.of.limits.full;
+        if found.counts.iter().any(|n| u64::from(*n) >= full) {
+            return Err(self
+                .of
+                .failure(Fault::Saturated, "a bin is full; count for a shorter time"));
+        }
+        self.taken = number;
+        Ok(found)
+    }
+}

@@ -1,0 +1,244 @@
+//! The rig's own instruments, simulated or behind a driver, as objects of Python: with the methods that a session calls, so that
+//! an instrument of Python can pass on to one of them. While a session runs with one itself, nobody else has it.
+
+use super::arrays;
+use super::fault::exception;
+use super::values::{Answer, Value, within};
+use crate::error::input;
+use pyo3::prelude::*;
+use std::sync::{Mutex, PoisonError};
+use sunstone::rig::instrument::{
+    AreaCamera, CameraSettings, CounterSettings, Failure, GalvoScanner, PatternProjector, PhotonCounter,
+    PulsedLaser, RotationStage,
+};
+
+/// An instrument that is lent to a session and comes back.
+pub struct Slot<D: ?Sized> {
+    name: String,
+    device: Mutex<Option<Box<D>>>,
+}
+
+impl<D: ?Sized + Send> Slot<D> {
+    fn new(name: &str, device: Box<D>) -> Self {
+        Self {
+            name: name.to_owned(),
+            device: Mutex::new(Some(device)),
+        }
+    }
+
+    /// Takes the instrument, if it is there.
+    fn take(&self) -> Option<Box<D>> {
+        self.device.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Puts it back.
+    fn put(&self, device: Box<D>) {
+        *self.device.lock().unwrap_or_else(PoisonError::into_inner) = Some(device);
+    }
+
+    /// Uses it without Python's lock.
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut D) -> T + Send) -> PyResult<T> {
+        let done = py.detach(|| {
+            let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+            device.as_mut().map(|device| work(device))
+        });
+        done.ok_or_else(|| {
+            input(format!(
+                "{}: a session runs with it; wait until that has ended",
+                self.name
+            ))
+        })
+    }
+
+    /// Asks it for what it may refuse.
+    fn ask<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut D) -> Result<T, Failure> + Send,
+    ) -> PyResult<T> {
+        self.with(py, work)?
+            .map_err(|failure| exception(py, &failure, ""))
+    }
+}
+
+/// A class of Python around one kind of instrument: what all have in common, and its own methods.
+macro_rules! own {
+    ($(#[$doc:meta])* $class:ident, $device:ident, { $($methods:tt)* }) => {
+        $(#[$doc])*
+        #[pyclass(frozen, module = "pysunstone._native")]
+        pub struct $class(Slot<dyn $device>);
+
+        impl $class {
+            /// Of an instrument.
+            pub fn new(device: Box<dyn $device>) -> Self {
+                let name = device.name().to_owned();
+                Self(Slot::new(&name, device))
+            }
+
+            /// Takes the instrument out of an object, if that is one of this class.
+            pub fn lend(object: &Bound<'_, PyAny>) -> Option<PyResult<Box<dyn $device>>> {
+                let own = object.cast::<Self>().ok()?.get();
+                Some(own.0.take().ok_or_else(|| {
+                    input(format!("{}: it is in use; wait until that has ended", own.0.name))
+                }))
+            }
+
+            /// Puts it back; nothing where the object is of another class.
+            pub fn give_back(object: &Bound<'_, PyAny>, device: Box<dyn $device>) {
+                if let Ok(own) = object.cast::<Self>() {
+                    own.get().0.put(device);
+                }
+            }
+        }
+
+        #[pymethods]
+        impl $class {
+            #[getter]
+            fn name(&self) -> &str {
+                &self.0.name
+            }
+
+            fn identify<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
+                let within = within(within_s).map_err(input)?;
+                self.0.ask(py, |d| d.identify(within))?.object(py)
+            }
+
+            fn reconnect(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
+                let within = within(within_s).map_err(input)?;
+                self.0.ask(py, |d| d.reconnect(within))
+            }
+
+            fn temperature_c(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+                self.0.with(py, |d| d.temperature_c())
+            }
+
+            fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                self.0.with(py, |d| d.limits())?.object(py)
+            }
+
+            fn __repr__(&self) -> String {
+                format!("<{} {:?} of the rig>", stringify!($class), self.0.name)
+            }
+
+            $($methods)*
+        }
+    };
+}
+
+own!(
+    /// A rotation stage of the rig.
+    RigStage, RotationStage, {
+        fn home(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.home(within))
+        }
+
+        fn begin_move(&self, py: Python<'_>, angle_deg: f64) -> PyResult<()> {
+            self.0.ask(py, |d| d.begin_move(angle_deg))
+        }
+
+        fn finish_move<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.finish_move(within))?.object(py)
+        }
+
+        fn read<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.read(within))?.object(py)
+        }
+
+        fn stop(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.stop(within))
+        }
+    }
+);
+
+own!(
+    /// A pattern projector of the rig.
+    RigProjector, PatternProjector, {
+        fn load(&self, py: Python<'_>, patterns: &Bound<'_, PyAny>, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            let patterns = arrays::patterns(patterns).map_err(input)?;
+            self.0.ask(py, |d| d.load(&patterns, within))
+        }
+
+        fn show(&self, py: Python<'_>, pattern: usize, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.show(pattern, within))
+        }
+
+        fn dark(&self, py: Python<'_>, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.dark(within))
+        }
+    }
+);
+
+own!(
+    /// An area camera of the rig.
+    RigCamera, AreaCamera, {
+        fn configure(&self, py: Python<'_>, settings: &Bound<'_, PyAny>, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            let settings = CameraSettings::read(&Answer(settings)).map_err(input)?;
+            self.0.ask(py, |d| d.configure(&settings, within))
+        }
+
+        fn expose(&self, py: Python<'_>) -> PyResult<()> {
+            self.0.ask(py, AreaCamera::expose)
+        }
+
+        fn frame(&self, py: Python<'_>, within_s: f64) -> PyResult<Py<PyAny>> {
+            let within = within(within_s).map_err(input)?;
+            let frame = self.0.ask(py, |d| d.frame(within))?;
+            arrays::of_frame(py, &self.0.name, &frame)
+        }
+    }
+);
+
+own!(
+    /// A galvo scanner of the rig.
+    RigGalvo, GalvoScanner, {
+        fn point(&self, py: Python<'_>, angles_deg: [f64; 2], within_s: f64) -> PyResult<(f64, f64)> {
+            let within = within(within_s).map_err(input)?;
+            let [x, y] = self.0.ask(py, |d| d.point(angles_deg, within))?;
+            Ok((x, y))
+        }
+    }
+);
+
+own!(
+    /// A pulsed laser of the rig.
+    RigLaser, PulsedLaser, {
+        fn emit(&self, py: Python<'_>, on: bool, rate_hz: f64, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.emit(on, rate_hz, within))
+        }
+
+        fn state<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
+            let within = within(within_s).map_err(input)?;
+            self.0.ask(py, |d| d.state(within))?.object(py)
+        }
+    }
+);
+
+own!(
+    /// A photon counter of the rig.
+    RigCounter, PhotonCounter, {
+        fn configure(&self, py: Python<'_>, settings: &Bound<'_, PyAny>, within_s: f64) -> PyResult<()> {
+            let within = within(within_s).map_err(input)?;
+            let settings = CounterSettings::read(&Answer(settings)).map_err(input)?;
+            self.0.ask(py, |d| d.configure(&settings, within))
+        }
+
+        fn begin(&self, py: Python<'_>) -> PyResult<()> {
+            self.0.ask(py, PhotonCounter::begin)
+        }
+
+        fn finish<'py>(&self, py: Python<'py>, within_s: f64) -> PyResult<Bound<'py, PyAny>> {
+            let within = within(within_s).map_err(input)?;
+            let found = self.0.ask(py, |d| d.finish(within))?;
+            arrays::of_histogram(py, &found)
+        }
+    }
+);

@@ -1,0 +1,719 @@
+"""Sessions of rigs with instruments of Python: the bytes of the command's, failures and wrong answers told, interruptions survived."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rigs
+from rendered import ROOT, SCENE, sunstone
+
+import pysunstone as ps
+from pysunstone import rig
+
+
+def by_command(folder: Path, plan: str) -> dict[str, bytes]:
+    """What `sunstone rig run` writes."""
+    store = folder / f"{plan}-by-command.zarr"
+    sunstone("rig", "run", folder / f"{plan}.toml", "-o", store)
+    return rigs.content(store)
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
+    """Runs that nothing disturbed, by the command."""
+    folder = rigs.write(tmp_path_factory.mktemp("sound"))
+    return {plan: by_command(folder, plan) for plan in ("camera", "scan", "tags")}
+
+
+@pytest.mark.parametrize("plan", ["camera", "scan", "tags"])
+def test_python_around_all_instruments_leaves_the_bytes_of_the_command(
+    tmp_path: Path, sound: dict[str, dict[str, bytes]], plan: str
+) -> None:
+    session = rig.Session(rigs.write(tmp_path) / f"{plan}.toml")
+    assert set(session) == {"polarizer_1", "retarder_2", "retarder_3", "polarizer_4", *rigs.AROUND}
+    around = rigs.wrap(session)
+    cost = session.cost()
+    outcome = session.run(tmp_path / "s.zarr")
+    assert (outcome.taken, outcome.retries) == (cost.frames, 0)
+    assert rigs.content(tmp_path / "s.zarr") == sound[plan]
+    assert around["retarder_2"].calls.count("home") == 1
+    used = {"camera": ("camera", "expose"), "scan": ("counter", "begin"), "tags": ("counter", "begin")}[plan]
+    assert around[used[0]].calls.count(used[1]) == cost.frames
+    last = around["projector"].calls[-1] if plan == "camera" else around["laser"].calls[-1]
+    assert last == ("dark" if plan == "camera" else "emit False"), "its light goes off"
+
+
+def test_the_rigs_own_instruments_leave_them_too(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    seen: list[tuple[int, int]] = []
+    session.run(tmp_path / "s.zarr", progress=lambda done, frames: seen.append((done, frames)))
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+    assert seen and seen[-1][1] == 60 and seen == sorted(seen)
+    # They come back, and may be used.
+    assert session["camera"].identify(1.0).model == "area camera"
+
+
+#: A mishap, and what a session does about it.
+MISHAPS = [
+    ("camera", "dropped_frame", "camera", 7),
+    ("camera", "short_frame", "camera", 8),
+    ("camera", "stale_frame", "camera", 9),
+    ("camera", "saturation", "camera", 5),
+    ("camera", "stall", "retarder_2", 3),
+    ("camera", "cable_out", "retarder_3", 2),
+    ("camera", "cable_out", "camera", 4),
+    ("camera", "power_cut", "projector", 9),
+    ("camera", "timeout", "projector", 6),
+    ("scan", "dropped_frame", "counter", 11),
+    ("scan", "laser_low", "counter", 12),
+    ("scan", "cable_out", "galvo", 13),
+    ("scan", "saturation", "counter", 14),
+    ("tags", "dropped_frame", "counter", 15),
+]
+
+
+@pytest.mark.parametrize(("plan", "kind", "instrument", "at"), MISHAPS)
+def test_mishaps_behind_python_are_mended(
+    tmp_path: Path, sound: dict[str, dict[str, bytes]], plan: str, kind: str, instrument: str, at: int
+) -> None:
+    session = rig.Session(rigs.write(tmp_path, rigs.fault(kind, instrument, at)) / f"{plan}.toml")
+    rigs.wrap(session)
+    outcome = session.run(tmp_path / "s.zarr")
+    assert outcome.retries >= 1
+    assert rigs.content(tmp_path / "s.zarr") == sound[plan]
+
+
+class Failing(rigs.Camera):
+    """Raises at some of its exposures."""
+
+    def __init__(self, of: Any, error: Callable[[], BaseException], at: set[int]) -> None:
+        super().__init__(of)
+        self.error, self.at, self.exposures = error, at, 0
+
+    def expose(self) -> None:
+        self.exposures += 1
+        if self.exposures in self.at:
+            raise self.error()
+        super().expose()
+
+
+#: Exceptions that pass, and what the session notes.
+PASSING: list[tuple[Callable[[], Exception], str]] = [
+    (lambda: TimeoutError("no trigger"), "camera: timeout: `expose` raised TimeoutError: no trigger"),
+    (lambda: OSError("no such device"), "camera: disconnected: `expose` raised OSError: no such device"),
+    (lambda: BrokenPipeError(32, "gone"), "camera: disconnected: `expose` raised BrokenPipeError: [Errno 32] gone"),
+    (lambda: rig.InstrumentError("stalled", "its shutter sticks"), "camera: stalled: its shutter sticks"),
+    (lambda: rig.InstrumentError("saturated", "the sun shines in"), "camera: saturated: the sun shines in"),
+]
+
+
+@pytest.mark.parametrize(("error", "noted"), PASSING)
+def test_exceptions_that_pass_are_tried_again(
+    tmp_path: Path, sound: dict[str, dict[str, bytes]], error: Callable[[], Exception], noted: str
+) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["camera"] = camera = Failing(session["camera"], error, {4, 5, 20})
+    outcome = session.run(tmp_path / "s.zarr")
+    assert outcome.retries == 3 and camera.exposures == 63
+    retries = [e["failure"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "retry"]
+    assert retries == [noted] * 3
+    assert camera.calls.count("reconnect") == (3 if "disconnected" in noted else 0)
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+
+
+@pytest.mark.parametrize(
+    ("error", "fault"),
+    [(ValueError("a bug"), "refused"), (rig.InstrumentError("limit", "too far"), "limit"), (TimeoutError("dead"), "timeout")],
+)
+def test_exceptions_that_stay_end_it_and_are_the_cause(
+    tmp_path: Path, sound: dict[str, dict[str, bytes]], error: Exception, fault: str
+) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    own = session["camera"]
+    session["camera"] = camera = Failing(own, lambda: error, set(range(9, 1000)))
+    with pytest.raises(rig.InstrumentError) as raised:
+        session.run(tmp_path / "s.zarr")
+    found = raised.value
+    assert (found.fault, found.instrument) == (fault, "camera") and found.__cause__ is error
+    assert "resume=True goes on" in str(found) and str(found).startswith(f"camera: {fault}: ")
+    assert camera.exposures == (9 + 5 if fault == "timeout" else 9), "what may pass is tried five times more"
+    with pytest.raises(ps.InputError, match="already exists"):
+        session.run(tmp_path / "s.zarr")
+    session["camera"] = own
+    assert session.run(tmp_path / "s.zarr", resume=True).taken == 60 - 8
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+
+
+def test_pythons_wish_to_end_is_not_wrapped(tmp_path: Path) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["camera"] = Failing(session["camera"], lambda: SystemExit(3), {2})
+    with pytest.raises(SystemExit):
+        session.run(tmp_path / "s.zarr")
+
+
+def test_errors_are_copied_whole() -> None:
+    error = pickle.loads(pickle.dumps(rig.InstrumentError("stalled", "it sticks", "a", "resume")))
+    assert (error.fault, error.what, error.instrument, str(error)) == ("stalled", "it sticks", "a", "a: stalled: it sticks\nresume")
+
+
+def test_a_thermometer_that_fails_is_told_and_no_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Feverish(rigs.Stage):
+        def temperature_c(self) -> float | None:
+            raise ValueError("no probe")
+
+    told: list[Any] = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["retarder_2"] = Feverish(session["retarder_2"])
+    assert session.run(tmp_path / "s.zarr").retries == 0
+    assert [str(t.exc_value) for t in told] == ["no probe"]
+    noted = next(e["temperatures_c"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "frame")
+    assert "retarder_2" not in dict(noted) and dict(noted)["retarder_3"] == 23.0
+
+
+class Lying(rigs.Camera):
+    """Answers what it should not."""
+
+    def __init__(self, of: Any, lie: Callable[[rig.Frame], Any]) -> None:
+        super().__init__(of)
+        self.lie = lie
+
+    def frame(self, within_s: float) -> Any:
+        return self.lie(self.of.frame(within_s))
+
+
+def of_frame(**changes: Any) -> Callable[[rig.Frame], Any]:
+    return lambda f: rig.Frame(**{"pixels": f.pixels, "number": f.number, "timestamp_ns": f.timestamp_ns} | changes)
+
+
+#: Frames that are none, and what is said.
+LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
+    (lambda f: None, "its pixels are None; give a NumPy array"),
+    (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); give a NumPy array \(rows, columns\) of uint8 or uint16"),
+    (lambda f: f.pixels.ravel(), r"its pixels are uint16 of shape \(120,\)"),
+    (lambda f: f.pixels.astype(np.int16) - 1, "its pixels are int16"),
+    (lambda f: f.pixels.T, r"timeout: `frame` answered an array of shape \(12, 10\); .* 10 rows and 12 columns"),
+    (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, and Mono12p holds 0 to 4095"),
+    (of_frame(number="seven"), "`number` is 'seven'; give the camera's count of frames, or None"),
+    (of_frame(number=-1), "`number` is -1"),
+    (of_frame(timestamp_ns=None), "`timestamp_ns` is None; give nanoseconds"),
+    (of_frame(number=1), "a frame of before came once more"),
+]
+
+
+@pytest.mark.parametrize(("lie", "said"), LIES)
+def test_frames_that_are_none_are_told(tmp_path: Path, lie: Callable[[rig.Frame], Any], said: str) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["camera"] = Lying(session["camera"], lie)
+    with pytest.raises(rig.InstrumentError, match=said) as raised:
+        session.run(tmp_path / "s.zarr")
+    assert raised.value.instrument == "camera" and raised.value.__cause__ is None
+
+
+def replaced(of: Any, method: str, answer: Callable[[Any], Any]) -> Any:
+    """An instrument with one method whose answers are changed."""
+    before = getattr(of, method)
+    setattr(of, method, lambda *a: answer(before(*a)))
+    return of
+
+
+#: Plan, instrument, method, another answer, and what is said.
+ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
+    ("camera", "retarder_2", "read", lambda r: None, "`read` answered None: it has no `angle_deg`; give a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; give a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: rig.StageReading("12"), "`angle_deg` is '12'"),  # type: ignore[arg-type]
+    ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: it is at .* instead of"),
+    ("scan", "galvo", "point", lambda at: at[0], "give where the mirrors are, two finite numbers of degrees"),
+    ("scan", "laser", "state", lambda s: rig.LaserState(True, np.inf), "`rate_hz` is inf"),
+    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` answered 63 counts; it was set to 64 bins"),
+    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts - 1.0, h.pulses), "`counts` is float64 of shape"),
+    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts, -5), "`pulses` is -5"),
+]
+
+
+@pytest.mark.parametrize(("plan", "name", "method", "answer", "said"), ANSWERS)
+def test_answers_that_are_none_are_told(
+    tmp_path: Path, plan: str, name: str, method: str, answer: Callable[[Any], Any], said: str
+) -> None:
+    session = rig.Session(rigs.write(tmp_path) / f"{plan}.toml")
+    session[name] = replaced(rigs.AROUND.get(name, rigs.Stage)(session[name]), method, answer)
+    with pytest.raises(rig.InstrumentError, match=said) as raised:
+        session.run(tmp_path / "s.zarr")
+    assert raised.value.instrument == name
+
+
+def test_limits_that_cannot_be_are_told(tmp_path: Path) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["camera"] = replaced(rigs.Camera(session["camera"]), "limits", lambda _: rig.CameraLimits((12, 10), formats=("RGB8",)))
+    with pytest.raises(ps.InputError, match="camera: `limits` answered .* no format is called `RGB8`; Mono8, "):
+        session.cost()
+    session["camera"] = replaced(session["camera"], "limits", lambda _: rig.CameraLimits((12, 10), exposure_s=(0.02, 1)))
+    with pytest.raises(ps.InputError, match="camera: limit: an exposure of 10ms is not within 20ms to 1s"):
+        session.cost()
+
+
+def test_what_is_no_instrument_is_refused(tmp_path: Path) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    with pytest.raises(ps.InputError, match="`camera` is a object, which has no method configure, expose, frame, identify"):
+        session["camera"] = object()
+    with pytest.raises(ps.InputError, match="`camra`, a stage by its name .* is a RigCamera, which has no method begin_move"):
+        session["camra"] = session["camera"]
+    with pytest.raises(ps.InputError, match="no sample is called `glass`"):
+        rig.Session(tmp_path / "camera.toml", sample="glass")
+    with pytest.raises(ps.InputError, match="it is, or holds, what is read"):
+        session.run(tmp_path, force=True)
+    del session["camera"]
+    with pytest.raises(ps.InputError, match="the plan needs a camera, and the rig has none"):
+        session.cost()
+
+
+def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    lent = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    text = rigs.RIG.replace("[camera]\nsize = [12, 10]\n", '[camera]\ndriver = "python"\nsize = [12, 10]\n')
+    (tmp_path / "rig.toml").write_text(text)
+    with pytest.raises(ps.RenderError, match="`camera` is written in Python; give it to"):
+        rig.Session(tmp_path / "camera.toml")
+    session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
+    # Another bench's camera sees another bench: dark, but it runs.
+    assert session.run(tmp_path / "s.zarr").taken == 60
+
+
+def test_a_bench_that_plays_a_scene_renders_it_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = rigs.write(tmp_path)
+    (folder / "ball.toml").write_text(SCENE)
+    text = rigs.RIG.replace('sample = "air"\n', 'scene = "ball.toml"\nspp = 4\nslice = "full"\n')
+    (folder / "rig.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    expected = by_command(folder, "camera")
+    session = rig.Session("camera.toml", dry=True)
+    assert session.cost().frames == 60
+    with pytest.raises(ps.InputError, match="a dry session takes nothing"):
+        session.run("s.zarr")
+    seen: list[tuple[int, int]] = []
+    session = rig.Session("camera.toml", bench_folder="bench", progress=lambda done, tiles: seen.append((done, tiles)))
+    assert seen[-1][0] == seen[-1][1] and len(list(Path("bench").glob("*.zarr"))) == 1
+    rigs.wrap(session)
+    session.run("s.zarr")
+    assert rigs.content(tmp_path / "s.zarr") == expected
+
+
+def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+
+    class Interrupting(rigs.Camera):
+        def expose(self) -> None:
+            super().expose()
+            if self.calls.count("expose") == 12:
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.3)
+
+    session["camera"] = camera = Interrupting(session["camera"])
+    with pytest.raises(KeyboardInterrupt):
+        session.run(tmp_path / "s.zarr")
+    assert 12 <= camera.calls.count("expose") < 60
+    frames = [e["frame"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "frame"]
+    assert frames == list(range(camera.calls.count("expose"))), "the frame in flight was kept"
+    # By whom it goes on is no matter: by the command here.
+    sunstone("rig", "run", tmp_path / "camera.toml", "-o", tmp_path / "s.zarr", "--resume")
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+
+
+def test_a_second_ctrl_c_ends_a_camera_that_hangs(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    own = session["camera"]
+    hangs, raised = threading.Event(), []
+
+    class Hanging(rigs.Camera):
+        def frame(self, within_s: float) -> Any:
+            if self.calls.count("expose") == 9:
+                hangs.set()
+                try:
+                    while True:
+                        time.sleep(0.02)
+                except BaseException as error:
+                    raised.append(type(error))
+                    raise
+            return super().frame(within_s)
+
+    def twice() -> None:
+        hangs.wait(60)
+        for _ in range(2):
+            time.sleep(0.4)
+            assert raised == []
+            os.kill(os.getpid(), signal.SIGINT)
+
+    session["camera"] = Hanging(own)
+    threading.Thread(target=twice).start()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        session.run(tmp_path / "s.zarr")
+    assert raised == [KeyboardInterrupt] and time.monotonic() - begun < 30
+    session["camera"] = own
+    assert session.run(tmp_path / "s.zarr", resume=True).taken == 60 - 8
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+
+
+def test_progress_may_end_it(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    class Slow(rigs.Camera):
+        def expose(self) -> None:
+            time.sleep(0.02)
+            super().expose()
+
+    class Enough(Exception):
+        pass
+
+    def progress(done: int, frames: int) -> None:
+        if done > 5:
+            raise Enough
+
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    session["camera"] = Slow(session["camera"])
+    with pytest.raises(Enough):
+        session.run(tmp_path / "s.zarr", progress=progress)
+    session.run(tmp_path / "s.zarr", resume=True)
+    assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
+
+
+def test_a_session_has_its_instruments_alone(tmp_path: Path) -> None:
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    said: list[str] = []
+
+    class Curious(rigs.Camera):
+        def expose(self) -> None:
+            if not said:
+                for ask in (lambda: session["projector"].dark(1.0), session.cost):
+                    try:
+                        ask()
+                    except ps.InputError as error:
+                        said.append(str(error))
+            super().expose()
+
+    session["camera"] = Curious(session["camera"])
+    session.run(tmp_path / "s.zarr")
+    assert said == [
+        "projector: a session runs with it; wait until that has ended",
+        "the session is at work; wait until that has ended",
+    ]
+    session["projector"].dark(1.0)
+
+
+def test_pythons_lock_is_free_between_calls(tmp_path: Path) -> None:
+    """While a camera of Python waits without the lock, other threads go on; and it is called from one thread."""
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+    threads: set[int] = set()
+
+    class Waiting(rigs.Camera):
+        def expose(self) -> None:
+            threads.add(threading.get_ident())
+            super().expose()
+
+    session["camera"] = Waiting(session["camera"])
+    turns, ended = 0, threading.Event()
+
+    def count() -> None:
+        nonlocal turns
+        while not ended.wait(0.001):
+            turns += 1
+
+    other = threading.Thread(target=count)
+    other.start()
+    begun = time.monotonic()
+    session.run(tmp_path / "s.zarr")
+    wall = time.monotonic() - begun
+    ended.set()
+    other.join()
+    assert len(threads) == 1 and threading.get_ident() not in threads
+    assert turns > 50 * wall
+
+
+def test_its_store_opens_and_is_reconstructed(tmp_path: Path) -> None:
+    plan = rigs.write(tmp_path) / "camera.toml"
+    plan.write_text(plan.read_text().replace("captures = 6", "captures = 16"))
+    session = rig.Session(plan)
+    rigs.wrap(session)
+    session.run(tmp_path / "s.zarr")
+    raw = ps.open_store(tmp_path / "s.zarr")["frames/raw"]
+    assert dict(raw.sizes) == {"capture": 16, "shot": 5, "exposure": 2, "y": 10, "x": 12}
+    sunstone("reconstruct", tmp_path / "s.zarr", "-o", tmp_path / "m.zarr")
+    full = ps.open_store(tmp_path / "m.zarr")["full/mean"]
+    assert {"y", "x"} <= set(full.dims)
+
+
+@pytest.fixture(scope="module")
+def idle(tmp_path_factory: pytest.TempPathFactory) -> rig.Session:
+    """A session that is not run."""
+    return rig.Session(rigs.write(tmp_path_factory.mktemp("idle")) / "camera.toml")
+
+
+@pytest.mark.parametrize("name", ["retarder_2", *rigs.AROUND])
+def test_instruments_keep_their_promises(idle: rig.Session, name: str) -> None:
+    own = idle.check(name)
+    assert own and len(own) >= 10, str(own)
+    around = rig.check(rigs.AROUND.get(name, rigs.Stage)(idle[name]))
+    assert around and [c.name for c in around] == [c.name for c in own], str(around)
+
+
+#: Instrument, method, another answer, and the checks that find it.
+PLANTED: list[tuple[str, str, Callable[[Any], Any], set[str]]] = [
+    ("retarder_2", "identify", lambda i: rig.Identity("", "", ""), {"says who it is"}),
+    ("retarder_2", "temperature_c", lambda t: 1000.0, {"has a temperature that can be, or none"}),
+    (
+        "retarder_2",
+        "finish_move",
+        lambda r: rig.StageReading(r.angle_deg + 0.1),
+        {
+            "goes where it is sent, and says so",
+            "a move that is begun again goes to the second goal",
+            "a deadline that is too short is a timeout, and the move goes on",
+            "goes on after that",
+        },
+    ),
+    (
+        "retarder_2",
+        "read",
+        lambda r: rig.StageReading(r.angle_deg, True, False),
+        {"says that it is homed, at rest, near zero", "stops on the way"},
+    ),
+    ("camera", "frame", lambda f: rig.Frame(f.pixels, 7), {"delivers what it was set to"}),
+    ("camera", "frame", lambda f: f.pixels[:1, :1], {"delivers what it was set to", "one exposure at a time"}),
+    ("galvo", "point", lambda at: (at[0], 0.0), {"points where it is told"}),
+    ("laser", "state", lambda s: rig.LaserState(True, s.rate_hz), {"goes off"}),
+    ("counter", "finish", lambda h: rig.Histogram(h.counts, 0, h.number), {"counts as many bins as it is set to"}),
+]
+
+
+@pytest.mark.parametrize(("name", "method", "answer", "found"), PLANTED)
+def test_planted_faults_are_found(
+    idle: rig.Session, name: str, method: str, answer: Callable[[Any], Any], found: set[str]
+) -> None:
+    report = rig.check(replaced(rigs.AROUND.get(name, rigs.Stage)(idle[name]), method, answer))
+    assert not report and found <= {c.name for c in report.faults}, str(report)
+    assert f"of {len(report)} promises" in str(report)
+
+
+def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
+    """One that waits as long as it likes, whatever the deadline."""
+
+    class Stubborn(rigs.Camera):
+        def frame(self, within_s: float) -> Any:
+            return super().frame(1000.0)
+
+    faults = rig.check(Stubborn(idle["camera"])).faults
+    assert [c.name for c in faults] == ["a deadline that is too short is a timeout, and the frame comes still"]
+
+
+def test_what_is_no_instrument_is_not_checked() -> None:
+    with pytest.raises(ps.InputError, match="a Half is no instrument: of a projector it has no dark"):
+
+        class Half(rig.Instrument):
+            def limits(self) -> None: ...
+            def load(self) -> None: ...
+            def show(self) -> None: ...
+
+        rig.check(Half())
+
+
+def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code of docs/python-rig.md, in a folder that has the files that it names."""
+    text = (ROOT / "docs" / "python-rig.md").read_text()
+    code = [part.split("```")[0] for part in text.split("```python\n")[1:]]
+    assert len(code) >= 2
+    for folder in ("rigs", "scenes"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    (tmp_path / "lab").mkdir()
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for part in code:
+        exec(compile(part, "docs/python-rig.md", "exec"), names)  # noqa: S102
+    assert (tmp_path / "night.zarr" / "manifest.txt").exists()
+
+
+def test_one_other_number_in_one_frame_is_seen(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
+    """The comparison of bytes can fail."""
+    session = rig.Session(rigs.write(tmp_path) / "camera.toml")
+
+    def change(frame: rig.Frame) -> rig.Frame:
+        if frame.number == 33:
+            frame.pixels[4, 7] ^= 1
+        return frame
+
+    session["camera"] = Lying(session["camera"], change)
+    session.run(tmp_path / "s.zarr")
+    found = rigs.content(tmp_path / "s.zarr")
+    assert sorted(found) == sorted(sound["camera"])
+    other = [name for name in found if found[name] != sound["camera"][name]]
+    assert len(other) == 2 and "manifest.txt" in other, other
+
+
+def test_protocols_are_types(tmp_path: Path) -> None:
+    """mypy finds a method that is missing, and one of another signature."""
+    (tmp_path / "lab.py").write_text("""
+from pysunstone import rig, _native
+
+def camera(own: _native.RigCamera) -> rig.AreaCamera:
+    return own
+
+class Half(rig.RotationStage):
+    def limits(self) -> rig.StageLimits:
+        return rig.StageLimits()
+
+Half()
+
+class Wrong(rig.PulsedLaser):
+    def limits(self) -> rig.LaserLimits:
+        return rig.LaserLimits(550.0, (1e6, 8e7))
+
+    def emit(self, on: bool, rate_hz: str, within_s: float) -> None: ...
+
+    def state(self, within_s: float) -> int:
+        return 3
+""")
+    # NumPy's own types take long to read, and are not looked at.
+    (tmp_path / "mypy.ini").write_text("[mypy]\n[mypy-numpy.*]\nfollow_imports = skip\n")
+    mypy = [sys.executable, "-m", "mypy", "--cache-dir", tmp_path / "cache", "lab.py"]
+    path = os.environ | {"MYPYPATH": str(Path(ps.__file__).parents[1])}
+    done = subprocess.run(mypy, cwd=tmp_path, env=path, capture_output=True, text=True, check=False)
+    errors = [line.split("error: ")[1] for line in done.stdout.splitlines() if "error: " in line]
+    assert len(errors) == 3, done.stdout
+    assert errors[0].startswith('Cannot instantiate abstract class "Half" with abstract attributes "begin_move", "finish_move", "home", "read"')
+    assert errors[1].startswith('Argument 2 of "emit" is incompatible with supertype')
+    assert errors[2].startswith('Return type "int" of "state" incompatible with return type "LaserState"')
+
+
+LABORATORY = """
+[detector.cmos]
+bit_depth = 12
+[stages.retarder_3]
+driver = "python"
+approach_deg = 0
+"""
+
+WHOLE = """
+rig = "rig.toml"
+scheme = { kind = "drr", captures = 36 }
+[camera]
+exposures_ms = [1]
+masks = ["dark", "full"]
+"""
+
+
+#: Digital numbers of unit light.
+SCALE = 4000
+
+
+class Axle(rig.RotationStage):
+    """A stage that is there at once, by steps of a thousandth of a degree."""
+
+    def __init__(self) -> None:
+        self.at, self.homed, self.goals = 77.0, False, [0.0]
+
+    def limits(self) -> rig.StageLimits:
+        return rig.StageLimits(range_deg=(-720.0, 720.0), resolution_deg=0.001)
+
+    def home(self, within_s: float) -> None:
+        self.at, self.homed = 0.0, True
+
+    def begin_move(self, angle_deg: float) -> None:
+        self.goals.append(angle_deg)
+
+    def finish_move(self, within_s: float) -> rig.StageReading:
+        self.at = round(self.goals[-1], 3)
+        return self.read(within_s)
+
+    def read(self, within_s: float) -> rig.StageReading:
+        return rig.StageReading(self.at, homed=self.homed)
+
+    def stop(self, within_s: float) -> None:
+        pass
+
+
+class Lamp(rig.PatternProjector):
+    """Has light where a pattern has."""
+
+    def __init__(self) -> None:
+        self.loaded: list[Any] = []
+        self.light = 0.0
+
+    def limits(self) -> rig.ProjectorLimits:
+        return rig.ProjectorLimits(size=(4, 3), bits=1)
+
+    def load(self, patterns: Any, within_s: float) -> None:
+        assert all(p.shape == (3, 4) and p.dtype == np.uint8 for p in patterns)
+        self.loaded = list(patterns)
+
+    def show(self, pattern: int, within_s: float) -> None:
+        self.light = float(self.loaded[pattern].mean() / 255)
+
+    def dark(self, within_s: float) -> None:
+        self.light = 0.0
+
+
+def rotated(matrix: Any, degrees: float) -> Any:
+    """The Mueller matrix of an element whose axis is turned (Chipman, Polarized Light and Optical Systems, 6.3)."""
+    c, s = np.cos(2 * np.radians(degrees)), np.sin(2 * np.radians(degrees))
+    turn = np.array([[1, 0, 0, 0], [0, c, s, 0], [0, -s, c, 0], [0, 0, 0, 1]])
+    return turn.T @ matrix @ turn
+
+
+class Seen(rig.AreaCamera):
+    """Sees the lamp through two polarizers with quarter-wave plates and a sample between, by Mueller's calculus of NumPy."""
+
+    def __init__(self, lamp: Lamp, axles: dict[str, Axle], sample: Any) -> None:
+        self.lamp, self.axles, self.sample = lamp, axles, sample
+
+    def limits(self) -> rig.CameraLimits:
+        return rig.CameraLimits(size=(5, 4))
+
+    def configure(self, settings: rig.CameraSettings, within_s: float) -> None:
+        self.settings = settings
+
+    def expose(self) -> None:
+        polarizer = np.zeros((4, 4))
+        polarizer[:2, :2] = 0.5
+        plate = np.zeros((4, 4))
+        plate[0, 0] = plate[1, 1] = plate[2, 3] = 1.0
+        plate[3, 2] = -1.0
+        before = rotated(plate, self.axles["retarder_2"].at) @ polarizer
+        after = polarizer @ rotated(plate, self.axles["retarder_3"].at)
+        self.light = float((after @ self.sample @ before)[0, 0]) * self.lamp.light
+
+    def frame(self, within_s: float) -> Any:
+        region = self.settings.region
+        return np.full((region.height, region.width), round(100 + SCALE * self.light), np.uint16)
+
+
+def test_a_laboratory_of_python_alone_measures_what_is_there(tmp_path: Path) -> None:
+    """No bench, no driver, the wall's clock: a sample between rotating retarders is reconstructed to within the digital steps."""
+    (tmp_path / "rig.toml").write_text(LABORATORY)
+    (tmp_path / "plan.toml").write_text(WHOLE)
+    # A diattenuator at 0° behind a rotator of 20°: neither is the same with its signs turned.
+    sample = np.diag([1.0, 1.0, 0.8, 0.8])
+    sample[0, 1] = sample[1, 0] = 0.6
+    c, s = np.cos(np.radians(40)), np.sin(np.radians(40))
+    sample = sample @ np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
+    lamp, axles = Lamp(), {"retarder_2": Axle(), "retarder_3": Axle()}
+    session = rig.Session(
+        tmp_path / "plan.toml", instruments={"projector": lamp, "camera": Seen(lamp, axles, sample), **axles}
+    )
+    outcome = session.run(tmp_path / "s.zarr")
+    assert (outcome.taken, outcome.retries) == (72, 0) and lamp.light == 0.0
+    # It turns back at 360° without the overshoot that stages have of which the rig file says nothing.
+    assert {round(goal, 6) for goal in axles["retarder_3"].goals} == {25.0 * k % 360 for k in range(36)}
+    sunstone("reconstruct", tmp_path / "s.zarr", "-o", tmp_path / "m.zarr")
+    found = ps.open_store(tmp_path / "m.zarr")["full/mean"]
+    matrix = found.mean(("y", "x")).squeeze().values
+    # Numbers are rounded: a standard deviation of 12^-1/2 each, which the scheme makes more of.
+    bound = 5 * np.sqrt(ps.Scheme.drr(36).quality()["error_variance"] / 12) / SCALE
+    assert bound < 0.01
+    np.testing.assert_allclose(matrix / matrix[0, 0], sample, atol=bound)
