@@ -42,8 +42,11 @@ LEASE_S = 1.5
 failures = []
 
 
+begun = time.monotonic()
+
+
 def check(what, holds, detail=""):
-    print(f"{'ok  ' if holds else 'FAIL'} {what}{': ' + detail if detail else ''}", flush=True)
+    print(f"{'ok  ' if holds else 'FAIL'} {time.monotonic() - begun:5.1f} {what}{': ' + detail if detail else ''}", flush=True)
     if not holds:
         failures.append(what)
 
@@ -65,6 +68,9 @@ class Proxy(http.server.ThreadingHTTPServer):
         # Whether conditions of puts do not reach the server.
         self.deaf = False
         self.reset()
+
+    def handle_error(self, request, client_address):
+        """Clients that are killed cut connections."""
 
     def reset(self, share=0.0, seed=0):
         with self.lock:

@@ -54,7 +54,7 @@ pub fn folders<'a>(
 }
 
 /// Refuses a store to write as [`folders`] does, unless it is an address, which stores are written to.
-pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &PathBuf) -> Result<(), Failure> {
+pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a PathBuf) -> Result<(), Failure> {
     if !is_address(output) {
         return folders(inputs.into_iter().map(Some), [Some(output)]);
     }

@@ -219,10 +219,17 @@ fn retry() -> RetryConfig {
 
 /// Makes a request again, which may be made twice, where its answer was lost or broke off: the client itself does not do so with
 /// requests that change something.
-async fn again<T, F: Future<Output = Result<T, Error>>>(mut ask: impl FnMut() -> F) -> Result<T, Error> {
+async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
+    up_to(ATTEMPTS, ask).await
+}
+
+async fn up_to<T, F: Future<Output = Result<T, Error>>>(
+    attempts: usize,
+    mut ask: impl FnMut() -> F,
+) -> Result<T, Error> {
     let begun = Instant::now();
     let mut pause = PAUSE;
-    for _ in 1..ATTEMPTS {
+    for _ in 1..attempts {
         match ask().await {
             Err(Error::Generic { .. }) if begun.elapsed() < PATIENCE => {}
             result => return result,
@@ -237,7 +244,8 @@ async fn fetch(store: &dyn ObjectStore, key: &Key) -> Result<Option<Bytes>, Erro
     let mut attempts = ATTEMPTS;
     loop {
         attempts -= 1;
-        let found = match store.get(key).await {
+        // The client has asked again itself, but where a connection was closed the moment that it was used.
+        let found = match up_to(2, || store.get(key)).await {
             Ok(found) => found,
             Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => return Ok(None),
             Err(e) => return Err(e),

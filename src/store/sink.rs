@@ -208,9 +208,8 @@ impl Sink for ZarrSink {
         let names = job.slices.iter().map(|s| s.layout.name.as_str());
         let slices = names.map(|n| store.slice(n)).collect::<Result<_, _>>()?;
         let all_written = store.is_finished() || store.is_finished_part();
-        let finished = status == Some(json!(finished_status(store.part())))
-            && all_written
-            && !Progress::exists(&store);
+        let finished =
+            status == Some(json!(finished_status(store.part()))) && all_written && !Progress::exists(&store);
         let (journal, done) = if self.target.resume && finished {
             let all = (0..job.tiles()).map(|tile| TileRecord {
                 tile,

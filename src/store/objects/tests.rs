@@ -164,8 +164,14 @@ fn what_fails_is_asked_again() {
         objects.put_many(all).expect("puts");
         let found = objects.list().expect("lists");
         assert_eq!(found.len(), keys.len());
-        assert_eq!(objects.ends(&found, 4).expect("reads"), vec![bytes(n).slice(5..); keys.len()]);
-        assert_eq!(objects.get_many(&keys).expect("reads"), vec![Some(bytes(n)); keys.len()]);
+        assert_eq!(
+            objects.ends(&found, 4).expect("reads"),
+            vec![bytes(n).slice(5..); keys.len()]
+        );
+        assert_eq!(
+            objects.get_many(&keys).expect("reads"),
+            vec![Some(bytes(n)); keys.len()]
+        );
         let (found, old) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(n));
         // The answer may be lost: then something is there, which is this.
@@ -183,8 +189,13 @@ fn what_fails_is_asked_again() {
 
 #[test]
 fn web_servers_are_read_only() {
-    let told = below("https://host/s.zarr").may_be_written().expect_err("refused");
-    assert!(told.what.contains("read only") && told.mend.contains("s3://"), "{told}");
+    let told = below("https://host/s.zarr")
+        .may_be_written()
+        .expect_err("refused");
+    assert!(
+        told.what.contains("read only") && told.mend.contains("s3://"),
+        "{told}"
+    );
     assert_eq!(below("s3://bucket/s.zarr").may_be_written(), Ok(()));
 }
 

@@ -120,6 +120,12 @@ impl Remote {
         Ok(passed)
     }
 
+    /// Keeps files that were just put and are read next.
+    pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Bytes)>) {
+        self.ahead()
+            .extend(files.into_iter().map(|(key, bytes)| (key, Some(bytes))));
+    }
+
     fn ahead(&self) -> MutexGuard<'_, HashMap<String, Option<Bytes>>> {
         self.ahead.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -196,7 +202,11 @@ impl Remote {
 
     /// Writes the manifest, by its name, of the files that are there. Of those that an earlier process put, the ends are read.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
-        let known = self.writing().as_ref().map(|w| w.known.clone()).unwrap_or_default();
+        let known = self
+            .writing()
+            .as_ref()
+            .map(|w| w.known.clone())
+            .unwrap_or_default();
         let (mut entries, mut found, mut plain) = (BTreeMap::new(), vec![], vec![]);
         for (key, what) in known.into_iter().filter(|(key, _)| manifest::is_part(key)) {
             match what {

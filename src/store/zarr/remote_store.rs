@@ -84,11 +84,23 @@ impl Making<'_> {
             },
             NoLock::Refused(refusal) => self.refused(refusal),
         })?;
-        let mut known = found(&self.objects).map_err(|e| self.refused(e))?;
-        if !self.goes_on(&known)? {
-            known = self.describe(&known, describe)?;
+        let known = found(&self.objects).map_err(|e| self.refused(e))?;
+        if self.goes_on(&known)? {
+            return Ok(opened(self.path, &self.objects, lock, known));
         }
-        Ok(opened(self.path, &self.objects, lock, known))
+        let files = described(describe)?;
+        let mark = Bytes::from(self.origin.unwrap_or_default().to_owned());
+        self.put(&known, &files, mark.clone())
+            .map_err(|e| self.refused(e))?;
+        let mark = (ORIGIN.to_owned(), Known::Put(Entry::of(ORIGIN, &mark)));
+        let all = files
+            .iter()
+            .map(|(name, bytes)| (name.clone(), Known::Put(Entry::of(name, bytes))));
+        let (storage, held) = opened(self.path, &self.objects, lock, all.chain([mark]).collect());
+        if let Some(remote) = storage.remote() {
+            remote.keep_ahead(files);
+        }
+        Ok((storage, held))
     }
 
     /// Removes the mark of a store that has all that it is made with.
@@ -132,33 +144,25 @@ impl Making<'_> {
         Ok(self.get(ORIGIN)?.is_some_and(|left| left == origin))
     }
 
-    /// Removes what lies there, and puts descriptions.
-    fn describe(
+    /// Removes what lies there, and puts a mark and descriptions.
+    fn put(
         &self,
         known: &BTreeMap<String, Known>,
-        describe: impl FnOnce(&Path) -> Result<(), CreateError>,
-    ) -> Result<BTreeMap<String, Known>, CreateError> {
-        let mut files = described(describe)?;
-        let entry = |(name, bytes): (&String, &Bytes)| (name.clone(), Known::Put(Entry::of(name, bytes)));
-        let mark = Bytes::from(self.origin.unwrap_or_default().to_owned());
-        let mut now: BTreeMap<String, Known> = files.iter().map(entry).collect();
-        now.extend([(ORIGIN, &mark)].map(|(name, bytes)| entry((&name.to_owned(), bytes))));
-        let root = files.remove_entry(ROOT);
-        let put = || -> Result<(), Refusal> {
-            self.objects.put(ORIGIN, mark)?;
-            // First what says that it is finished, and what says that it is a store.
-            let (heads, rest) = known
-                .keys()
-                .filter(|name| *name != ORIGIN)
-                .cloned()
-                .partition(|name| [manifest::FILE, manifest::OF_PART, ROOT].contains(&name.as_str()));
-            self.objects.delete(heads)?;
-            self.objects.delete(rest)?;
-            self.objects.put_many(files.into_iter().collect())?;
-            self.objects.put_many(root.into_iter().collect())
-        };
-        put().map_err(|e| self.refused(e))?;
-        Ok(now)
+        files: &BTreeMap<String, Bytes>,
+        mark: Bytes,
+    ) -> Result<(), Refusal> {
+        self.objects.put(ORIGIN, mark)?;
+        // First what says that it is finished, and what says that it is a store.
+        let (heads, rest) = known
+            .keys()
+            .filter(|name| *name != ORIGIN)
+            .cloned()
+            .partition(|name| [manifest::FILE, manifest::OF_PART, ROOT].contains(&name.as_str()));
+        self.objects.delete(heads)?;
+        self.objects.delete(rest)?;
+        let (root, others) = files.clone().into_iter().partition(|(name, _)| name == ROOT);
+        self.objects.put_many(others)?;
+        self.objects.put_many(root)
     }
 }
 

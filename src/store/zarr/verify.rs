@@ -87,7 +87,10 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
         Some(manifest) => (Some(manifest), None),
         None => match objects.get("zarr.json").map_err(refused)? {
             Some(root) => match part::of_root(path, &root) {
-                Some(part) => (Manifest::of_objects(objects, path, manifest::OF_PART)?, Some(part)),
+                Some(part) => (
+                    Manifest::of_objects(objects, path, manifest::OF_PART)?,
+                    Some(part),
+                ),
                 None => (None, None),
             },
             None => {
@@ -122,8 +125,8 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
         .filter(|name| manifest::is_part(name))
         .collect();
     Ok(Verified {
-        unlisted,
         part,
+        unlisted,
         ..verified(&entries, faults, &found)
     })
 }

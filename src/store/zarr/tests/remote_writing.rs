@@ -210,7 +210,10 @@ fn a_merge_may_be_killed_anywhere() {
             Ok(_) => true,
             // Killed after the last put of the store: it is whole.
             Err(e) => {
-                remove(&memory(path.to_str().expect("text").split('/').nth(2).expect("a name")), "s.zarr/.sunstone-origin");
+                remove(
+                    &memory(path.to_str().expect("text").split('/').nth(2).expect("a name")),
+                    "s.zarr/.sunstone-origin",
+                );
                 is_there(e)
             }
         },
@@ -241,7 +244,10 @@ fn a_render_goes_over_a_bad_line() {
     assert_eq!(objects_of("bad"), expected);
     render(&address("flaky", "bad"), true, None).expect("is complete");
     assert_eq!(objects_of("bad"), expected);
-    assert_eq!(verify(&address("flaky", "bad")).expect("a store").faults, Vec::<String>::new());
+    assert_eq!(
+        verify(&address("flaky", "bad")).expect("a store").faults,
+        Vec::<String>::new()
+    );
 }
 
 /// Chunks are written again and again, by pixels.
@@ -314,7 +320,10 @@ fn who_lost_the_lock_writes_no_more() {
     assert!(store.finish().is_err());
     assert!(!TensorStore::open(&address).expect("opens").is_finished());
     drop(store);
-    assert!(objects_of("lost").contains_key(Path::new(".sunstone-lock")), "it is another's");
+    assert!(
+        objects_of("lost").contains_key(Path::new(".sunstone-lock")),
+        "it is another's"
+    );
 }
 
 #[test]
