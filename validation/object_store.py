@@ -273,14 +273,6 @@ def reads(server, work):
             done = sunstone(server, *[a.format(store) for a in command], out)
             check(f"{name} of {store}", done.returncode == 0, done.stderr.decode().strip())
         check(f"{name}: the same bytes", outs[0].read_bytes() == outs[1].read_bytes())
-    # The names of the inputs stand in the root's description, and its checksum in the manifest.
-    named = ("zarr.json", "manifest.txt")
-    outs = [work / "merged_here.zarr", work / "merged_there.zarr"]
-    for place, out in zip((str(work), f"s3://{BUCKET}/stores"), outs):
-        done = sunstone(server, "merge", f"{place}/a.zarr", f"{place}/b.zarr", "-o", out)
-        check(f"merge of {place}", done.returncode == 0, done.stderr.decode().strip())
-    here, there = [{k: v for k, v in files(out).items() if k not in named} for out in outs]
-    check("merge: the same bytes", here == there and len(here) > 100, f"{len(here)} files")
 
 
 def refusals(server):
@@ -395,10 +387,13 @@ def merges(server, work, root):
     done, text = timed(server, SHARE, lambda: sunstone(server, "merge", *parts, "-o", f"{root}/joined/a.zarr"), seed=5)
     check("parts are joined, with failures", done.returncode == 0, text)
     same_render("parts joined", files(work / "a.zarr"), server.files("joined/a.zarr"))
+    here = [work / f"{n}.zarr" for n in "ab"]
+    done = sunstone(server, "merge", *here, "-o", work / "pooled.zarr")
+    check("seeds are pooled here", done.returncode == 0, done.stderr.decode().strip())
     stores = [f"{root}/stores/{n}.zarr" for n in "ab"]
     done, text = timed(server, SHARE, lambda: sunstone(server, "merge", *stores, "-o", f"{root}/pooled/a.zarr"), seed=6)
     check("seeds are pooled, with failures", done.returncode == 0, text)
-    same_render("seeds pooled", files(work / "merged_here.zarr"), server.files("pooled/a.zarr"))
+    same_render("seeds pooled", files(work / "pooled.zarr"), server.files("pooled/a.zarr"))
     server.proxy.reset()
     done = sunstone(server, "merge", *stores, "-o", f"{root}/pooled/a.zarr")
     check("a merge leaves what is there", done.returncode == 2 and b"--force" in done.stderr, done.stderr.decode().strip())
@@ -410,7 +405,7 @@ def kills(server, expected, root):
     address = f"{root}/{prefix}"
     kills = 0
     server.proxy.reset()
-    for tiles in (0, 3, 12, 24):
+    for tiles in (0, 3, 24):
         process = beside(server, *rendering("-o", address, *(["--resume"] if kills else [])))
         if tiles:
             wait_for_tiles(server, prefix, process, tiles)
@@ -423,18 +418,18 @@ def kills(server, expected, root):
         process.wait()
         done = sunstone(server, "verify", address)
         check(f"killed at {tiles} tiles, it is not finished", done.returncode == 2, done.stderr.decode().strip())
-    check("renders were killed", kills == 4, str(kills))
+    check("renders were killed", kills == 3, str(kills))
 
     holder = beside(server, *rendering("-o", address, "--resume"))
     wait_for_tiles(server, prefix, holder, 30)
     holder.send_signal(signal.SIGSTOP)
     done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("-o", address, "--resume")), seed=7)
-    check("who does not renew the lock loses it; killed four times, the render is resumed, with failures", done.returncode == 0, text)
+    check("who does not renew the lock loses it; killed three times, the render is resumed, with failures", done.returncode == 0, text)
     server.proxy.reset()
     holder.send_signal(signal.SIGCONT)
     _, errors = holder.communicate(timeout=300)
     check("and writes no more", holder.returncode != 0 and b"lock" in errors, errors.decode().strip()[-300:])
-    same_render("killed four times and doubled", expected, server.files(prefix))
+    same_render("killed three times and doubled", expected, server.files(prefix))
 
     first = beside(server, *rendering("-o", f"{root}/two/a.zarr", "--threads", "1", spp=16))
     wait_for_tiles(server, "two/a.zarr", first, 1)

@@ -94,3 +94,28 @@ pub(crate) mod lock {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::zarr::TensorStore;
+    use serde_json::Map;
+    use std::path::Path;
+
+    #[test]
+    fn every_address_is_refused_with_a_mend() {
+        let address = Path::new("s3://bucket/a.zarr");
+        let made = TensorStore::create(address, &[], &Map::new(), None, false);
+        for told in [
+            TensorStore::open(address).expect_err("refused").to_string(),
+            TensorStore::open_for_write(address)
+                .expect_err("refused")
+                .to_string(),
+            made.expect_err("refused").to_string(),
+        ] {
+            assert!(
+                told.contains("s3://") && told.contains("`object-stores`"),
+                "{told}"
+            );
+        }
+    }
+}
