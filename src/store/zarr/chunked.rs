@@ -334,19 +334,24 @@ impl<T: Number> ChunkedArray<T> {
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
-    /// Fetches the files of the first ones of several regions ahead, and says of how many regions.
-    pub(super) fn fetch_regions(&self, regions: &[(Vec<u64>, Vec<u64>)]) -> Result<usize, AccessError> {
-        if self.array.storage().remote().is_none() {
+    /// Fetches the files of the first ones of several regions ahead, of several arrays of one store, and says of how many regions.
+    pub(super) fn fetch_regions(
+        arrays: &[&Self],
+        regions: &[(Vec<u64>, Vec<u64>)],
+    ) -> Result<usize, AccessError> {
+        let Some(first) = arrays.first().filter(|a| a.array.storage().remote().is_some()) else {
             return Ok(regions.len());
-        }
+        };
         let mut keys = vec![];
         let mut ends = vec![];
         for (start, shape) in regions {
-            self.check(start, shape)?;
-            keys.extend(self.keys_ahead(start, shape)?);
+            for array in arrays {
+                array.check(start, shape)?;
+                keys.extend(array.keys_ahead(start, shape)?);
+            }
             ends.push(keys.len());
         }
-        let fetched = self.fetch_ahead(&keys, &[])?;
+        let fetched = first.fetch_ahead(&keys, &[])?;
         Ok(ends.iter().filter(|end| **end <= fetched).count().max(1))
     }
 

@@ -13,6 +13,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use zarrs::storage::Bytes;
 
 /// Name of the file.
 pub(super) const FILE: &str = "manifest.txt";
@@ -152,11 +153,20 @@ impl Manifest {
 
     /// [`Self::read_at`] below an address.
     pub(super) fn of_objects(objects: &Objects, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
-        let Some(bytes) = objects.get(name).map_err(|e| OpenError::remote(root, e))? else {
-            return Ok(None);
-        };
-        let manifest = std::str::from_utf8(&bytes).ok().and_then(parse);
-        manifest.map(Some).ok_or_else(|| damaged(root.join(name)))
+        let bytes = objects.get(name).map_err(|e| OpenError::remote(root, e))?;
+        bytes.map(|bytes| of_bytes(&bytes, &root.join(name))).transpose()
+    }
+
+    /// The manifest of what lies below an address, and the description of its root, which come beside each other.
+    pub(super) fn with_root(
+        objects: &Objects,
+        root: &Path,
+    ) -> Result<(Option<Self>, Option<Bytes>), OpenError> {
+        let names = [FILE, "zarr.json"].map(str::to_owned);
+        let found = objects.get_many(&names).map_err(|e| OpenError::remote(root, e))?;
+        let [manifest, description] = found.try_into().unwrap_or_default();
+        let manifest = manifest.map(|bytes: Bytes| of_bytes(&bytes, &root.join(FILE)));
+        Ok((manifest.transpose()?, description))
     }
 
     /// Reads the manifest; `None` where there is none, because the store is not finished.
@@ -192,6 +202,11 @@ pub(super) fn text(entries: &BTreeMap<String, Entry>) -> String {
     let seal = seal(&text);
     let _ = writeln!(text, "{seal}");
     text
+}
+
+fn of_bytes(bytes: &[u8], path: &Path) -> Result<Manifest, OpenError> {
+    let manifest = std::str::from_utf8(bytes).ok().and_then(parse);
+    manifest.ok_or_else(|| damaged(path.to_owned()))
 }
 
 fn damaged(path: PathBuf) -> OpenError {

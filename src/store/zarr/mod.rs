@@ -213,13 +213,20 @@ impl TensorStore {
     /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
-        let manifest = Manifest::read_at(&place, path, manifest::FILE)?;
+        let (manifest, root) = match &place {
+            Place::Folder(root) => (Manifest::read(root)?, None),
+            Place::Objects(objects) => Manifest::with_root(objects, path)?,
+        };
         let state = if manifest.is_some() {
             State::Finished
         } else {
             State::Unfinished
         };
-        Self::over(AtomicDirectory::at(path, place, manifest), state, None)
+        let storage = AtomicDirectory::at(path, place, manifest);
+        if let Some(remote) = storage.remote() {
+            remote.keep_ahead([("zarr.json".to_owned(), root)]);
+        }
+        Self::over(storage, state, None)
     }
 
     /// Opens a store to read what there is of it: as [`TensorStore::open`], but values of an unfinished store that are not

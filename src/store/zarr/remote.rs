@@ -1,7 +1,7 @@
 //! A store below an address of an object store: few requests, and those of one read beside each other.
 //!
 //! The descriptions of all groups and arrays are the consolidated metadata of the root's: opening takes two requests, of the
-//! manifest and of the root's description. Chunks that are about to be read are fetched ahead.
+//! manifest and of the root's description, beside each other. Chunks that are about to be read are fetched ahead.
 
 use super::manifest::{self, Entry, Manifest};
 use crate::objects::lock::Hold;
@@ -120,10 +120,9 @@ impl Remote {
         Ok(passed)
     }
 
-    /// Keeps files that were just put and are read next.
-    pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Bytes)>) {
-        self.ahead()
-            .extend(files.into_iter().map(|(key, bytes)| (key, Some(bytes))));
+    /// Keeps files that are read next, or that they are not there.
+    pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
+        self.ahead().extend(files);
     }
 
     fn ahead(&self) -> MutexGuard<'_, HashMap<String, Option<Bytes>>> {

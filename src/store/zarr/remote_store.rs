@@ -98,7 +98,7 @@ impl Making<'_> {
             .map(|(name, bytes)| (name.clone(), Known::Put(Entry::of(name, bytes))));
         let (storage, held) = opened(self.path, &self.objects, lock, all.chain([mark]).collect());
         if let Some(remote) = storage.remote() {
-            remote.keep_ahead(files);
+            remote.keep_ahead(files.into_iter().map(|(name, bytes)| (name, Some(bytes))));
         }
         Ok((storage, held))
     }
