@@ -204,7 +204,7 @@ fn acquire(objects: &Objects, owner: &Owner) -> Result<(UpdateVersion, Instant),
         let holder = told["owner"].as_str().unwrap_or("another process").to_owned();
         let lease = told["lease_s"].as_f64().map_or(LEASE, believed);
         tracing::warn!(
-            "the store is locked by {holder}: watching for {:.0} s whether it renews its lock",
+            "the store is locked by {holder}: watching for {} s whether it renews its lock",
             lease.as_secs_f64()
         );
         let begun = Instant::now();

@@ -142,7 +142,7 @@ impl Remote {
         match &*self.writing() {
             Some(writing) if writing.hold.is_sure() => Ok(()),
             Some(_) => Err(Refusal::new(
-                "the lock of the store could not be renewed in time, and another process may be writing it",
+                "the lock of the store was lost (taken away, or not renewed in time), and another process may be writing it",
                 "see that none is",
             )),
             None => Err(Refusal::new(

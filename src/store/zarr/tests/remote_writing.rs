@@ -123,7 +123,7 @@ fn kill_everywhere(
     let changes = (1 << 40) - whole.load(Ordering::Relaxed);
     assert!(changes > 40, "{changes}");
     assert_eq!(objects_of(name), *expected);
-    // A process makes its first and last changes in an order that matters most.
+    // And each of the first and the last ones, which begin and end the store.
     let all = 0..changes;
     for n in all.filter(|n| n % 3 == 0 || *n < 6 || changes - n < 16) {
         let name = format!("{name}{n}");
