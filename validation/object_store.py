@@ -1,8 +1,9 @@
 """Stores below s3:// against the same stores in folders, on a server of this machine (moto, which speaks as Amazon S3 does).
 
 Renders a scene, uploads the store, and reads it through a proxy that counts requests and bytes, and that fails a fifth of them
-where it is told to: half with 503, half by cutting the connection in the middle of the body. Everything that is read must be, byte
-for byte, what the folder gives.
+where it is told to: half with 503, half by cutting the connection in the middle of the body, or of what changes something, once it is
+done. Everything that is read must be, byte for byte, what the folder gives. Then renders and merges to addresses, kills, resumes and
+doubles them: what is written must be, byte for byte, what a folder gets.
 
     python validation/object_store.py            # checks
     python validation/object_store.py --power    # plants damage: each must be found
@@ -15,10 +16,12 @@ import collections
 import contextlib
 import http.client
 import http.server
+import json
 import os
 import pathlib
 import random
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -33,12 +36,17 @@ SCENE = ROOT / "scenes/mirror_room/scene.toml"
 BUCKET = "renders"
 # Share of requests that the proxy fails where it does.
 SHARE = 0.2
+# How long a lock is believed that is not renewed.
+LEASE_S = 1.5
 
 failures = []
 
 
+begun = time.monotonic()
+
+
 def check(what, holds, detail=""):
-    print(f"{'ok  ' if holds else 'FAIL'} {what}{': ' + detail if detail else ''}", flush=True)
+    print(f"{'ok  ' if holds else 'FAIL'} {time.monotonic() - begun:5.1f} {what}{': ' + detail if detail else ''}", flush=True)
     if not holds:
         failures.append(what)
 
@@ -57,20 +65,29 @@ class Proxy(http.server.ThreadingHTTPServer):
     def __init__(self, behind):
         super().__init__(("127.0.0.1", 0), Handler)
         self.behind, self.lock = behind, threading.Lock()
+        # Whether conditions of puts do not reach the server.
+        self.deaf = False
         self.reset()
+
+    def handle_error(self, request, client_address):
+        """Clients that are killed cut connections."""
 
     def reset(self, share=0.0, seed=0):
         with self.lock:
             self.share, self.random = share, random.Random(seed)
-            self.requests, self.bytes, self.failed = [], 0, 0
+            self.requests, self.bytes, self.sent, self.failed = [], 0, 0, 0
 
     def kinds(self):
         """Requests by what they are for."""
         count = collections.Counter()
         for method, path in self.requests:
             name = path.partition("?")[0].rpartition("/")[2]
-            if method != "GET" or "list-type" in path:
+            if name == ".sunstone-lock":
+                count["lock"] += 1
+            elif method != "GET" or "list-type" in path:
                 count[method if method != "GET" else "list"] += 1
+            elif ".sunstone-progress/" in path:
+                count["journal"] += 1
             elif name in ("manifest.txt", "zarr.json"):
                 count["opening"] += 1
             elif name == "c.0":
@@ -91,6 +108,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         body = self.rfile.read(int(self.headers.get("content-length") or 0))
         with server.lock:
             server.requests.append((self.command, self.path))
+            server.sent += len(body)
             fails = server.random.random() < server.share
             cut = server.random.random() < 0.5
             server.failed += fails
@@ -100,12 +118,17 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.end_headers()
             return
         connection = http.client.HTTPConnection("127.0.0.1", server.behind, timeout=60)
-        connection.request(self.command, self.path, body, dict(self.headers))
+        headers = {k: v for k, v in self.headers.items() if not (server.deaf and k.lower().startswith("if-"))}
+        connection.request(self.command, self.path, body, headers)
         answer = connection.getresponse()
         content = answer.read()
         connection.close()
         with server.lock:
             server.bytes += len(content)
+        if fails and self.command != "GET":
+            self.close_connection = True
+            self.connection.shutdown(socket.SHUT_RDWR)
+            return
         self.send_response(answer.status)
         for name, value in answer.getheaders():
             if name.lower() not in ("content-length", "connection", "transfer-encoding", "server", "date"):
@@ -142,6 +165,7 @@ class Server:
             "AWS_REGION": "us-east-1",
             "AWS_ALLOW_HTTP": "true",
             "AWS_ENDPOINT": f"http://127.0.0.1:{self.proxy.server_address[1]}",
+            "SUNSTONE_LEASE_S": str(LEASE_S),
         }
         os.environ.update(AWS_ACCESS_KEY_ID="testing", AWS_SECRET_ACCESS_KEY="testing", AWS_DEFAULT_REGION="us-east-1")
         import boto3
@@ -196,8 +220,8 @@ def sunstone(server, *arguments, timeout=300):
     )
 
 
-def render(server, out, *more):
-    return sunstone(server, "render", SCENE, "--spp", "2", "--slices", "polarimetric,ss,xt", "--no-figures", "-o", out, *more)
+def rendering(*more, spp=2, slices="polarimetric,ss,xt", seed=1):
+    return ["render", SCENE, "--spp", spp, "--slices", slices, "--seed", seed, "--no-figures", *more]
 
 
 QUESTIONS = [
@@ -249,14 +273,6 @@ def reads(server, work):
             done = sunstone(server, *[a.format(store) for a in command], out)
             check(f"{name} of {store}", done.returncode == 0, done.stderr.decode().strip())
         check(f"{name}: the same bytes", outs[0].read_bytes() == outs[1].read_bytes())
-    # The names of the inputs stand in the root's description, and its checksum in the manifest.
-    named = ("zarr.json", "manifest.txt")
-    outs = [work / "merged_here.zarr", work / "merged_there.zarr"]
-    for place, out in zip((str(work), f"s3://{BUCKET}/stores"), outs):
-        done = sunstone(server, "merge", f"{place}/a.zarr", f"{place}/b.zarr", "-o", out)
-        check(f"merge of {place}", done.returncode == 0, done.stderr.decode().strip())
-    here, there = [{k: v for k, v in files(out).items() if k not in named} for out in outs]
-    check("merge: the same bytes", here == there and len(here) > 100, f"{len(here)} files")
 
 
 def refusals(server):
@@ -275,6 +291,153 @@ def refusals(server):
         text = done.stderr.decode()
         held = done.returncode == 2 and all(w in text for w in words) and text.count("\n") == 1 and address in text
         check(f"refusal of {address}", held, text.strip())
+
+
+def same_render(what, here, there):
+    """The same bytes, but for the time that a render took: in the root's description and its line of the manifest."""
+    names = [n for n in here if n.endswith(".txt")]
+    timed = ("zarr.json", *names)
+    differ = [name for name in here if name not in timed and here[name] != there.get(name)]
+    root = [json.loads(files["zarr.json"]) for files in (here, there) if "zarr.json" in files]
+    for description in root:
+        description["attributes"].pop("wall_time_s")
+        # Inputs are named by their places.
+        description["attributes"].pop("merged_from", None)
+    lines = [
+        sorted(line for n in names for line in files[n].decode().splitlines()[1:-1] if not line.endswith(" zarr.json"))
+        for files in (here, there)
+        if all(n in files for n in names)
+    ]
+    held = sorted(here) == sorted(there) and not differ and root[:1] == root[1:] and lines[:1] == lines[1:]
+    check(f"{what}: the same bytes", held, f"{len(there)} files {' '.join(differ[:3])}")
+
+
+def told(server, seconds, done=None):
+    proxy = server.proxy
+    text = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.sent / 1e3:.0f} kB there, {proxy.bytes / 1e3:.0f} kB back, {seconds:.1f} s"
+    if proxy.share:
+        text += f", {proxy.failed} failed"
+    return text + (done.stderr.decode()[:300] if done and done.returncode else "")
+
+
+def timed(server, share, work, seed=3):
+    server.proxy.reset(share, seed)
+    begun = time.monotonic()
+    done = work()
+    return done, told(server, time.monotonic() - begun, done)
+
+
+def beside(server, *arguments):
+    """Starts the program beside this one."""
+    return subprocess.Popen(
+        [PROGRAM, *map(str, arguments)],
+        env={**os.environ, **server.environment},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+
+
+def wait_for_tiles(server, prefix, process, tiles):
+    """Waits until so many tiles are noted."""
+    while process.poll() is None and len(server.keys(f"{prefix}/.sunstone-progress")) < tiles:
+        time.sleep(0.02)
+
+
+def writes(server, work):
+    """Renders and merges to an address."""
+    expected, root = files(work / "a.zarr"), f"s3://{BUCKET}"
+    for share in (0.0, SHARE):
+        name = f"written{int(100 * share)}"
+        address = f"{root}/{name}/a.zarr"
+        done, text = timed(server, share, lambda: sunstone(server, *rendering("-o", address)))
+        check(f"a render, {share:.0%} of requests failed", done.returncode == 0, text)
+        same_render(f"a render, {share:.0%} of requests failed", expected, server.files(f"{name}/a.zarr"))
+    server.proxy.reset()
+    done = sunstone(server, "verify", address)
+    check("and verify says so", done.returncode == 0, done.stderr.decode())
+    again = sunstone(server, *rendering("-o", address))
+    check("what is there stays", again.returncode == 2 and b"--force" in again.stderr, again.stderr.decode().strip())
+    done, text = timed(server, 0.0, lambda: sunstone(server, *rendering("-o", address, "--resume")))
+    check("what is complete is not made again", b"complete already" in done.stdout, text)
+    done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("-o", address, "--force", slices="xt")))
+    kept = {name.partition("/")[0] for name in server.keys("written20/a.zarr")}
+    check("--force replaces it", done.returncode == 0 and kept == {"zarr.json", "manifest.txt", "samples", "xt"}, text)
+    server.put("mine/a.zarr/thesis.tex", b"text")
+    other = sunstone(server, *rendering("-o", f"{root}/mine/a.zarr", "--force"))
+    held = other.returncode == 2 and b"not a Sunstone store" in other.stderr
+    check("--force replaces stores alone", held and server.keys("mine/a.zarr") == ["thesis.tex"], other.stderr.decode().strip())
+    done = sunstone(server, *rendering("-o", f"http://127.0.0.1:{server.proxy.behind}/{BUCKET}/web/a.zarr"))
+    check("a web server is read only", done.returncode == 2 and b"read only" in done.stderr, done.stderr.decode().strip())
+    merges(server, work, root)
+    kills(server, expected, root)
+
+
+def merges(server, work, root):
+    """Parts that machines without a common folder render, and seeds."""
+    parts = [f"{root}/parts/{k}.zarr" for k in (1, 2)]
+    for k, part in enumerate(parts, 1):
+        done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("--part", f"{k}/2", "-o", part)), seed=4)
+        check(f"part {k} of 2, with failures", done.returncode == 0, text)
+    server.proxy.reset()
+    done = sunstone(server, "probe", parts[0], "xt", "-k", "x=33", "--csv", "-")
+    check("a part is not read as the whole", done.returncode == 2 and b"part 1 of 2" in done.stderr, done.stderr.decode().strip())
+    done = sunstone(server, "verify", parts[0])
+    check("verify takes a part", done.returncode == 0, (done.stdout + done.stderr).decode().strip())
+    done, text = timed(server, SHARE, lambda: sunstone(server, "merge", *parts, "-o", f"{root}/joined/a.zarr"), seed=5)
+    check("parts are joined, with failures", done.returncode == 0, text)
+    same_render("parts joined", files(work / "a.zarr"), server.files("joined/a.zarr"))
+    here = [work / f"{n}.zarr" for n in "ab"]
+    done = sunstone(server, "merge", *here, "-o", work / "pooled.zarr")
+    check("seeds are pooled here", done.returncode == 0, done.stderr.decode().strip())
+    stores = [f"{root}/stores/{n}.zarr" for n in "ab"]
+    done, text = timed(server, SHARE, lambda: sunstone(server, "merge", *stores, "-o", f"{root}/pooled/a.zarr"), seed=6)
+    check("seeds are pooled, with failures", done.returncode == 0, text)
+    same_render("seeds pooled", files(work / "pooled.zarr"), server.files("pooled/a.zarr"))
+    server.proxy.reset()
+    done = sunstone(server, "merge", *stores, "-o", f"{root}/pooled/a.zarr")
+    check("a merge leaves what is there", done.returncode == 2 and b"--force" in done.stderr, done.stderr.decode().strip())
+
+
+def kills(server, expected, root):
+    """Renders that are killed, doubled, and held up for longer than their lease."""
+    prefix = "killed/a.zarr"
+    address = f"{root}/{prefix}"
+    kills = 0
+    server.proxy.reset()
+    for tiles in (0, 3, 24):
+        process = beside(server, *rendering("-o", address, *(["--resume"] if kills else [])))
+        if tiles:
+            wait_for_tiles(server, prefix, process, tiles)
+        else:
+            while not server.keys(prefix):
+                time.sleep(0.02)
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+            kills += 1
+        process.wait()
+        done = sunstone(server, "verify", address)
+        check(f"killed at {tiles} tiles, it is not finished", done.returncode == 2, done.stderr.decode().strip())
+    check("renders were killed", kills == 3, str(kills))
+
+    holder = beside(server, *rendering("-o", address, "--resume"))
+    wait_for_tiles(server, prefix, holder, 30)
+    holder.send_signal(signal.SIGSTOP)
+    done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("-o", address, "--resume")), seed=7)
+    check("who does not renew the lock loses it; killed three times, the render is resumed, with failures", done.returncode == 0, text)
+    server.proxy.reset()
+    holder.send_signal(signal.SIGCONT)
+    _, errors = holder.communicate(timeout=300)
+    check("and writes no more", holder.returncode != 0 and b"lock" in errors, errors.decode().strip()[-300:])
+    same_render("killed three times and doubled", expected, server.files(prefix))
+
+    first = beside(server, *rendering("-o", f"{root}/two/a.zarr", "--threads", "1", spp=16))
+    wait_for_tiles(server, "two/a.zarr", first, 1)
+    second = sunstone(server, *rendering("-o", f"{root}/two/a.zarr", "--force"))
+    held = first.poll() is None and second.returncode == 2 and f"process {first.pid} " in second.stderr.decode()
+    check("of two writers, the second is refused", held, second.stderr.decode().strip())
+    first.kill()
+    first.wait()
 
 
 def power(server, work):
@@ -316,6 +479,32 @@ def power(server, work):
     check("a server that always fails is an error", code == 2 and text.count("\n") == 1, text.strip()[:200])
     server.proxy.reset()
 
+    server.proxy.deaf = True
+    done = sunstone(server, *rendering("-o", f"s3://{BUCKET}/deaf/a.zarr"))
+    held = done.returncode == 2 and b"If-None-Match" in done.stderr and not server.keys("deaf/a.zarr")
+    check("a server that heeds no conditions is found", held, done.stderr.decode().strip())
+    server.proxy.deaf = False
+    prefix = "robbed/a.zarr"
+    process = beside(server, *rendering("-o", f"s3://{BUCKET}/{prefix}", "--threads", "1", spp=64))
+    wait_for_tiles(server, prefix, process, 1)
+    server.delete(f"{prefix}/.sunstone-lock")
+    _, errors = process.communicate(timeout=300)
+    held = process.returncode != 0 and b"lock" in errors and "manifest.txt" not in server.keys(prefix)
+    check("a lock that is taken away is noticed", held, errors.decode().strip()[-300:])
+    # Of what was there when a render was resumed, the checksums are those that it ends with.
+    process = beside(server, *rendering("-o", f"s3://{BUCKET}/spoilt/a.zarr"))
+    wait_for_tiles(server, "spoilt/a.zarr", process, 20)
+    process.kill()
+    process.wait()
+    chunk = next(k for k in server.keys("spoilt/a.zarr") if k.startswith("ss/mean/c."))
+    content = bytearray(server.get(f"spoilt/a.zarr/{chunk}"))
+    content[len(content) // 2] ^= 1
+    server.put(f"spoilt/a.zarr/{chunk}", bytes(content))
+    done = sunstone(server, *rendering("-o", f"s3://{BUCKET}/spoilt/a.zarr", "--resume"))
+    found_there = sunstone(server, "verify", f"s3://{BUCKET}/spoilt/a.zarr")
+    held = done.returncode != 0 or found_there.returncode != 0
+    check("a chunk spoilt before its render was resumed is found", held, (done.stderr + found_there.stderr).decode().strip()[:300])
+
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -324,8 +513,8 @@ def main():
     work = pathlib.Path(tempfile.mkdtemp())
     server = Server()
     try:
-        for name, seed in (("a", "1"), ("b", "2")):
-            done = render(server, work / f"{name}.zarr", "--seed", seed)
+        for name, seed in (("a", 1), ("b", 2)):
+            done = sunstone(server, *rendering("-o", work / f"{name}.zarr", seed=seed))
             assert done.returncode == 0, done.stderr.decode()
             server.upload(work / f"{name}.zarr", f"stores/{name}.zarr")
         if a.power:
@@ -333,6 +522,7 @@ def main():
         else:
             reads(server, work)
             refusals(server)
+            writes(server, work)
     finally:
         server.close()
         shutil.rmtree(work)

@@ -296,7 +296,7 @@ class Scene:
         Parameters
         ----------
         output
-            Zarr store to write; None: arrays in memory.
+            Zarr store to write, a folder or an address (``s3://``, ``gs://``, ``az://``); None: arrays in memory.
         spp, replicates, seed
             Samples per camera pixel, least number of independent groups of them, and random seed, instead of the scene's.
         threads

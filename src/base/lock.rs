@@ -68,7 +68,7 @@ impl Lock {
             if !is_file_at(&file, &path) {
                 continue;
             }
-            let who = format!("process {} on {}\n", std::process::id(), host());
+            let who = holder_name() + "\n";
             file.set_len(0)
                 .and_then(|()| file.rewind())
                 .and_then(|()| file.write_all(who.as_bytes()))
@@ -117,6 +117,12 @@ fn is_file_at(file: &File, path: &Path) -> bool {
         let _ = file;
         path.exists()
     }
+}
+
+/// This process as others are told of it: `process 12 on host`.
+#[must_use]
+pub fn holder_name() -> String {
+    format!("process {} on {}", std::process::id(), host())
 }
 
 /// Name of this machine.

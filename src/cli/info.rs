@@ -305,7 +305,9 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
     let mut ahead = 0;
     for (k, (start, mut shape)) in chunks.iter().cloned().enumerate() {
         if k == ahead {
-            ahead += slice.fetch_ahead(field, &chunks[k..]).map_err(Failure::input)?;
+            ahead += slice
+                .fetch_ahead(&[field], &chunks[k..])
+                .map_err(Failure::input)?;
         }
         // Of the matrix, its first element alone: where a chunk has it.
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];

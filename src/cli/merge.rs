@@ -17,7 +17,7 @@ pub struct Arguments {
     /// Stores to pool, at least two, or all parts of one render.
     #[arg(required = true, num_args = 1..)]
     inputs: Vec<PathBuf>,
-    /// Store to write.
+    /// Store to write, a folder or an address (s3://, gs://, az://).
     #[arg(short, long)]
     output: PathBuf,
     /// Replace an existing store.
@@ -29,7 +29,7 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    places::folders(a.inputs.iter().map(Some), [Some(&a.output)])?;
+    places::store(&a.inputs, &a.output)?;
     let options = Options {
         replace: a.force,
         partial: a.partial,

@@ -53,6 +53,20 @@ pub fn folders<'a>(
     check(inputs, outputs)
 }
 
+/// Refuses a store to write as [`folders`] does, unless it is an address, which stores are written to.
+pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a PathBuf) -> Result<(), Failure> {
+    if !is_address(output) {
+        return folders(inputs.into_iter().map(Some), [Some(output)]);
+    }
+    if inputs.into_iter().any(|input| input == output) {
+        return Err(Failure::input(format!(
+            "{}: it is what is read; give the output another name",
+            output.display()
+        )));
+    }
+    Ok(())
+}
+
 /// Refuses what would be written into a store: a render that is kept is whole as it is.
 pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
     for output in outputs {

@@ -28,7 +28,8 @@ pub struct Arguments {
     /// Variant of the scene, if its file has [vary]: 0, 1, .. (`sunstone info SCENE` lists what they vary).
     #[arg(long)]
     variant: Option<u64>,
-    /// Store to write [default: out/<scene folder>.zarr, of a variant out/<scene folder>_variant<N>.zarr].
+    /// Store to write, a folder or an address (s3://, gs://, az://) [default: out/<scene folder>.zarr, of a variant
+    /// out/<scene folder>_variant<N>.zarr].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Samples per camera pixel, instead of the scene's.
@@ -208,7 +209,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let of_part = part.map_or(String::new(), |part| format!("_{}", named(part)[1]));
     let default = PathBuf::from("out").join(format!("{}{variant}{of_part}.zarr", scene.name));
     let path = a.output.clone().unwrap_or(default);
-    places::folders([Some(&a.scene)], [Some(&path)])?;
+    places::store([&a.scene], &path)?;
     let target = Target {
         replace: a.force,
         // What nobody named and is complete already need not be made again, if it is this render.

@@ -17,6 +17,7 @@
 //!
 //! Parts of one render ([`tensor::part`]) have no samples in common to pool: they are joined, to the bytes of the whole.
 
+mod at_once;
 mod error;
 mod join;
 mod pool;
@@ -93,9 +94,14 @@ pub(crate) struct Parts<'a> {
 /// If the inputs are not renders of one scene (`scene_sha256`) with the same slices and different `seeds`, nor all parts of one
 /// render, or anything cannot be read or written.
 pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
-    if let Some(input) = inputs.iter().find(|input| whole_file::is_same(input, out)) {
+    let is_out = |input: &&PathBuf| whole_file::is_same(input, out) || *input == out;
+    if let Some(input) = inputs.iter().find(is_out) {
         return Err(MergeError::Itself { path: input.clone() });
     }
+    at_once::many(inputs, out, || merge_all(inputs, out, options))
+}
+
+fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
     if let Some(part) = inputs.iter().find(|input| join::is_part(input)) {
         if options.partial {
             return Err(JoinError::Partial { path: part.clone() }.into());
@@ -178,7 +184,8 @@ pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<()
     let Some((shape, chunk)) = merged.samples_shape() else {
         return Ok(());
     };
-    for (start, size) in region::chunks(&shape, &chunk) {
+    let chunks: Vec<_> = region::chunks(&shape, &chunk).collect();
+    chunks.par_iter().try_for_each(|(start, size)| {
         let (start, size) = ([start[0], start[1]], [size[0], size[1]]);
         let mut sum = inputs[0].store.read_samples(start, size)?;
         for input in &inputs[1..] {
@@ -187,9 +194,8 @@ pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<()
                 .zip(counts)
                 .for_each(|(s, c)| *s = s.saturating_add(c));
         }
-        merged.write_samples(start, size, &sum)?;
-    }
-    Ok(())
+        merged.write_samples(start, size, &sum)
+    })
 }
 
 /// Opens a slice in all stores, and checks that its parts belong together.
@@ -418,11 +424,12 @@ fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<()
     };
     let means = parts.parts.iter().map(|part| totals::means(&part.slice));
     let means = means.collect::<Result<Vec<_>, _>>()?;
-    for (start, shape) in merged.chunks(field)? {
+    let chunks: Vec<_> = merged.chunks(field)?.collect();
+    chunks.par_iter().try_for_each(|(start, shape)| {
         let mut pools = vec![Pool::default(); shape.iter().product::<u64>() as usize];
         for (part, means) in parts.parts.iter().zip(&means) {
-            let errors = part.slice.read(field, &start, &shape)?;
-            let counts = element_counts(part, &start, &shape)?;
+            let errors = part.slice.read(field, start, shape)?;
+            let counts = element_counts(part, start, shape)?;
             let per_count = pools.len() / counts.len().max(1);
             let rows = start[0]..start[0] + shape[0];
             let elements = rows.flat_map(|y| (start[1]..start[1] + shape[1]).map(move |x| y * width + x));
@@ -436,9 +443,8 @@ fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<()
             _ => pool.std_error(parts.alike) as f32,
         };
         let errors: Vec<f32> = pools.iter().map(error).collect();
-        merged.write(field, &start, &shape, &errors)?;
-    }
-    Ok(())
+        Ok(merged.write(field, start, shape, &errors)?)
+    })
 }
 
 /// Number of samples of every camera element (y, x) of a region, row-major; one number if the slice has no camera

@@ -4,6 +4,9 @@
 //! passing reason (5xx, a cut connection) are made again. Credentials, endpoint and region are those of the environment, by the
 //! names that each cloud gives them.
 
+pub(crate) mod lock;
+mod put;
+
 use crate::refusal::Refusal;
 use futures_util::stream::{self, StreamExt, TryStreamExt};
 use object_store::aws::AmazonS3Builder;
@@ -11,11 +14,13 @@ use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::http::HttpBuilder;
 use object_store::path::Path as Key;
-use object_store::{BackoffConfig, ClientOptions, Error, ObjectStore, ObjectStoreExt, RetryConfig};
+use object_store::{
+    BackoffConfig, ClientOptions, Error, ObjectStore, ObjectStoreExt, RetryConfig, UpdateVersion,
+};
 use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, LazyLock, Once, mpsc};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::runtime::{Builder, Runtime};
 use zarrs::storage::Bytes;
 
@@ -23,6 +28,10 @@ use zarrs::storage::Bytes;
 const AT_ONCE: usize = 32;
 /// How often a body that breaks off is asked for again where the server does not say what version it was of.
 const ATTEMPTS: usize = 6;
+/// How long a request waits before it is made again first.
+const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
+/// How long requests are made again at most: what failed for longer has been made again by the client, which waits longer and longer.
+const PATIENCE: Duration = Duration::from_secs(10);
 /// Largest object that is read: no chunk is larger.
 const LARGEST: u64 = 4 << 30;
 
@@ -107,6 +116,8 @@ impl Objects {
                 .map(|s| Arc::new(s) as _),
             #[cfg(test)]
             "memory" => Ok(tests::memory(host)),
+            #[cfg(test)]
+            "flaky" | "mortal" => Ok(tests::faulty::faulty(scheme, host)),
             _ => {
                 return Err(Refusal::new(
                     format!("{scheme}:// is no place of stores that is known"),
@@ -169,24 +180,18 @@ impl Objects {
         wait(all)?.map_err(|e| self.refusal(&e))
     }
 
-    /// Paths below the address of all objects there, sorted.
-    pub(crate) fn list(&self) -> Result<Vec<String>, Refusal> {
+    /// Paths below the address of all objects there, sorted, with their sizes.
+    pub(crate) fn list(&self) -> Result<Vec<(String, u64)>, Refusal> {
         self.note(1);
         let (store, below) = (self.store.clone(), self.below.clone());
         let prefix = below.clone();
-        let list = async move {
-            let mut attempts = ATTEMPTS;
-            loop {
-                attempts -= 1;
-                match store.list(Some(&prefix)).try_collect::<Vec<_>>().await {
-                    Err(Error::Generic { .. }) if attempts > 0 => {}
-                    result => return result,
-                }
-            }
-        };
+        let list = async move { again(|| store.list(Some(&prefix)).try_collect::<Vec<_>>()).await };
         let all = wait(list)?.map_err(|e| self.refusal(&e))?;
         let name = |key: &Key| Some(key.prefix_match(&below)?.collect::<Key>().to_string());
-        let mut names: Vec<String> = all.iter().filter_map(|meta| name(&meta.location)).collect();
+        let mut names: Vec<(String, u64)> = all
+            .iter()
+            .filter_map(|meta| Some((name(&meta.location)?, meta.size)))
+            .collect();
         names.sort_unstable();
         Ok(names)
     }
@@ -203,7 +208,7 @@ fn provider() {
 fn retry() -> RetryConfig {
     RetryConfig {
         backoff: BackoffConfig {
-            init_backoff: Duration::from_millis(50),
+            init_backoff: PAUSE,
             max_backoff: Duration::from_secs(5),
             base: 2.0,
         },
@@ -212,11 +217,35 @@ fn retry() -> RetryConfig {
     }
 }
 
+/// Makes a request again, which may be made twice, where its answer was lost or broke off: the client itself does not do so with
+/// requests that change something.
+async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
+    up_to(ATTEMPTS, ask).await
+}
+
+async fn up_to<T, F: Future<Output = Result<T, Error>>>(
+    attempts: usize,
+    mut ask: impl FnMut() -> F,
+) -> Result<T, Error> {
+    let begun = Instant::now();
+    let mut pause = PAUSE;
+    for _ in 1..attempts {
+        match ask().await {
+            Err(Error::Generic { .. }) if begun.elapsed() < PATIENCE => {}
+            result => return result,
+        }
+        tokio::time::sleep(pause).await;
+        pause *= 2;
+    }
+    ask().await
+}
+
 async fn fetch(store: &dyn ObjectStore, key: &Key) -> Result<Option<Bytes>, Error> {
     let mut attempts = ATTEMPTS;
     loop {
         attempts -= 1;
-        let found = match store.get(key).await {
+        // The client has asked again itself, but where a connection was closed the moment that it was used.
+        let found = match up_to(2, || store.get(key)).await {
             Ok(found) => found,
             Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => return Ok(None),
             Err(e) => return Err(e),

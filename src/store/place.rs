@@ -8,7 +8,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use zarrs::storage::Bytes;
 
-#[cfg(feature = "object-stores")]
 pub(crate) use crate::objects::Objects;
 
 /// The scheme of an address as of a web page or a bucket, at least two letters before `://`; `None` for a path.
@@ -48,33 +47,6 @@ impl Place {
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(e),
         }
-    }
-}
-
-/// Object stores, in a build without them.
-#[cfg(not(feature = "object-stores"))]
-#[derive(Debug)]
-pub(crate) enum Objects {}
-
-#[cfg(not(feature = "object-stores"))]
-impl Objects {
-    pub(crate) fn open(scheme: &str, _: &Path) -> Result<Self, Refusal> {
-        Err(Refusal::new(
-            format!("this program was built without object stores, and reads no {scheme}://"),
-            "build it with the feature `object-stores`, or copy the store to a folder",
-        ))
-    }
-
-    pub(crate) fn get(&self, _: &str) -> Result<Option<Bytes>, Refusal> {
-        match *self {}
-    }
-
-    pub(crate) fn get_many(&self, _: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
-        match *self {}
-    }
-
-    pub(crate) fn list(&self) -> Result<Vec<String>, Refusal> {
-        match *self {}
     }
 }
 

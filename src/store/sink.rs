@@ -1,8 +1,9 @@
 //! Zarr stores as the sink of renders: made or resumed, journaled tile by tile, and called complete at the end.
 
 use crate::denoised::{self, Denoised};
+use crate::zarr::progress::Progress;
 use crate::zarr::{AccessError, CreateError, OpenError, SampleGrid, StoredSlice, TensorStore};
-use base::journal::{self, Journal};
+use base::journal;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tensor::axes::SliceLayout;
@@ -90,7 +91,7 @@ struct Open {
     store: TensorStore,
     slices: Vec<StoredSlice>,
     /// None where all was complete already.
-    journal: Option<Journal<TileRecord>>,
+    journal: Option<Progress>,
 }
 
 impl ZarrSink {
@@ -127,7 +128,7 @@ impl ZarrSink {
             resume,
             replace,
         } = &self.target;
-        if *resume && path.exists() {
+        if *resume && TensorStore::is_there(path)? {
             let store = TensorStore::open_for_write(path)?;
             denoised::refuse(&store)?;
             check_same(&store, job)?;
@@ -207,9 +208,8 @@ impl Sink for ZarrSink {
         let names = job.slices.iter().map(|s| s.layout.name.as_str());
         let slices = names.map(|n| store.slice(n)).collect::<Result<_, _>>()?;
         let all_written = store.is_finished() || store.is_finished_part();
-        let finished = status == Some(json!(finished_status(store.part())))
-            && all_written
-            && !journal::exists(store.path());
+        let finished =
+            status == Some(json!(finished_status(store.part()))) && all_written && !Progress::exists(&store);
         let (journal, done) = if self.target.resume && finished {
             let all = (0..job.tiles()).map(|tile| TileRecord {
                 tile,
@@ -221,7 +221,7 @@ impl Sink for ZarrSink {
             (None, all.collect())
         } else {
             store.unfinish()?;
-            let (journal, done) = Journal::open(store.path()).map_err(self.journal_error())?;
+            let (journal, done) = Progress::open(&store).map_err(self.journal_error())?;
             (Some(journal), done)
         };
         self.open = Some(Open {

@@ -117,8 +117,20 @@ pub fn cases() -> Vec<Case> {
         let folder = *extension == "/" || store;
         cases.push(make("new", &out).expect(Expect::Accepted));
         cases.push(make("in a new folder", &format!("a/b/{out}")).expect(Expect::Accepted));
-        cases.push(make("an address", &format!("s3://bucket/{out}")).says("address"));
-        cases.push(make("a web page", &format!("https://example.org/{out}")).says("address"));
+        let (address, page) = if ["render ", "merge "].iter().any(|l| line.starts_with(l)) {
+            // They write below addresses, but not of these.
+            (
+                make("an address", &format!("nowhere://bucket/{out}")).says("s3://"),
+                "read only",
+            )
+        } else {
+            (
+                make("an address", &format!("s3://bucket/{out}")).says("address"),
+                "address",
+            )
+        };
+        cases.push(address);
+        cases.push(make("a web page", &format!("https://example.org/{out}")).says(page));
         cases.push(make("empty", ""));
         cases.push(make("a dash", "-"));
         cases.push(make("/dev/full", "/dev/full"));

@@ -153,11 +153,12 @@ fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), JoinE
     let Some((shape, chunk)) = whole.samples_shape() else {
         return Ok(());
     };
-    for (tile, (start, _)) in region::chunks(&shape, &chunk).enumerate() {
+    let chunks: Vec<_> = region::chunks(&shape, &chunk).collect();
+    chunks.par_iter().enumerate().try_for_each(|(tile, (start, _))| {
         let owner = |store: &&&TensorStore| store.part().is_some_and(|p| p.contains(tile as u32));
-        if let Some(store) = parts.iter().find(owner) {
-            whole.copy_samples([start[0], start[1]], store)?;
+        match parts.iter().find(owner) {
+            Some(store) => Ok(whole.copy_samples([start[0], start[1]], store)?),
+            None => Ok(()),
         }
-    }
-    Ok(())
+    })
 }

@@ -1,5 +1,9 @@
 //! Object stores in memory: what is read, asked again and refused.
 
+pub(crate) mod faulty;
+
+use super::lock::{NoLock, ObjectLock};
+use super::put::Put;
 use super::*;
 use object_store::memory::InMemory;
 use std::collections::HashMap;
@@ -61,7 +65,10 @@ fn objects_are_read_and_listed_below_their_address() {
         put(&store, key, key.as_bytes().to_vec());
     }
     let objects = Objects::open("memory", Path::new("memory://listed/a/s.zarr/")).expect("an address");
-    assert_eq!(objects.list().expect("lists"), ["x/c.0.0", "zarr.json"]);
+    assert_eq!(
+        objects.list().expect("lists"),
+        [("x/c.0.0".to_owned(), 16), ("zarr.json".to_owned(), 18)]
+    );
     let keys = ["x/c.0.0", "nothing", "zarr.json"].map(str::to_owned);
     let found = objects.get_many(&keys).expect("reads");
     let expected = [Some("a/s.zarr/x/c.0.0"), None, Some("a/s.zarr/zarr.json")];
@@ -139,4 +146,113 @@ fn addresses_that_cannot_be_are_refused() {
             .to_string();
         assert!(told.contains(word), "{address}: {told}");
     }
+}
+
+fn below(address: &str) -> Objects {
+    let scheme = crate::place::scheme(Path::new(address)).expect("a scheme");
+    Objects::open(scheme, Path::new(address)).expect("an address")
+}
+
+/// Requests that are not heard, and answers that are lost: all kinds of requests, at all places in the pattern of failures.
+#[test]
+fn what_fails_is_asked_again() {
+    let objects = below("flaky://asked/s.zarr");
+    let bytes = |n: u8| Bytes::from(vec![n; 9]);
+    for n in 0..12 {
+        let keys: Vec<String> = (0..=n).map(|k| format!("a/{k}")).collect();
+        let all = keys.iter().map(|key| (key.clone(), bytes(n))).collect();
+        objects.put_many(all).expect("puts");
+        let found = objects.list().expect("lists");
+        assert_eq!(found.len(), keys.len());
+        assert_eq!(
+            objects.ends(&found, 4).expect("reads"),
+            vec![bytes(n).slice(5..); keys.len()]
+        );
+        assert_eq!(
+            objects.get_many(&keys).expect("reads"),
+            vec![Some(bytes(n)); keys.len()]
+        );
+        let (found, old) = objects.get_version("a/0").expect("reads").expect("is there");
+        assert_eq!(found, bytes(n));
+        // The answer may be lost: then something is there, which is this.
+        let put = objects.put_over("a/0", bytes(99), old.clone()).expect("puts");
+        let (found, now) = objects.get_version("a/0").expect("reads").expect("is there");
+        assert_eq!(found, bytes(99));
+        assert!(matches!(put, Put::Other) || matches!(put, Put::Done(of) if of == now));
+        assert!(matches!(objects.put_over("a/0", bytes(98), old), Ok(Put::Other)));
+        assert!(matches!(objects.put_new("a/0", bytes(97)), Ok(Put::Other)));
+        assert_eq!(objects.get("a/0"), Ok(Some(bytes(99))));
+        objects.delete(keys).expect("deletes");
+        assert_eq!(objects.list(), Ok(vec![]));
+    }
+}
+
+#[test]
+fn web_servers_are_read_only() {
+    let told = below("https://host/s.zarr")
+        .may_be_written()
+        .expect_err("refused");
+    assert!(
+        told.what.contains("read only") && told.mend.contains("s3://"),
+        "{told}"
+    );
+    assert_eq!(below("s3://bucket/s.zarr").may_be_written(), Ok(()));
+}
+
+/// Long enough for a busy machine to renew it.
+const LEASE: Duration = Duration::from_secs(3);
+
+#[test]
+fn a_lock_is_one_process_s_and_ends_with_it() {
+    let objects = below("memory://locks/s.zarr");
+    let first = ObjectLock::take(&objects, LEASE).expect("free");
+    let Err(NoLock::Held(who)) = ObjectLock::take(&objects, LEASE) else {
+        panic!("two hold it");
+    };
+    assert!(who.starts_with("process "), "{who}");
+    drop(first);
+    assert_eq!(objects.list(), Ok(vec![]));
+    let second = ObjectLock::take(&objects, LEASE).expect("free");
+    second.abandon();
+    let begun = Instant::now();
+    let third = ObjectLock::take(&objects, LEASE).expect("its holder is dead");
+    assert!(begun.elapsed() >= LEASE, "who lives is not robbed");
+    assert!(third.hold().is_sure());
+    // Another's in its place: it is lost, and not removed.
+    put(&memory("locks"), "s.zarr/.sunstone-lock", b"{}".to_vec());
+    let hold = third.hold();
+    let begun = Instant::now();
+    while hold.is_sure() {
+        assert!(begun.elapsed() < 20 * LEASE, "it is not noticed");
+        std::thread::sleep(LEASE / 30);
+    }
+    drop(third);
+    assert_eq!(objects.list().expect("lists").len(), 1);
+}
+
+/// A conditional put whose answer was lost is its own when it is made again.
+#[test]
+fn locks_are_taken_over_a_bad_line() {
+    let objects = below("flaky://bad_line/s.zarr");
+    for _ in 0..12 {
+        let lock = ObjectLock::take(&objects, LEASE).expect("free");
+        assert!(lock.hold().is_sure());
+        drop(lock);
+        assert_eq!(objects.list(), Ok(vec![]));
+    }
+}
+
+/// While its server does not answer, a holder is sure of its lock no longer than a lease.
+#[test]
+fn a_lock_that_cannot_be_renewed_is_not_sure() {
+    let left = faulty::life("cut_off");
+    left.store(i64::MAX, std::sync::atomic::Ordering::Relaxed);
+    let lock = ObjectLock::take(&below("mortal://cut_off/s.zarr"), LEASE).expect("free");
+    left.store(0, std::sync::atomic::Ordering::Relaxed);
+    let begun = Instant::now();
+    while lock.hold().is_sure() {
+        assert!(begun.elapsed() <= LEASE, "it is believed for longer");
+        std::thread::sleep(LEASE / 100);
+    }
+    assert!(begun.elapsed() > LEASE / 2);
 }

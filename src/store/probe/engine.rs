@@ -130,17 +130,15 @@ fn gather(
         let ranges = block.iter().chain(part);
         ranges.map(|r| (r.0 as u64, (r.1 - r.0) as u64)).unzip()
     };
-    let mut ahead = [0; 2];
+    let mut ahead = 0;
     for (k, part) in boxes(inner).enumerate() {
-        for (ahead, field) in ahead.iter_mut().zip(fields) {
-            if *ahead == k {
-                let next: Vec<_> = boxes(inner)
-                    .skip(k)
-                    .take(AHEAD)
-                    .map(|part| region(&part))
-                    .collect();
-                *ahead += slice.fetch_ahead(field, &next)?;
-            }
+        if ahead == k {
+            let next: Vec<_> = boxes(inner)
+                .skip(k)
+                .take(AHEAD)
+                .map(|part| region(&part))
+                .collect();
+            ahead += slice.fetch_ahead(&fields, &next)?;
         }
         let ranges: Ranges = block.iter().chain(&part).copied().collect();
         let (start, shape) = region(&part);

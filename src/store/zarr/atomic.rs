@@ -23,7 +23,7 @@ use zarrs::storage::{
 
 /// Zarr storage in a directory with atomic replacement of files, or below an address.
 #[derive(Debug)]
-pub(super) struct AtomicDirectory {
+pub(crate) struct AtomicDirectory {
     root: PathBuf,
     /// None for a directory.
     remote: Option<Remote>,
@@ -95,6 +95,30 @@ impl AtomicDirectory {
         }
     }
 
+    /// Writes a file whole.
+    pub(super) fn write(&self, key: &str, bytes: Bytes) -> io::Result<()> {
+        match &self.remote {
+            None => whole_file::write(&self.root.join(key), &bytes),
+            Some(remote) => Ok(remote.put(key, bytes)?),
+        }
+    }
+
+    /// Removes a file, if it is there.
+    pub(super) fn remove(&self, key: &str) -> io::Result<()> {
+        match &self.remote {
+            None => remove_if_present(&self.root.join(key)),
+            Some(remote) => Ok(remote.erase(vec![key.to_owned()])?),
+        }
+    }
+
+    /// Whether a file of a store that is being written is there.
+    pub(super) fn is_stored(&self, key: &str) -> bool {
+        match &self.remote {
+            None => self.root.join(key).is_file(),
+            Some(remote) => remote.is_stored(key),
+        }
+    }
+
     /// Reads a description below the root as JSON.
     pub(super) fn json(&self, file: &str) -> Result<Value, OpenError> {
         let path = self.root.join(file);
@@ -129,7 +153,8 @@ impl AtomicDirectory {
                     return Ok(Some(description));
                 }
                 // What is no part of a finished store is not asked for.
-                if self.manifest.as_ref().is_some_and(|m| !m.0.contains_key(key)) {
+                let no_part = self.manifest.as_ref().is_some_and(|m| !m.0.contains_key(key));
+                if no_part || remote.lacks(key) {
                     return Ok(None);
                 }
                 remote.get(key)?
@@ -174,7 +199,11 @@ impl AtomicDirectory {
 
     /// Deletes temporary files left below `root` by a process that was killed.
     pub(super) fn remove_leftovers(&self) -> io::Result<()> {
-        remove_leftovers(&self.root)
+        match &self.remote {
+            None => remove_leftovers(&self.root),
+            // Puts leave none.
+            Some(_) => Ok(()),
+        }
     }
 
     fn file(&self, key: &StoreKey) -> PathBuf {
@@ -243,7 +272,7 @@ impl ReadableStorageTraits for AtomicDirectory {
 
 impl WritableStorageTraits for AtomicDirectory {
     fn set(&self, key: &StoreKey, value: Bytes) -> Result<(), StorageError> {
-        Ok(whole_file::write(&self.file(key), &value)?)
+        Ok(self.write(key.as_str(), value)?)
     }
 
     fn set_partial_many(&self, key: &StoreKey, values: OffsetBytesIterator) -> Result<(), StorageError> {
@@ -251,10 +280,15 @@ impl WritableStorageTraits for AtomicDirectory {
     }
 
     fn erase(&self, key: &StoreKey) -> Result<(), StorageError> {
-        Ok(remove_if_present(&self.file(key))?)
+        Ok(self.remove(key.as_str())?)
     }
 
     fn erase_prefix(&self, prefix: &StorePrefix) -> Result<(), StorageError> {
+        if let Some(remote) = &self.remote {
+            return Ok(remote
+                .erase(remote.stored_below(prefix.as_str()))
+                .map_err(io::Error::from)?);
+        }
         match fs::remove_dir_all(self.root.join(prefix.as_str())) {
             Err(e) if e.kind() != ErrorKind::NotFound => Err(e.into()),
             _ => Ok(()),

@@ -19,6 +19,9 @@ pub struct SampleGrid {
     pub tile: u32,
 }
 
+/// File in a store that is being made that says what of; it begins with a dot, so that it is no part of the store.
+pub(super) const ORIGIN: &str = ".sunstone-origin";
+
 pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
     for (i, (layout, attributes)) in slices.iter().enumerate() {
         let fault = |reason: &str| CreateError::Slice {

@@ -3,7 +3,6 @@
 use super::chunked::{ChunkedArray, Number, SEAL};
 use super::error::AccessError;
 use std::path::PathBuf;
-use zarrs::storage::{ReadableStorageTraits, WritableStorageTraits};
 
 impl<T: Number> ChunkedArray<T> {
     /// Index in the chunk grid of the chunk that begins at `start`.
@@ -26,7 +25,8 @@ impl<T: Number> ChunkedArray<T> {
             chunk: index.clone(),
             cause,
         };
-        let bytes = from.array.storage().get(&key).map_err(|e| lost(e.to_string()))?;
+        let read = from.array.storage().read(key.as_str());
+        let bytes = read.map_err(|e| AccessError::of_chunk(&from.path, &index, &e))?;
         let bytes = bytes.ok_or_else(|| lost("it is lost: its file is missing".into()))?;
         let sound = bytes
             .split_last_chunk::<SEAL>()
@@ -34,11 +34,8 @@ impl<T: Number> ChunkedArray<T> {
         if !sound {
             return Err(lost("its checksum is not that of its bytes".into()));
         }
-        let stored = self.array.storage().set(&key, bytes);
-        stored.map_err(|e| AccessError::Write {
-            path: self.path.clone(),
-            cause: e.to_string(),
-        })
+        let stored = self.array.storage().write(key.as_str(), bytes);
+        stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
     /// Whether the chunk that begins at `start` is to have a file.
@@ -50,6 +47,7 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Whether the chunk that begins at `start` has a file.
     pub(super) fn is_stored(&self, start: &[u64]) -> bool {
-        self.file_of(start).is_file()
+        let key = self.array.chunk_key(&self.index_of(start));
+        self.array.storage().is_stored(key.as_str())
     }
 }

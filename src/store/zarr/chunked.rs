@@ -17,7 +17,6 @@ use zarrs::array::{
     Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, ChunkKeySeparator, CodecOptions,
     ElementOwned, data_type,
 };
-use zarrs::storage::WritableStorageTraits;
 
 use super::atomic::AtomicDirectory;
 use super::error::{AccessError, CreateError, OpenError};
@@ -335,19 +334,24 @@ impl<T: Number> ChunkedArray<T> {
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
-    /// Fetches the files of the first ones of several regions ahead, and says of how many regions.
-    pub(super) fn fetch_regions(&self, regions: &[(Vec<u64>, Vec<u64>)]) -> Result<usize, AccessError> {
-        if self.array.storage().remote().is_none() {
+    /// Fetches the files of the first ones of several regions ahead, of several arrays of one store, and says of how many regions.
+    pub(super) fn fetch_regions(
+        arrays: &[&Self],
+        regions: &[(Vec<u64>, Vec<u64>)],
+    ) -> Result<usize, AccessError> {
+        let Some(first) = arrays.first().filter(|a| a.array.storage().remote().is_some()) else {
             return Ok(regions.len());
-        }
+        };
         let mut keys = vec![];
         let mut ends = vec![];
         for (start, shape) in regions {
-            self.check(start, shape)?;
-            keys.extend(self.keys_ahead(start, shape)?);
+            for array in arrays {
+                array.check(start, shape)?;
+                keys.extend(array.keys_ahead(start, shape)?);
+            }
             ends.push(keys.len());
         }
-        let fetched = self.fetch_ahead(&keys, &[])?;
+        let fetched = first.fetch_ahead(&keys, &[])?;
         Ok(ends.iter().filter(|end| **end <= fetched).count().max(1))
     }
 
@@ -401,7 +405,8 @@ impl<T: Number> ChunkedArray<T> {
         // Negative zeros are zeros as well.
         let zero = T::default();
         if content == Content::Zero || content == Content::Dense && chunk.iter().all(|v| *v == zero) {
-            return self.array.erase_chunk(index).map_err(|e| failed(e.to_string()));
+            let removed = self.array.storage().remove(self.array.chunk_key(index).as_str());
+            return removed.map_err(|e| AccessError::of_write(&self.path, &e));
         }
         if self.coding == Coding::Plain || cfg!(target_endian = "big") {
             let stored = self.array.store_chunk_opt(index, chunk.to_vec(), &self.options);
@@ -416,8 +421,8 @@ impl<T: Number> ChunkedArray<T> {
             frame.extend(crc32c::crc32c(&frame).to_le_bytes());
         }
         let key = self.array.chunk_key(index);
-        let stored = self.array.storage().set(&key, frame.into());
-        stored.map_err(|e| failed(e.to_string()))
+        let stored = self.array.storage().write(key.as_str(), frame.into());
+        stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
     /// The values of one whole chunk (padded at the edge of the array), `None` if it is not stored (all zero).

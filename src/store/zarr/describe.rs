@@ -260,17 +260,18 @@ pub(super) fn read_layout(
 }
 
 /// Replaces the attributes of the root group, keeping the list of slices and the consolidated metadata.
-pub(super) fn set_root_attributes(root: &Path, attributes: &Map<String, Value>) -> Result<(), OpenError> {
-    let path = root.join("zarr.json");
-    let mut json = read_json(&path)?;
+pub(super) fn set_root_attributes(
+    storage: &AtomicDirectory,
+    attributes: &Map<String, Value>,
+) -> Result<(), OpenError> {
+    let mut json = storage.json("zarr.json")?;
     let names = json["attributes"][SLICES].clone();
     let mut attributes = attributes.clone();
     attributes.insert(SLICES.into(), names);
     json["attributes"] = Value::Object(attributes);
-    whole_file::write(&path, &to_bytes(&json)).map_err(|e| OpenError::Io {
-        path,
-        cause: e.to_string(),
-    })
+    storage
+        .write("zarr.json", to_bytes(&json).into())
+        .map_err(|e| OpenError::of_write(&storage.root().join("zarr.json"), &e))
 }
 
 /// Writes inline consolidated metadata into the root group and the group of every slice.

@@ -38,6 +38,14 @@ pub enum CreateError {
         /// Who holds its lock.
         holder: String,
     },
+    /// An object store refused, or could not be asked.
+    #[error("cannot create {path}: {refusal}")]
+    Remote {
+        /// Where the store should go.
+        path: PathBuf,
+        /// The refusal, with its mend.
+        refusal: Refusal,
+    },
     /// The file system or the Zarr library refused.
     #[error("cannot create {path}: {cause}; check that the directory is writable and the disk has room")]
     Write {
@@ -53,6 +61,18 @@ impl CreateError {
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. })
+    }
+
+    /// The error of a store that cannot be opened where it was just made.
+    pub(super) fn of_open(path: &Path, error: OpenError) -> Self {
+        let path = path.to_owned();
+        match error {
+            OpenError::Remote { refusal, .. } => Self::Remote { path, refusal },
+            e => Self::Write {
+                path,
+                cause: e.to_string(),
+            },
+        }
     }
 
     pub(super) fn locked(path: &Path, error: LockError) -> Self {
@@ -72,6 +92,18 @@ impl OpenError {
         Self::Remote {
             path: path.to_owned(),
             refusal,
+        }
+    }
+
+    /// The error of a description that is written.
+    pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
+        let path = path.to_owned();
+        match Refusal::in_io(error) {
+            Some(refusal) => Self::remote(&path, refusal.clone()),
+            None => Self::Io {
+                path,
+                cause: error.to_string(),
+            },
         }
     }
 
@@ -252,6 +284,14 @@ pub enum AccessError {
         /// The refusal, with its mend.
         refusal: Box<Refusal>,
     },
+    /// An object store did not take a file.
+    #[error("cannot write {path}: {refusal}, then continue with `--resume`")]
+    Put {
+        /// The array.
+        path: PathBuf,
+        /// The refusal, with its mend.
+        refusal: Box<Refusal>,
+    },
     /// A file could not be written.
     #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
     Write {
@@ -270,6 +310,21 @@ impl AccessError {
         match part {
             Some(part) => Self::Part { path, part },
             None => Self::Unfinished { path },
+        }
+    }
+
+    /// The error of a file that is written.
+    pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
+        let path = path.to_owned();
+        match Refusal::in_io(error) {
+            Some(refusal) => Self::Put {
+                path,
+                refusal: Box::new(refusal.clone()),
+            },
+            None => Self::Write {
+                path,
+                cause: error.to_string(),
+            },
         }
     }
 
@@ -293,6 +348,6 @@ impl AccessError {
     /// Whether the system refused to write.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
-        matches!(self, Self::Write { .. })
+        matches!(self, Self::Write { .. } | Self::Put { .. })
     }
 }

@@ -8,11 +8,12 @@ use super::error::OpenError;
 use crate::place::{Objects, Place};
 use base::whole_file;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use zarrs::storage::Bytes;
 
 /// Name of the file.
 pub(super) const FILE: &str = "manifest.txt";
@@ -57,6 +58,12 @@ impl Entry {
         }
     }
 
+    /// The entry of a file of so many bytes that ends with its checksum.
+    pub(super) fn sealed(size: u64, seal: &[u8]) -> Self {
+        let crc = seal.try_into().map_or(0, u32::from_le_bytes);
+        Self { crc, size }
+    }
+
     /// The entry of a file on disk, of which only the end is read where that tells enough.
     fn read(root: &Path, path: &str) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
@@ -76,9 +83,10 @@ impl Entry {
     }
 }
 
-/// Whether a file that is found below a store's root is to be in its manifest: not the manifests, the journal and temporary files.
+/// Whether a file that is found below a store's root is to be in its manifest: not the manifests, nor the journal, temporary
+/// files and what else has a name, or lies in a folder, that begins with a dot.
 pub(super) fn is_part(path: &str) -> bool {
-    path != FILE && path != OF_PART && !path.rsplit('/').next().is_some_and(|name| name.starts_with('.'))
+    path != FILE && path != OF_PART && !path.split('/').any(|name| name.starts_with('.'))
 }
 
 /// Paths of all files below a folder, sorted, but for those that are no part of a store: the manifest, the journal and
@@ -117,18 +125,11 @@ impl Manifest {
     /// As [`Self::write`], under a name of its own.
     pub(super) fn write_as(root: &Path, name: &str) -> io::Result<()> {
         let paths = files(root)?;
-        let entries: Vec<Entry> = paths
-            .par_iter()
-            .map(|path| Entry::read(root, path))
+        let entries: BTreeMap<String, Entry> = paths
+            .into_par_iter()
+            .map(|path| Ok((path.clone(), Entry::read(root, &path)?)))
             .collect::<io::Result<_>>()?;
-        let mut text = format!("{HEAD} {} files\n", paths.len());
-        for (path, Entry { crc, size }) in paths.iter().zip(entries) {
-            // Writing to a text cannot fail.
-            let _ = writeln!(text, "{crc:08x} {size} {path}");
-        }
-        let seal = seal(&text);
-        let _ = writeln!(text, "{seal}");
-        whole_file::write(&root.join(name), text.as_bytes())
+        whole_file::write(&root.join(name), text(&entries).as_bytes())
     }
 
     /// Removes the manifest: the store is not finished.
@@ -142,21 +143,30 @@ impl Manifest {
         Ok(())
     }
 
-    /// Reads the manifest of what lies at `place`, which `root` names; `None` where there is none.
-    pub(super) fn read_at(place: &Place, root: &Path) -> Result<Option<Self>, OpenError> {
+    /// Reads the manifest, by its name, of what lies at `place`, which `root` names; `None` where there is none.
+    pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
-            Place::Folder(root) => Self::read(root),
-            Place::Objects(objects) => Self::of_objects(objects, root),
+            Place::Folder(root) => Self::read_as(root, name),
+            Place::Objects(objects) => Self::of_objects(objects, root, name),
         }
     }
 
-    /// [`Self::read`] below an address.
-    pub(super) fn of_objects(objects: &Objects, root: &Path) -> Result<Option<Self>, OpenError> {
-        let Some(bytes) = objects.get(FILE).map_err(|e| OpenError::remote(root, e))? else {
-            return Ok(None);
-        };
-        let manifest = std::str::from_utf8(&bytes).ok().and_then(parse);
-        manifest.map(Some).ok_or_else(|| damaged(root.join(FILE)))
+    /// [`Self::read_at`] below an address.
+    pub(super) fn of_objects(objects: &Objects, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
+        let bytes = objects.get(name).map_err(|e| OpenError::remote(root, e))?;
+        bytes.map(|bytes| of_bytes(&bytes, &root.join(name))).transpose()
+    }
+
+    /// The manifest of what lies below an address, and the description of its root, which come beside each other.
+    pub(super) fn with_root(
+        objects: &Objects,
+        root: &Path,
+    ) -> Result<(Option<Self>, Option<Bytes>), OpenError> {
+        let names = [FILE, "zarr.json"].map(str::to_owned);
+        let found = objects.get_many(&names).map_err(|e| OpenError::remote(root, e))?;
+        let [manifest, description] = found.try_into().unwrap_or_default();
+        let manifest = manifest.map(|bytes: Bytes| of_bytes(&bytes, &root.join(FILE)));
+        Ok((manifest.transpose()?, description))
     }
 
     /// Reads the manifest; `None` where there is none, because the store is not finished.
@@ -180,6 +190,23 @@ impl Manifest {
             None => Err(damaged(path)),
         }
     }
+}
+
+/// The text of a manifest.
+pub(super) fn text(entries: &BTreeMap<String, Entry>) -> String {
+    let mut text = format!("{HEAD} {} files\n", entries.len());
+    for (path, Entry { crc, size }) in entries {
+        // Writing to a text cannot fail.
+        let _ = writeln!(text, "{crc:08x} {size} {path}");
+    }
+    let seal = seal(&text);
+    let _ = writeln!(text, "{seal}");
+    text
+}
+
+fn of_bytes(bytes: &[u8], path: &Path) -> Result<Manifest, OpenError> {
+    let manifest = std::str::from_utf8(bytes).ok().and_then(parse);
+    manifest.ok_or_else(|| damaged(path.to_owned()))
 }
 
 fn damaged(path: PathBuf) -> OpenError {

@@ -20,12 +20,15 @@ mod chunked;
 mod describe;
 mod description;
 mod error;
+mod finished;
 pub mod frames;
 mod layers;
 mod manifest;
 mod part;
 mod partial;
+pub(crate) mod progress;
 mod remote;
+mod remote_store;
 mod samples;
 mod slice;
 mod sparse_frame;
@@ -40,10 +43,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde_json::{Map, Value};
 
 use self::atomic::AtomicDirectory;
-use self::build::{build, check_slices};
+use self::build::{ORIGIN, build, check_slices};
 use self::chunked::ChunkedArray;
 use self::manifest::Manifest;
 use self::partial::Values;
+use self::remote_store::{Held, Making};
 use crate::place::Place;
 use tensor::axes::SliceLayout;
 use tensor::part::Part;
@@ -55,15 +59,12 @@ pub use self::layers::write_layers;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
-/// File in an unfinished store that says what it is made of; it begins with a dot, so that it is no part of the store.
-const ORIGIN: &str = ".sunstone-origin";
-
 /// An open store of slices. May be shared by any number of threads.
 pub struct TensorStore {
     storage: Arc<AtomicDirectory>,
     state: State,
     /// Held by who writes.
-    lock: Mutex<Option<Lock>>,
+    lock: Mutex<Option<Held>>,
     names: Vec<String>,
     attributes: Mutex<Map<String, Value>>,
     slices: Mutex<HashMap<String, StoredSlice>>,
@@ -95,7 +96,8 @@ impl TensorStore {
     /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
     ///
     /// It is built beside `path` and renamed into place, so a store exists whole or not at all. With `replace`, an
-    /// existing *store* at `path` is deleted first; anything else is left alone.
+    /// existing *store* at `path` is deleted first; anything else is left alone. Below an address, where nothing can be renamed, it
+    /// is written in its place, is not finished until [`Self::finish`], and an old store is gone before.
     ///
     /// # Errors
     /// If `path` exists and may not be replaced, a name, axis or attribute is unusable, or the file system refuses.
@@ -141,6 +143,25 @@ impl TensorStore {
         fill: impl FnOnce(&Self) -> Result<(), E>,
     ) -> Result<Self, E> {
         let path = path.to_owned();
+        let refused = |refusal| {
+            let path = path.clone();
+            CreateError::Remote { path, refusal }
+        };
+        if let Some(objects) = remote_store::objects_of(&path).map_err(refused)? {
+            check_slices(slices)?;
+            let making = Making {
+                path: &path,
+                objects,
+                replace,
+                origin,
+            };
+            let (storage, held) = making.begin(|folder| build(folder, slices, attributes, samples))?;
+            let store = Self::over(storage, State::Writing, Some(held))
+                .map_err(|e| CreateError::of_open(&path, e))?;
+            fill(&store)?;
+            making.end(&store.storage)?;
+            return Ok(store);
+        }
         if std::fs::symlink_metadata(&path).is_ok() && !replace {
             return Err(CreateError::Exists { path }.into());
         }
@@ -182,6 +203,7 @@ impl TensorStore {
             let _ = staging::remove(&part);
             return Err(e);
         }
+        let lock = Held::File { _lock: lock };
         Ok(Self::open_writing(&path, Some(lock)).map_err(|e| failed(e.to_string()))?)
     }
 
@@ -191,13 +213,20 @@ impl TensorStore {
     /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
-        let manifest = Manifest::read_at(&place, path)?;
+        let (manifest, root) = match &place {
+            Place::Folder(root) => (Manifest::read(root)?, None),
+            Place::Objects(objects) => Manifest::with_root(objects, path)?,
+        };
         let state = if manifest.is_some() {
             State::Finished
         } else {
             State::Unfinished
         };
-        Self::over(AtomicDirectory::at(path, place, manifest), state, None)
+        let storage = AtomicDirectory::at(path, place, manifest);
+        if let Some(remote) = storage.remote() {
+            remote.keep_ahead([("zarr.json".to_owned(), root)]);
+        }
+        Self::over(storage, state, None)
     }
 
     /// Opens a store to read what there is of it: as [`TensorStore::open`], but values of an unfinished store that are not
@@ -213,11 +242,11 @@ impl TensorStore {
         Ok(store)
     }
 
-    fn open_writing(path: &Path, lock: Option<Lock>) -> Result<Self, OpenError> {
+    fn open_writing(path: &Path, lock: Option<Held>) -> Result<Self, OpenError> {
         Self::over(AtomicDirectory::new(path), State::Writing, lock)
     }
 
-    fn over(storage: AtomicDirectory, state: State, lock: Option<Lock>) -> Result<Self, OpenError> {
+    fn over(storage: AtomicDirectory, state: State, lock: Option<Held>) -> Result<Self, OpenError> {
         let storage = Arc::new(storage);
         let path = storage.root();
         let missing = match storage.remote() {
@@ -273,6 +302,18 @@ impl TensorStore {
         })
     }
 
+    /// Whether something is where a store would be.
+    ///
+    /// # Errors
+    /// If an object store refuses, or cannot be asked.
+    pub fn is_there(path: &Path) -> Result<bool, OpenError> {
+        let refused = |e| OpenError::remote(path, e);
+        match remote_store::objects_of(path).map_err(refused)? {
+            None => Ok(path.exists()),
+            Some(objects) => Ok(objects.get("zarr.json").map_err(refused)?.is_some()),
+        }
+    }
+
     /// Opens a store to go on writing it: like [`TensorStore::open`], and removes what a killed process left. Nobody else
     /// can open it so until [`TensorStore::unlock`] or its end. What is written afterwards is not finished until
     /// [`TensorStore::finish`] is called.
@@ -280,12 +321,18 @@ impl TensorStore {
     /// # Errors
     /// As [`TensorStore::open`], if another process writes it, and if a leftover cannot be removed.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
+        if let Some(objects) = remote_store::objects_of(path).map_err(|e| OpenError::remote(path, e))? {
+            return match remote_store::open_for_write(path, &objects)? {
+                Some((storage, held)) => Self::over(storage, State::Writing, Some(held)),
+                None => Self::open(path),
+            };
+        }
         if !path.exists() {
             // No lock of nothing.
             return Self::open(path);
         }
         let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
-        let store = Self::open_writing(path, Some(lock))?;
+        let store = Self::open_writing(path, Some(Held::File { _lock: lock }))?;
         store.storage.remove_leftovers().map_err(|e| OpenError::Io {
             path: path.to_owned(),
             cause: e.to_string(),
@@ -293,35 +340,10 @@ impl TensorStore {
         Ok(store)
     }
 
-    /// True if all of it was written, to the manifest.
-    #[must_use]
-    pub fn is_finished(&self) -> bool {
-        match self.storage.remote() {
-            None => self.path().join(manifest::FILE).is_file(),
-            Some(_) => self.state == State::Finished,
-        }
-    }
-
     /// Which part of a render it is; `None` of a whole one.
     #[must_use]
     pub fn part(&self) -> Option<Part> {
         Part::of_attributes(&self.attributes())
-    }
-
-    /// True if it is a part of a render of which all was written.
-    #[must_use]
-    pub fn is_finished_part(&self) -> bool {
-        self.part().is_some() && self.path().join(manifest::OF_PART).is_file()
-    }
-
-    /// Opens a finished part to join it: its values are checked as those of a finished store, and zero where other parts have
-    /// theirs. `None` if there is no finished part.
-    pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
-        let Some(manifest) = Manifest::read_as(path, manifest::OF_PART)? else {
-            return Ok(None);
-        };
-        let store = Self::over(AtomicDirectory::finished(path, manifest), State::Finished, None)?;
-        Ok(store.part().is_some().then_some(store))
     }
 
     /// The first file in which two finished stores differ, but for their root's description.
@@ -336,21 +358,6 @@ impl TensorStore {
             self.samples()?.copy(&start, theirs)?;
         }
         Ok(())
-    }
-
-    /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
-    /// unfinished store, never the same twice.
-    #[must_use]
-    pub fn fingerprint(&self) -> String {
-        let name = part::manifest_of(&self.attributes());
-        let read = match self.storage.remote() {
-            None => Place::read_file(&self.path().join(name)),
-            Some(remote) => remote.objects().get(name).map_err(std::io::Error::from),
-        };
-        match read {
-            Ok(Some(bytes)) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
-            _ => format!("unfinished {:?}", std::time::SystemTime::now()),
-        }
     }
 
     /// Lets others write the store.
@@ -412,37 +419,9 @@ impl TensorStore {
     /// If the root's description cannot be read or written.
     pub fn set_attributes(&self, attributes: Map<String, Value>) -> Result<(), OpenError> {
         let mut held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
-        describe::set_root_attributes(self.path(), &attributes)?;
+        describe::set_root_attributes(&self.storage, &attributes)?;
         *held = attributes;
         Ok(())
-    }
-
-    /// Brings the consolidated metadata up to date, removes leftovers and writes the manifest. Call it once all is written.
-    ///
-    /// # Errors
-    /// If a description cannot be read or written.
-    pub fn finish(&self) -> Result<(), OpenError> {
-        let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
-        self.storage.remove_leftovers().map_err(|e| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        })?;
-        describe::consolidate(self.path(), &self.names)?;
-        Manifest::write_as(self.path(), part::manifest_of(&held)).map_err(|e| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        })
-    }
-
-    /// Calls the store unfinished again, because its values are about to change.
-    ///
-    /// # Errors
-    /// If the manifest cannot be removed.
-    pub fn unfinish(&self) -> Result<(), OpenError> {
-        Manifest::remove(self.path()).map_err(|e| OpenError::Io {
-            path: self.path().to_owned(),
-            cause: e.to_string(),
-        })
     }
 }
 

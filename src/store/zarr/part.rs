@@ -20,3 +20,9 @@ pub(super) fn at(path: &Path) -> Option<Part> {
     let json = description::read_json(&path.join("zarr.json")).ok()?;
     Part::of_attributes(&describe::attributes_of(&json)?)
 }
+
+/// Which part of a render the store with this description of its root is.
+pub(super) fn of_root(path: &Path, root: &[u8]) -> Option<Part> {
+    let json = description::parse_json(path, root).ok()?;
+    Part::of_attributes(&describe::attributes_of(&json)?)
+}

@@ -188,13 +188,19 @@ impl StoredSlice {
         self.field(field)?.1.copy(start, &from.field(field)?.1)
     }
 
-    /// Gets regions, given as first index and shape, that are about to be read one by one, beside each other where their files take
-    /// time to come. Says how many of them have been got, at least one: with the others it is to be asked again once those are read.
+    /// Gets regions of fields of one layout, given as first index and shape, that are about to be read one by one, beside each other
+    /// where their files take time to come. Says how many of them have been got, at least one: with the others it is to be asked
+    /// again once those are read.
     ///
     /// # Errors
-    /// If the slice does not have the field, a region lies outside of it, or an object store refuses.
-    pub fn fetch_ahead(&self, field: Field, regions: &[(Vec<u64>, Vec<u64>)]) -> Result<usize, AccessError> {
-        self.field(field)?.1.fetch_regions(regions)
+    /// If the slice does not have a field, a region lies outside of it, or an object store refuses.
+    pub fn fetch_ahead(
+        &self,
+        fields: &[Field],
+        regions: &[(Vec<u64>, Vec<u64>)],
+    ) -> Result<usize, AccessError> {
+        let arrays = fields.iter().map(|field| Ok(&self.field(*field)?.1));
+        ChunkedArray::fetch_regions(&arrays.collect::<Result<Vec<_>, _>>()?, regions)
     }
 
     /// Reads a region given as first index and shape, row-major.

@@ -568,3 +568,5 @@ fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
 
 #[cfg(feature = "object-stores")]
 mod remote;
+#[cfg(feature = "object-stores")]
+mod remote_writing;

@@ -83,11 +83,26 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
 /// [`verify`] below an address, where requests that are refused end it.
 fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError> {
     let refused = |e| OpenError::remote(path, e);
-    let Some(Manifest(entries)) = Manifest::of_objects(objects, path)? else {
-        let path = path.to_owned();
-        return Err(match objects.get("zarr.json").map_err(refused)? {
-            Some(_) => OpenError::Unfinished { path },
-            None => OpenError::Missing { path },
+    let (manifest, part) = match Manifest::of_objects(objects, path, manifest::FILE)? {
+        Some(manifest) => (Some(manifest), None),
+        None => match objects.get("zarr.json").map_err(refused)? {
+            Some(root) => match part::of_root(path, &root) {
+                Some(part) => (
+                    Manifest::of_objects(objects, path, manifest::OF_PART)?,
+                    Some(part),
+                ),
+                None => (None, None),
+            },
+            None => {
+                return Err(OpenError::Missing {
+                    path: path.to_owned(),
+                });
+            }
+        },
+    };
+    let Some(Manifest(entries)) = manifest else {
+        return Err(OpenError::Unfinished {
+            path: path.to_owned(),
         });
     };
     let mut names: Vec<String> = entries.keys().cloned().collect();
@@ -104,8 +119,13 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
         Ok(found) => (found, None),
         Err(refusal) => (vec![], Some(refusal)),
     };
-    let found: Vec<String> = found.into_iter().filter(|name| manifest::is_part(name)).collect();
+    let found: Vec<String> = found
+        .into_iter()
+        .map(|(name, _)| name)
+        .filter(|name| manifest::is_part(name))
+        .collect();
     Ok(Verified {
+        part,
         unlisted,
         ..verified(&entries, faults, &found)
     })

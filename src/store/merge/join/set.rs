@@ -63,11 +63,10 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> 
         path: path.to_owned(),
         part,
     };
-    let finished = found.is_finished_part() && !base::journal::exists(path);
-    let store = if finished {
-        TensorStore::open_part(path)?
-    } else {
+    let store = if base::journal::exists(path) {
         None
+    } else {
+        TensorStore::open_part(path)?
     };
     let store = store.ok_or_else(unfinished)?;
     crate::denoised::refuse(&store)?;

@@ -82,13 +82,16 @@ fn requests_are_few() {
     slice.read_all(Field::Mean).expect("reads");
     assert_eq!(requests(&store), opened + 1 + 3, "a row of three tiles is lit");
     let chunks: Vec<_> = slice.chunks(Field::StdError).expect("has it").collect();
+    let fields = [Field::StdError, Field::Mean];
     assert_eq!(
-        slice.fetch_ahead(Field::StdError, &chunks).expect("fetches"),
+        slice.fetch_ahead(&fields, &chunks).expect("fetches"),
         chunks.len()
     );
     let fetched = requests(&store);
     for (start, shape) in &chunks {
-        slice.read(Field::StdError, start, shape).expect("reads");
+        for field in fields {
+            slice.read(field, start, shape).expect("reads");
+        }
     }
     assert_eq!(
         requests(&store),

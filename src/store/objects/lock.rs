@@ -1,0 +1,262 @@
+//! The lock of a store below an address: an object that one alone can make, and that its holder renews while it lives.
+//!
+//! It is made by a put that hangs on there being none (`If-None-Match: *`). Its holder writes it anew every third of the lease; who
+//! finds one watches it for a lease's length, and takes it over, by a put that hangs on the version that was watched (`If-Match`),
+//! where it has not been renewed: its holder is dead. No two clocks are compared. A holder whose last renewal began longer ago than
+//! a lease writes no more.
+
+use super::put::Put;
+use super::{Objects, UpdateVersion};
+use crate::refusal::Refusal;
+use base::lock::holder_name;
+use serde_json::{Value, json};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+use zarrs::storage::Bytes;
+
+/// The object.
+pub(crate) const FILE: &str = ".sunstone-lock";
+/// How long a lock is believed that is not renewed, and the variable of the environment that says otherwise, in seconds.
+const LEASE: Duration = Duration::from_secs(30);
+const VARIABLE: &str = "SUNSTONE_LEASE_S";
+/// Leases that are believed, seconds.
+const LEASES: [f64; 2] = [1.0, 3600.0];
+/// How often a lock is looked at while it is watched.
+const LOOKS: u32 = 10;
+
+/// The lease of locks that this process takes.
+pub(crate) fn lease() -> Duration {
+    let given = std::env::var(VARIABLE).ok().and_then(|text| text.parse().ok());
+    given.map_or(LEASE, believed)
+}
+
+fn believed(seconds: f64) -> Duration {
+    if seconds.is_finite() {
+        Duration::from_secs_f64(seconds.clamp(LEASES[0], LEASES[1]))
+    } else {
+        LEASE
+    }
+}
+
+/// Why there is no lock.
+#[derive(Debug)]
+pub(crate) enum NoLock {
+    /// Another holds it.
+    Held(String),
+    /// The object store refuses.
+    Refused(Refusal),
+}
+
+impl From<Refusal> for NoLock {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+/// Until when a lock is held for sure; `None` once it is lost.
+#[derive(Debug)]
+pub(crate) struct Hold(Mutex<Option<Instant>>);
+
+impl Hold {
+    /// How long the lock is held for sure from now on.
+    fn left(&self) -> Duration {
+        let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        until.map_or(Duration::ZERO, |until| {
+            until.saturating_duration_since(Instant::now())
+        })
+    }
+
+    /// Whether the lock is held for sure.
+    pub(crate) fn is_sure(&self) -> bool {
+        !self.left().is_zero()
+    }
+
+    fn set(&self, until: Option<Instant>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = until;
+    }
+}
+
+/// A lock, held until it is dropped.
+#[derive(Debug)]
+pub(crate) struct ObjectLock {
+    objects: Objects,
+    hold: Arc<Hold>,
+    lease: Duration,
+    stop: Option<mpsc::Sender<()>>,
+    renewal: Option<JoinHandle<()>>,
+}
+
+/// What stands in a lock's object.
+struct Owner {
+    name: String,
+    key: String,
+    lease: Duration,
+    renewed: u64,
+}
+
+impl Owner {
+    fn new(lease: Duration) -> Self {
+        static COUNTER: AtomicU64 = AtomicU64::new(0);
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let name = holder_name();
+        let (n, t) = (COUNTER.fetch_add(1, Ordering::Relaxed), since.unwrap_or_default());
+        Self {
+            key: format!("{name} {} {n}", t.as_nanos()),
+            name,
+            lease,
+            renewed: 0,
+        }
+    }
+
+    fn text(&self) -> Bytes {
+        let lease = self.lease.as_secs_f64();
+        json!({"owner": self.name, "key": self.key, "lease_s": lease, "renewed": self.renewed})
+            .to_string()
+            .into_bytes()
+            .into()
+    }
+
+    /// Whether a lock's object is this one's: a put whose answer was lost is made again, and finds itself.
+    fn wrote(&self, bytes: &[u8]) -> bool {
+        parse(bytes)["key"] == self.key.as_str()
+    }
+}
+
+fn parse(bytes: &[u8]) -> Value {
+    serde_json::from_slice(bytes).unwrap_or_default()
+}
+
+impl ObjectLock {
+    /// Takes the lock of what lies below an address.
+    pub(crate) fn take(objects: &Objects, lease: Duration) -> Result<Self, NoLock> {
+        let owner = Owner::new(lease);
+        let (version, held) = acquire(objects, &owner)?;
+        // Some servers take a condition for nothing.
+        if let Put::Done(_) = objects.put_new(FILE, owner.text())? {
+            let _ = objects.delete(vec![FILE.into()]);
+            return Err(NoLock::Refused(Refusal::new(
+                "the server does not heed conditions of a put (If-None-Match), so that two could write one store",
+                "write to a folder and copy the store, or use a server that does",
+            )));
+        }
+        let (stop, stopped) = mpsc::channel();
+        let hold = Arc::new(Hold(Mutex::new(Some(held + lease))));
+        let renewal = std::thread::spawn({
+            let (objects, hold) = (objects.clone(), hold.clone());
+            move || renew(&objects, owner, version, &stopped, &hold)
+        });
+        Ok(Self {
+            objects: objects.clone(),
+            hold,
+            lease,
+            stop: Some(stop),
+            renewal: Some(renewal),
+        })
+    }
+
+    /// Tells whether the lock is held still.
+    pub(crate) fn hold(&self) -> Arc<Hold> {
+        self.hold.clone()
+    }
+
+    /// Ends as a process that is killed does.
+    #[cfg(test)]
+    pub(crate) fn abandon(mut self) {
+        self.stop.take();
+        if let Some(renewal) = self.renewal.take() {
+            let _ = renewal.join();
+        }
+        self.hold.set(None);
+    }
+}
+
+impl Drop for ObjectLock {
+    fn drop(&mut self) {
+        self.stop.take();
+        if let Some(renewal) = self.renewal.take() {
+            let _ = renewal.join();
+        }
+        // One that could be another's by the time that the request arrives is left to its lease.
+        if self.hold.left() > self.lease / 3 {
+            let _ = self.objects.delete(vec![FILE.into()]);
+        }
+        self.hold.set(None);
+    }
+}
+
+/// Gets the lock's object, in its version, and says since when it is held.
+fn acquire(objects: &Objects, owner: &Owner) -> Result<(UpdateVersion, Instant), NoLock> {
+    'free: loop {
+        let begun = Instant::now();
+        if let Put::Done(version) = objects.put_new(FILE, owner.text())? {
+            return Ok((version, begun));
+        }
+        let Some((bytes, seen)) = objects.get_version(FILE)? else {
+            std::thread::sleep(Duration::from_millis(50));
+            continue;
+        };
+        if owner.wrote(&bytes) {
+            return Ok((seen, begun));
+        }
+        let told = parse(&bytes);
+        let holder = told["owner"].as_str().unwrap_or("another process").to_owned();
+        let lease = told["lease_s"].as_f64().map_or(LEASE, believed);
+        tracing::warn!(
+            "the store is locked by {holder}: watching for {} s whether it renews its lock",
+            lease.as_secs_f64()
+        );
+        let begun = Instant::now();
+        while begun.elapsed() < lease {
+            std::thread::sleep(lease / LOOKS);
+            match objects.get_version(FILE)? {
+                None => continue 'free,
+                Some((_, now)) if now != seen => return Err(NoLock::Held(holder)),
+                Some(_) => {}
+            }
+        }
+        let begun = Instant::now();
+        return match objects.put_over(FILE, owner.text(), seen)? {
+            Put::Done(version) => Ok((version, begun)),
+            Put::Other => match objects.get_version(FILE)? {
+                Some((bytes, version)) if owner.wrote(&bytes) => Ok((version, begun)),
+                _ => Err(NoLock::Held(holder)),
+            },
+        };
+    }
+}
+
+/// Renews a lock until it is stopped or lost.
+fn renew(
+    objects: &Objects,
+    mut owner: Owner,
+    mut version: UpdateVersion,
+    stopped: &mpsc::Receiver<()>,
+    hold: &Hold,
+) {
+    let lease = owner.lease;
+    let mut pause = lease / 3;
+    while let Err(mpsc::RecvTimeoutError::Timeout) = stopped.recv_timeout(pause) {
+        owner.renewed += 1;
+        let begun = Instant::now();
+        let renewed = match objects.put_over(FILE, owner.text(), version.clone()) {
+            Ok(Put::Done(now)) => Some(now),
+            Ok(Put::Other) => match objects.get_version(FILE) {
+                Ok(Some((bytes, now))) if owner.wrote(&bytes) => Some(now),
+                // Another's, or gone: who writes is told at once.
+                Ok(_) => return hold.set(None),
+                Err(_) => None,
+            },
+            Err(_) => None,
+        };
+        pause = match renewed {
+            Some(now) => {
+                version = now;
+                hold.set(Some(begun + lease));
+                lease / 3
+            }
+            None => lease / 15,
+        };
+    }
+}

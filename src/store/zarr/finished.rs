@@ -1,0 +1,98 @@
+//! Whether a store, or a part of a render, is finished: its manifest says so, which is written last and removed first.
+
+use super::atomic::AtomicDirectory;
+use super::error::OpenError;
+use super::manifest::{self, Manifest};
+use super::{State, TensorStore, describe, part};
+use crate::place::Place;
+use std::path::Path;
+use std::sync::PoisonError;
+
+impl TensorStore {
+    /// True if all of it was written, to the manifest.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.has_manifest(manifest::FILE)
+    }
+
+    /// True if it is a part of a render of which all was written.
+    #[must_use]
+    pub fn is_finished_part(&self) -> bool {
+        self.part().is_some() && self.has_manifest(manifest::OF_PART)
+    }
+
+    fn has_manifest(&self, name: &str) -> bool {
+        match (self.storage.remote(), self.state) {
+            (None, _) => self.path().join(name).is_file(),
+            (Some(remote), State::Writing) => remote.is_stored(name),
+            // It was opened by the one that it has.
+            (Some(_), State::Finished) => name == part::manifest_of(&self.attributes()),
+            (Some(remote), _) => matches!(remote.objects().get(name), Ok(Some(_))),
+        }
+    }
+
+    /// Opens a finished part to join it: its values are checked as those of a finished store, and zero where other parts have
+    /// theirs. `None` if there is no finished part.
+    pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
+        let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
+        let Some(manifest) = Manifest::read_at(&place, path, manifest::OF_PART)? else {
+            return Ok(None);
+        };
+        let storage = AtomicDirectory::at(path, place, Some(manifest));
+        let store = Self::over(storage, State::Finished, None)?;
+        Ok(store.part().is_some().then_some(store))
+    }
+
+    /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
+    /// unfinished store, never the same twice.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        let name = part::manifest_of(&self.attributes());
+        let read = match self.storage.remote() {
+            None => Place::read_file(&self.path().join(name)),
+            Some(remote) => remote.objects().get(name).map_err(std::io::Error::from),
+        };
+        match read {
+            Ok(Some(bytes)) => format!("{:08x} {}", crc32c::crc32c(&bytes), bytes.len()),
+            _ => format!("unfinished {:?}", std::time::SystemTime::now()),
+        }
+    }
+
+    /// Brings the consolidated metadata up to date, removes leftovers and writes the manifest. Call it once all is written.
+    ///
+    /// # Errors
+    /// If a description cannot be read or written.
+    pub fn finish(&self) -> Result<(), OpenError> {
+        let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(remote) = self.storage.remote() {
+            // Its consolidated metadata are those that it was made with.
+            let finished = remote.finish(part::manifest_of(&held));
+            return finished.map_err(|e| OpenError::remote(self.path(), e));
+        }
+        self.storage.remove_leftovers().map_err(|e| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        })?;
+        describe::consolidate(self.path(), &self.names)?;
+        Manifest::write_as(self.path(), part::manifest_of(&held)).map_err(|e| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        })
+    }
+
+    /// Calls the store unfinished again, because its values are about to change.
+    ///
+    /// # Errors
+    /// If the manifest cannot be removed.
+    pub fn unfinish(&self) -> Result<(), OpenError> {
+        if let Some(remote) = self.storage.remote() {
+            let manifests = [manifest::FILE, manifest::OF_PART].map(str::to_owned);
+            let removed = remote.erase(manifests.to_vec());
+            return removed.map_err(|e| OpenError::remote(self.path(), e));
+        }
+        Manifest::remove(self.path()).map_err(|e| OpenError::Io {
+            path: self.path().to_owned(),
+            cause: e.to_string(),
+        })
+    }
+}

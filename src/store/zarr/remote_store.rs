@@ -1,0 +1,256 @@
+//! Stores that are made, gone on with, and finished below an address.
+//!
+//! There is no renaming there, so the order of the puts says what a store is: a mark that one is being made, all descriptions, then
+//! that of the root; the mark goes; chunks as they come; and the manifest at the end, without which nothing is read. Of a store that
+//! is made with its values (a merge), the mark says of what, and stays until the end. What has a mark and no manifest was begun and is
+//! of no use to others, so that it may be replaced. Descriptions are made in a folder first, by what makes them there, so that they
+//! are the same bytes.
+
+use super::atomic::AtomicDirectory;
+use super::build::ORIGIN;
+use super::error::{CreateError, OpenError};
+use super::manifest::{self, Entry};
+use super::remote::Known;
+use super::{describe, description};
+use crate::objects::lock::{self, NoLock, ObjectLock};
+use crate::place::{Objects, Place};
+use crate::refusal::Refusal;
+use base::lock::Lock;
+use std::collections::BTreeMap;
+use std::path::Path;
+use zarrs::storage::Bytes;
+
+/// The last description that is put.
+const ROOT: &str = "zarr.json";
+/// Folder of the objects that say what is finished; it begins with a dot, so that they are no part of the store.
+pub(super) const PROGRESS: &str = ".sunstone-progress/";
+
+/// What is held by who writes a store.
+#[derive(Debug)]
+pub(super) enum Held {
+    File { _lock: Lock },
+    Objects { _lock: ObjectLock },
+}
+
+/// How to make a store.
+pub(super) struct Making<'a> {
+    pub(super) path: &'a Path,
+    pub(super) objects: Objects,
+    pub(super) replace: bool,
+    /// See [`TensorStore::create_from`].
+    pub(super) origin: Option<&'a str>,
+}
+
+/// The objects below an address; `None` of a path.
+pub(super) fn objects_of(path: &Path) -> Result<Option<Objects>, Refusal> {
+    Ok(match Place::of(path)? {
+        Place::Folder(_) => None,
+        Place::Objects(objects) => Some(objects),
+    })
+}
+
+impl Making<'_> {
+    fn refused(&self, refusal: Refusal) -> CreateError {
+        CreateError::Remote {
+            path: self.path.to_owned(),
+            refusal,
+        }
+    }
+
+    fn exists(&self) -> CreateError {
+        CreateError::Exists {
+            path: self.path.to_owned(),
+        }
+    }
+
+    fn get(&self, key: &str) -> Result<Option<Bytes>, CreateError> {
+        self.objects.get(key).map_err(|e| self.refused(e))
+    }
+
+    /// Begins a store whose descriptions `describe` makes in a folder. Its mark stays, until [`Making::end`].
+    pub(super) fn begin(
+        &self,
+        describe: impl FnOnce(&Path) -> Result<(), CreateError>,
+    ) -> Result<(AtomicDirectory, Held), CreateError> {
+        self.objects.may_be_written().map_err(|e| self.refused(e))?;
+        // No lock where it would be of no use.
+        if !self.replace && self.get(ROOT)?.is_some() && self.get(ORIGIN)?.is_none() {
+            return Err(self.exists());
+        }
+        let lock = take(&self.objects).map_err(|e| match e {
+            NoLock::Held(holder) => CreateError::Locked {
+                path: self.path.to_owned(),
+                holder,
+            },
+            NoLock::Refused(refusal) => self.refused(refusal),
+        })?;
+        let known = found(&self.objects).map_err(|e| self.refused(e))?;
+        if self.goes_on(&known)? {
+            return Ok(opened(self.path, &self.objects, lock, known));
+        }
+        let files = described(describe)?;
+        let mark = Bytes::from(self.origin.unwrap_or_default().to_owned());
+        self.put(&known, &files, mark.clone())
+            .map_err(|e| self.refused(e))?;
+        let mark = (ORIGIN.to_owned(), Known::Put(Entry::of(ORIGIN, &mark)));
+        let all = files
+            .iter()
+            .map(|(name, bytes)| (name.clone(), Known::Put(Entry::of(name, bytes))));
+        let (storage, held) = opened(self.path, &self.objects, lock, all.chain([mark]).collect());
+        if let Some(remote) = storage.remote() {
+            remote.keep_ahead(files.into_iter().map(|(name, bytes)| (name, Some(bytes))));
+        }
+        Ok((storage, held))
+    }
+
+    /// Removes the mark of a store that has all that it is made with.
+    pub(super) fn end(&self, storage: &AtomicDirectory) -> Result<(), CreateError> {
+        let removed = storage.remove(ORIGIN);
+        removed.map_err(|e| match Refusal::in_io(&e) {
+            Some(refusal) => self.refused(refusal.clone()),
+            None => CreateError::Write {
+                path: self.path.to_owned(),
+                cause: e.to_string(),
+            },
+        })
+    }
+
+    /// Whether what lies there is the same store, begun by a process that was killed; refuses what may not be replaced.
+    fn goes_on(&self, known: &BTreeMap<String, Known>) -> Result<bool, CreateError> {
+        let is_there = |name: &str| known.contains_key(name);
+        let is_finished = is_there(manifest::FILE) || is_there(manifest::OF_PART);
+        let is_begun = is_there(ORIGIN) && !is_finished;
+        let is_ours = if is_begun {
+            true
+        } else if is_there(ROOT) {
+            if !self.replace {
+                return Err(self.exists());
+            }
+            let json = self
+                .get(ROOT)?
+                .and_then(|bytes| description::parse_json(self.path, &bytes).ok());
+            json.is_some_and(|json| describe::slice_names_of(&json).is_some())
+        } else {
+            known.keys().all(|name| !manifest::is_part(name))
+        };
+        if !is_ours {
+            return Err(CreateError::NotAStore {
+                path: self.path.to_owned(),
+            });
+        }
+        let Some(origin) = self.origin.filter(|_| is_begun && is_there(ROOT)) else {
+            return Ok(false);
+        };
+        Ok(self.get(ORIGIN)?.is_some_and(|left| left == origin))
+    }
+
+    /// Removes what lies there, and puts a mark and descriptions.
+    fn put(
+        &self,
+        known: &BTreeMap<String, Known>,
+        files: &BTreeMap<String, Bytes>,
+        mark: Bytes,
+    ) -> Result<(), Refusal> {
+        self.objects.put(ORIGIN, mark)?;
+        // First what says that it is finished, and what says that it is a store.
+        let (heads, rest) = known
+            .keys()
+            .filter(|name| *name != ORIGIN)
+            .cloned()
+            .partition(|name| [manifest::FILE, manifest::OF_PART, ROOT].contains(&name.as_str()));
+        self.objects.delete(heads)?;
+        self.objects.delete(rest)?;
+        let (root, others) = files.clone().into_iter().partition(|(name, _)| name == ROOT);
+        self.objects.put_many(others)?;
+        self.objects.put_many(root)
+    }
+}
+
+/// Files of descriptions that are made in a folder.
+fn described(
+    describe: impl FnOnce(&Path) -> Result<(), CreateError>,
+) -> Result<BTreeMap<String, Bytes>, CreateError> {
+    let failed = |e: std::io::Error| CreateError::Write {
+        path: std::env::temp_dir(),
+        cause: e.to_string(),
+    };
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let root = folder.path().join("store");
+    describe(&root)?;
+    let read = |name: String| {
+        let bytes = base::input::read(&root.join(&name))?;
+        Ok((name, Bytes::from(bytes)))
+    };
+    let names = manifest::files(&root).map_err(failed)?;
+    names
+        .into_iter()
+        .map(read)
+        .collect::<std::io::Result<_>>()
+        .map_err(failed)
+}
+
+fn take(objects: &Objects) -> Result<ObjectLock, NoLock> {
+    ObjectLock::take(objects, lock::lease())
+}
+
+/// All that lies there but the lock.
+fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusal> {
+    let all = objects.list()?.into_iter();
+    let others = all.filter(|(name, _)| name != lock::FILE);
+    Ok(others.map(|(name, size)| (name, Known::Found(size))).collect())
+}
+
+/// Opens a store below an address to go on writing it; `None` where there is none.
+pub(super) fn open_for_write(
+    path: &Path,
+    objects: &Objects,
+) -> Result<Option<(AtomicDirectory, Held)>, OpenError> {
+    let refused = |refusal| OpenError::remote(path, refusal);
+    objects.may_be_written().map_err(refused)?;
+    if objects.get(ROOT).map_err(refused)?.is_none() {
+        return Ok(None);
+    }
+    let lock = take(objects).map_err(|e| match e {
+        NoLock::Held(holder) => OpenError::Locked {
+            path: path.to_owned(),
+            holder,
+        },
+        NoLock::Refused(refusal) => refused(refusal),
+    })?;
+    open_locked(path, objects, lock).map(Some).map_err(refused)
+}
+
+/// Opens a store whose lock is held, and removes what a process left that was killed.
+pub(super) fn open_locked(
+    path: &Path,
+    objects: &Objects,
+    lock: ObjectLock,
+) -> Result<(AtomicDirectory, Held), Refusal> {
+    let known = found(objects)?;
+    let is_finished = [manifest::FILE, manifest::OF_PART]
+        .iter()
+        .any(|name| known.contains_key(*name));
+    let (storage, held) = opened(path, objects, lock, known);
+    if let Some(remote) = storage.remote() {
+        // It is not only begun any more.
+        let mut left = vec![ORIGIN.to_owned()];
+        if is_finished {
+            left.extend(remote.stored_below(PROGRESS));
+        }
+        remote.erase(left)?;
+    }
+    Ok((storage, held))
+}
+
+fn opened(
+    path: &Path,
+    objects: &Objects,
+    lock: ObjectLock,
+    known: BTreeMap<String, Known>,
+) -> (AtomicDirectory, Held) {
+    let storage = AtomicDirectory::at(path, Place::Objects(objects.clone()), None);
+    if let Some(remote) = storage.remote() {
+        remote.begin_writing(known, lock.hold());
+    }
+    (storage, Held::Objects { _lock: lock })
+}
