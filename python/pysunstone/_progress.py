@@ -1,4 +1,4 @@
-"""How far a render is, for people."""
+"""How far a render, or other work, is, for people."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Progress = Callable[[int, int], object]
 
 
 @contextmanager
-def told(progress: bool | Progress | None) -> Generator[Progress | None, None, None]:
-    """What to call with tiles done and tiles in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
+def told(progress: bool | Progress | None, unit: str = "tile") -> Generator[Progress | None, None, None]:
+    """What to call with tiles (or other units) done and in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
     if not progress:
         yield None
     elif progress is not True:
@@ -25,9 +25,9 @@ def told(progress: bool | Progress | None) -> Generator[Progress | None, None, N
         try:
             tqdm: Any = importlib.import_module("tqdm.auto")
         except ImportError:
-            yield _lines()
+            yield _lines(unit)
             return
-        bar = tqdm.tqdm(unit="tile")
+        bar = tqdm.tqdm(unit=unit)
 
         def show(done: int, tiles: int) -> None:
             bar.total = tiles
@@ -39,13 +39,13 @@ def told(progress: bool | Progress | None) -> Generator[Progress | None, None, N
             bar.close()
 
 
-def _lines() -> Progress:
+def _lines(unit: str) -> Progress:
     last = time.monotonic()
 
     def show(done: int, tiles: int) -> None:
         nonlocal last
         if done == tiles or time.monotonic() - last > 5:
             last = time.monotonic()
-            print(f"{done}/{tiles} tiles", file=sys.stderr)
+            print(f"{done}/{tiles} {unit}s", file=sys.stderr)
 
     return show

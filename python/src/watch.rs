@@ -1,21 +1,25 @@
-//! Renders that tell Python how far they are, and that Ctrl-C ends.
+//! Work that tells Python how far it is, and that Ctrl-C ends.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
+use sunstone::polarimetry::reconstruct::learn::Onlooker;
 use sunstone::{Summary, Watch};
 
 /// How often signals are looked for and progress is told.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// What the thread that renders and the one of Python tell each other.
+/// What the thread that works and the one of Python tell each other.
 #[derive(Default)]
-struct Shared {
+pub struct Shared {
     stop: AtomicBool,
     /// Tiles done, and tiles in all.
     tiles: Mutex<Option<(u32, u32)>>,
+    /// Descents in all, of what is learned.
+    descents: AtomicU32,
+    done: AtomicU32,
     ended: Mutex<bool>,
     bell: Condvar,
 }
@@ -23,6 +27,22 @@ struct Shared {
 impl Watch for Shared {
     fn tile_done(&self, s: &Summary) {
         *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((s.tiles_done, s.tiles));
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Onlooker for Shared {
+    fn begins(&self, descents: usize) {
+        self.descents.fetch_add(descents as u32, Ordering::Relaxed);
+    }
+
+    fn descended(&self) {
+        let mut news = self.tiles.lock().unwrap_or_else(PoisonError::into_inner);
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        *news = Some((done, self.descents.load(Ordering::Relaxed)));
     }
 
     fn interrupted(&self) -> bool {
@@ -56,6 +76,15 @@ pub fn watched<T: Send>(
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&dyn Watch) -> T + Send,
 ) -> PyResult<T> {
+    looked_on(py, progress, |shared| work(shared))
+}
+
+/// As [`watched`], of work that tells of other things than tiles.
+pub fn looked_on<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Shared) -> T + Send,
+) -> PyResult<T> {
     let shared = Shared::default();
     std::thread::scope(|scope| {
         let worker = scope.spawn(|| {
@@ -81,7 +110,7 @@ pub fn watched<T: Send>(
             (Some(fault), _) => Err(fault),
             (None, Ok(done)) => Ok(done),
             (None, Err(_)) => Err(PyRuntimeError::new_err(
-                "the render failed; this is a bug of Sunstone",
+                "the work failed; this is a bug of Sunstone",
             )),
         }
     })

@@ -13,6 +13,7 @@ use crate::capture::element::Quantity;
 use crate::capture::scheme::Scheme;
 use optics::sampling::stream::Stream;
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// How the minimum is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +39,23 @@ impl Default for Search {
     }
 }
 
+/// Who looks on while settings are learned, and may end it.
+pub trait Onlooker: Sync {
+    /// So many descents are to be made besides those told of before.
+    fn begins(&self, descents: usize) {
+        let _ = descents;
+    }
+    /// A descent has come to its end.
+    fn descended(&self) {}
+    /// True if what is learned is not wanted any more: descents end where they are.
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+/// Nobody looks on.
+impl Onlooker for () {}
+
 /// Where a descent began, and what it found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Descent {
@@ -45,6 +63,8 @@ pub struct Descent {
     pub name: String,
     /// Expected sum of squared errors (see [`Objective`]).
     pub loss: f64,
+    /// The same at every evaluation, one after the other; infinite where a scheme has none.
+    pub history: Vec<f64>,
 }
 
 /// A learned scheme.
@@ -62,12 +82,23 @@ pub struct Learned {
 struct Settings<'a> {
     template: &'a Scheme,
     objective: &'a Objective,
+    onlooker: &'a dyn Onlooker,
+    /// Its values so far.
+    history: Mutex<Vec<f64>>,
 }
 
 impl Smooth for Settings<'_> {
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        if self.onlooker.interrupted() {
+            // Level ground without end, on which every descent ends at once.
+            return (f64::INFINITY, vec![0.0; x.len()]);
+        }
         let (loss, mut gradient) = self.objective.gradient(&self.template.with_parameters(x));
         let per = self.objective.sigma.powi(-2);
+        self.history
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(loss);
         gradient.iter_mut().for_each(|g| *g *= per);
         (loss * per, gradient)
     }
@@ -97,7 +128,17 @@ enum Start {
 /// Learns all settings of a template that change from capture to capture.
 #[must_use]
 pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
-    let f = Settings { template, objective };
+    learn_before(template, objective, search, &())
+}
+
+/// As [`learn`], while somebody looks on.
+#[must_use]
+pub fn learn_before(
+    template: &Scheme,
+    objective: &Objective,
+    search: &Search,
+    onlooker: &dyn Onlooker,
+) -> Learned {
     let own = template.parameters();
     // Adam is the longest of them, and so begins first.
     let adam_first = (search.adam_steps > 0).then_some(Start::Adam);
@@ -107,34 +148,47 @@ pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learn
         .chain([Start::Template])
         .chain(random_starts)
         .collect();
-    let found: Vec<(String, Minimum)> = starts
+    onlooker.begins(starts.len());
+    let found: Vec<(String, Minimum, Vec<f64>)> = starts
         .into_par_iter()
         .with_max_len(1)
-        .map(|start| match start {
-            Start::Adam => {
-                let minimum = adam(&f, &own, search.adam_steps, 0.02);
-                ("Adam from the template".to_owned(), minimum)
-            }
-            Start::Template => {
-                let minimum = quasi_newton(&f, &own, search.iterations);
-                ("quasi-Newton from the template".to_owned(), minimum)
-            }
-            Start::Random(i) => {
-                let minimum = quasi_newton(&f, &random(template, search.seed, i), search.iterations);
-                (format!("quasi-Newton, start {}", i + 1), minimum)
-            }
+        .map(|start| {
+            let f = Settings {
+                template,
+                objective,
+                onlooker,
+                history: Mutex::default(),
+            };
+            let (name, minimum) = match start {
+                Start::Adam => {
+                    let minimum = adam(&f, &own, search.adam_steps, 0.02);
+                    ("Adam from the template".to_owned(), minimum)
+                }
+                Start::Template => {
+                    let minimum = quasi_newton(&f, &own, search.iterations);
+                    ("quasi-Newton from the template".to_owned(), minimum)
+                }
+                Start::Random(i) => {
+                    let minimum = quasi_newton(&f, &random(template, search.seed, i), search.iterations);
+                    (format!("quasi-Newton, start {}", i + 1), minimum)
+                }
+            };
+            onlooker.descended();
+            let history = f.history.into_inner().unwrap_or_else(PoisonError::into_inner);
+            (name, minimum, history)
         })
         .collect();
     let scale = objective.sigma.powi(2);
-    let descents = found.iter().map(|(name, minimum)| Descent {
+    let descents = found.iter().map(|(name, minimum, history)| Descent {
         name: name.clone(),
         loss: minimum.value * scale,
+        history: history.clone(),
     });
     let descents = descents.collect();
     let template_loss = objective.loss(template);
     let mut scheme = template.clone();
     let mut loss = template_loss;
-    for (_, minimum) in &found {
+    for (_, minimum, _) in &found {
         if minimum.value * scale < loss {
             loss = minimum.value * scale;
             scheme = template.with_parameters(&tidy(template, &minimum.x));

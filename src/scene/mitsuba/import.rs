@@ -75,8 +75,22 @@ impl Import {
         toml: &Path,
         parameters: &BTreeMap<String, String>,
     ) -> Result<Self, ImportError> {
+        Self::with_files(xml, text, toml, parameters, &BTreeMap::new())
+    }
+
+    /// As [`Self::from_text`], where some files are only in memory, by the names that the text and the scene file have of them.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_files(
+        xml: &Path,
+        text: &str,
+        toml: &Path,
+        parameters: &BTreeMap<String, String>,
+        files: &BTreeMap<String, Vec<u8>>,
+    ) -> Result<Self, ImportError> {
         let document = Document::parse(xml, text, parameters)?;
-        let done = Importer::new(&document, toml).and_then(|importer| run(importer, toml));
+        let done = Importer::new(&document, toml).and_then(|importer| run(importer, toml, files));
         let mut problems = document.source.problems();
         match done {
             Ok(Some(import)) => Ok(import),
@@ -98,7 +112,11 @@ impl Import {
 }
 
 /// The scene, `None` if problems were reported.
-fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError> {
+fn run(
+    mut importer: Importer,
+    toml: &Path,
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<Option<Import>, InputError> {
     let document = importer.document;
     let (source, scene) = (&document.source, &document.scene);
     let mut parts = Parts::default();
@@ -190,7 +208,7 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError
         // What was left out would make others.
         return Ok(None);
     }
-    check(&importer, &file, toml)?;
+    check(&importer, &file, toml, files)?;
     let text = file.to_toml().map_err(|e| {
         source.error(
             &scene.span,
@@ -216,11 +234,18 @@ fn heading(xml: &Path) -> String {
 }
 
 /// Builds the scene, whose places are those of the XML file, and whose files are named from where it is to lie.
-fn check(importer: &Importer, file: &SceneFile, toml: &Path) -> Result<(), InputError> {
+fn check(
+    importer: &Importer,
+    file: &SceneFile,
+    toml: &Path,
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<(), InputError> {
     let source = importer.source;
     let folder = toml.parent().unwrap_or(Path::new(""));
     let (name, text) = source.main();
-    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?.in_folder(folder);
+    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?
+        .in_folder(folder)
+        .with_files(files.clone());
     let built = assemble::build(&mut ctx, file);
     built.map(drop).map_err(|e| {
         source.placed(InputError {
