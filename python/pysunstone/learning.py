@@ -227,6 +227,8 @@ def learn(
         raise InputError("give captures, or a template")
     if estimator not in ("least-squares", "prior"):
         raise InputError(f"estimator: there is no `{estimator}`; choose of least-squares, prior")
+    if not 0 <= angle_error_deg <= 90:
+        raise InputError("angle_error_deg: give degrees, 0 to 90")
     if template is None:
         if captures is None or not 1 <= captures <= 256:
             raise InputError(f"captures is {captures}; learn 1 to 256")

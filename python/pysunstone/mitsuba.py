@@ -147,10 +147,9 @@ class _Dict:
             return self._number(value, at)
         if isinstance(value, list | tuple):
             return [self.plain(v, at) for v in value]
-        matrix = getattr(value, "matrix", None)
-        if matrix is not None:
-            return self._matrix(matrix, at)
-        if hasattr(value, "vertex_count") and hasattr(value, "write_ply"):
+        if _is(value, "Transform"):
+            return self._matrix(value.matrix, at)
+        if _is(value, "Mesh"):
             return self._mesh(value, at)
         if isinstance(value, os.PathLike):
             return os.fspath(value)
@@ -222,7 +221,7 @@ class _Dict:
 
     def _image(self, value: Any, at: str) -> str:
         """The name of an image in memory."""
-        gamma = bool(value.srgb_gamma()) if hasattr(value, "srgb_gamma") else False
+        gamma = bool(value.srgb_gamma()) if _is(value, "Bitmap") else False
         try:
             array: Any = np.asarray(value)
         except (TypeError, ValueError, RuntimeError):
@@ -261,6 +260,11 @@ class _Dict:
             'a dict {"type": "ply", "filename": ..., "bsdf": ...} for another'
         )
         return {"type": "ply", "filename": name, "face_normals": not _true(mesh, "has_vertex_normals")}
+
+
+def _is(value: Any, kind: str) -> bool:
+    """Whether it is such a thing of Mitsuba. Names of attributes tell nothing: its vectors have all that can be spelt."""
+    return any(of.__module__.startswith("mitsuba") and kind in of.__name__ for of in type(value).__mro__)
 
 
 def _linear(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
