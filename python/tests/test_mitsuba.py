@@ -58,7 +58,7 @@ def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
 
 
 def test_a_dict_renders_as_in_mitsuba() -> None:
-    """4 x 10^2 pixels of three colours; errors of 8 batches: z is Student's t of 7 degrees, of standard deviation 1.18."""
+    """400 pixels of three colours; errors of 8 batches: z is Student's t of 7 degrees, of standard deviation 1.18."""
     scene = box()
     # As people write: a mesh, an image, another material, a point light, an array, a nested dict.
     rng = np.random.default_rng(1)
@@ -85,10 +85,67 @@ def test_a_dict_renders_as_in_mitsuba() -> None:
     reference, found = theirs(scene), ours(scene)
     mean, each = off(found, reference)
     assert mean < 5 and each < 1.5, (mean, each)
-    # Planted: an image turned upside down; a light of 3 % more; red and blue exchanged.
+    # Planted: an image turned upside down; a light of 5 % more; red and blue exchanged.
     assert off((found[0][::-1], found[1]), reference)[1] > 5
-    assert off((found[0] * 1.03, found[1]), reference)[0] > 5
+    assert off((found[0] * 1.05, found[1]), reference)[0] > 5
     assert off((found[0][..., ::-1], found[1]), reference)[1] > 5
+
+
+def screen(**bitmap: Any) -> dict[str, Any]:
+    """An image of colours under an even sky."""
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 2},
+        "sensor": {
+            "type": "perspective",
+            "fov": 30,
+            "to_world": mi.ScalarTransform4f().look_at([0, 0, 3], [0, 0, 0], [0, 1, 0]),
+            "film": {"type": "hdrfilm", "width": 12, "height": 12, "rfilter": {"type": "box"}},
+        },
+        "sky": {"type": "constant"},
+        "screen": {
+            "type": "rectangle",
+            "bsdf": {"type": "twosided", "inner": {"type": "diffuse", "reflectance": {"type": "bitmap", "filter_type": "nearest", **bitmap}}},
+        },
+    }
+
+
+@pytest.mark.parametrize("kind", ["exr", "exr raw", "png", "png raw", "bitmap", "bitmap of bytes", "data"])
+def test_images_are_taken_as_mitsuba_takes_them(kind: str, tmp_path: Path) -> None:
+    """Colours under a sky of radiance 1 are those of the image: decoded where its format is encoded, as they are else."""
+    image = np.random.default_rng(2).random((3, 5, 3), dtype=np.float32)
+    mi.Bitmap(image).write(str(tmp_path / "i.exr"))
+    mi.Bitmap((image * 255).astype(np.uint8)).write(str(tmp_path / "i.png"))
+    of: dict[str, dict[str, Any]] = {
+        "exr": {"filename": str(tmp_path / "i.exr")},
+        "exr raw": {"filename": tmp_path / "i.exr", "raw": True},
+        "png": {"filename": str(tmp_path / "i.png")},
+        "png raw": {"filename": str(tmp_path / "i.png"), "raw": True},
+        "bitmap": {"bitmap": mi.Bitmap(image)},
+        "bitmap of bytes": {"bitmap": mi.Bitmap((image * 255).astype(np.uint8))},
+        "data": {"data": mi.TensorXf(image)},
+    }
+    found = ours(screen(**of[kind]))[0]
+    # Who loads a tensor may take it.
+    fresh = {"data": mi.TensorXf(image)} if kind == "data" else {k: str(v) if k == "filename" else v for k, v in of[kind].items()}
+    want = theirs(screen(**fresh))[0]
+    assert abs(found - want).max() < 0.12 and abs(found - want).mean() < 0.02
+    # Planted: decoded once more, or not at all; upside down.
+    assert abs(want**2.2 - found).mean() > 0.05 and abs(found[::-1] - want).mean() > 0.1
+
+
+def test_meshes_made_by_hand_are_read() -> None:
+    mesh = mi.Mesh("hand", vertex_count=4, face_count=2)
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = [-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]
+    params["faces"] = [0, 1, 2, 0, 2, 3]
+    params.update()
+    scene = screen(filename="none")
+    scene["screen"] = mesh
+    plain = screen(filename="none")
+    plain["screen"] = {"type": "rectangle"}
+    a, b = (quiet(s).render(spp=16)["mueller"]["mean"] for s in (scene, plain))
+    assert abs(a - b).max() < 1e-3 * b.max() and b[6, 6, 0, 0, 0] > 0.4
 
 
 def test_texts_and_files_are_read() -> None:
