@@ -31,8 +31,11 @@ enum Of {
     Scene(Py<Scene>),
 }
 
-/// Directions (n, 3), and what is made of them: an array, with axes n and wavelengths first.
+/// Directions (n, 3).
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
+
+/// Matrices, and directions.
+type Specular<'py> = (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<f64>>);
 
 fn directions(what: &str, rows: &Rows<'_>) -> PyResult<Vec<Direction>> {
     let view = rows.as_array();
@@ -183,7 +186,7 @@ impl Material {
         incoming: Rows<'py>,
         transmitted: bool,
         uv: [f32; 2],
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<f64>>)> {
+    ) -> PyResult<Specular<'py>> {
         let incoming = directions("incoming", &incoming)?;
         let lobe = if transmitted {
             Lobe::Transmitted

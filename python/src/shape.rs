@@ -28,7 +28,7 @@ fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pi
         .chain(&principal)
         .chain(&origin)
         .chain(axes.as_flattened());
-    if !all.clone().all(|v| v.is_finite()) || focal.iter().any(|f| *f == 0.0) {
+    if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
         return Err(input("give finite numbers, and focal lengths in pixels"));
     }
     Ok(Pinhole::new(resolution, focal, principal, origin, axes))
@@ -73,6 +73,8 @@ impl Devices {
 
 type Image<'py> = PyReadonlyArrayDyn<'py, f64>;
 
+type Found<'py> = Bound<'py, PyArrayDyn<f64>>;
+
 /// A C-contiguous array (rows, columns, channels).
 fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     let [height, width, channels] = *image.shape() else {
@@ -101,7 +103,7 @@ fn of_camera(what: &str, map: &Map, camera: &Pinhole) -> PyResult<()> {
     )))
 }
 
-fn array(py: Python<'_>, map: Map) -> PyResult<Bound<'_, PyArrayDyn<f64>>> {
+fn array(py: Python<'_>, map: Map) -> PyResult<Found<'_>> {
     PyArray1::from_vec(py, map.data).reshape(vec![map.height, map.width, map.channels])
 }
 
@@ -169,7 +171,7 @@ pub fn code_patterns<'py>(
     code: &str,
     columns: usize,
     periods: Option<Vec<f64>>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Found<'py>> {
     let patterns = Code::of(code, columns, periods)?.patterns(columns);
     let captures = patterns.drives.len();
     PyArray1::from_vec(py, patterns.drives.concat()).reshape(vec![captures, columns])
@@ -184,7 +186,7 @@ pub fn decode_columns<'py>(
     columns: usize,
     periods: Option<Vec<f64>>,
     least_contrast: f64,
-) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+) -> PyResult<(Found<'py>, Found<'py>)> {
     let code = Code::of(code, columns, periods)?;
     let captures = map("captures", &captures)?;
     let found = py.detach(|| code.decode(&captures, columns, least_contrast));
@@ -194,11 +196,7 @@ pub fn decode_columns<'py>(
 
 /// Depths (rows, columns, 1) of projector columns.
 #[pyfunction]
-pub fn triangulate<'py>(
-    py: Python<'py>,
-    devices: &Devices,
-    columns: Image<'py>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+pub fn triangulate<'py>(py: Python<'py>, devices: &Devices, columns: Image<'py>) -> PyResult<Found<'py>> {
     let columns = map("columns", &columns)?;
     of_camera("columns", &columns, &devices.0.camera)?;
     array(py, py.detach(|| triangulation::depth(&devices.0, &columns)))
@@ -212,7 +210,7 @@ pub fn normals_of_depth<'py>(
     depth: Image<'py>,
     radius: usize,
     robust: bool,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Found<'py>> {
     let depth = map("depth", &depth)?;
     let camera = &devices.0.camera;
     of_camera("depth", &depth, camera)?;
@@ -230,7 +228,7 @@ pub fn polarization_cues<'py>(
     index: f64,
     mirrored: bool,
     mirrored_off: bool,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Found<'py>> {
     if !(index > 1.0 && index <= 10.0) {
         return Err(input("index: give a refractive index above 1, and 10 at most"));
     }
@@ -253,7 +251,7 @@ pub fn normals_of_cues<'py>(
     devices: &Devices,
     cues: Image<'py>,
     guess: Image<'py>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Found<'py>> {
     let (angles, guess) = (map("cues", &cues)?, map("guess", &guess)?);
     let camera = &devices.0.camera;
     of_camera("cues", &angles, camera)?;
