@@ -471,6 +471,50 @@ mod tests {
         }
     }
 
+    /// Who looks on hears of every descent, and can end them; histories hold what was found.
+    #[test]
+    fn somebody_may_look_on_and_end_it() {
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        #[derive(Default)]
+        struct Ends {
+            after: usize,
+            begun: AtomicUsize,
+            done: AtomicUsize,
+        }
+        impl Onlooker for Ends {
+            fn begins(&self, descents: usize) {
+                self.begun.fetch_add(descents, Ordering::Relaxed);
+            }
+            fn descended(&self) {
+                self.done.fetch_add(1, Ordering::Relaxed);
+            }
+            fn interrupted(&self) -> bool {
+                self.done.load(Ordering::Relaxed) >= self.after
+            }
+        }
+        let template = Scheme::quad(18, false).expect("a scheme");
+        let search = Search {
+            starts: 3,
+            iterations: 30,
+            adam_steps: 20,
+            seed: 1,
+        };
+        let objective = objective(Estimator::LeastSquares, 0.0);
+        let all = Ends {
+            after: usize::MAX,
+            ..Ends::default()
+        };
+        let found = learn_before(&template, &objective, &search, &all);
+        assert_eq!((all.begun.into_inner(), all.done.into_inner()), (5, 5));
+        for d in &found.descents {
+            let least = d.history.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!((least / d.loss - 1.0).abs() < 1e-12, "{}: {least}", d.name);
+        }
+        assert_eq!(found.descents[0].history.len(), 21);
+        let none = learn_before(&template, &objective, &search, &Ends::default());
+        assert!(none.descents.iter().all(|d| d.history.is_empty()) && none.loss > found.loss);
+    }
+
     /// The same whatever the number of threads.
     #[test]
     fn threads_do_not_matter() {

@@ -294,3 +294,53 @@ impl<'a> Parts<'a> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage};
+    use std::io::Cursor;
+
+    fn encoded(image: DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(vec![]);
+        image.write_to(&mut bytes, format).expect("fits");
+        bytes.into_inner()
+    }
+
+    /// Files in memory are read by their names; colours of formats that hold light are linear, others are decoded.
+    #[test]
+    fn images_in_memory_are_read_as_their_formats_say() {
+        let files: BTreeMap<String, Vec<u8>> = [
+            (
+                "light.exr".to_owned(),
+                encoded(Rgb32FImage::new(2, 2).into(), ImageFormat::OpenExr),
+            ),
+            (
+                "colours.png".to_owned(),
+                encoded(RgbImage::new(2, 2).into(), ImageFormat::Png),
+            ),
+        ]
+        .into();
+        let text = |name: &str| {
+            format!(
+                r#"{{"type": "scene", "camera": {{"type": "perspective"}}, "sky": {{"type": "constant"}}, "wall": {{"type": "rectangle",
+                "bsdf": {{"type": "diffuse", "reflectance": {{"type": "bitmap", "filename": "{name}"}}}}}}}}"#
+            )
+        };
+        let made = |name: &str, files: &BTreeMap<String, Vec<u8>>| {
+            let (xml, toml) = (Path::new("/nowhere/scene.json"), Path::new("/nowhere/scene.toml"));
+            Import::with_files(xml, &text(name), toml, &BTreeMap::new(), files)
+        };
+        assert!(
+            made("light.exr", &files)
+                .expect("a scene")
+                .toml
+                .contains("raw = true")
+        );
+        assert!(!made("colours.png", &files).expect("a scene").toml.contains("raw"));
+        let missing = made("light.exr", &BTreeMap::new())
+            .expect_err("no file")
+            .to_string();
+        assert!(missing.contains("light.exr"), "{missing}");
+    }
+}
