@@ -148,7 +148,8 @@ class _Dict:
         if isinstance(value, list | tuple):
             return [self.plain(v, at) for v in value]
         if _is(value, "Transform"):
-            return self._matrix(value.matrix, at)
+            transform: Any = value
+            return self._matrix(transform.matrix, at)
         if _is(value, "Mesh"):
             return self._mesh(value, at)
         if isinstance(value, os.PathLike):

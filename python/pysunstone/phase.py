@@ -20,6 +20,7 @@ from pysunstone import _native
 from pysunstone._arrays import real
 from pysunstone._documents import json_of
 from pysunstone._native import InputError
+from pysunstone.scene import Scene
 
 __all__ = ["Medium", "eval", "evaluate"]
 
@@ -35,7 +36,7 @@ class Medium:
     source
         A phase function as of ``[media.NAME.homogeneous.phase]`` of a scene file, ``{"rayleigh": {"depolarization": 0.0}}``,
         ``{"henyey_greenstein": {"g": 0.8}}``, ``{"mie": {"kinds": [...]}}`` or ``"isotropic"``; a medium as below ``[media.NAME]``,
-        ``{"milk": {}}``; a dict of several, ``{"media": {NAME: ...}}``; or the path of a file of media (TOML).
+        ``{"milk": {}}``; a dict of several, ``{"media": {NAME: ...}}``; the path of a file of media (TOML); or a `Scene`.
     name
         Which of several.
     wavelengths_nm
@@ -52,7 +53,7 @@ class Medium:
 
     def __init__(
         self,
-        source: Mapping[str, Any] | str | os.PathLike[str],
+        source: Scene | Mapping[str, Any] | str | os.PathLike[str],
         name: str | None = None,
         *,
         wavelengths_nm: float | Sequence[float] | npt.NDArray[Any] = 550.0,
@@ -66,7 +67,9 @@ class Medium:
         self._wavelengths = np.array(nm)
         if source == "isotropic":
             source = {"isotropic": None}
-        if isinstance(source, Mapping):
+        if isinstance(source, Scene):
+            self._native = _native.Medium.of_scene(source._native, name, nm)  # pyright: ignore[reportPrivateUsage]
+        elif isinstance(source, Mapping):
             self._native = _native.Medium.from_json(json_of(_document(source, name)), folder, name, nm)
         else:
             self._native = _native.Medium.load(source, name, nm)
@@ -146,7 +149,8 @@ def evaluate(medium: Any, angles_deg: npt.ArrayLike, **options: Any) -> npt.NDAr
     Parameters
     ----------
     medium
-        A `Medium`, or what makes one: a phase function or a medium as a dict of scene files, or the path of a file of media.
+        A `Medium`, or what makes one: a phase function or a medium as a dict of scene files, the path of a file of media, or a
+        `Scene`.
     angles_deg
         Scattering angles, 0 (forward) to 180 degrees, of any shape.
     **options

@@ -1,8 +1,9 @@
 //! Participating media by themselves: how they scatter.
 
-use crate::error::located;
+use crate::error::{input, located};
 use crate::lanes::{Lanes, choose};
 use crate::off_python::off_python;
+use crate::scene::Scene;
 use crate::table_text::toml_of_json;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -60,6 +61,27 @@ impl Medium {
     ) -> PyResult<Self> {
         let text = toml_of_json(json)?;
         Self::of_text(py, &folder.join("media in a dict"), &text, name, &wavelengths_nm)
+    }
+
+    /// Of a scene, whose file says what its media are.
+    #[staticmethod]
+    fn of_scene(
+        py: Python<'_>,
+        scene: Py<Scene>,
+        name: Option<&str>,
+        wavelengths_nm: Vec<f64>,
+    ) -> PyResult<Self> {
+        let text = py.detach(|| scene.get().lock().text.clone());
+        let whole: toml::Table = toml::from_str(&text).map_err(input)?;
+        let mut own = toml::Table::new();
+        own.insert("media".into(), toml::Table::new().into());
+        for key in ["wavelengths_nm", "media"] {
+            if let Some(value) = whole.get(key) {
+                own.insert(key.into(), value.clone());
+            }
+        }
+        let text = toml::to_string(&own).map_err(input)?;
+        Self::of_text(py, Path::new("media of the scene"), &text, name, &wavelengths_nm)
     }
 
     /// Coefficients, one a wavelength, by name.

@@ -12,6 +12,7 @@ import pytest
 
 import pysunstone as ps
 import rendered
+import scenes
 from pysunstone import phase
 
 ANGLES = np.linspace(0.0, 180.0, 721)
@@ -107,6 +108,11 @@ def test_numbers_are_the_commands(tmp_path: Path) -> None:
             assert np.allclose(found, of[:, 2:], rtol=2e-5, atol=1e-8)
     assert medium.scattering.tolist() == pytest.approx([3 - (660 - 633) / 110, 1.5])
     assert phase.evaluate({"milk": {}}, 10.0).shape == (4, 4)
+    scene = ps.Scene.from_dict(scenes.document(media={"fog": {"homogeneous": {"scattering": [1, 2, 3], "phase": {"rayleigh": {}}}}}))
+    of_scene = phase.Medium(scene, wavelengths_nm=[633, 500])
+    assert np.array_equal(of_scene.evaluate(want[0, :, 0]), m) and of_scene.scattering.tolist() == medium.scattering.tolist()
+    with pytest.raises(ps.InputError, match="there is no medium"):
+        phase.Medium(ps.Scene.from_toml(scenes.TEXT))
     assert phase.eval("isotropic", [0.0, 90.0])[:, 0, 0] == pytest.approx(1 / (4 * np.pi), rel=1e-6)
 
 
