@@ -134,6 +134,50 @@ def test_numbers_are_the_commands(tmp_path: Path) -> None:
     assert not np.array_equal(many[:, 0], many[:, 1])
 
 
+MODELS: dict[str, dict[str, Any]] = {
+    "diffuse": {"diffuse": {"albedo": 0.5}},
+    "metal": {"conductor": {"metal": "Au"}},
+    "rough metal": {"rough_conductor": {"metal": "Ag", "alpha": 0.2}},
+    "coated": {"coated_conductor": {"metal": "Ag", "films": [{"ior": "SiO", "thickness_nm": 85}]}},
+    "glass": {"dielectric": {"ior": "N-BK7"}},
+    "frosted": {"rough_dielectric": {"ior": 1.5, "alpha": 0.3}},
+    "plastic": {"plastic": {"albedo": 0.4, "ior": 1.5, "alpha": 0.2}},
+    "pane": {"thin_dielectric": {"ior": 1.5}},
+    "polarizer": {"polarizer": {"angle_deg": 30}},
+    "retarder": {"retarder": {"retardance_deg": 90, "angle_deg": 10}},
+    "crystal": {"crystal": {"name": "calcite", "axis": [0, 0, 1]}},
+    "null": {"null": {}},
+    "blend": {"blend": {"a": "diffuse", "b": "rough metal", "weight": 0.3}},
+    "sides": {"two_sided": {"front": "rough metal", "back": "diffuse"}},
+    "depolarizing": {"partial_depolarizer": {"material": "rough metal", "fraction": 0.2}},
+}
+ROUGH = {"diffuse", "rough metal", "frosted", "plastic", "blend", "sides", "depolarizing"}
+MIRRORS = {"metal", "coated", "glass", "pane", "crystal"}
+TRANSPARENT = {"glass", "pane", "polarizer", "retarder", "crystal", "null"}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_is_evaluated(name: str) -> None:
+    """Finite everywhere, also along the surface and the normal; BRDFs of rough ones, lobes of smooth ones, which no light is lost by."""
+    w = np.random.default_rng(8).normal(size=(2, 300, 3))
+    w[0, :4] = [[1, 0, 0], [0, 0, 1], [0, 0, -1], [1e-300, 0, 1]]
+    built = pbrdf.Material({"materials": MODELS}, name, wavelengths_nm=[450, 550])
+    m = built.evaluate(*w)
+    assert np.isfinite(m).all() and (m[..., 0, 0] >= 0).all() and m.any() == (name in ROUGH)
+    assert built.evaluate(np.zeros((0, 3)), [0, 0, 1]).shape == (0, 2, 4, 4)
+    powers = []
+    for lobe, those in ((built.mirror, MIRRORS), (built.refract, TRANSPARENT)):
+        if name in those:
+            powers.append(lobe([0.3, 0.1, 0.9])[0][..., 0, 0])
+        else:
+            with pytest.raises(ps.InputError, match="specularly"):
+                lobe([0.3, 0.1, 0.9])
+    if name in ("glass", "pane", "crystal"):
+        assert np.allclose(sum(powers), 1, atol=1e-5)
+    elif name == "polarizer":
+        assert np.allclose(powers, 0.5, atol=0.01)
+
+
 def test_scenes_and_tables_have_materials(tmp_path: Path) -> None:
     wi, wo = hemisphere(20, 5), hemisphere(20, 6)
     scene = ps.Scene.from_toml(scenes.TEXT)

@@ -188,7 +188,11 @@ impl<'a> Specimen<'a> {
         let (wi, xi) = incoming.single();
         // Where the reversed light goes is None under total reflection as well: then nothing is transmitted.
         let back = materials.specular(self.id, &self.at, wi, lobe, lane);
-        let total = back.is_none() && lobe == Lobe::Transmitted;
+        let total = back.is_none()
+            && lobe == Lobe::Transmitted
+            && materials
+                .specular(self.id, &self.at, wi, Lobe::Reflected, lane)
+                .is_some();
         if total && materials.beyond(self.id, &self.at, wi, Lanes::first(1)).is_some() {
             return Ok(SpecularValue {
                 mueller: Mueller::ZERO.lane(0),
@@ -278,6 +282,12 @@ mod tests {
     /// A diffuse surface of albedo a has the BRDF a/π and no lobes.
     #[test]
     fn rough_surfaces_have_a_brdf() {
+        let rough = set("r.rough_dielectric = { ior = 1.5, alpha = 0.3 }");
+        let frosted = Specimen::new(&rough, "r", [0.5, 0.5]).expect("is there");
+        assert_eq!(
+            frosted.specular(at(40.0, 0.0), Lobe::Transmitted),
+            Err(NotSpecular(Lobe::Transmitted))
+        );
         let set = set("d.diffuse = { albedo = 0.5 }");
         assert!(Specimen::new(&set, "none", [0.0; 2]).is_none());
         let diffuse = Specimen::new(&set, "d", [0.5, 0.5]).expect("is there");
