@@ -3,6 +3,7 @@
 use crate::capture::{Scheme, rays};
 use crate::error::{failed, input, located};
 use crate::off_python::off_python;
+use crate::prior::moment;
 use crate::watch::looked_on;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -19,22 +20,6 @@ use sunstone::transport::material::measured::axes::Axes;
 /// What there is to learn from: the second moment of materials, and of folds of them.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct LearningData(cross_validation::LearningData);
-
-/// A second moment (16, 16).
-pub fn moment(given: &PyReadonlyArray2<'_, f64>) -> PyResult<Moment> {
-    let view = given.as_array();
-    if view.shape() != [16, 16] {
-        return Err(input(format!(
-            "the second moment's shape is {:?}; give (16, 16), or the path of its file",
-            view.shape()
-        )));
-    }
-    let s = Moment::from_fn(|i, j| view[(i, j)]);
-    match second_moment::fault(&s) {
-        None => Ok(s),
-        Some(fault) => Err(input(format!("the second moment {fault}"))),
-    }
-}
 
 fn array<'py>(py: Python<'py>, s: &Moment) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     PyArray1::from_vec(py, s.transpose().iter().copied().collect()).reshape(vec![16, 16])

@@ -13,6 +13,7 @@ mod medium;
 mod mitsuba;
 mod off_python;
 mod picture;
+mod prior;
 mod render;
 mod scene;
 mod shape;
