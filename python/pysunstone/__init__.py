@@ -19,14 +19,19 @@ from typing import TYPE_CHECKING, Any
 from pysunstone._native import InputError, RenderError, __version__
 
 if TYPE_CHECKING:
+    from pysunstone import apply, pbrdf, phase
     from pysunstone.builder import SceneBuilder
     from pysunstone.capture import Scheme, design_matrix, reconstruct, simulate
+    from pysunstone.learning import Learned, Materials, learn
+    from pysunstone.mitsuba import from_mitsuba
     from pysunstone.mueller import decompose
     from pysunstone.scene import Scene, Slice, Slices
     from pysunstone.stores import open_store
 
 __all__ = [
     "InputError",
+    "Learned",
+    "Materials",
     "RenderError",
     "Scene",
     "SceneBuilder",
@@ -34,15 +39,22 @@ __all__ = [
     "Slice",
     "Slices",
     "__version__",
+    "apply",
     "decompose",
     "design_matrix",
+    "from_mitsuba",
+    "learn",
     "open_store",
+    "pbrdf",
+    "phase",
     "reconstruct",
     "simulate",
 ]
 
 # Where names are, so that NumPy and xarray are imported by who needs them: the command does not.
 _HOMES = {
+    "Learned": "learning",
+    "Materials": "learning",
     "Scene": "scene",
     "SceneBuilder": "builder",
     "Scheme": "capture",
@@ -50,13 +62,20 @@ _HOMES = {
     "Slices": "scene",
     "decompose": "mueller",
     "design_matrix": "capture",
+    "from_mitsuba": "mitsuba",
+    "learn": "learning",
     "open_store": "stores",
     "reconstruct": "capture",
     "simulate": "capture",
 }
 
 
+_MODULES = ("apply", "pbrdf", "phase")
+
+
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return importlib.import_module(f"{__name__}.{name}")
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -66,4 +85,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *_HOMES, *_MODULES})

@@ -152,7 +152,7 @@ class SunstoneArray:
     def capture(
         self,
         scheme: SchemeLike,
-        detector: str | os.PathLike[str] | None = None,
+        detector: Mapping[str, Any] | str | os.PathLike[str] | None = None,
         *,
         noise: float | None = None,
         relative_noise: float | None = None,
@@ -165,7 +165,8 @@ class SunstoneArray:
         scheme
             Scheme file, such as `sunstone scheme drr` writes, or an object with `to_toml()`, such as `pysunstone.Scheme`.
         detector
-            Detector file with a table [cmos]; then variances are given too, as a camera states them.
+            Detector file, or its content as a dict. A camera (``cmos``) gives variances too; a photon counter (``spad``) reads slices
+            over `y`, `x` and `t`.
         noise, relative_noise
             Standard deviation of normal noise, in the unit of the matrices or over the mean M00.
         seed
@@ -188,8 +189,9 @@ class SunstoneArray:
         saturation: float | None = None,
         realizable: bool = False,
         errors: bool = True,
+        prior: Any = None,
     ) -> xr.Dataset:
-        """Reconstruct Mueller matrices from captures by least squares, as `sunstone reconstruct`.
+        """Reconstruct Mueller matrices from captures by least squares, or with a prior, as `sunstone reconstruct`.
 
         Parameters
         ----------
@@ -205,13 +207,15 @@ class SunstoneArray:
             Replace each matrix by the nearest one that can exist (Cloude).
         errors
             Propagate errors: from `variance` or `noise`, else from what the estimate leaves over, which takes more than 16 measurements.
+        prior
+            Second moment of the matrices to expect, (16, 16), or its file; needs `noise`.
 
         Returns
         -------
         xarray.Dataset
             `mean` and, with `errors`, `std_error` over the captures' axes, `stokes_out` and `stokes_in`.
         """
-        return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors)
+        return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors, prior)
 
     def plot_mueller(self, **options: Any) -> Figure:
         """Draw the sixteen elements as a grid of images; see `pysunstone.plots.plot_mueller`."""
@@ -353,7 +357,12 @@ class SunstoneDataset:
         """Decompose Mueller matrices, as `SunstoneArray.decompose`, with standard errors of the scalars."""
         return decomposed(self._data["mean"], self._data.get("std_error"), only)
 
-    def capture(self, scheme: SchemeLike, detector: str | os.PathLike[str] | None = None, **options: Any) -> xr.Dataset:
+    def capture(
+        self,
+        scheme: SchemeLike,
+        detector: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+        **options: Any,
+    ) -> xr.Dataset:
         """Simulate what a rig reads of `mean`; see `SunstoneArray.capture`."""
         return SunstoneArray(self._data["mean"]).capture(scheme, detector, **options)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from pysunstone import _native
 from pysunstone._arrays import real
+from pysunstone._documents import json_of
 from pysunstone._native import InputError
 
 __all__ = ["Scheme", "design_matrix", "reconstruct", "simulate"]
@@ -98,39 +100,114 @@ def _lanes(wavelengths_nm: float | Sequence[float], leading: tuple[int, ...]) ->
     return nm
 
 
+@dataclass(frozen=True)
+class _Instrument:
+    detector_file: str | None
+    detector_text: str | None
+    noise: float | None
+    relative_noise: float | None
+    fov_x_deg: float | None
+    bin_ps: float | None
+    seed: int
+
+
 def simulate(
     matrices: npt.ArrayLike,
     scheme: Scheme,
     *,
     wavelengths_nm: float | Sequence[float] = 550.0,
-    noise: float = 0.0,
+    detector: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    noise: float | None = None,
+    relative_noise: float | None = None,
     seed: int = 0,
-) -> npt.NDArray[np.float32]:
-    """Simulate what a rig with a scheme reads of known Mueller matrices.
+    fov_x_deg: float | None = None,
+    bin_ps: float | None = None,
+    variance: bool = False,
+) -> Any:
+    """Simulate what a rig with a scheme reads of known Mueller matrices, as `sunstone capture`.
 
     Parameters
     ----------
     matrices
-        (..., 4, 4).
+        (..., 4, 4). To a detector, and with ``fov_x_deg``, the first two axes are rows and columns.
     wavelengths_nm
         One for all, or one for each entry of the last axis before the matrices.
-    noise
-        Standard deviation of normal noise, in the unit of the matrices.
+    detector
+        A camera or a photon counter: the path of its file or of a calibration's, or its content, ``{"cmos": {"full_well_e": 1e4}}``;
+        ``demosaic`` beside it for polarizers on the sensor's pixels.
+    noise, relative_noise
+        Standard deviation of normal noise, in the unit of the matrices, or over the mean M00.
     seed
         Of the noise.
+    fov_x_deg
+        Horizontal field of view of a pinhole: light passes plates and mirrors in the direction of every pixel. Without it, along the
+        axis.
+    bin_ps
+        Width of time bins, which are the third axis then: what a ``spad`` counts in.
+    variance
+        Return the variances, too, as a camera states them (infinite where saturated).
 
     Returns
     -------
-    numpy.ndarray
-        (captures, ...), or (captures, 4, ...) of a polarizer array.
+    numpy.ndarray, or two of them
+        (captures, ...), or (captures, 4, ...) of a polarizer array; half as many rows and columns with binning or superpixels.
+        Saturated ones are NaN.
     """
+    found, variances = simulated(
+        matrices,
+        scheme,
+        wavelengths_nm=wavelengths_nm,
+        detector=detector,
+        noise=noise,
+        relative_noise=relative_noise,
+        seed=seed,
+        fov_x_deg=fov_x_deg,
+        bin_ps=bin_ps,
+    )
+    if not variance:
+        return found
+    if variances is None:
+        raise InputError("variance: a camera alone states variances; give a detector with `cmos`, or tell `reconstruct` the noise")
+    return found, variances
+
+
+def simulated(
+    matrices: npt.ArrayLike,
+    scheme: Scheme,
+    *,
+    wavelengths_nm: float | Sequence[float] = 550.0,
+    detector: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    noise: float | None = None,
+    relative_noise: float | None = None,
+    seed: int = 0,
+    fov_x_deg: float | None = None,
+    bin_ps: float | None = None,
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
+    """As `simulate`, with the variances where they are known."""
     array = real("matrices", matrices, np.float64)
     if array.ndim < 2 or array.shape[-2:] != (4, 4):
         raise InputError(f"the matrices' shape is {array.shape}; give (..., 4, 4)")
     leading = array.shape[:-2]
     nm = _lanes(wavelengths_nm, leading)
-    found = _native.simulate(scheme._native, array, nm, noise, seed)  # pyright: ignore[reportPrivateUsage]
-    return found.reshape(_measured(scheme) + leading)
+    native = scheme._native  # pyright: ignore[reportPrivateUsage]
+    if detector is None and relative_noise is None and fov_x_deg is None and bin_ps is None:
+        found = _native.simulate(native, array, nm, noise or 0.0, seed)
+        return found.reshape(_measured(scheme) + leading), None
+    text = json_of(detector) if isinstance(detector, Mapping) else None
+    path = None if detector is None or isinstance(detector, Mapping) else os.fspath(detector)
+    instrument = _Instrument(path, text, noise, relative_noise, fov_x_deg, bin_ps, seed)
+    along = len(nm) > 1 or np.ndim(wavelengths_nm) == 1
+    found, variances, pixels = _native.capture(native, array, nm, along, instrument)
+    shape = (*_measured(scheme), *pixels)
+    return found.reshape(shape), None if variances is None else variances.reshape(shape)
+
+
+def _second_moment(prior: Any) -> npt.NDArray[np.float64] | None:
+    if prior is None:
+        return None
+    if isinstance(prior, str | os.PathLike):
+        return _native.LearningData.load(os.fspath(prior)).prior  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+    return real("prior", prior, np.float64)
 
 
 def reconstruct(
@@ -143,8 +220,10 @@ def reconstruct(
     saturation: float | None = None,
     realizable: bool = False,
     errors: bool = False,
+    prior: npt.ArrayLike | str | os.PathLike[str] | None = None,
+    fov_x_deg: float | None = None,
 ) -> Any:
-    """Reconstruct Mueller matrices from captures.
+    """Reconstruct Mueller matrices from captures, as `sunstone reconstruct`.
 
     Parameters
     ----------
@@ -162,7 +241,13 @@ def reconstruct(
     realizable
         Return the nearest matrices that can exist.
     errors
-        Return standard errors, too.
+        Return standard errors, too. Without ``noise`` and ``variance`` they come from what the estimate leaves over, which takes more
+        than 16 measurements.
+    prior
+        What is expected, where captures are few: the second moment of matrices with M00 = 1, (16, 16), such as `Materials.prior`, or the
+        path of its file. Needs ``noise``.
+    fov_x_deg
+        See `simulate`: then the first two axes of the pixels are rows and columns.
 
     Returns
     -------
@@ -182,6 +267,11 @@ def reconstruct(
         if weights.shape != array.shape:
             raise InputError(f"variance: its shape is {weights.shape}, that of the intensities {array.shape}")
         weights = weights.reshape(flat)
+    view = None
+    if fov_x_deg is not None:
+        if len(leading) < 2:
+            raise InputError("fov_x_deg: the intensities have no rows and columns behind captures and channels; leave it out")
+        view = (float(fov_x_deg), leading[0], leading[1])
     found, spread = _native.reconstruct(
         scheme._native,  # pyright: ignore[reportPrivateUsage]
         array.reshape(flat),
@@ -191,6 +281,8 @@ def reconstruct(
         saturation,
         realizable,
         errors,
+        _second_moment(prior),
+        view,
     )
     shape = (*leading, 4, 4)
     return found.reshape(shape) if spread is None else (found.reshape(shape), spread.reshape(shape))

@@ -1,21 +1,21 @@
 """Decomposing, capturing and reconstructing Mueller matrices of arrays of xarray, with their axes.
 
-The numbers are those of `sunstone decompose`, `capture` and `reconstruct`, which are run on the arrays; what Dask has put off
-is computed first, in memory.
+The numbers are those of `pysunstone.decompose`, `simulate` and `reconstruct`; what Dask has put off is computed first, in memory.
 """
 
 # pyright: basic
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from .command import run_on_arrays
+from .capture import Scheme, reconstruct, simulated
+from .mueller import decompose
 
 __all__ = ["SchemeLike", "captured", "decomposed", "reconstructed"]
 
@@ -60,16 +60,10 @@ def _coords(data: xr.DataArray, dims: Sequence[Any]) -> dict[Any, xr.DataArray]:
 def decomposed(mean: xr.DataArray, std_error: xr.DataArray | None, only: Sequence[str] | None) -> xr.Dataset:
     """Lu and Chipman's factors and scalars; see `SunstoneArray.decompose`."""
     matrices = _matrices(mean)
-    inputs = {"m": matrices.values}
-    words: list[object] = ["decompose", "{m}"]
-    if std_error is not None:
-        inputs["e"] = _matrices(std_error).values
-        words += ["--errors", "{e}"]
-    if only is not None:
-        words += ["--only", ",".join(only)]
+    errors = None if std_error is None else _matrices(std_error).values
     pixels = matrices.dims[:-2]
     result: dict[str, xr.DataArray] = {}
-    for name, values in run_on_arrays(words, inputs, {"--output": "npz"}).items():
+    for name, values in decompose(matrices.values, errors, only=only).items():
         kind = name.removesuffix("_error")
         units, said = _PARTS.get(kind, ("1", kind))
         if kind != name:
@@ -80,47 +74,49 @@ def decomposed(mean: xr.DataArray, std_error: xr.DataArray | None, only: Sequenc
     return xr.Dataset(result)
 
 
-def _wavelengths(data: xr.DataArray) -> tuple[xr.DataArray, list[object]]:
-    """The array with the wavelength as an axis, where it is known, and the option that says it."""
+def _wavelengths(data: xr.DataArray) -> tuple[xr.DataArray, dict[str, Any]]:
+    """The array with the wavelength as an axis, where it is known, and the argument that says it."""
     if "wavelength" not in data.coords:
-        return data, []
+        return data, {}
     if "wavelength" not in data.dims:
         data = data.expand_dims("wavelength")
-    return data, ["--wavelengths", ",".join(f"{float(w):g}" for w in data["wavelength"].values)]
+    return data, {"wavelengths_nm": [float(w) for w in data["wavelength"].values]}
 
 
-def _scheme(scheme: SchemeLike) -> tuple[list[object], dict[str, str]]:
-    """The option that names a scheme, and the text of its file where it is none."""
-    if isinstance(scheme, (str, os.PathLike)):
-        return ["--scheme", os.fspath(scheme)], {}
-    return ["--scheme", "{scheme}"], {"scheme": scheme.to_toml()}
+def _scheme(scheme: SchemeLike) -> Scheme:
+    if isinstance(scheme, Scheme):
+        return scheme
+    return Scheme.load(scheme) if isinstance(scheme, str | os.PathLike) else Scheme.from_toml(scheme.to_toml())
+
+
+def _bins(data: xr.DataArray, pixels: Sequence[Any]) -> dict[str, float]:
+    """The width of the time bins, where they are all that there is besides rows, columns and wavelengths."""
+    if [d for d in pixels if d != "wavelength"] != ["y", "x", "t"] or data.sizes["t"] < 2:
+        return {}
+    return {"bin_ps": float(data["t"][1] - data["t"][0])}
 
 
 def captured(
     mean: xr.DataArray,
     scheme: SchemeLike,
-    detector: str | os.PathLike[str] | None,
+    detector: Mapping[str, Any] | str | os.PathLike[str] | None,
     noise: float | None,
     relative_noise: float | None,
     seed: int,
 ) -> xr.Dataset:
     """What a rig reads; see `SunstoneArray.capture`."""
     single = "wavelength" in mean.coords and "wavelength" not in mean.dims
-    data, option = _wavelengths(mean)
+    data, options = _wavelengths(mean)
     matrices = _matrices(data)
-    named, texts = _scheme(scheme)
-    words: list[object] = ["capture", "{m}", *named, "--seed", seed, *option]
-    outputs = {"--output": "npy"}
-    if detector is not None:
-        words += ["--detector", os.fspath(detector)]
-        outputs["--variance"] = "npy"
-    words += [] if noise is None else ["--noise", noise]
-    words += [] if relative_noise is None else ["--relative-noise", relative_noise]
-    found = run_on_arrays(words, {"m": matrices.values}, outputs, texts)
     pixels = matrices.dims[:-2]
-    values = found["--output"]
+    if detector is not None:
+        options |= {"detector": detector, **_bins(matrices, pixels)}
+    values, variances = simulated(
+        matrices.values, _scheme(scheme), noise=noise, relative_noise=relative_noise, seed=seed, **options
+    )
     dims = ("capture", "channel")[: values.ndim - len(pixels)] + pixels
-    coords: dict[Any, Any] = {**_coords(matrices, pixels), "capture": np.arange(1, values.shape[0] + 1)}
+    kept = [d for d in pixels if values.shape[dims.index(d)] == matrices.sizes[d]]
+    coords: dict[Any, Any] = {**_coords(matrices, kept), "capture": np.arange(1, values.shape[0] + 1)}
     if "channel" in dims:
         coords["channel"] = ("channel", [0.0, 45.0, 90.0, 135.0], {"units": "degree", "long_name": "polarizer of the sensor"})
     units = mean.attrs.get("units", "1")
@@ -130,8 +126,8 @@ def captured(
         return made.isel(wavelength=0) if single else made
 
     result = {"mean": array(values, "intensity", units)}
-    if "--variance" in found:
-        result["variance"] = array(found["--variance"], "variance of the intensity", f"({units})2")
+    if variances is not None:
+        result["variance"] = array(variances, "variance of the intensity", f"({units})2")
     return xr.Dataset(result)
 
 
@@ -143,34 +139,35 @@ def reconstructed(
     saturation: float | None,
     realizable: bool,
     errors: bool,
+    prior: Any = None,
 ) -> xr.Dataset:
     """Mueller matrices from captures; see `SunstoneArray.reconstruct`."""
     if "capture" not in intensities.dims:
         raise ValueError("captures are needed along the axis `capture`")
     single = "wavelength" in intensities.coords and "wavelength" not in intensities.dims
-    data, option = _wavelengths(intensities)
+    data, options = _wavelengths(intensities)
     lanes = [d for d in ("wavelength",) if d in data.dims]
     leading = [d for d in ("capture", "channel") if d in data.dims]
     pixels = [d for d in data.dims if d not in (*leading, *lanes)] + lanes
     order = [*leading, *pixels]
-    inputs = {"i": data.transpose(*order).values}
-    named, texts = _scheme(scheme)
-    words: list[object] = ["reconstruct", "{i}", *named, *option]
-    if variance is not None:
-        inputs["v"] = _wavelengths(variance)[0].transpose(*order).values
-        words += ["--variance", "{v}"]
-    words += [] if noise is None else ["--noise", noise]
-    words += [] if saturation is None else ["--saturation", saturation]
-    words += ["--realizable"] if realizable else []
-    outputs = {"--output": "npy", **({"--errors": "npy"} if errors else {})}
-    found = run_on_arrays(words, inputs, outputs, texts)
+    weights = None if variance is None else _wavelengths(variance)[0].transpose(*order).values
+    found = reconstruct(
+        data.transpose(*order).values,
+        _scheme(scheme),
+        variance=weights,
+        noise=noise,
+        saturation=saturation,
+        realizable=realizable,
+        errors=errors,
+        prior=prior,
+        **options,
+    )
     coords: dict[Any, Any] = {**_coords(data, pixels), **{d: np.arange(4) for d in _STOKES}}
     units = intensities.attrs.get("units", "1")
     result = {}
-    for name, option_name, said in (("mean", "--output", "Mueller matrix"), ("std_error", "--errors", "standard error")):
-        if option_name in found:
-            made = xr.DataArray(
-                found[option_name], dims=(*pixels, *_STOKES), coords=coords, attrs={"units": units, "long_name": said}
-            )
-            result[name] = made.isel(wavelength=0) if single else made
+    for name, values, said in zip(
+        ("mean", "std_error"), found if errors else (found,), ("Mueller matrix", "standard error"), strict=False
+    ):
+        made = xr.DataArray(values, dims=(*pixels, *_STOKES), coords=coords, attrs={"units": units, "long_name": said})
+        result[name] = made.isel(wavelength=0) if single else made
     return xr.Dataset(result)

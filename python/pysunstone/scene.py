@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pysunstone import _native
+from pysunstone._documents import json_of
 from pysunstone._native import InputError
 from pysunstone._progress import Progress, told
 
@@ -135,25 +136,6 @@ def _image(given: Any) -> bytes:
     return _native.encode_image(array)
 
 
-def _plain(value: Any) -> Any:
-    """What JSON does not know: arrays and numbers of NumPy, paths."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    raise InputError(f"a scene holds no {type(value).__name__}; give numbers, texts, lists and dicts of them")
-
-
-def _without_none(value: Any) -> Any:
-    """Without what is None: TOML has no word for it, and leaving a key out says the same."""
-    if isinstance(value, Mapping):
-        items: Any = value.items()  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
-        return {k: _without_none(v) for k, v in items if v is not None}
-    if isinstance(value, list | tuple):
-        return [_without_none(v) for v in value]  # pyright: ignore[reportUnknownVariableType]
-    return value
-
-
 class Scene:
     """A scene, ready to render. Made by `load`, `from_toml`, `from_dict` or a `SceneBuilder`; it does not change.
 
@@ -207,18 +189,17 @@ class Scene:
             Meshes in memory by the names under which objects know them (``{"ply": {"file": NAME}}``): ``(vertices, faces)``,
             ``(vertices, faces, normals, uvs)`` or a dict of these; (n, 3) metres, (m, 3) integers from 0.
         images
-            Images in memory by the names under which textures and slices know them: uint8, or real numbers (linear; name it
-            ``.exr``), of shape (h, w) or (h, w, 3), or the bytes of a file.
+            Images in memory by the names under which textures and slices know them: uint8, or real numbers (name it ``.exr``,
+            and say ``raw`` of a texture: linear), of shape (h, w) or (h, w, 3), or the bytes of a file.
 
         Raises
         ------
         InputError
             ``file`` names the place: ``scene in code: objects[0].material``.
         """
-        text = json.dumps(_without_none(document), default=_plain, allow_nan=False)
         return cls(
             _native.Scene.from_json(
-                text,
+                json_of(document),
                 folder,
                 [(name, _mesh(name, mesh)) for name, mesh in (meshes or {}).items()],
                 [(name, _image(image)) for name, image in (images or {}).items()],

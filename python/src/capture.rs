@@ -3,18 +3,24 @@
 use crate::analysis::{Either, slice};
 use crate::error::{input, located};
 use crate::off_python::off_python;
-use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use crate::prior::moment;
+use numpy::{
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use sunstone::Ray;
 use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
+use sunstone::polarimetry::capture::directions::Directions;
 use sunstone::polarimetry::capture::scheme_file;
 use sunstone::polarimetry::capture::simulate::{self as simulation, Layout, Noise};
-use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction};
+use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
+use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber};
 
 /// How a rig is set in each capture.
 #[pyclass(frozen, module = "pysunstone._native")]
-pub struct Scheme(sunstone::Scheme);
+pub struct Scheme(pub sunstone::Scheme);
 
 /// The most captures that a scheme is made for, as by the command.
 const MOST: usize = 100_000;
@@ -34,7 +40,7 @@ impl Scheme {
             .map_err(|e| located(py, &e))
     }
 
-    /// One of the presets: drr, qrpr, lc.
+    /// One of the presets: drr, qrpr, lc, or the four elements at rest that learning begins with: quad.
     #[staticmethod]
     fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
         if captures > MOST {
@@ -43,6 +49,7 @@ impl Scheme {
         let scheme = match name {
             "drr" => sunstone::Scheme::drr(captures, polarizer_array),
             "qrpr" => sunstone::Scheme::qrpr(captures, polarizer_array),
+            "quad" => sunstone::Scheme::quad(captures, polarizer_array),
             "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
             _ => {
                 return Err(input(format!(
@@ -70,6 +77,12 @@ impl Scheme {
     #[getter]
     fn channels(&self) -> usize {
         self.0.sensor.channels()
+    }
+
+    /// Least captures of rank 16.
+    #[getter]
+    fn least_captures(&self) -> usize {
+        self.0.least_captures()
     }
 
     /// Least error variance that as many captures allow.
@@ -110,7 +123,13 @@ impl Scheme {
 }
 
 /// Rays along the axis.
-fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
+pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
+    check_wavelengths(nm)?;
+    Ok(nm.iter().copied().map(Ray::axial).collect())
+}
+
+/// That there are wavelengths, all of which light can have.
+pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
         return Err(input(format!(
             "the wavelength {bad} is not a positive number of nanometres"
@@ -119,7 +138,7 @@ fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
     if nm.is_empty() {
         return Err(input("give one wavelength at least"));
     }
-    Ok(nm.iter().copied().map(Ray::axial).collect())
+    Ok(())
 }
 
 /// Intensities (measurements, pixels) of C-contiguous matrices (pixels, 16) whose wavelengths go round.
@@ -167,6 +186,8 @@ pub fn reconstruct<'py>(
     saturation: Option<f64>,
     realizable: bool,
     with_errors: bool,
+    prior: Option<PyReadonlyArray2<'py, f64>>,
+    view: Option<(f64, usize, usize)>,
 ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
         return Err(input(
@@ -178,26 +199,56 @@ pub fn reconstruct<'py>(
             "saturation: give a positive number, in units of the intensities",
         ));
     }
+    let prior = prior.as_ref().map(moment).transpose()?;
+    if prior.is_some() && noise.is_none() {
+        return Err(input(
+            "prior: it weighs what is expected against the noise; give the intensities' standard deviation as noise",
+        ));
+    }
     let options = Options {
         noise,
         saturation,
         realizable,
-        prior: None,
+        prior,
     };
-    let rays = rays(&wavelengths_nm)?;
+    let lanes = wavelengths_nm.len();
+    let rays = match view {
+        None => rays(&wavelengths_nm)?,
+        Some((degrees, height, width)) => {
+            check_wavelengths(&wavelengths_nm)?;
+            if !(degrees > 0.0 && degrees < 180.0) {
+                return Err(input("fov_x_deg: give degrees, above 0 and below 180"));
+            }
+            let layout = Layout {
+                height,
+                width,
+                times: 1,
+                lanes,
+            };
+            Directions::pinhole(degrees.to_radians(), width, height).rays(layout, &wavelengths_nm)
+        }
+    };
+    let rays = Along { rays: &rays, lanes };
     match (intensities, variances) {
-        (Either::Single(i), None) => solve(py, scheme, &i, None, &rays, options, with_errors),
-        (Either::Double(i), None) => solve(py, scheme, &i, None, &rays, options, with_errors),
+        (Either::Single(i), None) => solve(py, scheme, &i, None, rays, options, with_errors),
+        (Either::Double(i), None) => solve(py, scheme, &i, None, rays, options, with_errors),
         (Either::Single(i), Some(Either::Single(v))) => {
-            solve(py, scheme, &i, Some(&v), &rays, options, with_errors)
+            solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
         (Either::Double(i), Some(Either::Double(v))) => {
-            solve(py, scheme, &i, Some(&v), &rays, options, with_errors)
+            solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
         _ => Err(input(
             "variance: its dtype is not that of the intensities; give both in one",
         )),
     }
+}
+
+/// The rays of each wavelength, or of each place and wavelength.
+#[derive(Clone, Copy)]
+struct Along<'a> {
+    rays: &'a [Ray],
+    lanes: usize,
 }
 
 type Solved<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
@@ -207,7 +258,7 @@ fn solve<'py, T: PixelNumber + Element>(
     scheme: &Scheme,
     intensities: &PyReadonlyArrayDyn<'py, T>,
     variances: Option<&PyReadonlyArrayDyn<'py, T>>,
-    rays: &[Ray],
+    Along { rays, lanes }: Along<'_>,
     options: Options,
     with_errors: bool,
 ) -> PyResult<Solved<'py>> {
@@ -217,11 +268,11 @@ fn solve<'py, T: PixelNumber + Element>(
             "the intensities' shape is {shape:?}; give (measurements, pixels)"
         )));
     };
-    if measurements != scheme.0.measurements() || pixels % rays.len() != 0 {
+    if measurements != scheme.0.measurements() || pixels % rays.len().max(1) != 0 {
         return Err(input(format!(
             "the intensities are of shape {shape:?}, but the scheme has {} measurements, and there are {} wavelengths",
             scheme.0.measurements(),
-            rays.len()
+            lanes
         )));
     }
     if let Some(other) = variances.map(|v| v.shape()).filter(|s| *s != shape) {
@@ -232,10 +283,19 @@ fn solve<'py, T: PixelNumber + Element>(
     let read = slice("intensities", intensities)?;
     let variances = variances.map(|v| slice("variance", v)).transpose()?;
     let (found, errors) = off_python(py, 0, || {
-        let estimates = Reconstruction::<T>::new(&scheme.0, rays, options)?;
+        let places = Places {
+            rays,
+            times: if rays.len() == lanes {
+                1
+            } else {
+                pixels / rays.len().max(1)
+            },
+            lanes,
+        };
         let mut found = vec![T::default(); pixels * 16];
         let mut errors = with_errors.then(|| vec![T::default(); pixels * 16]);
-        estimates.apply(read, variances, &mut found, errors.as_deref_mut());
+        let out = errors.as_deref_mut();
+        along_rays::reconstruct(&scheme.0, places, &options, read, variances, &mut found, out)?;
         Ok((found, errors))
     })?
     .map_err(|e: sunstone::polarimetry::capture::design_matrix::RankError| input(e))?;

@@ -2,13 +2,23 @@
 //! conversion. What people use is the package `pysunstone` around it, which says what everything means.
 
 mod analysis;
+mod apply;
 mod capture;
+mod detector;
 mod error;
+mod lanes;
+mod learn;
+mod material;
+mod medium;
+mod mitsuba;
 mod off_python;
 mod picture;
+mod prior;
 mod render;
 mod rig;
 mod scene;
+mod shape;
+mod table_text;
 mod watch;
 
 use pyo3::prelude::*;
@@ -26,6 +36,10 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     rig::register(m)?;
     m.add_class::<scene::Scene>()?;
     m.add_class::<capture::Scheme>()?;
+    m.add_class::<learn::LearningData>()?;
+    m.add_class::<material::Material>()?;
+    m.add_class::<shape::Devices>()?;
+    m.add_class::<medium::Medium>()?;
     m.add_function(wrap_pyfunction!(command, m)?)?;
     m.add_function(wrap_pyfunction!(render::render_store, m)?)?;
     m.add_function(wrap_pyfunction!(render::render_arrays, m)?)?;
@@ -34,5 +48,16 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(analysis::decompose, m)?)?;
     m.add_function(wrap_pyfunction!(capture::simulate, m)?)?;
     m.add_function(wrap_pyfunction!(capture::reconstruct, m)?)?;
+    m.add_function(wrap_pyfunction!(detector::capture, m)?)?;
+    m.add_function(wrap_pyfunction!(learn::learn, m)?)?;
+    m.add_function(wrap_pyfunction!(mitsuba::import_mitsuba, m)?)?;
+    m.add_function(wrap_pyfunction!(apply::applications_json, m)?)?;
+    m.add_function(wrap_pyfunction!(apply::run_application, m)?)?;
+    m.add_function(wrap_pyfunction!(shape::code_patterns, m)?)?;
+    m.add_function(wrap_pyfunction!(shape::decode_columns, m)?)?;
+    m.add_function(wrap_pyfunction!(shape::triangulate, m)?)?;
+    m.add_function(wrap_pyfunction!(shape::normals_of_depth, m)?)?;
+    m.add_function(wrap_pyfunction!(shape::polarization_cues, m)?)?;
+    m.add_function(wrap_pyfunction!(shape::normals_of_cues, m)?)?;
     Ok(())
 }

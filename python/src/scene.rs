@@ -1,6 +1,7 @@
 //! Scenes.
 
 use crate::error::{input, located};
+use crate::table_text::toml_of_json;
 use base::document;
 use base::locate::InputError;
 use numpy::PyReadonlyArray2;
@@ -37,6 +38,32 @@ impl Scene {
     /// The scene; who renders it has it alone.
     pub fn lock(&self) -> MutexGuard<'_, sunstone::Scene> {
         self.built.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A scene from the text of its file, whose meshes and some of whose files are in memory.
+    pub fn in_memory(
+        path: &Path,
+        text: &str,
+        folder: PathBuf,
+        meshes: &[(String, Mesh)],
+        files: impl IntoIterator<Item = (String, Vec<u8>)>,
+    ) -> Result<Self, InputError> {
+        let file: SceneFile = document::parse(path, text, |_| {
+            "`sunstone schema` describes every key of a scene".to_owned()
+        })?;
+        let mut builder = SceneBuilder::from(file).folder(folder);
+        for (name, mesh) in meshes {
+            builder = builder.mesh(name.as_str(), mesh);
+        }
+        for (name, bytes) in files {
+            builder = builder.file_in_memory(name, bytes);
+        }
+        let scene = builder.build()?;
+        let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
+        Ok(Self {
+            built: Mutex::new(scene),
+            figures,
+        })
     }
 
     /// Looks at the scene; waits, without Python's lock, while it is rendered.
@@ -118,32 +145,14 @@ impl Scene {
         meshes: Vec<(String, Arrays<'_>)>,
         files: Vec<(String, Vec<u8>)>,
     ) -> PyResult<Self> {
-        let value: toml::Table = serde_json::from_str(json).map_err(input)?;
-        let text = toml::to_string(&value).map_err(input)?;
+        let text = toml_of_json(json)?;
         let meshes: Vec<(String, Mesh)> = meshes
             .into_iter()
             .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
             .collect::<PyResult<_>>()?;
-        let build = || -> Result<Self, InputError> {
-            let path = Path::new("scene from a dict");
-            let file: SceneFile = document::parse(path, &text, |_| {
-                "`sunstone schema` describes every key of a scene".to_owned()
-            })?;
-            let mut builder = SceneBuilder::from(file).folder(folder);
-            for (name, mesh) in &meshes {
-                builder = builder.mesh(name.as_str(), mesh);
-            }
-            for (name, bytes) in files {
-                builder = builder.file_in_memory(name, bytes);
-            }
-            let scene = builder.build()?;
-            let figures = listed::from_text(path, &text, &scene.slices, scene.wavelengths.nm())?;
-            Ok(Self {
-                built: Mutex::new(scene),
-                figures,
-            })
-        };
-        py.detach(build).map_err(|e| located(py, &e))
+        let path = Path::new("scene from a dict");
+        py.detach(|| Self::in_memory(path, &text, folder, &meshes, files))
+            .map_err(|e| located(py, &e))
     }
 
     #[getter]

@@ -2,9 +2,10 @@
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
+use sunstone::polarimetry::reconstruct::learn::Onlooker;
 use sunstone::{Summary, Watch};
 
 /// How often signals are looked for and progress is told.
@@ -16,6 +17,9 @@ pub struct Shared {
     stop: AtomicBool,
     /// Tiles done, and tiles in all.
     tiles: Mutex<Option<(u32, u32)>>,
+    /// Descents in all, of what is learned.
+    descents: AtomicU32,
+    done: AtomicU32,
     ended: Mutex<bool>,
     bell: Condvar,
     /// The thread that works, as Python numbers it, where it calls Python.
@@ -25,6 +29,22 @@ pub struct Shared {
 impl Watch for Shared {
     fn tile_done(&self, s: &Summary) {
         *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((s.tiles_done, s.tiles));
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Onlooker for Shared {
+    fn begins(&self, descents: usize) {
+        self.descents.fetch_add(descents as u32, Ordering::Relaxed);
+    }
+
+    fn descended(&self) {
+        let mut news = self.tiles.lock().unwrap_or_else(PoisonError::into_inner);
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        *news = Some((done, self.descents.load(Ordering::Relaxed)));
     }
 
     fn interrupted(&self) -> bool {

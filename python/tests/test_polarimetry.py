@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sysconfig
 from pathlib import Path
 
@@ -11,8 +12,8 @@ import pytest
 import xarray as xr
 
 import rendered
+from pysunstone import InputError, Scheme
 from pysunstone import accessor as _accessor  # noqa: F401  (registers `.sunstone`)
-from pysunstone.command import CommandError
 from pysunstone.stores import open_store
 
 DETECTOR = rendered.ROOT / "validation/camera.toml"
@@ -106,7 +107,7 @@ def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: di
     wrong = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25)).sunstone.reconstruct(schemes["drr25"], noise=1e-3)
     right = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25, None)).assign_coords(capture=range(1, 12))
     assert float(abs(wrong["mean"] - truth).max() / abs(truth).max()) < 2e-5
-    with pytest.raises(CommandError, match="36|11"):
+    with pytest.raises(InputError, match="36|11"):
         right.sunstone.reconstruct(schemes["drr36"], noise=1e-3)
 
 
@@ -148,10 +149,39 @@ def test_what_is_wrong_is_said(schemes: dict[str, Path], monkeypatch: pytest.Mon
         data.isel(stokes_in=0).sunstone.decompose()
     with pytest.raises(ValueError, match="captures are needed"):
         data.sunstone.reconstruct(schemes["drr36"])
-    with pytest.raises(CommandError, match=r"nothing\.toml"):
+    with pytest.raises(InputError, match=r"nothing\.toml"):
         data.sunstone.capture("nothing.toml")
+    with pytest.raises(InputError, match="there is no `entrpy`"):
+        data.sunstone.decompose(only=["entrpy"])
+
+
+def test_no_command_is_needed(schemes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is decomposed, captured and reconstructed is so in this process."""
+    data = steady().isel(y=slice(4), x=slice(5)).compute()
+    expected = data.sunstone.decompose()
     monkeypatch.delenv("SUNSTONE")
     monkeypatch.setenv("PATH", os.devnull)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: os.devnull)
-    with pytest.raises(CommandError, match="there is no command `sunstone`"):
-        data.sunstone.decompose()
+    monkeypatch.setattr(subprocess, "run", None)
+    assert data.sunstone.decompose().identical(expected)
+    captures = data.sunstone.capture(schemes["drr36"], {"cmos": {"photons_per_unit": 1e5}})
+    assert set(captures) == {"mean", "variance"}
+    assert captures.sunstone.reconstruct(schemes["drr36"])["mean"].shape == (4, 5, 3, 4, 4)
+    prior = np.eye(16) * 0.1
+    few = data.sunstone.capture(Scheme.qrpr(5), noise=1e-3)
+    assert np.isfinite(few.sunstone.reconstruct(Scheme.qrpr(5), prior=prior, noise=1e-3)["mean"]).all()
+
+
+def test_counts_of_photons_have_times(schemes: dict[str, Path]) -> None:
+    """A slice over y, x and t is read by a photon counter, in the slice's own bins."""
+    t = xr.DataArray([1000.0, 1500.0, 2000.0], dims="t", attrs={"units": "ps"})
+    data = xr.DataArray(
+        np.broadcast_to(np.diag([1.0, 0.5, 0.4, 0.3]), (2, 3, 3, 4, 4)), dims=("y", "x", "t", "stokes_out", "stokes_in")
+    ).assign_coords(t=t)
+    counted = data.sunstone.capture(schemes["drr36"], {"spad": {"photons_per_unit": 0.05}}, seed=1)
+    assert list(counted) == ["mean"] and counted["mean"].dims == ("capture", "y", "x", "t")
+    clean = data.sunstone.capture(schemes["drr36"])["mean"]
+    # The response of the diode moves some of the first bin's light on.
+    assert np.array_equal(counted["t"], t) and float(counted["mean"].mean()) == pytest.approx(float(clean.mean()), rel=0.1)
+    binned = data.sunstone.capture(schemes["drr36"], {"cmos": {"binning": 2}}, seed=1)
+    assert binned["mean"].sizes["y"] == 1 and "y" not in binned.coords

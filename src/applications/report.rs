@@ -194,7 +194,9 @@ fn scores_csv(report: &Report) -> String {
     out
 }
 
-fn document(application: &dyn Application, report: &Report) -> Value {
+/// What `report.json` says.
+#[must_use]
+pub fn document(application: &dyn Application, report: &Report) -> Value {
     let estimate = |e: &Estimate| json!({"mean": e.mean, "standard_error": e.error, "variants": e.counts[0], "seeds": e.counts[1]});
     let rows = |rows: &[Row]| -> Vec<Value> {
         rows.iter()

@@ -309,7 +309,7 @@ fn one(
         metric: None,
     };
     let folds = materials.map_or(&[][..], |m| &m.folds);
-    learn_and_validate(template, &objective, &search, folds)
+    learn_and_validate(template, &objective, &search, folds, &())
 }
 
 /// A scheme's name without its number of captures.

@@ -11,7 +11,8 @@ use optics::polarization::mueller::Mueller;
 use optics::spectrum::Spectral;
 use scene::materials::MaterialSet;
 use transport::geometry::ray::Surface;
-use transport::material::{Lanes, Lobe};
+use transport::material::{Lanes, Lobe, Materials};
+use transport::scene::Scene;
 
 /// A polar angle from the normal (+z) and an azimuth from the tangent (+x), degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +24,15 @@ pub struct Direction {
 }
 
 impl Direction {
+    /// The direction in which a vector of any length points.
+    #[must_use]
+    pub fn of([x, y, z]: [f64; 3]) -> Self {
+        Self {
+            theta_deg: x.hypot(y).atan2(z).to_degrees(),
+            phi_deg: y.atan2(x).to_degrees(),
+        }
+    }
+
     /// The unit vector that points there.
     #[must_use]
     pub fn vector(self) -> [f64; 3] {
@@ -83,9 +93,11 @@ pub struct SpecularValue {
     pub outgoing: Option<Direction>,
 }
 
-/// A material of a set on a flat surface.
+/// A material of a set or a scene on a flat surface.
 pub struct Specimen<'a> {
-    set: &'a MaterialSet,
+    materials: &'a Materials,
+    /// Wavelengths.
+    lanes: usize,
     id: u32,
     at: Surface,
 }
@@ -95,6 +107,24 @@ impl<'a> Specimen<'a> {
     #[must_use]
     pub fn new(set: &'a MaterialSet, name: &str, uv: [f32; 2]) -> Option<Self> {
         let id = *set.names.get(name)?;
+        Some(Self::of(&set.materials, set.wavelengths.count(), id, uv))
+    }
+
+    /// The material of that name of a scene, at texture coordinates `uv`; `None` if it has none.
+    #[must_use]
+    pub fn in_scene(scene: &'a Scene, name: &str, uv: [f32; 2]) -> Option<Self> {
+        let names = &scene.names;
+        let place = names.materials.iter().position(|other| other == name)?;
+        let id = names.material_of.iter().position(|of| *of as usize == place)?;
+        Some(Self::of(
+            &scene.materials,
+            scene.wavelengths.count(),
+            id as u32,
+            uv,
+        ))
+    }
+
+    fn of(materials: &'a Materials, lanes: usize, id: u32, uv: [f32; 2]) -> Self {
         let at = Surface {
             p: Vec3A::ZERO,
             ng: Vec3A::Z,
@@ -104,29 +134,36 @@ impl<'a> Specimen<'a> {
             material: id,
             rounding: 0.0,
         };
-        Some(Self { set, id, at })
-    }
-
-    fn lanes(&self) -> usize {
-        self.set.wavelengths.count()
+        Self {
+            materials,
+            lanes,
+            id,
+            at,
+        }
     }
 
     /// The BRDF of light from `incoming` to `outgoing`; zero where nothing is scattered.
     #[must_use]
     pub fn brdf(&self, incoming: Direction, outgoing: Direction) -> BrdfValue {
+        let m = self.mueller(incoming, outgoing);
+        let (wi, wo) = (incoming.single().0, outgoing.single().0);
+        BrdfValue {
+            mueller: (0..self.lanes).map(|lane| m.lane(lane)).collect(),
+            pdf: self.materials.pdf(self.id, &self.at, wo, wi),
+        }
+    }
+
+    /// The matrices alone of [`Self::brdf`].
+    #[must_use]
+    pub fn mueller(&self, incoming: Direction, outgoing: Direction) -> Mueller {
         let ((wi, xi), (wo, xo)) = (incoming.single(), outgoing.single());
-        let materials = &self.set.materials;
-        let m = materials
+        self.materials
             .eval(self.id, &self.at, wo, wi)
             .map(|s| {
                 s.scaled(Spectral::splat(1.0 / wi.z.abs()))
                     .between(wo, xo, wi, xi)
             })
-            .unwrap_or_default();
-        BrdfValue {
-            mueller: (0..self.lanes()).map(|lane| m.lane(lane)).collect(),
-            pdf: materials.pdf(self.id, &self.at, wo, wi),
-        }
+            .unwrap_or_default()
     }
 
     /// What the surface reflects or transmits of light from `incoming`, each wavelength along its own direction.
@@ -136,7 +173,7 @@ impl<'a> Specimen<'a> {
     /// # Errors
     /// [`NotSpecular`] if the material has no such lobe there.
     pub fn specular(&self, incoming: Direction, lobe: Lobe) -> Result<Vec<SpecularValue>, NotSpecular> {
-        (0..self.lanes())
+        (0..self.lanes)
             .map(|lane| self.specular_lane(incoming, lobe, lane))
             .collect()
     }
@@ -147,11 +184,15 @@ impl<'a> Specimen<'a> {
         lobe: Lobe,
         lane: usize,
     ) -> Result<SpecularValue, NotSpecular> {
-        let materials = &self.set.materials;
+        let materials = self.materials;
         let (wi, xi) = incoming.single();
         // Where the reversed light goes is None under total reflection as well: then nothing is transmitted.
         let back = materials.specular(self.id, &self.at, wi, lobe, lane);
-        let total = back.is_none() && lobe == Lobe::Transmitted;
+        let total = back.is_none()
+            && lobe == Lobe::Transmitted
+            && materials
+                .specular(self.id, &self.at, wi, Lobe::Reflected, lane)
+                .is_some();
         if total && materials.beyond(self.id, &self.at, wi, Lanes::first(1)).is_some() {
             return Ok(SpecularValue {
                 mueller: Mueller::ZERO.lane(0),
@@ -179,7 +220,7 @@ impl<'a> Specimen<'a> {
     /// (n_in / n_out)²: radiance to power, for light that goes through the surface.
     fn index_ratio2(&self, wo: Vec3A, wi: Vec3A, lane: usize) -> f32 {
         let lanes = Lanes { mask: 1 << lane };
-        let beyond = |w: Vec3A| self.set.materials.beyond(self.id, &self.at, w, lanes);
+        let beyond = |w: Vec3A| self.materials.beyond(self.id, &self.at, w, lanes);
         match (wo.z * wi.z < 0.0, beyond(wo), beyond(wi)) {
             (true, Some(on_wi), Some(on_wo)) => (on_wi.index / on_wo.index).powi(2),
             _ => 1.0,
@@ -225,9 +266,28 @@ mod tests {
         assert_eq!((total.outgoing, total.mueller), (None, [[0.0; 4]; 4]));
     }
 
+    /// Vectors of any length point where their angles say, and the zenith has azimuth 0.
+    #[test]
+    fn vectors_have_directions() {
+        for (theta, phi) in [(0.0, 0.0), (30.0, 170.0), (90.0, -60.0), (150.0, 45.0)] {
+            let want = at(theta, phi);
+            let got = Direction::of(want.vector().map(|c| 3.0 * c));
+            assert!(
+                (got.theta_deg - theta).abs() < 1e-12 && (got.phi_deg - phi).abs() < 1e-12,
+                "{got:?}"
+            );
+        }
+    }
+
     /// A diffuse surface of albedo a has the BRDF a/π and no lobes.
     #[test]
     fn rough_surfaces_have_a_brdf() {
+        let rough = set("r.rough_dielectric = { ior = 1.5, alpha = 0.3 }");
+        let frosted = Specimen::new(&rough, "r", [0.5, 0.5]).expect("is there");
+        assert_eq!(
+            frosted.specular(at(40.0, 0.0), Lobe::Transmitted),
+            Err(NotSpecular(Lobe::Transmitted))
+        );
         let set = set("d.diffuse = { albedo = 0.5 }");
         assert!(Specimen::new(&set, "none", [0.0; 2]).is_none());
         let diffuse = Specimen::new(&set, "d", [0.5, 0.5]).expect("is there");

@@ -39,21 +39,23 @@ pub fn tables(
     wavelengths_nm: &[Wavelengths],
     degrees: &[f64],
 ) -> Result<Vec<PhaseTable>, InputError> {
-    let mut out = vec![];
     if wavelengths_nm.is_empty() {
-        append(&MediumSet::load(file, Some(name), None)?, name, degrees, &mut out);
+        return Ok(of_set(&MediumSet::load(file, Some(name), None)?, name, degrees));
     }
+    let mut out = vec![];
     for wavelengths in wavelengths_nm {
         let set = MediumSet::load(file, Some(name), Some(wavelengths.clone()))?;
-        append(&set, name, degrees, &mut out);
+        out.extend(of_set(&set, name, degrees));
     }
     Ok(out)
 }
 
-/// The tables of a medium at the wavelengths of its set.
-fn append(set: &MediumSet, name: &str, degrees: &[f64], out: &mut Vec<PhaseTable>) {
+/// The tables of the medium `name` of a set, one for each of its wavelengths; none if there is no such medium.
+#[must_use]
+pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
+    let mut out = vec![];
     let Some(&id) = set.names.get(name) else {
-        return;
+        return out;
     };
     for (lane, (nm, bulk)) in set
         .wavelengths
@@ -84,6 +86,7 @@ fn append(set: &MediumSet, name: &str, degrees: &[f64], out: &mut Vec<PhaseTable
             elements: degrees.iter().map(at).collect(),
         });
     }
+    out
 }
 
 #[cfg(test)]

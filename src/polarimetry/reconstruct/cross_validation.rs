@@ -1,7 +1,7 @@
 //! Learning with cross-validation: settings of a scheme are learned from all materials, and judged by learning from some and
 //! estimating the others (Baek & Heide 2021, sec. 4).
 
-use super::learn::{FoldError, Learned, Search, learn, validate};
+use super::learn::{Descent, FoldError, Learned, Onlooker, Search, learn_before, validate};
 use super::loss::{Estimator, Objective};
 use super::pca::data_set::{DataError, DataSet, Weight};
 use super::pca::folds::folds;
@@ -85,6 +85,8 @@ pub struct Validated {
     pub spread: f64,
     /// Error on the materials that were learned from.
     pub seen: f64,
+    /// All descents of the scheme itself, the template's first.
+    pub descents: Vec<Descent>,
 }
 
 /// True if the expected error of a template's schemes depends on what is measured: that of a least-squares estimate of rank 16
@@ -96,20 +98,26 @@ pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
 
 /// Learns the settings of a template for `objective`, whose second moment is that of all materials, and validates that by
 /// learning anew for each of `folds` (with a quarter of the starts, and without Adam: what is good for all materials but
-/// some is near what is good for all).
+/// some is near what is good for all). Somebody may look on; `&()` is nobody.
 #[must_use]
 pub fn learn_and_validate(
     template: &Scheme,
     objective: &Objective,
     search: &Search,
     folds: &[FoldMoments],
+    onlooker: &dyn Onlooker,
 ) -> Validated {
-    let Learned { scheme, loss, .. } = learn(template, objective, search);
+    let Learned {
+        scheme,
+        loss,
+        descents,
+    } = learn_before(template, objective, search, onlooker);
     let mut out = Validated {
         scheme,
         unseen: loss,
         spread: 0.0,
         seen: loss,
+        descents,
     };
     if folds.is_empty() || !depends_on_materials(template, objective.estimator) {
         return out;
@@ -126,7 +134,7 @@ pub fn learn_and_validate(
                 second_moment: SecondMoment::new(fold.train),
                 ..objective.clone()
             };
-            let learned = learn(template, &objective, &own);
+            let learned = learn_before(template, &objective, &own, onlooker);
             validate(&learned.scheme, &objective, &fold.train, &fold.test)
         })
         .collect();
@@ -177,7 +185,7 @@ mod tests {
                 rays: vec![Ray::axial(550.0)],
                 metric: None,
             };
-            learn_and_validate(&template, &objective, &search, folds)
+            learn_and_validate(&template, &objective, &search, folds, &())
         };
         let full = of(16, Estimator::LeastSquares, &folds);
         assert!(full.spread == 0.0 && full.seen == full.unseen);

@@ -116,17 +116,24 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
         return wrong("`second_moment` is not 16 rows of 16 numbers");
     }
     let s = Moment::from_fn(|i, j| rows[i][j]);
-    if !s.iter().all(|v| v.is_finite()) {
-        return wrong("`second_moment` has an element that is no finite number");
+    match fault(&s) {
+        Some(fault) => wrong(&format!("`second_moment` {fault}")),
+        None => Ok(s),
     }
+}
+
+/// Why a matrix is no second moment, as what follows its name; `None` if it is one.
+#[must_use]
+pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
+    if !s.iter().all(|v| v.is_finite()) {
+        return Some("has an element that is no finite number");
+    }
     if (s - s.transpose()).amax() > 1e-9 * most {
-        return wrong("`second_moment` is not symmetric");
+        return Some("is not symmetric");
     }
-    if most <= 0.0 || s.symmetric_eigenvalues().min() < -1e-9 * most {
-        return wrong("`second_moment` has negative eigenvalues, or is zero");
-    }
-    Ok(s)
+    (most <= 0.0 || s.symmetric_eigenvalues().min() < -1e-9 * most)
+        .then_some("has negative eigenvalues, or is zero")
 }
 
 /// Writes a second moment.

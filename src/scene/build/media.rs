@@ -44,9 +44,21 @@ impl MediumSet {
         only: Option<&str>,
         wavelengths: Option<Wavelengths>,
     ) -> Result<Self, InputError> {
-        let text = read(path, "file of media")?;
-        let file = MediumSetFile::read(path, &text)?;
-        let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?;
+        Self::at(path, &read_file(path)?, only, wavelengths)
+    }
+
+    /// As [`Self::load`], of a file's text; `path` names it in messages.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn at(
+        path: &Path,
+        text: &str,
+        only: Option<&str>,
+        wavelengths: Option<Wavelengths>,
+    ) -> Result<Self, InputError> {
+        let file = MediumSetFile::read(path, text)?;
+        let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
         if let Some(wavelengths) = wavelengths {
             ctx.wavelengths = wavelengths;
         }
@@ -67,8 +79,23 @@ impl MediumSet {
 /// # Errors
 /// As [`MediumSet::load`].
 pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
-    let file = MediumSetFile::read(path, &read(path, "file of media")?)?;
-    Ok(file.media.into_keys().collect())
+    names_of_text(path, &read_file(path)?)
+}
+
+/// As [`names`], of a file's text.
+///
+/// # Errors
+/// As [`MediumSet::load`].
+pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError> {
+    Ok(MediumSetFile::read(path, text)?.media.into_keys().collect())
+}
+
+/// The text of a file of media.
+///
+/// # Errors
+/// [`InputError`] if it cannot be read.
+pub fn read_file(path: &Path) -> Result<String, InputError> {
+    read(path, "file of media")
 }
 
 type Named = BTreeMap<String, Located<MediumFile>>;

@@ -129,7 +129,7 @@ pub(super) fn sky(
 }
 
 /// True of formats whose values are proportional to light.
-fn holds_light(name: &str) -> bool {
+pub(crate) fn holds_light(name: &str) -> bool {
     let extension = std::path::Path::new(name).extension().and_then(|e| e.to_str());
     matches!(
         extension.unwrap_or("").to_ascii_lowercase().as_str(),

@@ -75,8 +75,22 @@ impl Import {
         toml: &Path,
         parameters: &BTreeMap<String, String>,
     ) -> Result<Self, ImportError> {
+        Self::with_files(xml, text, toml, parameters, &BTreeMap::new())
+    }
+
+    /// As [`Self::from_text`], where some files are only in memory, by the names that the text and the scene file have of them.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_files(
+        xml: &Path,
+        text: &str,
+        toml: &Path,
+        parameters: &BTreeMap<String, String>,
+        files: &BTreeMap<String, Vec<u8>>,
+    ) -> Result<Self, ImportError> {
         let document = Document::parse(xml, text, parameters)?;
-        let done = Importer::new(&document, toml).and_then(|importer| run(importer, toml));
+        let done = Importer::new(&document, toml).and_then(|importer| run(importer, toml, files));
         let mut problems = document.source.problems();
         match done {
             Ok(Some(import)) => Ok(import),
@@ -98,7 +112,11 @@ impl Import {
 }
 
 /// The scene, `None` if problems were reported.
-fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError> {
+fn run(
+    mut importer: Importer,
+    toml: &Path,
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<Option<Import>, InputError> {
     let document = importer.document;
     let (source, scene) = (&document.source, &document.scene);
     let mut parts = Parts::default();
@@ -190,7 +208,7 @@ fn run(mut importer: Importer, toml: &Path) -> Result<Option<Import>, InputError
         // What was left out would make others.
         return Ok(None);
     }
-    check(&importer, &file, toml)?;
+    check(&importer, &file, toml, files)?;
     let text = file.to_toml().map_err(|e| {
         source.error(
             &scene.span,
@@ -216,11 +234,18 @@ fn heading(xml: &Path) -> String {
 }
 
 /// Builds the scene, whose places are those of the XML file, and whose files are named from where it is to lie.
-fn check(importer: &Importer, file: &SceneFile, toml: &Path) -> Result<(), InputError> {
+fn check(
+    importer: &Importer,
+    file: &SceneFile,
+    toml: &Path,
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<(), InputError> {
     let source = importer.source;
     let folder = toml.parent().unwrap_or(Path::new(""));
     let (name, text) = source.main();
-    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?.in_folder(folder);
+    let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?
+        .in_folder(folder)
+        .with_files(files.clone());
     let built = assemble::build(&mut ctx, file);
     built.map(drop).map_err(|e| {
         source.placed(InputError {
@@ -267,5 +292,55 @@ impl<'a> Parts<'a> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage};
+    use std::io::Cursor;
+
+    fn encoded(image: DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(vec![]);
+        image.write_to(&mut bytes, format).expect("fits");
+        bytes.into_inner()
+    }
+
+    /// Files in memory are read by their names; colours of formats that hold light are linear, others are decoded.
+    #[test]
+    fn images_in_memory_are_read_as_their_formats_say() {
+        let files: BTreeMap<String, Vec<u8>> = [
+            (
+                "light.exr".to_owned(),
+                encoded(Rgb32FImage::new(2, 2).into(), ImageFormat::OpenExr),
+            ),
+            (
+                "colours.png".to_owned(),
+                encoded(RgbImage::new(2, 2).into(), ImageFormat::Png),
+            ),
+        ]
+        .into();
+        let text = |name: &str| {
+            format!(
+                r#"{{"type": "scene", "camera": {{"type": "perspective"}}, "sky": {{"type": "constant"}}, "wall": {{"type": "rectangle",
+                "bsdf": {{"type": "diffuse", "reflectance": {{"type": "bitmap", "filename": "{name}"}}}}}}}}"#
+            )
+        };
+        let made = |name: &str, files: &BTreeMap<String, Vec<u8>>| {
+            let (xml, toml) = (Path::new("/nowhere/scene.json"), Path::new("/nowhere/scene.toml"));
+            Import::with_files(xml, &text(name), toml, &BTreeMap::new(), files)
+        };
+        assert!(
+            made("light.exr", &files)
+                .expect("a scene")
+                .toml
+                .contains("raw = true")
+        );
+        assert!(!made("colours.png", &files).expect("a scene").toml.contains("raw"));
+        let missing = made("light.exr", &BTreeMap::new())
+            .expect_err("no file")
+            .to_string();
+        assert!(missing.contains("light.exr"), "{missing}");
     }
 }

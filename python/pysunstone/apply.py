@@ -1,0 +1,327 @@
+"""What the tensor is for: the applications of Baek & Heide 2021 with their baselines, and methods for shape on one's own arrays.
+
+`run` renders an application's scenes, fits every method on some variants and judges it on others, as `sunstone apply`. The methods that
+take images alone stand beside it: codes of structured light (`patterns`, `decode`), triangulation (`depth`), normals of depths
+(`normals`) and of polarization (`polarization_cues`, `polarization_normals`). Depths are metres along the camera's axis; normals are
+of unit length in the camera's frame (x right, y down, z forward) and point to the camera; NaN where nothing is known.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from pysunstone import _native
+from pysunstone._arrays import real
+from pysunstone._native import InputError
+from pysunstone._progress import Progress, told
+from pysunstone.scene import Scene
+
+__all__ = [
+    "Code",
+    "Devices",
+    "Picture",
+    "Report",
+    "applications",
+    "decode",
+    "depth",
+    "normals",
+    "patterns",
+    "polarization_cues",
+    "polarization_normals",
+    "run",
+]
+
+Path = str | os.PathLike[str]
+Array = npt.NDArray[np.float64]
+#: Codes of structured light, after Posdamer & Altschuler 1982; Gupta et al. 2011; Srinivasan et al. 1984; Gupta & Nayar 2012.
+Code = Literal["gray", "xor-02", "xor-04", "phase-shift", "micro-phase-shift"]
+
+
+def applications() -> list[dict[str, Any]]:
+    """All applications: ``name``, what it ``shows``, its ``scene``, the variants of ``train`` and ``test``, ``methods``, ``metrics``, sizes."""
+    found: list[dict[str, Any]] = json.loads(_native.applications_json())
+    return found
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a method made, of the first seed: ``values`` (rows, columns, channels), and the test ``variant`` that it is of."""
+
+    method: str
+    name: str
+    variant: int | None
+    values: Array = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What methods are worth.
+
+    Attributes
+    ----------
+    name
+        Of the application.
+    rows
+        The table, a dict a row: ``metric``, ``unit``, ``more_is_better``, ``method``, ``source``, ``mean``, ``std_error`` over variants and
+        seeds, and of all but the first method ``difference``, the first method less this one on the same renders, with
+        ``difference_std_error`` (else NaN). None of numbers is NaN where a single variant gives no error.
+    captured
+        The same tables of slices as a rig captures them, by the chain's name.
+    notes
+        What a reader should know.
+    pictures
+        What methods made, of the first seed.
+    attrs
+        Scene, variants, pixels, samples, seeds.
+    """
+
+    name: str
+    rows: list[dict[str, Any]] = field(repr=False)
+    captured: dict[str, list[dict[str, Any]]] = field(repr=False)
+    notes: list[str] = field(repr=False)
+    pictures: list[Picture] = field(repr=False)
+    attrs: dict[str, Any]
+
+    def to_xarray(self) -> Any:
+        """The table as an ``xarray.Dataset`` over ``metric`` and ``method``; needs xarray."""
+        import xarray
+
+        metrics = list(dict.fromkeys(row["metric"] for row in self.rows))
+        methods = list(dict.fromkeys(row["method"] for row in self.rows))
+        names = ("mean", "std_error", "difference", "difference_std_error")
+        values = {name: np.full((len(metrics), len(methods)), np.nan) for name in names}
+        for row in self.rows:
+            at = metrics.index(row["metric"]), methods.index(row["method"])
+            for name in names:
+                values[name][at] = row[name]
+        units = {row["metric"]: row["unit"] for row in self.rows}
+        return xarray.Dataset(
+            {name: (("metric", "method"), numbers) for name, numbers in values.items()},
+            coords={"metric": metrics, "method": methods, "unit": ("metric", [units[m] for m in metrics])},
+            attrs=self.attrs,
+        )
+
+
+@dataclass(frozen=True)
+class _Asked:
+    name: str
+    scenes: str | None
+    renders: str
+    preview: bool
+    seeds: int
+    chain: str | None
+    output: str | None
+
+
+def run(
+    name: str,
+    *,
+    scenes: Path | None = None,
+    renders: Path = os.path.join("out", "apply", "renders"),
+    preview: bool = True,
+    seeds: int = 1,
+    capture: Path | None = None,
+    output: Path | None = None,
+    progress: bool | Progress | None = None,
+) -> Report:
+    """Run an application, as `sunstone apply`: minutes as a preview, hours in full. Ctrl-C ends it; what is rendered stays.
+
+    Parameters
+    ----------
+    name
+        One of `applications`.
+    scenes
+        Folder of the scenes that came with Sunstone; without it ``scenes`` here or in a folder above.
+    renders
+        Folder of renders, which are kept: what is finished is not rendered again.
+    preview
+        Small, noisy renders.
+    seeds
+        The whole of it is done so many times.
+    capture
+        A chain's file (examples: ``rigs/chains``): methods are also judged on slices as a rig captures them.
+    output
+        Folder for tables and pictures, as the command writes them.
+    progress
+        True for a bar, or a function that is called with tiles done and tiles in all of the render in hand.
+
+    Raises
+    ------
+    InputError
+        There is no such application, scene or chain.
+    RenderError
+        A full disk, no threads.
+    """
+    text = [None if path is None else os.fspath(path) for path in (scenes, capture, output)]
+    asked = _Asked(name, text[0], os.fspath(renders), preview, seeds, text[1], text[2])
+    with told(progress) as tell:
+        document, pictures = _native.run_application(asked, tell)
+    found = json.loads(document)
+    return Report(
+        found["application"],
+        [_row(row) for row in found["rows"]],
+        {through["captured"]: [_row(row) for row in through["rows"]] for through in found["through"]},
+        found["notes"],
+        [Picture(**picture) for picture in pictures],
+        {key: found[key] for key in ("shows", "by", "scene", "train", "test", "pixels", "spp", "seeds")},
+    )
+
+
+def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+    def number(estimate: Any, key: str) -> float:
+        value = None if estimate is None else estimate[key]
+        return float("nan") if value is None else float(value)
+
+    kept = {key: row[key] for key in ("metric", "unit", "more_is_better", "method", "source")}
+    value, difference = row["value"], row["ours_less_this"]
+    return kept | {
+        "mean": number(value, "mean"),
+        "std_error": number(value, "standard_error"),
+        "difference": number(difference, "mean"),
+        "difference_std_error": number(difference, "standard_error"),
+    }
+
+
+class Devices:
+    """A calibrated camera and projector: pinholes without distortion.
+
+    Parameters
+    ----------
+    camera, projector
+        ``resolution`` (columns, rows), ``focal`` lengths and ``principal`` point in pixels (the image's upper left corner is 0, 0),
+        ``origin`` in metres, and ``axes``: image right, image down and forward in the world, by default those of the world. Methods on
+        a camera alone need no projector.
+    """
+
+    def __init__(self, camera: Mapping[str, Any], projector: Mapping[str, Any] | None = None) -> None:
+        self._native = _native.Devices(_numbers("camera", camera), None if projector is None else _numbers("projector", projector))
+
+    @classmethod
+    def of(cls, scene: Scene) -> Devices:
+        """Those of a scene, as if calibrated without error."""
+        native = _native.Devices.of_scene(scene._native)  # pyright: ignore[reportPrivateUsage]
+        if native is None:
+            raise InputError("the scene has no projector; give one, or Devices(camera)")
+        made = cls.__new__(cls)
+        made._native = native
+        return made
+
+    @property
+    def camera(self) -> dict[str, Any]:
+        """The camera's numbers."""
+        return dict(zip(_KEYS, self._native.camera, strict=True))
+
+    @property
+    def projector(self) -> dict[str, Any]:
+        """The projector's numbers."""
+        return dict(zip(_KEYS, self._native.projector, strict=True))
+
+
+_KEYS = ("resolution", "focal", "principal", "origin", "axes")
+_DEFAULTS: dict[str, Any] = {"origin": (0.0, 0.0, 0.0), "axes": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}
+
+
+def _numbers(what: str, device: Mapping[str, Any]) -> Any:
+    unknown, missing = set(device) - set(_KEYS), [k for k in _KEYS[:3] if k not in device]
+    if unknown or missing:
+        wrong = f"there is no `{min(unknown)}`" if unknown else f"`{missing[0]}` is missing"
+        raise InputError(f"{what}: {wrong}; give {', '.join(_KEYS)}")
+    given = {key: real(f"{what}.{key}", device.get(key, _DEFAULTS.get(key)), np.float64) for key in _KEYS}
+    for key, shape in zip(_KEYS, ((2,), (2,), (2,), (3,), (3, 3)), strict=True):
+        if given[key].shape != shape:
+            raise InputError(f"{what}.{key}: the shape is {given[key].shape}; give {shape}")
+    return ([int(n) for n in given["resolution"]], *(given[key].tolist() for key in _KEYS[1:]))
+
+
+def _image(what: str, given: npt.ArrayLike, last: tuple[int, ...] = ()) -> Array:
+    """An image (rows, columns, channels) of one that has the last axes."""
+    array = real(what, given, np.float64)
+    if array.ndim != 2 + len(last) or array.shape[2:] != last:
+        raise InputError(f"{what}: the shape is {array.shape}; give {('rows', 'columns', *last)}".replace("'", ""))
+    return array.reshape((*array.shape[:2], -1)) if last else array[..., None]
+
+
+def patterns(code: Code, columns: int, *, periods: Sequence[float] | None = None) -> Array:
+    """Patterns of a code of structured light: drives 0 to 1 of projector columns, (captures, columns).
+
+    ``periods``, in columns, are those of ``phase-shift`` (falling from ``columns``; by default each a quarter of the last) and
+    ``micro-phase-shift``.
+    """
+    return _native.code_patterns(code, columns, _listed(periods))
+
+
+def decode(
+    code: Code,
+    captures: npt.ArrayLike,
+    columns: int,
+    *,
+    periods: Sequence[float] | None = None,
+    least_contrast: float = 0.0,
+) -> tuple[Array, Array]:
+    """Decode captures (captures, rows, columns) under `patterns`.
+
+    Returns
+    -------
+    column
+        Coordinate of the projector's column (centres at i + ½), (rows, columns); NaN where a capture has less than ``least_contrast``.
+    confidence
+        Contrast of the code, 0 to 1.
+    """
+    array = real("captures", captures, np.float64)
+    if array.ndim != 3:
+        raise InputError(f"captures: the shape is {array.shape}; give (captures, rows, columns)")
+    pixels = np.ascontiguousarray(np.moveaxis(array, 0, -1))
+    column, confidence = _native.decode_columns(code, pixels, columns, _listed(periods), least_contrast)
+    return column[..., 0], confidence[..., 0]
+
+
+def _listed(periods: Sequence[float] | None) -> list[float] | None:
+    return None if periods is None else [float(p) for p in periods]
+
+
+def depth(devices: Devices, column: npt.ArrayLike) -> Array:
+    """Depths (rows, columns) of projector columns (rows, columns), by triangulation."""
+    return _native.triangulate(devices._native, _image("column", column))[..., 0]  # pyright: ignore[reportPrivateUsage]
+
+
+def normals(devices: Devices, depth: npt.ArrayLike, *, radius: int = 2, robust: bool = True) -> Array:
+    """Normals (rows, columns, 3) of depths: planes through windows of 2·``radius`` + 1 pixels, by Tukey's biweight if ``robust``."""
+    native = devices._native  # pyright: ignore[reportPrivateUsage]
+    return _native.normals_of_depth(native, _image("depth", depth), radius, robust)
+
+
+def polarization_cues(
+    matrices: npt.ArrayLike, index: float = 1.5, *, mirrored: bool = False, mirrored_off: bool = False
+) -> Array:
+    """Degree of polarization, and zenith angle and azimuth (to a half turn) of the normal, radians, of Mueller matrices.
+
+    Parameters
+    ----------
+    matrices
+        (rows, columns, 4, 4): a photograph of a dielectric, in every pixel's own frame.
+    index
+        Its refractive index.
+    mirrored
+        Polarization is read from mirrored light (zenith angles below Brewster's), not from that from below the surface.
+    mirrored_off
+        Leave light that is mirrored once out: M00 + M33, with the projector near the camera (Baek et al. 2018).
+
+    Returns
+    -------
+    numpy.ndarray
+        (rows, columns, 3); NaN where nothing is seen (Atkinson & Hancock 2006).
+    """
+    return _native.polarization_cues(_image("matrices", matrices, (4, 4)), index, mirrored, mirrored_off)
+
+
+def polarization_normals(devices: Devices, cues: npt.ArrayLike, guess: npt.ArrayLike) -> Array:
+    """Normals (rows, columns, 3): of both that `polarization_cues` allow, the one nearer to a guess, such as those of a coarse scan."""
+    native = devices._native  # pyright: ignore[reportPrivateUsage]
+    return _native.normals_of_cues(native, _image("cues", cues, (3,)), _image("guess", guess, (3,)))

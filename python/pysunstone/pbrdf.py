@@ -1,0 +1,221 @@
+"""Polarimetric BRDFs of materials by themselves, analytic and measured, over arrays of directions.
+
+The surface lies with its normal along +z and its tangent along +x. Directions are vectors of any length that point away from it:
+the incoming one to where light comes from, the outgoing one to where it goes. Stokes vectors are in frames whose horizontal is
+perpendicular to the plane of the normal and the direction, (-sin φ, cos φ, 0) with the direction's azimuth φ ("s" comes first;
+along the normal φ = 0): that of the outgoing direction on the left of a matrix, that of the incoming one on its right. Handedness
+and signs are those of ``CONVENTIONS.md``. Numbers are the renderer's own, in single precision, as `sunstone pbrdf eval` prints.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pysunstone import _native
+from pysunstone._arrays import real
+from pysunstone._documents import json_of
+from pysunstone._native import InputError
+from pysunstone.scene import Scene
+
+__all__ = ["Material", "direction", "eval", "evaluate", "frame", "mirror", "refract"]
+
+
+def direction(theta_deg: npt.ArrayLike, phi_deg: npt.ArrayLike = 0.0) -> npt.NDArray[np.float64]:
+    """Unit vectors (..., 3) of polar angles from the normal (+z) and azimuths from the tangent (+x), degrees."""
+    theta, phi = np.radians(real("theta_deg", theta_deg, np.float64)), np.radians(real("phi_deg", phi_deg, np.float64))
+    sine = np.sin(theta)
+    return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)), axis=-1)
+
+
+def frame(directions: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Horizontal axes (..., 3) of the Stokes frames of light along directions (..., 3): (-sin φ, cos φ, 0)."""
+    w = _directions("directions", directions)
+    phi = np.arctan2(w[..., 1], w[..., 0])
+    return np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)], axis=-1)
+
+
+class Material:
+    """A material, built for some wavelengths: for many calls, of which each would build it anew.
+
+    Parameters
+    ----------
+    source
+        A dict as below ``[materials.NAME]`` of a scene file, such as ``{"plastic": {"albedo": 0.3, "ior": 1.5, "alpha": 0.2}}``;
+        a dict of several, ``{"materials": {NAME: ...}}``, that name each other; the path of a file of materials (TOML) or of a
+        measured table (``.pbsdf``); or a `Scene`.
+    name
+        Which of several.
+    wavelengths_nm
+        A number, or any of them in any order. Lists of a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has
+        none) and are interpolated; a scene knows its own alone.
+    uv
+        Texture coordinates.
+    folder
+        Where relative paths of a dict begin.
+
+    Raises
+    ------
+    InputError
+        With the place of what is wrong.
+    """
+
+    def __init__(
+        self,
+        source: Scene | Mapping[str, Any] | str | os.PathLike[str],
+        name: str | None = None,
+        *,
+        wavelengths_nm: float | Sequence[float] | npt.NDArray[Any] = 550.0,
+        uv: tuple[float, float] = (0.5, 0.5),
+        folder: str | os.PathLike[str] = ".",
+    ) -> None:
+        wanted = real("wavelengths_nm", wavelengths_nm, np.float64)
+        if wanted.ndim > 1:
+            raise InputError(f"wavelengths_nm: the shape is {wanted.shape}; give a number or a list")
+        nm = [float(w) for w in np.atleast_1d(wanted)]
+        self._one = wanted.ndim == 0
+        self._uv = (float(uv[0]), float(uv[1]))
+        if isinstance(source, Scene):
+            self._native = _native.Material.of_scene(source._native, name, nm)  # pyright: ignore[reportPrivateUsage]
+        elif isinstance(source, Mapping):
+            document = source if "materials" in source else {"materials": {name or "material": source}}
+            self._native = _native.Material.from_json(json_of(document), folder, name, nm)
+        elif os.fspath(source).endswith(".pbsdf"):
+            table = {"materials": {name or "measured": {"measured": {"file": os.path.abspath(source)}}}}
+            self._native = _native.Material.from_json(json_of(table), ".", name, nm)
+        else:
+            self._native = _native.Material.load(source, name, nm)
+        self._wavelengths = np.array(nm)
+
+    @property
+    def name(self) -> str:
+        """Its name in the file, dict or scene."""
+        return self._native.name
+
+    @property
+    def wavelengths_nm(self) -> npt.NDArray[np.float64]:
+        """What it is built for."""
+        return self._wavelengths
+
+    def __repr__(self) -> str:
+        return f"<pysunstone.pbrdf.Material {self.name!r} at {', '.join(f'{w:g}' for w in self._wavelengths)} nm>"
+
+    def evaluate(self, incoming: npt.ArrayLike, outgoing: npt.ArrayLike) -> npt.NDArray[np.float32]:
+        """Its BRDF; see `evaluate`."""
+        wi, wo = np.broadcast_arrays(_directions("incoming", incoming), _directions("outgoing", outgoing))
+        found = self._native.brdf(_rows(wi), _rows(wo), self._uv)
+        return self._shaped(found, wi.shape[:-1], (4, 4))
+
+    def mirror(self, incoming: npt.ArrayLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+        """What it reflects as a mirror; see `mirror`."""
+        return self._specular(incoming, False)
+
+    def refract(self, incoming: npt.ArrayLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+        """What it lets through; see `refract`."""
+        return self._specular(incoming, True)
+
+    def _specular(self, incoming: npt.ArrayLike, transmitted: bool) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+        wi = _directions("incoming", incoming)
+        matrices, leaving = self._native.specular(_rows(wi), transmitted, self._uv)
+        return self._shaped(matrices, wi.shape[:-1], (4, 4)), self._shaped(leaving, wi.shape[:-1], (3,))
+
+    def _shaped(self, found: npt.NDArray[Any], leading: tuple[int, ...], last: tuple[int, ...]) -> npt.NDArray[Any]:
+        lanes = () if self._one else (len(self._wavelengths),)
+        return found.reshape((*leading, *lanes, *last))
+
+
+def _directions(what: str, given: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    w = real(what, given, np.float64)
+    if w.shape[-1:] != (3,):
+        raise InputError(f"{what}: the shape is {w.shape}; give vectors, (..., 3)")
+    if not np.all(np.isfinite(w)) or not np.all((w != 0).any(-1)):
+        raise InputError(f"{what}: some are zero or not finite; give vectors that point somewhere")
+    return w
+
+
+def _rows(w: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return np.ascontiguousarray(w).reshape(-1, 3)
+
+
+def _built(material: Any, options: Mapping[str, Any]) -> Material:
+    if isinstance(material, Material):
+        if options:
+            raise InputError(f"{', '.join(options)}: the material is built already; say this to pbrdf.Material")
+        return material
+    return Material(material, **options)
+
+
+def evaluate(material: Any, incoming: npt.ArrayLike, outgoing: npt.ArrayLike, **options: Any) -> npt.NDArray[np.float32]:
+    """Evaluate the polarimetric BRDF of a material over arrays of directions.
+
+    Parameters
+    ----------
+    material
+        A `Material`, or what makes one: a dict as in scene files, the path of a file of materials or of a measured table
+        (``.pbsdf``), or a `Scene`.
+    incoming
+        Directions (..., 3) to where light comes from, in the surface's frame (see the module), of any length.
+    outgoing
+        Directions (..., 3) to where it goes; both are broadcast.
+    **options
+        ``name``, ``wavelengths_nm``, ``uv``, ``folder``, as of `Material`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Mueller matrices (..., 4, 4), per steradian, without the cosine; (..., wavelengths, 4, 4) of a list of wavelengths. Zero where
+        nothing is scattered; what a smooth surface mirrors or transmits is no BRDF: see `mirror` and `refract`.
+
+    Examples
+    --------
+    >>> import pysunstone as ps
+    >>> wi, wo = ps.pbrdf.direction(40.0, 180.0), ps.pbrdf.direction(range(0, 90, 10))
+    >>> m = ps.pbrdf.evaluate({"rough_conductor": {"metal": "Au", "alpha": 0.2}}, wi, wo, wavelengths_nm=[450, 550, 660])
+    >>> m.shape
+    (9, 3, 4, 4)
+    """
+    return _built(material, options).evaluate(incoming, outgoing)
+
+
+#: The same under the name that says it best, which hides Python's own.
+eval = evaluate
+
+
+def mirror(
+    material: Any, incoming: npt.ArrayLike, **options: Any
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+    """Mueller matrices of mirror reflection by a smooth surface.
+
+    Parameters
+    ----------
+    material, incoming, **options
+        As of `evaluate`.
+
+    Returns
+    -------
+    matrices
+        (..., 4, 4), of power; (..., wavelengths, 4, 4) of a list of wavelengths.
+    outgoing
+        Directions in which light leaves, (..., 3) or (..., wavelengths, 3).
+
+    Raises
+    ------
+    InputError
+        The material has no such lobe there.
+    """
+    return _built(material, options).mirror(incoming)
+
+
+def refract(
+    material: Any, incoming: npt.ArrayLike, **options: Any
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+    """Mueller matrices of what goes straight through a smooth surface; as `mirror`.
+
+    Matrices are of power: radiance also changes by the squared ratio of the refractive indices. Under total reflection they are
+    zero, and the direction is NaN.
+    """
+    return _built(material, options).refract(incoming)

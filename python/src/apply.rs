@@ -1,0 +1,145 @@
+//! The applications.
+
+use crate::error::{failed, input, located};
+use crate::watch::watched;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use sunstone::applications::links::Links;
+use sunstone::applications::{self, ApplicationError, Report, Settings, report};
+use sunstone::apply::application::Application;
+use sunstone::apply::catalog;
+use sunstone::apply::chain::file;
+use sunstone::render::is_of_system;
+use sunstone::studio::StudioError;
+
+/// What all applications are, as JSON: a list in the paper's order.
+#[pyfunction]
+pub fn applications_json() -> String {
+    let of = |a: Box<dyn Application>| {
+        let plan = a.plan();
+        let methods = a
+            .methods()
+            .into_iter()
+            .map(|m| json!({"name": m.name, "source": m.source}));
+        let metrics = a.metrics().into_iter();
+        let metrics =
+            metrics.map(|m| json!({"name": m.name, "unit": m.unit, "more_is_better": m.more_is_better}));
+        json!({
+            "name": a.name(), "shows": a.shows(), "scene": plan.scene, "train": plan.train, "test": plan.test,
+            "methods": methods.collect::<Vec<_>>(), "metrics": metrics.collect::<Vec<_>>(),
+            "preview": {"pixels": plan.preview.pixels, "spp": plan.preview.spp},
+            "full": {"pixels": plan.full.pixels, "spp": plan.full.spp},
+        })
+    };
+    serde_json::Value::from(catalog::all().into_iter().map(of).collect::<Vec<_>>()).to_string()
+}
+
+/// How an application is run.
+#[derive(FromPyObject)]
+pub struct Asked {
+    name: String,
+    scenes: Option<PathBuf>,
+    renders: PathBuf,
+    preview: bool,
+    seeds: u64,
+    chain: Option<PathBuf>,
+    output: Option<PathBuf>,
+}
+
+fn failure(py: Python<'_>, e: ApplicationError) -> PyErr {
+    match e {
+        ApplicationError::Studio(StudioError::Scene(e)) => located(py, &e),
+        ApplicationError::Studio(StudioError::Render(ref cause)) if is_of_system(cause) => failed(e),
+        ApplicationError::Access(ref cause) if cause.is_of_system() => failed(e),
+        e => input(e),
+    }
+}
+
+/// Runs an application: its report as JSON, and the pictures of the first seed.
+#[pyfunction]
+pub fn run_application<'py>(
+    py: Python<'py>,
+    asked: Asked,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(String, Bound<'py, PyList>)> {
+    let application = catalog::find(&asked.name).ok_or_else(|| {
+        let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
+        input(format!(
+            "name: there is no application `{}`; there are {}",
+            asked.name,
+            known.join(", ")
+        ))
+    })?;
+    let plan = application.plan();
+    if asked.chain.is_some() && plan.slices.is_empty() {
+        return Err(input(format!(
+            "capture: `{}` captures by itself what it judges; leave this out",
+            asked.name
+        )));
+    }
+    let scenes = match asked.scenes {
+        Some(folder) => folder,
+        None => std::env::current_dir()
+            .ok()
+            .and_then(|here| applications::find_scenes(&here, plan.scene))
+            .ok_or_else(|| {
+                input(format!(
+                    "scenes: there is no scenes/{} here or above; name the folder of the scenes that came with sunstone",
+                    plan.scene
+                ))
+            })?,
+    };
+    let links = match &asked.chain {
+        None => Links::None,
+        Some(path) => Links::Chain(file::load(path).map_err(|e| located(py, &e))?),
+    };
+    let settings = Settings {
+        scenes,
+        renders: asked.renders,
+        preview: asked.preview,
+        seeds: asked.seeds,
+        links,
+    };
+    let output = asked.output.as_deref();
+    let done = watched(py, progress, |watch| run(&*application, &settings, output, watch))?;
+    let report = done.map_err(|e| match e {
+        Fault::Run(e) => failure(py, e),
+        Fault::Folder(e) => failed(e),
+    })?;
+    let text = report::document(&*application, &report).to_string();
+    let pictures = PyList::empty(py);
+    for picture in report.first.pictures {
+        let map = picture.map;
+        let shape = [map.height, map.width, map.channels];
+        let about = PyDict::new(py);
+        about.set_item("method", picture.method)?;
+        about.set_item("name", picture.name)?;
+        about.set_item("variant", picture.variant)?;
+        about.set_item("values", PyArray1::from_vec(py, map.data).reshape(shape)?)?;
+        pictures.append(about)?;
+    }
+    Ok((text, pictures))
+}
+
+enum Fault {
+    Run(ApplicationError),
+    Folder(String),
+}
+
+fn run(
+    application: &dyn Application,
+    settings: &Settings,
+    output: Option<&Path>,
+    watch: &dyn sunstone::Watch,
+) -> Result<Report, Fault> {
+    std::fs::create_dir_all(&settings.renders)
+        .map_err(|e| Fault::Folder(format!("cannot make {}: {e}", settings.renders.display())))?;
+    let report = applications::run(application, settings, watch).map_err(Fault::Run)?;
+    if let Some(folder) = output {
+        report::write(application, &report, settings, folder).map_err(|e| Fault::Folder(e.to_string()))?;
+    }
+    Ok(report)
+}

@@ -1,0 +1,122 @@
+//! Captures by an instrument: a camera or a photon counter, noise relative to the light, rays of a lens.
+
+use crate::analysis::slice;
+use crate::capture::{Scheme, check_wavelengths};
+use crate::error::{input, located};
+use crate::off_python::off_python;
+use crate::table_text::toml_of_json;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use std::path::{Path, PathBuf};
+use sunstone::Ray;
+use sunstone::polarimetry::capture::detector::file;
+use sunstone::polarimetry::capture::mueller_image::MuellerImage;
+use sunstone::polarimetry::capture::simulate::Noise;
+
+/// What comes between light and numbers.
+#[derive(FromPyObject)]
+pub struct Instrument {
+    /// A detector's file, or the content of one as JSON.
+    detector_file: Option<PathBuf>,
+    detector_text: Option<String>,
+    /// Standard deviation of normal noise, and the same over the mean T00.
+    noise: Option<f64>,
+    relative_noise: Option<f64>,
+    /// Horizontal field of view, degrees; None: along the axis.
+    fov_x_deg: Option<f64>,
+    /// Width of the time bins of the axis behind rows and columns.
+    bin_ps: Option<f64>,
+    seed: u64,
+}
+
+/// An array of intensities or variances.
+type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
+
+/// Intensities (measurements, pixels) and, of a camera, their variances, of matrices (..., 4, 4); and the pixels' shape, whose rows and
+/// columns a sensor may halve. `lanes`: the last axis before the matrices is that of the wavelengths.
+#[pyfunction]
+pub fn capture<'py>(
+    py: Python<'py>,
+    scheme: &Scheme,
+    matrices: PyReadonlyArrayDyn<'py, f64>,
+    wavelengths_nm: Vec<f64>,
+    lanes: bool,
+    with: Instrument,
+) -> PyResult<(Numbers<'py>, Option<Numbers<'py>>, Vec<usize>)> {
+    check_wavelengths(&wavelengths_nm)?;
+    let [leading @ .., 4, 4] = matrices.shape() else {
+        return Err(input("give matrices of shape (..., 4, 4)"));
+    };
+    let values = slice("matrices", &matrices)?.to_vec();
+    let listed = if lanes { &wavelengths_nm[..] } else { &[] };
+    let mut image = MuellerImage::of_array(values, leading.to_vec(), listed).map_err(input)?;
+    if !lanes {
+        image.rays = wavelengths_nm.iter().copied().map(Ray::axial).collect();
+    }
+    if let Some(bin) = with.bin_ps {
+        if leading.len() != 3 + usize::from(lanes) {
+            return Err(input(
+                "bin_ps: give matrices (rows, columns, bins, 4, 4), or (rows, columns, bins, wavelengths, 4, 4)",
+            ));
+        }
+        if !(bin > 0.0 && bin.is_finite()) {
+            return Err(input("bin_ps: give the width of the time bins, picoseconds"));
+        }
+        image.bin_ps = Some(bin);
+    }
+    if let Some(degrees) = with.fov_x_deg {
+        if !(degrees > 0.0 && degrees < 180.0) {
+            return Err(input("fov_x_deg: give degrees, above 0 and below 180"));
+        }
+        image = image.seen_by(degrees.to_radians());
+    }
+    let noise = noise(py, &image, &with)?;
+    let captured = off_python(py, 0, || image.capture(&scheme.0, &noise, with.seed))?.map_err(input)?;
+    let pixels = captured.layout.pixels();
+    let array =
+        |values: Vec<f32>| PyArray1::from_vec(py, values).reshape(vec![scheme.0.measurements(), pixels]);
+    let variances = captured.variances.map(array).transpose()?;
+    let shape = image.captured_shape(captured.layout);
+    Ok((array(captured.intensities)?, variances, shape))
+}
+
+fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<Noise> {
+    let good = |name: &str, sigma: f64| {
+        if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {
+            Ok(sigma)
+        } else {
+            Err(input(format!(
+                "{name} is {sigma}: give zero or a positive number, 1e-30 to 1e30"
+            )))
+        }
+    };
+    let detector = match (&with.detector_file, &with.detector_text) {
+        (Some(path), _) => Some(file::load(path, image.is_timed())),
+        (_, Some(json)) => Some(file::from_toml(
+            Path::new("detector in a dict"),
+            &toml_of_json(json)?,
+            image.is_timed(),
+        )),
+        _ => None,
+    };
+    match (detector, with.noise, with.relative_noise) {
+        (Some(detector), None, None) => image
+            .noise_of(detector.map_err(|e| located(py, &e))?)
+            .map_err(|e| input(format!("detector: {e}"))),
+        (None, Some(sigma), None) => Ok(Noise::Gaussian {
+            sigma: good("noise", sigma)?,
+        }),
+        (None, None, Some(relative)) => {
+            let sigma = good("relative_noise", relative)? * image.mean();
+            if sigma >= 0.0 && sigma.is_finite() {
+                Ok(Noise::Gaussian { sigma })
+            } else {
+                Err(input(
+                    "relative_noise: the mean M00 of the matrices is not positive; give noise in their unit",
+                ))
+            }
+        }
+        (None, None, None) => Ok(Noise::None),
+        _ => Err(input("give one of detector, noise and relative_noise")),
+    }
+}

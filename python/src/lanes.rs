@@ -1,0 +1,54 @@
+//! Wavelengths as people ask for them, any number in any order, and as materials and media are built for them: few, rising.
+
+use crate::error::input;
+use pyo3::prelude::*;
+use sunstone::optics::spectrum::{MAX_WAVELENGTHS, Wavelengths};
+
+/// What is built for wavelengths, and where in it each one is that was asked for.
+pub struct Lanes {
+    /// What to build for.
+    pub sets: Vec<Wavelengths>,
+    /// Of each wavelength asked for, the number of its set, and its place there.
+    pub places: Vec<(usize, usize)>,
+}
+
+impl Lanes {
+    /// Of wavelengths in nanometres.
+    pub fn new(asked_nm: &[f64]) -> PyResult<Self> {
+        if asked_nm.is_empty() {
+            return Err(input("wavelengths_nm: give one wavelength at least"));
+        }
+        let mut rising = asked_nm.to_vec();
+        rising.sort_by(f64::total_cmp);
+        rising.dedup();
+        let sets: Result<Vec<Wavelengths>, _> = rising
+            .chunks(MAX_WAVELENGTHS)
+            .map(|few| Wavelengths::new(few.to_vec()))
+            .collect();
+        let sets = sets.map_err(|e| input(format!("wavelengths_nm: {e}")))?;
+        let place = |nm: &f64| {
+            let i = rising.partition_point(|other| other < nm);
+            (i / MAX_WAVELENGTHS, i % MAX_WAVELENGTHS)
+        };
+        Ok(Self {
+            places: asked_nm.iter().map(place).collect(),
+            sets,
+        })
+    }
+}
+
+/// The one that is meant of what a file holds, by name; `what` is it: `material`, and `several` in the plural.
+pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -> PyResult<String> {
+    let known = names.join(", ");
+    match (name, names) {
+        (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
+        (Some(name), _) => Err(input(format!(
+            "name: there is no {what} `{name}`; there are {known}"
+        ))),
+        (None, [one]) => Ok(one.clone()),
+        (None, []) => Err(input(format!("there is no {what}; add one"))),
+        (None, _) => Err(input(format!(
+            "there are several {several}; give the name of one: {known}"
+        ))),
+    }
+}

@@ -1,0 +1,179 @@
+//! Learning the settings of capture schemes.
+
+use crate::capture::{Scheme, rays};
+use crate::error::{failed, input, located};
+use crate::off_python::off_python;
+use crate::prior::moment;
+use crate::watch::looked_on;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use sunstone::pbrdf::data_set;
+use sunstone::pbrdf::stand_ins::{BandedError, BandedMaterials};
+use sunstone::polarimetry::reconstruct::cross_validation::{self, Frames, learn_and_validate};
+use sunstone::polarimetry::reconstruct::learn::Search;
+use sunstone::polarimetry::reconstruct::loss::{Estimator, Objective};
+use sunstone::polarimetry::reconstruct::pca::data_set::Settings;
+use sunstone::polarimetry::reconstruct::second_moment::{self, Moment, SecondMoment};
+use sunstone::transport::material::measured::axes::Axes;
+
+/// What there is to learn from: the second moment of materials, and of folds of them.
+#[pyclass(frozen, module = "pysunstone._native")]
+pub struct LearningData(cross_validation::LearningData);
+
+fn array<'py>(py: Python<'py>, s: &Moment) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    PyArray1::from_vec(py, s.transpose().iter().copied().collect()).reshape(vec![16, 16])
+}
+
+#[pymethods]
+impl LearningData {
+    /// Of a folder of measured tables, or of the stand-ins for the materials of the KAIST set.
+    #[staticmethod]
+    fn materials(
+        py: Python<'_>,
+        folder: Option<PathBuf>,
+        bands: Vec<u16>,
+        plane: bool,
+        resolution: [usize; 3],
+        folds: usize,
+    ) -> PyResult<Self> {
+        if !resolution.iter().all(|n| (2..=4096).contains(n)) || bands.iter().any(|nm| *nm < 100) {
+            return Err(input(
+                "give a resolution of three numbers from 2 to 4096, and bands from 100 nm on",
+            ));
+        }
+        let settings = Settings {
+            samples: 0,
+            ..Settings::default()
+        };
+        let frames = if plane { Frames::Plane } else { Frames::Any };
+        let data = off_python(py, 0, || match &folder {
+            Some(folder) => {
+                let nm: Vec<f64> = bands.iter().copied().map(f64::from).collect();
+                Ok(data_set::read(folder, &nm, &settings))
+            }
+            None => BandedMaterials::load(None, &bands).map(|banded| {
+                let axes = Axes::even(resolution, bands.clone());
+                data_set::evaluate(&axes, &banded.analytic(), &settings)
+            }),
+        })?;
+        let data = data.map_err(|e| match e {
+            BandedError::File(e) => located(py, &e),
+            other => input(other),
+        })?;
+        let data = data.map_err(input)?;
+        cross_validation::LearningData::new(&data, folds, frames)
+            .map(Self)
+            .map_err(input)
+    }
+
+    /// Of a second moment, without folds; turned to any frames if it is of the plane of scattering.
+    #[staticmethod]
+    fn of_moment(given: PyReadonlyArray2<'_, f64>, turn: bool) -> PyResult<Self> {
+        let s = moment(&given)?;
+        Ok(Self(cross_validation::LearningData {
+            all: if turn { second_moment::in_any_frames(&s) } else { s },
+            folds: vec![],
+        }))
+    }
+
+    /// Of a file of a second moment.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let all = second_moment::load(&path).map_err(|e| located(py, &e))?;
+        Ok(Self(cross_validation::LearningData { all, folds: vec![] }))
+    }
+
+    /// Writes the second moment's file.
+    fn save(&self, path: PathBuf, name: &str) -> PyResult<()> {
+        second_moment::save(&path, name, &self.0.all).map_err(|e| failed(format!("{}: {e}", path.display())))
+    }
+
+    /// Second moment of all materials, (16, 16).
+    #[getter]
+    fn prior<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        array(py, &self.0.all)
+    }
+}
+
+/// How a scheme is learned.
+#[derive(FromPyObject)]
+pub struct Asked {
+    prior: bool,
+    noise: f64,
+    angle_error_deg: f64,
+    wavelengths_nm: Vec<f64>,
+    starts: u32,
+    iterations: u64,
+    adam_steps: usize,
+    seed: u64,
+}
+
+/// A learned scheme, its errors (on materials that were not learned from, standard error, on those that were), and its descents:
+/// name, loss and the loss of every step.
+type Found<'py> = (
+    Scheme,
+    (f64, f64, f64),
+    Vec<(String, f64, Bound<'py, PyArray1<f64>>)>,
+);
+
+/// Learns what changes from capture to capture in a template.
+#[pyfunction]
+pub fn learn<'py>(
+    py: Python<'py>,
+    template: &Scheme,
+    data: Option<&LearningData>,
+    asked: Asked,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Found<'py>> {
+    if template.0.motors().is_empty() {
+        return Err(input(
+            "template: nothing in it changes from capture to capture; give lists of angles or retardances",
+        ));
+    }
+    if !(1e-9..=1e6).contains(&asked.noise) {
+        return Err(input("noise: give a positive number, 1e-9 to 1e6"));
+    }
+    if !(0.0..=90.0).contains(&asked.angle_error_deg) {
+        return Err(input("angle_error_deg: give degrees, 0 to 90"));
+    }
+    if asked.starts > 100_000 || asked.iterations > 10_000_000 || asked.adam_steps > 10_000_000 {
+        return Err(input(
+            "at most 100000 starts, and 10000000 iterations or adam_steps",
+        ));
+    }
+    let search = Search {
+        starts: asked.starts,
+        iterations: asked.iterations,
+        adam_steps: asked.adam_steps,
+        seed: asked.seed,
+    };
+    let objective = Objective {
+        sigma: asked.noise,
+        angle_error: asked.angle_error_deg.to_radians(),
+        second_moment: SecondMoment::new(data.map_or_else(Moment::identity, |d| d.0.all)),
+        estimator: if asked.prior {
+            Estimator::Prior
+        } else {
+            Estimator::LeastSquares
+        },
+        rays: rays(&asked.wavelengths_nm)?,
+        metric: None,
+    };
+    let folds = data.map_or(&[][..], |d| &d.0.folds);
+    let found = looked_on(py, progress, |onlooker| {
+        let pool = rayon::ThreadPoolBuilder::new().build();
+        pool.map(|pool| {
+            pool.install(|| learn_and_validate(&template.0, &objective, &search, folds, onlooker))
+        })
+    })?;
+    let found = found.map_err(|e| failed(format!("cannot start threads: {e}")))?;
+    let descents = found.descents.into_iter();
+    Ok((
+        Scheme(found.scheme),
+        (found.unseen, found.spread, found.seen),
+        descents
+            .map(|d| (d.name, d.loss, PyArray1::from_vec(py, d.history)))
+            .collect(),
+    ))
+}

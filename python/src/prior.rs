@@ -1,0 +1,22 @@
+//! Second moments of Mueller matrices, as what is expected of them.
+
+use crate::error::input;
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use sunstone::polarimetry::reconstruct::second_moment::{self, Moment};
+
+/// A second moment (16, 16).
+pub fn moment(given: &PyReadonlyArray2<'_, f64>) -> PyResult<Moment> {
+    let view = given.as_array();
+    if view.shape() != [16, 16] {
+        return Err(input(format!(
+            "the second moment's shape is {:?}; give (16, 16), or the path of its file",
+            view.shape()
+        )));
+    }
+    let s = Moment::from_fn(|i, j| view[(i, j)]);
+    match second_moment::fault(&s) {
+        None => Ok(s),
+        Some(fault) => Err(input(format!("the second moment {fault}"))),
+    }
+}

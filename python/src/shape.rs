@@ -1,0 +1,264 @@
+//! Shape from arrays: codes of structured light, triangulation, and normals.
+
+use crate::analysis::slice;
+use crate::error::input;
+use crate::off_python::off_python;
+use crate::scene::Scene;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use sunstone::applications::truth;
+use sunstone::apply::map::Map;
+use sunstone::apply::pinhole::{Pinhole, Rig};
+use sunstone::apply::shape::column_light::{CodeError, Decoded, Patterns};
+use sunstone::apply::shape::logical_codes::Base;
+use sunstone::apply::shape::polarization::{self, Cues, Reflection};
+use sunstone::apply::shape::surface_normals::{self, Window};
+use sunstone::apply::shape::{gray_code, logical_codes, micro_phase_shift, phase_shift, triangulation};
+
+/// A calibrated camera, and a projector or the camera twice.
+#[pyclass(frozen, module = "pysunstone._native")]
+pub struct Devices(Rig);
+
+/// Resolution, focal lengths, principal point, origin, and the axes: image right, image down and forward in the world.
+type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
+
+fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
+    let all = focal
+        .iter()
+        .chain(&principal)
+        .chain(&origin)
+        .chain(axes.as_flattened());
+    if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
+        return Err(input("give finite numbers, and focal lengths in pixels"));
+    }
+    Ok(Pinhole::new(resolution, focal, principal, origin, axes))
+}
+
+fn numbers(p: &Pinhole) -> Numbers {
+    let axis = |i: usize| [p.axes[(0, i)], p.axes[(1, i)], p.axes[(2, i)]];
+    (
+        p.resolution,
+        p.focal,
+        p.principal,
+        p.origin.into(),
+        [axis(0), axis(1), axis(2)],
+    )
+}
+
+#[pymethods]
+impl Devices {
+    #[new]
+    fn new(camera: Numbers, projector: Option<Numbers>) -> PyResult<Self> {
+        let camera = pinhole(camera)?;
+        let projector = projector.map_or_else(|| Ok(camera.clone()), pinhole)?;
+        Ok(Self(Rig { camera, projector }))
+    }
+
+    /// Those of a scene, as if calibrated without error; none without a projector.
+    #[staticmethod]
+    fn of_scene(py: Python<'_>, scene: Py<Scene>) -> Option<Self> {
+        py.detach(|| truth::rig(&scene.get().lock())).map(Self)
+    }
+
+    #[getter]
+    fn camera(&self) -> Numbers {
+        numbers(&self.0.camera)
+    }
+
+    #[getter]
+    fn projector(&self) -> Numbers {
+        numbers(&self.0.projector)
+    }
+}
+
+type Image<'py> = PyReadonlyArrayDyn<'py, f64>;
+
+type Found<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// A C-contiguous array (rows, columns, channels).
+fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
+    let [height, width, channels] = *image.shape() else {
+        return Err(input(format!(
+            "{what}: the shape is {:?}; give (rows, columns, channels)",
+            image.shape()
+        )));
+    };
+    Ok(Map {
+        width,
+        height,
+        channels,
+        data: slice(what, image)?.to_vec(),
+    })
+}
+
+/// That a map is of as many pixels as the camera, which methods take for granted.
+fn of_camera(what: &str, map: &Map, camera: &Pinhole) -> PyResult<()> {
+    if [map.width, map.height] == camera.resolution {
+        return Ok(());
+    }
+    let [w, h] = camera.resolution;
+    Err(input(format!(
+        "{what}: {} rows of {} pixels for a camera of {h} rows of {w}",
+        map.height, map.width
+    )))
+}
+
+fn array(py: Python<'_>, map: Map) -> PyResult<Found<'_>> {
+    PyArray1::from_vec(py, map.data).reshape(vec![map.height, map.width, map.channels])
+}
+
+/// A code of structured light.
+enum Code {
+    Gray,
+    Xor(Base),
+    PhaseShift(Vec<f64>),
+    MicroPhaseShift(Vec<f64>),
+}
+
+impl Code {
+    fn of(name: &str, columns: usize, periods: Option<Vec<f64>>) -> PyResult<Self> {
+        if !(1..=65_536).contains(&columns) {
+            return Err(input("columns: give 1 to 65536"));
+        }
+        let unused = || match &periods {
+            None => Ok(()),
+            Some(_) => Err(input(format!(
+                "periods: the code `{name}` has none; leave this out"
+            ))),
+        };
+        match name {
+            "gray" => unused().map(|()| Self::Gray),
+            "xor-02" => unused().map(|()| Self::Xor(Base::Xor02)),
+            "xor-04" => unused().map(|()| Self::Xor(Base::Xor04)),
+            "phase-shift" => Ok(Self::PhaseShift(
+                periods.unwrap_or_else(|| phase_shift::periods(columns)),
+            )),
+            "micro-phase-shift" => match periods {
+                Some(periods) => Ok(Self::MicroPhaseShift(periods)),
+                None => Err(input(
+                    "periods: give those of micro phase shifting, in columns, such as the seven about 16 of the paper",
+                )),
+            },
+            other => Err(input(format!(
+                "there is no code `{other}`; choose of gray, xor-02, xor-04, phase-shift, micro-phase-shift"
+            ))),
+        }
+    }
+
+    fn patterns(&self, columns: usize) -> Patterns {
+        match self {
+            Self::Gray => gray_code::patterns(columns),
+            Self::Xor(base) => logical_codes::patterns(columns, *base),
+            Self::PhaseShift(p) => phase_shift::patterns(columns, p),
+            Self::MicroPhaseShift(p) => micro_phase_shift::patterns(columns, p),
+        }
+    }
+
+    fn decode(&self, captures: &Map, columns: usize, least: f64) -> Result<Decoded, CodeError> {
+        match self {
+            Self::Gray => gray_code::decode(captures, columns, least),
+            Self::Xor(base) => logical_codes::decode(captures, columns, *base, least),
+            Self::PhaseShift(p) => phase_shift::decode(captures, columns, p, least),
+            Self::MicroPhaseShift(p) => micro_phase_shift::decode(captures, columns, p, least),
+        }
+    }
+}
+
+/// Drives (captures, columns) of a code.
+#[pyfunction]
+pub fn code_patterns<'py>(
+    py: Python<'py>,
+    code: &str,
+    columns: usize,
+    periods: Option<Vec<f64>>,
+) -> PyResult<Found<'py>> {
+    let patterns = Code::of(code, columns, periods)?.patterns(columns);
+    let captures = patterns.drives.len();
+    PyArray1::from_vec(py, patterns.drives.concat()).reshape(vec![captures, columns])
+}
+
+/// Columns and confidences (rows, columns, 1) of captures (rows, columns, captures).
+#[pyfunction]
+pub fn decode_columns<'py>(
+    py: Python<'py>,
+    code: &str,
+    captures: Image<'py>,
+    columns: usize,
+    periods: Option<Vec<f64>>,
+    least_contrast: f64,
+) -> PyResult<(Found<'py>, Found<'py>)> {
+    let code = Code::of(code, columns, periods)?;
+    let captures = map("captures", &captures)?;
+    let found = py.detach(|| code.decode(&captures, columns, least_contrast));
+    let Decoded { column, confidence } = found.map_err(input)?;
+    Ok((array(py, column)?, array(py, confidence)?))
+}
+
+/// Depths (rows, columns, 1) of projector columns.
+#[pyfunction]
+pub fn triangulate<'py>(py: Python<'py>, devices: &Devices, columns: Image<'py>) -> PyResult<Found<'py>> {
+    let columns = map("columns", &columns)?;
+    of_camera("columns", &columns, &devices.0.camera)?;
+    array(py, py.detach(|| triangulation::depth(&devices.0, &columns)))
+}
+
+/// Normals (rows, columns, 3) of depths.
+#[pyfunction]
+pub fn normals_of_depth<'py>(
+    py: Python<'py>,
+    devices: &Devices,
+    depth: Image<'py>,
+    radius: usize,
+    robust: bool,
+) -> PyResult<Found<'py>> {
+    let depth = map("depth", &depth)?;
+    let camera = &devices.0.camera;
+    of_camera("depth", &depth, camera)?;
+    array(
+        py,
+        py.detach(|| surface_normals::normals(camera, &depth, Window { radius, robust })),
+    )
+}
+
+/// Degree, zenith and azimuth (rows, columns, 3) that polarization tells of matrices (rows, columns, 16).
+#[pyfunction]
+pub fn polarization_cues<'py>(
+    py: Python<'py>,
+    matrices: Image<'py>,
+    index: f64,
+    mirrored: bool,
+    mirrored_off: bool,
+) -> PyResult<Found<'py>> {
+    if !(index > 1.0 && index <= 10.0) {
+        return Err(input("index: give a refractive index above 1, and 10 at most"));
+    }
+    let matrices = map("matrices", &matrices)?;
+    let how = if mirrored {
+        Reflection::Specular
+    } else {
+        Reflection::Diffuse
+    };
+    let cues = off_python(py, 1, || {
+        polarization::cues(&polarization::stokes(&matrices, mirrored_off), index, how)
+    })?;
+    array(py, cues.angles)
+}
+
+/// Normals (rows, columns, 3): of both that cues allow the one nearest to a guess.
+#[pyfunction]
+pub fn normals_of_cues<'py>(
+    py: Python<'py>,
+    devices: &Devices,
+    cues: Image<'py>,
+    guess: Image<'py>,
+) -> PyResult<Found<'py>> {
+    let (angles, guess) = (map("cues", &cues)?, map("guess", &guess)?);
+    let camera = &devices.0.camera;
+    of_camera("cues", &angles, camera)?;
+    of_camera("guess", &guess, camera)?;
+    if [angles.channels, guess.channels] != [3, 3] {
+        return Err(input("cues and guess: give three numbers a pixel"));
+    }
+    let cues = Cues { angles };
+    array(py, py.detach(|| polarization::nearest(camera, &cues, &guess)))
+}
