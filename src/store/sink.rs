@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tensor::axes::SliceLayout;
 use tensor::part::{self, Part};
+use tensor::target;
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 
 /// Where to and how to write.
@@ -167,6 +168,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
     };
     for what in [
         part::ATTRIBUTE,
+        target::ROUND,
         "variant",
         "scene_sha256",
         "seeds",
@@ -176,6 +178,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
         "integrator",
         "tile",
         "version",
+        target::TILE_SAMPLES,
     ] {
         let (a, b) = (theirs.get(what), job.attributes.get(what));
         if a != b {
