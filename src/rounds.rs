@@ -159,7 +159,9 @@ impl ToError<'_> {
             remove(&folder)?;
         } else if target.path.exists() {
             let path = target.path.clone();
-            return Err(RenderError::Sink(SinkError::Create(store::zarr::CreateError::Exists { path })).into());
+            return Err(
+                RenderError::Sink(SinkError::Create(store::zarr::CreateError::Exists { path })).into(),
+            );
         } else if folder.exists() && !target.resume {
             return Err(RoundsError::Rounds { path: folder });
         }
@@ -198,7 +200,12 @@ impl ToError<'_> {
     ///
     /// # Errors
     /// [`RoundsError`], of rounds of another render too.
-    pub fn standing(&self, scene: &Scene, folder: &Path, round: Option<u32>) -> Result<Standing, RoundsError> {
+    pub fn standing(
+        &self,
+        scene: &Scene,
+        folder: &Path,
+        round: Option<u32>,
+    ) -> Result<Standing, RoundsError> {
         self.check_goal(scene)?;
         let mut stores = vec![];
         loop {
@@ -328,7 +335,10 @@ impl ToError<'_> {
             .and_then(|store| store.attributes().remove(ATTRIBUTE));
         let ours = self.goal.to_json();
         // What was reached stands beside what was asked for.
-        let same = |theirs: &Value| ours.as_object().is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)));
+        let same = |theirs: &Value| {
+            ours.as_object()
+                .is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)))
+        };
         if !target.as_ref().is_some_and(same) {
             return Err(mismatch(path, ATTRIBUTE, target.as_ref(), Some(&ours)));
         }

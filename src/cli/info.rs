@@ -87,7 +87,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 /// What a render to an error was asked for, and what it came to.
 fn reached(target: &Value) -> Option<String> {
     let number = |key: &str| target.get(key)?.as_f64();
-    let (mean, uniform) = (number("mean_samples_per_pixel")?, number("uniform_samples_per_pixel")?);
+    let (mean, uniform) = (
+        number("mean_samples_per_pixel")?,
+        number("uniform_samples_per_pixel")?,
+    );
     Some(format!(
         "relative error of {:.0} % of the lit pixels of slice {}: {:.2} % at most, where {:.2} % were asked for; {} rounds, {mean:.0} \
          samples a pixel in the mean, {:.0} % of about {uniform:.0} that would do the same everywhere",

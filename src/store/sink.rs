@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tensor::axes::SliceLayout;
 use tensor::part::{self, Part};
-use tensor::target;
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
+use tensor::target;
 
 /// Where to and how to write.
 #[derive(Clone, Debug, Default)]

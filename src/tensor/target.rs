@@ -233,7 +233,11 @@ impl Survey {
             let tiles = self.tiles.iter().zip(plan);
             tiles.map(|(t, n)| f64::from(t.pixels) * n).sum()
         };
-        let same: Vec<f64> = self.tiles.iter().map(|t| t.at_least(everywhere.min(most))).collect();
+        let same: Vec<f64> = self
+            .tiles
+            .iter()
+            .map(|t| t.at_least(everywhere.min(most)))
+            .collect();
         let cheapest = plan.filter(|plan| cost(plan) < cost(&same)).unwrap_or(same);
         self.round(&cheapest, goal)
     }
@@ -308,7 +312,11 @@ impl Survey {
         }
         for _ in 0..60 {
             let price = 0.5 * (low + high);
-            if enough(price.exp()) { low = price } else { high = price }
+            if enough(price.exp()) {
+                low = price
+            } else {
+                high = price
+            }
         }
         Some(best(low.exp()).into_iter().map(|c| c[0]).collect())
     }
@@ -328,9 +336,7 @@ impl Survey {
         let share = (GROWTH * self.samples() as f64 / of(&more)).min(1.0);
         let left = |t: &Tile| goal.most.saturating_sub(t.samples);
         let tiles = self.tiles.iter().zip(&more);
-        let mut counts: Vec<u32> = tiles
-            .map(|(t, n)| round_count(n * share).min(left(t)))
-            .collect();
+        let mut counts: Vec<u32> = tiles.map(|(t, n)| round_count(n * share).min(left(t))).collect();
         if counts.iter().all(|n| *n == 0) {
             let least = |t: &Tile| if t.kept { LEAST_ROUND.min(left(t)) } else { 0 };
             counts = self.tiles.iter().map(least).collect();
@@ -374,10 +380,13 @@ mod tests {
         fn new(between: f64, within: f64) -> Self {
             let mut state = 7_u64;
             let mut uniform = move || {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
                 ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
             };
-            let mut normal = move || (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
+            let mut normal =
+                move || (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
             let mut variances = vec![];
             for tile in 0..EDGE * EDGE {
                 let level = between * normal();
@@ -446,7 +455,10 @@ mod tests {
             let reached = survey.reached(share);
             assert!(reached <= 0.03 && reached > 0.028, "{reached}");
             let saved = survey.mean_samples() / survey.uniform(share);
-            assert!((2..=5).contains(&rounds) && (least..most).contains(&saved), "{rounds} {saved}");
+            assert!(
+                (2..=5).contains(&rounds) && (least..most).contains(&saved),
+                "{rounds} {saved}"
+            );
         }
     }
 
@@ -471,7 +483,11 @@ mod tests {
                 seen += u32::from(*tile == 20);
                 *tile != 20 || seen == 1
             });
-            image.variances.iter_mut().filter(|p| p.0 == 20).for_each(|p| p.1 = variance);
+            image
+                .variances
+                .iter_mut()
+                .filter(|p| p.0 == 20)
+                .for_each(|p| p.1 = variance);
             let Next::Round(counts) = image.survey().next(&goal(0.1, 0.9)) else {
                 panic!("no round");
             };
@@ -482,12 +498,19 @@ mod tests {
         let all: u32 = low.iter().sum();
         // A step or two of tile 20, and of tiles that were about to take one.
         let own = f64::from(low[20]) / f64::from(high[20]);
-        assert!(moved * 200 < all && (0.9..1.1).contains(&own), "{moved} of {all}, {own}");
+        assert!(
+            moved * 200 < all && (0.9..1.1).contains(&own),
+            "{moved} of {all}, {own}"
+        );
         // Planted: by its own error alone, it does.
         let mut image = Image::new(0.5, 0.3);
         let alone = |image: &Image| image.survey().next_by(&goal(0.1, 0.9), 1);
         let before = alone(&image);
-        image.variances.iter_mut().filter(|p| p.0 == 20).for_each(|p| p.1 = 1e-3);
+        image
+            .variances
+            .iter_mut()
+            .filter(|p| p.0 == 20)
+            .for_each(|p| p.1 = 1e-3);
         assert!(alone(&image) != before);
     }
 
@@ -510,7 +533,10 @@ mod tests {
     #[test]
     fn counts_are_of_whole_groups() {
         assert_eq!([0.0, 8.0, 8.1, 33.0].map(round_count), [0, 0, 16, 33]);
-        assert_eq!([64.5, 127.0, 128.5, 5000.0].map(round_count), [66, 128, 132, 5056]);
+        assert_eq!(
+            [64.5, 127.0, 128.5, 5000.0].map(round_count),
+            [66, 128, 132, 5056]
+        );
     }
 
     #[test]
@@ -519,8 +545,14 @@ mod tests {
         for wrong in [goal(0.0, 0.5), goal(f64::NAN, 0.5), goal(0.1, 1.0)] {
             assert!(wrong.fault("--").is_some_and(|m| m.contains("--target-")));
         }
-        let few = Goal { first: 8, ..goal(0.1, 0.5) };
-        let less = Goal { most: 32, ..goal(0.1, 0.5) };
+        let few = Goal {
+            first: 8,
+            ..goal(0.1, 0.5)
+        };
+        let less = Goal {
+            most: 32,
+            ..goal(0.1, 0.5)
+        };
         assert!(few.fault("").is_some() && less.fault("").is_some());
     }
 }

@@ -82,7 +82,13 @@ fn about(standing: &Standing, goal: &Goal) -> String {
     let round = standing.round + 1;
     standing.error.map_or_else(
         || format!("round {round}: "),
-        |error| format!("round {round}, error so far {} of {}: ", percent(error), percent(goal.error)),
+        |error| {
+            format!(
+                "round {round}, error so far {} of {}: ",
+                percent(error),
+                percent(goal.error)
+            )
+        },
     )
 }
 
@@ -138,7 +144,9 @@ pub(super) fn run(
         )));
     }
     let store = target.path.display();
-    let standing = last.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let standing = last
+        .into_inner()
+        .unwrap_or_else(std::sync::PoisonError::into_inner);
     output::print(&match (a.target.round, standing) {
         (Some(round), _) => format!(
             "{store}: part of round {round}, {} tiles, {} samples, {:.1} s",
@@ -189,6 +197,10 @@ fn told(
         standing.uniform,
         summary.wall_s,
         summary.discarded,
-        if a.part.is_none() { in_doubt(&target.path)? } else { String::new() },
+        if a.part.is_none() {
+            in_doubt(&target.path)?
+        } else {
+            String::new()
+        },
     ))
 }

@@ -5,7 +5,8 @@
 //! own error.
 
 use super::{
-    Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, parts, pool_into, totals,
+    Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, parts, pool_into,
+    totals,
 };
 use crate::denoised;
 use crate::merge::pool::Pool;
@@ -117,7 +118,10 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     }
     let mut bright: Vec<f64> = pools.iter().map(|p| p.mean).collect();
     bright.sort_unstable_by(f64::total_cmp);
-    let least = LIT * bright.get(bright.len().saturating_sub(1) * 99 / 100).unwrap_or(&0.0);
+    let least = LIT
+        * bright
+            .get(bright.len().saturating_sub(1) * 99 / 100)
+            .unwrap_or(&0.0);
     let mut lit = vec![];
     let places = rows.iter().flat_map(|r| columns.iter().map(move |c| (r, c)));
     for (pool, (row, column)) in pools.iter().zip(places) {
@@ -141,19 +145,31 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
 ///
 /// # Errors
 /// If they are no rounds of one render, or anything cannot be read or written.
-pub fn pool(rounds: &[PathBuf], out: &Path, extra: &Map<String, Value>, replace: bool) -> Result<(), MergeError> {
+pub fn pool(
+    rounds: &[PathBuf],
+    out: &Path,
+    extra: &Map<String, Value>,
+    replace: bool,
+) -> Result<(), MergeError> {
     let inputs = open(rounds)?;
     let Some(first) = inputs.first() else {
         return Err(MergeError::TooFew);
     };
-    let slices = first.store.slice_names().iter().map(|name| slice_of(&inputs, name));
+    let slices = first
+        .store
+        .slice_names()
+        .iter()
+        .map(|name| slice_of(&inputs, name));
     let slices = slices.collect::<Result<Vec<_>, _>>()?;
     let own = [ROUND, TILE_SAMPLES, "merged_from"];
     let mut attributes: Map<String, Value> = merged_attributes(&inputs)
         .into_iter()
         .filter(|(key, _)| !own.contains(&key.as_str()))
         .collect();
-    attributes.insert("seeds".into(), first.attributes.get("seeds").cloned().unwrap_or_default());
+    attributes.insert(
+        "seeds".into(),
+        first.attributes.get("seeds").cloned().unwrap_or_default(),
+    );
     let most = tile_samples(&inputs)?.into_iter().max();
     attributes.insert("samples_per_pixel".into(), json!(most));
     let rays = inputs.iter().filter_map(|i| i.attributes.get("rays")?.as_u64());

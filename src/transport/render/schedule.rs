@@ -68,7 +68,10 @@ impl Share<'_> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
         {
-            return Err(format!("samples of {} tiles are given, and the image has {tiles}", counts.len()));
+            return Err(format!(
+                "samples of {} tiles are given, and the image has {tiles}",
+                counts.len()
+            ));
         }
         let any = |tile: &u32| self.samples.is_none_or(|counts| counts[*tile as usize] > 0);
         let Some(part) = self.part else {
