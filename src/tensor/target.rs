@@ -313,9 +313,9 @@ impl Survey {
         for _ in 0..60 {
             let price = 0.5 * (low + high);
             if enough(price.exp()) {
-                low = price
+                low = price;
             } else {
-                high = price
+                high = price;
             }
         }
         Some(best(low.exp()).into_iter().map(|c| c[0]).collect())
