@@ -39,6 +39,7 @@ use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
+use tensor::target::ATTRIBUTE;
 
 /// One store to merge, with what is known of its samples.
 pub(crate) struct Input {
@@ -383,6 +384,8 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
         .map(|i| i.store.path().display().to_string())
         .collect();
     attributes.insert("merged_from".into(), json!(from));
+    // What one render was asked for is not said of several.
+    attributes.remove(ATTRIBUTE);
     attributes
 }
 
