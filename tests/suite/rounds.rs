@@ -133,6 +133,16 @@ fn however_it_is_made_it_is_the_same() {
         );
         assert!(counts.iter().max() > counts.iter().min());
 
+        // It pools with a plain render of another seed, and the goal is not said of both.
+        scene.settings.seed = 77;
+        Render::new(&scene).to_store(&at("plain")).expect("a render");
+        scene.settings.seed = 0;
+        merge(&[at("whole"), at("plain")], &at("both"), Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        let both = TensorStore::open(&at("both")).expect("a store");
+        let sum = both.read_samples([0, 0], [24, 24]).expect("counts");
+        assert!(sum.iter().zip(&counts).all(|(sum, own)| *sum == own + 4));
+        assert!(!both.attributes().contains_key("target"));
+
         let one = ToError {
             threads: 1,
             ..to_error(goal(0.08, 0.9), &Unwatched)
