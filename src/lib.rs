@@ -24,6 +24,7 @@ pub mod figures;
 pub mod matrices;
 pub mod render;
 pub mod rigs;
+pub mod rounds;
 pub mod studio;
 
 pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};

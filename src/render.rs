@@ -85,6 +85,14 @@ impl<'a> Render<'a> {
         self
     }
 
+    /// With so many samples of the pixels of each tile, row by row, in place of one number for all: a tile gets the bits that it has in a
+    /// render of its number everywhere, and tiles of none stay zero. The scene's settings hold the largest number.
+    #[must_use]
+    pub fn samples(mut self, samples: &'a [u32]) -> Self {
+        self.share.samples = Some(samples);
+        self
+    }
+
     /// With walks from the light that all parts K of N make together, by files in a folder that their machines share: otherwise each
     /// part makes all of them for itself. Nobody waits for a part that is not running, and no bit changes.
     #[must_use]

@@ -21,13 +21,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,10 +38,13 @@ from pysunstone.command import CommandError, find, run
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Job", "RenderError", "render", "render_many"]
+__all__ = ["TOPIC", "Job", "Metrics", "RenderError", "render", "render_many"]
 
 PARTS_PER_WORKER = 4
 """Parts for each thread of the workers, so that none waits long for the last one."""
+
+TOPIC = "sunstone"
+"""Topic of the events that the scheduler is told (``client.get_events(TOPIC)``): a :class:`Metrics` as a dictionary, with ``store``."""
 
 ATTEMPTS = 100
 """How often a unit is tried whose workers die under it."""
@@ -104,16 +108,16 @@ class _Unit:
     place: str
     threads: int
 
-    def __call__(self) -> float:
-        """Make it, if nobody has yet, and return the seconds that took."""
+    def __call__(self) -> _Made:
+        """Make it, if nobody has yet."""
         begun = time.perf_counter()
         if os.path.isdir(self.place):
-            return 0.0
+            return _Made(0.0, 0)
         os.makedirs(os.path.dirname(self.place), exist_ok=True)
         # Nobody else writes there, whoever else makes the same.
         fresh = f"{self.place}.{uuid.uuid4().hex}.tmp"
         try:
-            _run([self.command, "render", *self.words, "--threads", str(self.threads), "-o", fresh])
+            told = _run([self.command, "render", *self.words, "--threads", str(self.threads), "-o", fresh])
             try:
                 os.rename(fresh, self.place)
             except OSError:
@@ -122,7 +126,67 @@ class _Unit:
                     raise
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
-        return time.perf_counter() - begun
+        samples = re.search(r" tiles, (\d+) samples", told)
+        return _Made(time.perf_counter() - begun, int(samples[1]) if samples else 0)
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What making a unit took: nothing, if it was there."""
+
+    seconds: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How far a render is.
+
+    Attributes
+    ----------
+    finished, units
+        Parts that are finished, and all (of the round, of a render to an error).
+    samples
+        Samples that this call has taken so far, of all pixels.
+    samples_per_s
+        The same for each second since the call began.
+    round
+        Number of the round, of a render to an error.
+    error
+        Relative error after the rounds before, once there is one.
+    target_error
+        What it is to become.
+    """
+
+    finished: int
+    units: int
+    samples: int
+    samples_per_s: float
+    round: int | None = None
+    error: float | None = None
+    target_error: float | None = None
+
+
+@dataclass
+class _Meter:
+    """Counts what units bring, and tells it to whoever asked and to the scheduler."""
+
+    client: Any
+    store: str
+    report: Callable[[Metrics], None] | None
+    target_error: float | None = None
+    round: int | None = None
+    error: float | None = None
+    samples: int = 0
+    begun: float = field(default_factory=time.perf_counter)
+
+    def made(self, finished: int, units: int, made: _Made) -> None:
+        self.samples += made.samples
+        rate = self.samples / max(time.perf_counter() - self.begun, 1e-9)
+        told = Metrics(finished, units, self.samples, rate, self.round, self.error, self.target_error)
+        self.client.log_event(TOPIC, {"store": self.store, **asdict(told)})
+        if self.report is not None:
+            self.report(told)
 
 
 def render(
@@ -139,9 +203,17 @@ def render(
     threads: int = 1,
     command: str | None = None,
     overwrite: bool = False,
+    target_error: float | None = None,
+    target_slice: str | None = None,
+    target_share: float | None = None,
+    most_spp: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    report: Callable[[Metrics], None] | None = None,
 ) -> Path:
     """Render a scene on all workers into one store, byte for byte that of ``sunstone render``.
+
+    With ``target_error``, rounds of samples are rendered until a slice is known to that relative error, in the tiles that need them;
+    the store is again that of ``sunstone render --target-error``.
 
     Parts that are finished are kept beside ``path`` (``path.parts``) until all are, so that the same call goes on where an earlier one
     was stopped.
@@ -164,8 +236,12 @@ def render(
         The command ``sunstone`` on the workers; by default what SUNSTONE names, that of this Python's scripts, or that of the PATH.
     overwrite
         Replace a store at ``path``.
+    target_error, target_slice, target_share, most_spp
+        As the options of ``sunstone render``; ``spp`` is then the number of samples of the first round.
     progress
-        Called with the number of finished parts and of all.
+        Called with the number of finished parts and of all; of each round by itself.
+    report
+        Called with the same and more, as the scheduler's events of topic :data:`TOPIC` have it.
 
     Returns
     -------
@@ -189,21 +265,63 @@ def render(
         if count < 1:
             raise ValueError(f"parts is {count}; give at least 1")
         folder = whole.with_name(f"{whole.name}.parts")
-        key = _key(name, job)
-        units = [
-            _Unit(
-                name,
-                (*job.options(), "--part", f"{number}/{count}", "--light", str(folder / key / "light")),
-                str(folder / key / f"{number}of{count}"),
-                threads,
-            )
-            for number in range(1, count + 1)
-        ]
-        _finish(on, units, progress)
+        goal = {"error": target_error, "slice": target_slice, "share": target_share}
+        words = [word for key, value in goal.items() if value is not None for word in (f"--target-{key}", str(value))]
+        words += [] if most_spp is None else ["--most-spp", str(most_spp)]
+        place = folder / _key(name, job, words)
+        meter = _Meter(on, str(whole), report, target_error)
+
+        def parts_of(options: Sequence[str], into: Path) -> None:
+            units = [
+                _Unit(
+                    name,
+                    (*job.options(), *options, "--part", f"{number}/{count}", "--light", str(place / "light")),
+                    str(into / f"{number}of{count}"),
+                    threads,
+                )
+                for number in range(1, count + 1)
+            ]
+            _finish(on, units, progress, meter)
+
         force = ["--force"] if overwrite else []
-        _run([name, "merge", *(unit.place for unit in units), "-o", str(whole), *force])
+        made = [str(place / f"{number}of{count}") for number in range(1, count + 1)]
+        if not words:
+            parts_of((), place)
+            _run([name, "merge", *made, "-o", str(whole), *force])
+        else:
+            _to_error([name, "render", *job.options(), *words], words, place, parts_of, meter, made)
+            if overwrite and whole.exists():
+                shutil.rmtree(whole)
+            os.rename(place / "whole.zarr", whole)
     shutil.rmtree(folder, ignore_errors=True)
     return whole
+
+
+def _to_error(
+    command: Sequence[str],
+    words: Sequence[str],
+    place: Path,
+    parts_of: Callable[[Sequence[str], Path], None],
+    meter: _Meter,
+    made: Sequence[str],
+) -> None:
+    """Render rounds until none is needed any more, and pool them in ``whole.zarr``."""
+    rounds, whole = place / "whole.zarr.rounds", place / "whole.zarr"
+    while not whole.exists():
+        standing = json.loads(_run([*command, "--rounds", str(rounds)]))
+        meter.error = standing["error"]
+        if standing["next"] != "round":
+            break
+        number = meter.round = standing["round"]
+        into = place / f"round{number}"
+        parts_of([*words, "--rounds", str(rounds), "--round", str(number)], into)
+        rounds.mkdir(parents=True, exist_ok=True)
+        parts = [str(into / Path(part).name) for part in made]
+        if len(parts) > 1:
+            _run([command[0], "merge", *parts, "-o", str(rounds / f"{number}.zarr")])
+        shutil.rmtree(into, ignore_errors=True)
+        shutil.rmtree(place / "light", ignore_errors=True)
+    _run([*command, "--resume", "-o", str(whole)])
 
 
 def render_many(
@@ -256,7 +374,7 @@ def render_many(
             # The command refuses what is of another render, and says so.
             _run([name, "render", *unit.words, "--resume", "-o", unit.place])
     with _client(client) as on:
-        _finish(on, units, progress)
+        _finish(on, units, progress, _Meter(on, str(into), None))
     entries: list[dict[str, Any]] = []
     for store in names:
         attributes = json.loads((into / store / "zarr.json").read_text())["attributes"]
@@ -300,11 +418,11 @@ def _command(command: str | None) -> str:
         raise RenderError(str(e)) from None
 
 
-def _key(command: str, job: Job) -> str:
+def _key(command: str, job: Job, words: Sequence[str] = ()) -> str:
     """A name of all that a render depends on: what was made under another is not taken for it."""
     version = _run([command, "--version"])
     content = Path(job.scene).read_bytes()
-    text = json.dumps([version, hashlib.sha256(content).hexdigest(), job.options()])
+    text = json.dumps([version, hashlib.sha256(content).hexdigest(), job.options(), *words])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -339,7 +457,7 @@ def _submit(client: Any, unit: _Unit, attempt: int) -> Any:
     return client.submit(unit, key=f"sunstone-{name}-{attempt}", retries=LOST_REPEATS, pure=True)
 
 
-def _finish(client: Any, units: Sequence[_Unit], progress: Callable[[int, int], None] | None) -> None:
+def _finish(client: Any, units: Sequence[_Unit], progress: Callable[[int, int], None] | None, meter: _Meter) -> None:
     """Make all units, whichever workers die meanwhile."""
     import distributed as dask
 
@@ -357,6 +475,7 @@ def _finish(client: Any, units: Sequence[_Unit], progress: Callable[[int, int], 
         error = future.exception() if future.status == "error" else None
         if future.status == "finished":
             finished += 1
+            meter.made(finished, len(units), future.result())
             if progress is not None:
                 progress(finished, len(units))
             continue

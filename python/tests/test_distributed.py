@@ -133,7 +133,37 @@ def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
         thread.join()
     assert [path.name for path in (tmp_path / "parts").iterdir()] == ["1of8"]
     sunstone("verify", tmp_path / "parts" / "1of8")
-    assert unit() == 0.0
+    assert unit() == distributed._Made(0.0, 0)
+
+
+def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, tmp_path: Path) -> None:
+    """With workers killed meanwhile; and the scheduler and the caller are told how far it is."""
+    goal = {"spp": 32, "target_error": 0.05, "target_share": 0.6, "integrator": "path", "slices": ["conventional"]}
+    one = tmp_path / "one.zarr"
+    words = ["--spp", 32, "--target-error", 0.05, "--target-share", 0.6, "--integrator", "path", "--slices", "conventional"]
+    sunstone("render", SCENE, *words, "--no-figures", "--threads", 1, "-o", one)
+    told: list[distributed.Metrics] = []
+    killer = Killer(cluster, 2.0)
+    killer.start()
+    try:
+        path = distributed.render(SCENE, tmp_path / "many.zarr", parts=6, client=client, report=told.append, **goal)
+    finally:
+        killer.done.set()
+        killer.join()
+    assert_same(one, path)
+    assert not (tmp_path / "many.zarr.parts").exists()
+    reached = json.loads((path / "zarr.json").read_text())["attributes"]["target"]
+    assert reached["reached"] <= 0.05 and reached["rounds"] >= 2
+    assert [(t.round, t.finished) for t in told] == [(k, n) for k in range(reached["rounds"]) for n in range(1, 7)]
+    assert told[0].error is None and told[-1].error > 0.05 and told[-1].target_error == 0.05
+    assert told[5].samples == 256 * 256 * 32 and told[-1].samples > told[5].samples and told[-1].samples_per_s > 0
+    events = [event for _, event in client.get_events(distributed.TOPIC) if event["store"] == str(path)]
+    assert [event["samples"] for event in events] == [t.samples for t in told]
+    # What is there already is replaced where that is asked for, and not otherwise.
+    with pytest.raises(FileExistsError, match="overwrite"):
+        distributed.render(SCENE, path, parts=6, client=client, **goal)
+    with pytest.raises(RenderError, match="--target-share"):
+        distributed.render(SCENE, tmp_path / "a.zarr", client=client, target_error=0.1, target_share=2.0)
 
 
 def test_what_the_command_refuses_is_told(client: Any, tmp_path: Path) -> None:

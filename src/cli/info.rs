@@ -13,6 +13,7 @@ use sunstone::store::zarr::{StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::part;
+use sunstone::tensor::target;
 use sunstone::transport::device::pinhole::Pinhole;
 use sunstone::transport::light::distant::Across;
 use sunstone::transport::light::profile::Profile;
@@ -62,6 +63,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             line(format!("  {key:18} {shown}"));
         }
     }
+    if let Some(told) = attributes.get(target::ATTRIBUTE).and_then(reached) {
+        line(format!("  {:18} {told}", target::ATTRIBUTE));
+    }
     if let Some(part) = store.part() {
         line(format!(
             "  {:18} {part} of a render: `sunstone merge` joins all of them",
@@ -78,6 +82,25 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         });
     }
     super::output::print(text.trim_end())
+}
+
+/// What a render to an error was asked for, and what it came to.
+fn reached(target: &Value) -> Option<String> {
+    let number = |key: &str| target.get(key)?.as_f64();
+    let (mean, uniform) = (
+        number("mean_samples_per_pixel")?,
+        number("uniform_samples_per_pixel")?,
+    );
+    Some(format!(
+        "relative error of {:.0} % of the lit pixels of slice {}: {:.2} % at most, where {:.2} % were asked for; {} rounds, {mean:.0} \
+         samples a pixel in the mean, {:.0} % of about {uniform:.0} that would do the same everywhere",
+        100.0 * number("share")?,
+        target.get("slice")?.as_str()?,
+        100.0 * number("reached")?,
+        100.0 * number("error")?,
+        target.get("rounds")?,
+        100.0 * mean / uniform.max(1e-9),
+    ))
 }
 
 /// What a scene file describes.

@@ -1,13 +1,15 @@
 //! `sunstone render`.
 
+mod to_error;
+
 use super::failure::Failure;
 use super::places;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::figure::listed;
 use sunstone::render::{Choices, Part, Render, Summary, Target, Watch, cores, is_of_system, most_threads};
@@ -69,6 +71,8 @@ pub struct Arguments {
     /// Do not draw the scene's figures.
     #[arg(long)]
     no_figures: bool,
+    #[command(flatten)]
+    target: to_error::TargetArguments,
 }
 
 /// An integrator by its name.
@@ -122,6 +126,8 @@ struct Progress {
     last: Mutex<Instant>,
     /// To be said once the render is under way: not to bury why it cannot be.
     warnings: Mutex<Vec<String>>,
+    /// What is being rendered, where that is one of several things.
+    about: Mutex<String>,
 }
 
 impl Progress {
@@ -135,16 +141,25 @@ impl Progress {
             bar,
             last: Mutex::new(Instant::now()),
             warnings: Mutex::new(warnings),
+            about: Mutex::default(),
+        }
+    }
+
+    /// Says what is rendered from now on.
+    fn about(&self, what: String) {
+        *self.about.lock().unwrap_or_else(PoisonError::into_inner) = what;
+    }
+
+    fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
         }
     }
 }
 
 impl Watch for Progress {
     fn tile_done(&self, s: &Summary) {
-        let mut warnings = self
-            .warnings
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
         for warning in warnings.drain(..) {
             match &self.bar {
                 Some(bar) => bar.println(format!("warning: {warning}")),
@@ -153,21 +168,19 @@ impl Watch for Progress {
         }
         drop(warnings);
         let rate = s.samples as f64 / s.wall_s / 1e6;
+        let about = self.about.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(bar) = &self.bar {
             bar.set_length(u64::from(s.tiles));
             bar.set_position(u64::from(s.tiles_done));
-            bar.set_message(format!("{rate:.2} Msamples/s"));
+            bar.set_message(format!("{about}{rate:.2} Msamples/s"));
             return;
         }
-        let mut last = self
-            .last
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.elapsed() > Duration::from_secs(5) {
             *last = Instant::now();
             let left = f64::from(s.tiles - s.tiles_done) * s.wall_s / f64::from(s.tiles_done.max(1));
             eprintln!(
-                "{}/{} tiles, {rate:.2} Msamples/s, about {left:.0} s left",
+                "{about}{}/{} tiles, {rate:.2} Msamples/s, about {left:.0} s left",
                 s.tiles_done, s.tiles
             );
         }
@@ -189,8 +202,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(integrator) = a.integrator {
         scene.set_integrator(integrator);
     }
+    let goal = a.target.goal(a.spp, &scene);
     let choices = Choices {
-        spp: a.spp,
+        spp: a.spp.filter(|_| goal.is_none()),
         replicates: a.replicates,
         seed: a.seed,
         slices: (!a.slices.is_empty()).then(|| a.slices.clone()),
@@ -227,6 +241,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         eprintln!("note: {note}");
     }
     let progress = Progress::new(missing(&scene));
+    if let Some(goal) = goal {
+        return to_error::run(a, &mut scene, goal, json!(figures), &target, &progress);
+    }
     let render = Render::new(&scene)
         .watch(&progress)
         .attribute("figures", json!(figures))
@@ -242,33 +259,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let summary = render
         .to_target(&target)
         .map_err(|e| Failure::of_system(is_of_system(&e), e))?;
-    if let Some(bar) = &progress.bar {
-        bar.finish_and_clear();
-    }
+    progress.clear();
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  sunstone render {} --resume{}{}{}{}{}{}{}{} -o {}",
+            "stopped after {} of {} tiles; to go on:\n  {}",
             summary.tiles_done,
             summary.tiles,
-            quoted(&a.scene),
-            a.variant.map_or(String::new(), |v| format!(" --variant {v}")),
-            a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
-            a.replicates
-                .map_or(String::new(), |v| format!(" --replicates {v}")),
-            a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
-            a.integrator
-                .map_or(String::new(), |v| format!(" --integrator {}", v.name())),
-            if a.slices.is_empty() {
-                String::new()
-            } else {
-                format!(" --slices {}", a.slices.join(","))
-            },
-            part.map_or(String::new(), |part| format!(" {}", named(part)[0])),
-            a.light
-                .as_ref()
-                .map_or(String::new(), |v| format!(" --light {}", quoted(v))),
-            quoted(&target.path),
+            again(a, &target)
         )));
     }
     if summary.samples == 0 && summary.tiles > 0 {
@@ -294,6 +292,34 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         super::figure::draw_all(&target.path, None)?;
     }
     Ok(())
+}
+
+/// The command that goes on with a render.
+fn again(a: &Arguments, target: &Target) -> String {
+    let slices = if a.slices.is_empty() {
+        String::new()
+    } else {
+        format!(" --slices {}", a.slices.join(","))
+    };
+    format!(
+        "sunstone render {} --resume{}{}{}{}{}{slices}{}{}{} -o {}",
+        quoted(&a.scene),
+        a.variant.map_or(String::new(), |v| format!(" --variant {v}")),
+        a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
+        a.replicates
+            .map_or(String::new(), |v| format!(" --replicates {v}")),
+        a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
+        a.integrator
+            .map_or(String::new(), |v| format!(" --integrator {}", v.name())),
+        a.part
+            .or(a.tiles)
+            .map_or(String::new(), |part| format!(" {}", named(part)[0])),
+        a.light
+            .as_ref()
+            .map_or(String::new(), |v| format!(" --light {}", quoted(v))),
+        a.target.words(),
+        quoted(&target.path),
+    )
 }
 
 /// In which slice most of the lit pixels have error bars that cannot be trusted yet, and how many; nothing where that is a thousandth

@@ -21,6 +21,7 @@ mod at_once;
 mod error;
 mod join;
 mod pool;
+pub mod rounds;
 mod totals;
 
 pub use error::MergeError;
@@ -39,6 +40,7 @@ use base::whole_file;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
+use tensor::target::ATTRIBUTE;
 
 /// One store to merge, with what is known of its samples.
 pub(crate) struct Input {
@@ -114,7 +116,28 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
         .iter()
         .map(|name| parts(&inputs, name))
         .collect::<Result<_, _>>()?;
-    let layouts: Vec<_> = slices
+    let pooled = Pooled {
+        inputs: &inputs,
+        slices: &slices,
+        attributes: &merged_attributes(&inputs),
+        origin: &origin(&inputs, options),
+    };
+    pool_into(out, &pooled, options.replace, options.partial)
+}
+
+/// What is pooled, and what is said of it.
+struct Pooled<'a> {
+    inputs: &'a [Input],
+    slices: &'a [Parts<'a>],
+    attributes: &'a Map<String, Value>,
+    /// All that the values depend on.
+    origin: &'a str,
+}
+
+/// Pools slices into a new store.
+fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Result<(), MergeError> {
+    let layouts: Vec<_> = pooled
+        .slices
         .iter()
         .map(|s| {
             let layout = SliceLayout {
@@ -124,25 +147,22 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
             (layout, s.parts[0].slice.attributes().clone())
         })
         .collect();
-    let grid = common_grid(&inputs);
-    let attributes = merged_attributes(&inputs);
     let fill = |merged: &TensorStore| {
-        for parts in &slices {
+        for parts in pooled.slices {
             let slice = merged.slice(parts.parts[0].slice.name())?;
-            merge_slice(parts, &slice, options.partial)?;
-            merge_totals(parts, &slice, options.partial)?;
+            merge_slice(parts, &slice, partial)?;
+            merge_totals(parts, &slice, partial)?;
         }
-        merge_samples(&inputs, merged)?;
+        merge_samples(pooled.inputs, merged)?;
         Ok(merged.finish()?)
     };
-    let origin = origin(&inputs, options);
     TensorStore::create_from(
         out,
         &layouts,
-        &attributes,
-        grid,
-        options.replace,
-        Some(&origin),
+        pooled.attributes,
+        common_grid(pooled.inputs),
+        replace,
+        Some(pooled.origin),
         fill,
     )
     .map(drop)
@@ -370,6 +390,8 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
         .map(|i| i.store.path().display().to_string())
         .collect();
     attributes.insert("merged_from".into(), json!(from));
+    // What one render was asked for is not said of several.
+    attributes.remove(ATTRIBUTE);
     attributes
 }
 

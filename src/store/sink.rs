@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use tensor::axes::SliceLayout;
 use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
+use tensor::target;
 
 /// Where to and how to write.
 #[derive(Clone, Debug, Default)]
@@ -168,6 +169,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
     };
     for what in [
         part::ATTRIBUTE,
+        target::ROUND,
         "variant",
         "scene_sha256",
         "seeds",
@@ -177,6 +179,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
         "integrator",
         "tile",
         "version",
+        target::TILE_SAMPLES,
     ] {
         let (a, b) = (theirs.get(what), job.attributes.get(what));
         if a != b {

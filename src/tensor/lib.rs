@@ -16,3 +16,4 @@ pub mod part;
 pub mod region;
 pub mod sink;
 pub mod slice;
+pub mod target;

@@ -27,6 +27,7 @@ mod pbrdf_commands;
 mod phase;
 mod resume;
 mod rooms;
+mod rounds;
 mod scenes;
 mod source_tree;
 mod variants;

@@ -38,6 +38,7 @@ pub struct Cpu<'a> {
     epipolar: Option<Epipolar>,
     walks_at_once: u64,
     light: Option<SharedLight>,
+    samples: Option<&'a [u32]>,
 }
 
 impl<'a> Cpu<'a> {
@@ -56,6 +57,7 @@ impl<'a> Cpu<'a> {
             epipolar,
             walks_at_once: WALKS_AT_ONCE,
             light: None,
+            samples: None,
         }
     }
 
@@ -75,6 +77,19 @@ impl<'a> Cpu<'a> {
         Self { light, ..self }
     }
 
+    /// Takes so many samples of the pixels of each tile, none more than the scene's settings say: a tile gets the bits that it has where
+    /// the settings say its own number.
+    #[must_use]
+    pub fn samples(self, samples: Option<&'a [u32]>) -> Self {
+        Self { samples, ..self }
+    }
+
+    /// Samples of a tile's pixels.
+    fn samples_of(&self, tile: u32) -> u32 {
+        let own = self.samples.and_then(|s| s.get(tile as usize).copied());
+        own.unwrap_or(self.scene.settings.spp)
+    }
+
     /// True if some slice parts light by what its path did.
     pub(super) fn labelled(&self) -> bool {
         self.plans.iter().any(SlicePlan::needs_labels)
@@ -92,6 +107,7 @@ impl<'a> Cpu<'a> {
         let begun = Instant::now();
         let scene = self.scene;
         let pixels = tiles::pixels(scene, tile);
+        let spp = self.samples_of(tile);
         let (columns, rows) = (&pixels.x, &pixels.y);
         accumulator.begin_tile(tile, [columns.start, rows.start], [columns.end, rows.end]);
         let mut aims = Vec::new();
@@ -107,7 +123,7 @@ impl<'a> Cpu<'a> {
                 labels: self.labelled(),
             };
             let mut all = None;
-            for pass in prepared.passes(scene) {
+            for pass in prepared.passes(scene, spp) {
                 let Pass { count, group, .. } = pass;
                 let mut counted = 0;
                 for first in (0..count).step_by(BATCH) {
@@ -137,7 +153,7 @@ impl<'a> Cpu<'a> {
                 accumulator.end_pass(x, y, counted);
                 all.get_or_insert(counted.samples);
             }
-            accumulator.tile.record.samples += u64::from(scene.settings.spp);
+            accumulator.tile.record.samples += u64::from(spp);
             accumulator.end_pixel(all.unwrap_or(0));
         }
         accumulator.tile.record.seconds = begun.elapsed().as_secs_f64();
@@ -165,7 +181,7 @@ impl TileBackend for Cpu<'_> {
         else {
             return Ok(());
         };
-        let passes = prepared.passes(self.scene).count();
+        let passes = prepared.passes(self.scene, self.scene.settings.spp).count();
         for (part, tiles) in parts.into_iter().enumerate() {
             if stop() {
                 break;

@@ -49,9 +49,8 @@ const PILOT: u32 = 2048;
 const PATHS_PER_SAMPLE: u32 = 16;
 const LEAST_SAMPLES: u32 = 8;
 
-/// Samples by walks for each camera pixel.
-pub(super) fn samples(scene: &Scene) -> u32 {
-    let spp = scene.settings.spp;
+/// Samples by walks for each camera pixel of so many samples.
+pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
     match scene.settings.integrator {
         Integrator::Caustics => spp.div_ceil(PATHS_PER_SAMPLE).max(spp.min(LEAST_SAMPLES)),
         _ => spp,
@@ -242,7 +241,7 @@ impl Plan {
     fn counts(&self, scene: &Scene) -> Counts {
         let [w, h] = scene.camera.resolution;
         Counts {
-            samples: samples(scene),
+            samples: samples(scene, scene.settings.spp),
             walks: self.setup.walks,
             pixels: w * h,
         }

@@ -5,7 +5,7 @@ use super::job::{job, plans};
 use super::shared_light::SharedLight;
 use super::tracer::WALKS_AT_ONCE;
 use crate::scene::Scene;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -14,6 +14,7 @@ use std::time::Instant;
 use tensor::part::{self, Part};
 pub use tensor::sink::Summary;
 use tensor::sink::{Sink, TileRecord};
+use tensor::target::TILE_SAMPLES;
 
 /// Why a render stopped.
 #[derive(Debug, thiserror::Error)]
@@ -57,16 +58,27 @@ pub struct Share<'a> {
     pub part: Option<Part>,
     /// Folder in which shares of one number make the walks from the light together; alone without.
     pub light: Option<&'a Path>,
+    /// Samples of each tile's pixels, in place of one number for all; tiles of none are left out. The settings' `spp` is the largest.
+    pub samples: Option<&'a [u32]>,
 }
 
 impl Share<'_> {
     /// The tiles of so many.
     fn tiles(self, tiles: u32) -> Result<Vec<u32>, String> {
+        if let Some(counts) = self.samples
+            && counts.len() != tiles as usize
+        {
+            return Err(format!(
+                "samples of {} tiles are given, and the image has {tiles}",
+                counts.len()
+            ));
+        }
+        let any = |tile: &u32| self.samples.is_none_or(|counts| counts[*tile as usize] > 0);
         let Some(part) = self.part else {
-            return Ok((0..tiles).collect());
+            return Ok((0..tiles).filter(any).collect());
         };
         part.fault(tiles).map_or(Ok(()), Err)?;
-        Ok(part.tiles(tiles).collect())
+        Ok(part.tiles(tiles).filter(any).collect())
     }
 
     /// Of the render that the attributes describe.
@@ -120,7 +132,12 @@ pub(super) fn render_in_parts<S: Sink>(
         .map(|(name, value)| ((*name).to_owned(), value.clone()));
     job.attributes.extend(extra);
     let tiles = share.tiles(job.tiles()).map_err(RenderError::Part)?;
-    let backend = Cpu::new(scene, &plans).walks_at_once(walks_at_once);
+    if let Some(counts) = share.samples {
+        job.attributes.insert(TILE_SAMPLES.into(), json!(counts));
+    }
+    let backend = Cpu::new(scene, &plans)
+        .walks_at_once(walks_at_once)
+        .samples(share.samples);
     let light = share.light(&job.attributes, backend.labelled());
     let backend = backend.shared_light(light.map_err(RenderError::Part)?);
     if let Some(part) = share.part {

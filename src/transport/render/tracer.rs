@@ -73,7 +73,7 @@ pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
         return all;
     }
     let [w, h] = scene.camera.resolution.map(u64::from);
-    let walks = w * h * u64::from(samples(scene));
+    let walks = w * h * u64::from(samples(scene, scene.settings.spp));
     all.div_ceil(walks.div_ceil(walks_at_once) as usize)
 }
 
@@ -133,17 +133,17 @@ impl Prepared {
         }
     }
 
-    /// The passes over each pixel, whose results are added.
-    pub fn passes(&self, scene: &Scene) -> impl Iterator<Item = Pass> + use<> {
+    /// The passes over each pixel of so many samples, whose results are added.
+    pub fn passes(&self, scene: &Scene, spp: u32) -> impl Iterator<Item = Pass> + use<> {
         let paths = self.paths.is_some().then_some(Pass {
             kind: PassKind::Paths,
-            count: scene.settings.spp,
-            group: scene.settings.group(),
+            count: spp,
+            group: Group::of(spp, scene.settings.replicates),
         });
         // Walks from the light come to pixels by chance, whatever their samples are.
         let walks = self.walks.is_some().then_some(Pass {
             kind: PassKind::Walks,
-            count: samples(scene),
+            count: samples(scene, spp),
             group: Group::ALONE,
         });
         paths.into_iter().chain(walks)

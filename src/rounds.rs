@@ -1,0 +1,395 @@
+//! Renders to an error instead of to a number of samples: rounds of samples, in tiles that need them, until a slice is known well
+//! enough.
+//!
+//! Every round is a store of its own beside the result, rendered with its own random numbers, in parts and on many machines if need
+//! be. What the next one is follows from those before it and from nothing else, so that the result depends neither on threads nor
+//! on interruptions. In the end all are pooled into one store.
+
+use crate::render::{Part, Render, RenderError, SinkError, Target, Watch};
+use optics::sampling::mix::mix;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+use store::merge::{MergeError, rounds};
+use store::sink::is_finished;
+use store::zarr::TensorStore;
+use tensor::sink::Summary;
+pub use tensor::target::Goal;
+use tensor::target::{ATTRIBUTE, Next, ROUND, Survey};
+use transport::scene::Scene;
+
+/// Why a render to an error stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum RoundsError {
+    /// What is asked for makes no sense.
+    #[error("{0}")]
+    Goal(String),
+    /// A round cannot be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// Rounds cannot be read, or pooled.
+    #[error(transparent)]
+    Merge(#[from] MergeError),
+    /// Rounds of another call are in the way.
+    #[error("{path} holds rounds of an unfinished render: go on with --resume, or begin anew with --force")]
+    Rounds {
+        /// Their folder.
+        path: PathBuf,
+    },
+    /// The folder of rounds cannot be removed.
+    #[error("cannot remove {path}: {cause}")]
+    Remove {
+        /// The folder.
+        path: PathBuf,
+        /// Why not.
+        cause: std::io::Error,
+    },
+}
+
+impl RoundsError {
+    /// Whether the system refused, and not what was asked for.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        match self {
+            Self::Render(e) => crate::render::is_of_system(e),
+            Self::Merge(e) => e.is_of_system(),
+            Self::Remove { .. } => true,
+            Self::Goal(_) | Self::Rounds { .. } => false,
+        }
+    }
+}
+
+/// Where the rounds of a render stand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Standing {
+    /// Number of the next round, from 0: so many are finished.
+    pub round: u32,
+    /// Relative error that the goal's share of lit pixels does not exceed; not before the first round.
+    pub error: Option<f64>,
+    /// Samples so far, of all pixels.
+    pub samples: u64,
+    /// Their mean number a pixel.
+    pub mean: f64,
+    /// Samples a pixel that would be needed for the same error if all had the same number, so far as variances tell.
+    pub uniform: f64,
+    /// What comes next.
+    pub next: Next,
+}
+
+impl Standing {
+    /// The same as JSON, the next round's numbers left out: `next` is `round`, `reached` or `exhausted`.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let next = match &self.next {
+            Next::Round(_) => "round",
+            Next::Reached => "reached",
+            Next::Exhausted => "exhausted",
+        };
+        json!({
+            "round": self.round, "error": self.error, "samples": self.samples, "mean_samples_per_pixel": self.mean,
+            "uniform_samples_per_pixel": self.uniform, "next": next,
+        })
+    }
+}
+
+/// How to render to an error.
+pub struct ToError<'a> {
+    /// The goal.
+    pub goal: Goal,
+    /// Told of every tile, and asked whether to go on.
+    pub watch: &'a dyn Watch,
+    /// Told of every round before it begins, and of the end.
+    pub begins: &'a dyn Fn(&Standing),
+    /// Attributes of the store beside those that every render has.
+    pub attributes: Vec<(&'a str, Value)>,
+    /// Threads; 0 for all.
+    pub threads: usize,
+}
+
+/// What one machine of many makes of a round.
+#[derive(Clone, Copy, Debug)]
+pub struct RoundPart<'a> {
+    /// Which part.
+    pub part: Part,
+    /// Folder of walks from the light in common ([`Render::shared_light`]).
+    pub light: Option<&'a Path>,
+}
+
+/// The folder of the rounds of a store, beside it.
+#[must_use]
+pub fn folder_of(store: &Path) -> PathBuf {
+    let mut name = store.file_name().unwrap_or_default().to_owned();
+    name.push(".rounds");
+    store.with_file_name(name)
+}
+
+/// Seed of a round: the first has the scene's own.
+fn seed_of(seed: u64, round: u32) -> u64 {
+    match round {
+        0 => seed,
+        // As many bits as every reader of JSON keeps.
+        n => mix(seed ^ mix(0x5eed_0f20_0d5e_ed00 + u64::from(n))) >> 11,
+    }
+}
+
+fn round_store(folder: &Path, round: u32) -> PathBuf {
+    folder.join(format!("{round}.zarr"))
+}
+
+fn round_attribute(goal: &Goal, round: u32) -> Value {
+    json!({"number": round, "target": goal.to_json()})
+}
+
+impl ToError<'_> {
+    /// Renders rounds until the goal is reached, and pools them; the summary is that of this run, complete only at the end.
+    ///
+    /// # Errors
+    /// [`RoundsError`]; what was finished stays beside the target and can be resumed.
+    pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
+        self.check_goal(scene)?;
+        let folder = folder_of(&target.path);
+        if target.resume && is_finished(&target.path) {
+            self.check_result(scene, &target.path)?;
+            remove(&folder)?;
+            return Ok(Summary {
+                complete: true,
+                ..Summary::default()
+            });
+        }
+        if target.replace {
+            remove(&folder)?;
+        } else if target.path.exists() {
+            let path = target.path.clone();
+            return Err(
+                RenderError::Sink(SinkError::Create(store::zarr::CreateError::Exists { path })).into(),
+            );
+        } else if folder.exists() && !target.resume {
+            return Err(RoundsError::Rounds { path: folder });
+        }
+        let mut done = Summary::default();
+        loop {
+            let standing = self.standing(scene, &folder, None)?;
+            (self.begins)(&standing);
+            let Next::Round(counts) = &standing.next else {
+                self.finish(&folder, &standing, target)?;
+                done.complete = true;
+                return Ok(done);
+            };
+            let of_round = Target {
+                path: round_store(&folder, standing.round),
+                resume: true,
+                replace: false,
+            };
+            let summary = self.round(scene, standing.round, counts, None, &of_round)?;
+            let before = done;
+            done = Summary {
+                discarded: before.discarded + summary.discarded,
+                samples: before.samples + summary.samples,
+                rays: before.rays + summary.rays,
+                rays_before: before.rays_before + summary.rays_before,
+                wall_s: before.wall_s + summary.wall_s,
+                ..summary
+            };
+            if !summary.complete {
+                return Ok(done);
+            }
+            done.complete = false;
+        }
+    }
+
+    /// Where rounds in a folder stand; before round number `round`, if one is named, whatever there is of it and later ones.
+    ///
+    /// # Errors
+    /// [`RoundsError`], of rounds of another render too.
+    pub fn standing(
+        &self,
+        scene: &Scene,
+        folder: &Path,
+        round: Option<u32>,
+    ) -> Result<Standing, RoundsError> {
+        self.check_goal(scene)?;
+        let mut stores = vec![];
+        loop {
+            let (n, store) = (stores.len() as u32, round_store(folder, stores.len() as u32));
+            if round.map_or_else(|| !is_finished(&store), |round| n == round) {
+                break;
+            }
+            let expected = [
+                (ROUND, round_attribute(&self.goal, n)),
+                ("seeds", json!([seed_of(scene.settings.seed, n)])),
+            ];
+            check_same(scene, &store, &expected)?;
+            stores.push(store);
+        }
+        let survey = rounds::survey(&stores, &self.goal.slice)?;
+        let (error, next) = if stores.is_empty() {
+            let tiles = scene.camera.resolution.map(|n| n.div_ceil(scene.settings.tile));
+            let counts = vec![self.goal.first; (tiles[0] * tiles[1]) as usize];
+            (None, Next::Round(counts))
+        } else {
+            (Some(survey.reached(self.goal.share)), survey.next(&self.goal))
+        };
+        Ok(self.tell(&survey, stores.len() as u32, error, next))
+    }
+
+    fn tell(&self, survey: &Survey, round: u32, error: Option<f64>, next: Next) -> Standing {
+        Standing {
+            round,
+            error,
+            samples: survey.samples(),
+            mean: survey.mean_samples(),
+            uniform: survey.uniform(self.goal.share),
+            next,
+        }
+    }
+
+    /// Renders a part of a round, which follows from the rounds before it in the folder.
+    ///
+    /// # Errors
+    /// [`RoundsError`], and if there is no such round.
+    pub fn part_of_round(
+        &self,
+        scene: &mut Scene,
+        folder: &Path,
+        round: u32,
+        part: RoundPart,
+        target: &Target,
+    ) -> Result<Summary, RoundsError> {
+        let standing = self.standing(scene, folder, Some(round))?;
+        match &standing.next {
+            Next::Round(counts) => self.round(scene, round, counts, Some(part), target),
+            _ => Err(RoundsError::Goal(format!(
+                "there is no round {round}: {} are enough, or all that may be",
+                standing.round
+            ))),
+        }
+    }
+
+    /// Renders a round, or a part of it.
+    fn round(
+        &self,
+        scene: &mut Scene,
+        round: u32,
+        counts: &[u32],
+        part: Option<RoundPart>,
+        target: &Target,
+    ) -> Result<Summary, RoundsError> {
+        let settings = scene.settings;
+        scene.settings.seed = seed_of(settings.seed, round);
+        scene.settings.spp = counts.iter().copied().max().unwrap_or(0);
+        let attribute = round_attribute(&self.goal, round);
+        let mut render = Render::new(scene)
+            .watch(self.watch)
+            .samples(counts)
+            .attribute(ROUND, attribute)
+            .threads(self.threads);
+        for (name, value) in &self.attributes {
+            render = render.attribute(name, value.clone());
+        }
+        if let Some(part) = part {
+            render = render.part(part.part);
+            if let Some(folder) = part.light {
+                render = render.shared_light(folder);
+            }
+        }
+        let summary = render.to_target(target);
+        scene.settings = settings;
+        Ok(summary?)
+    }
+
+    /// Pools the rounds, and removes them.
+    fn finish(&self, folder: &Path, standing: &Standing, target: &Target) -> Result<(), RoundsError> {
+        let stores: Vec<PathBuf> = (0..standing.round).map(|n| round_store(folder, n)).collect();
+        let mut told = standing.to_json();
+        if let (Some(told), Value::Object(goal)) = (told.as_object_mut(), self.goal.to_json()) {
+            let reached = told.remove("error").unwrap_or_default();
+            let rounds = told.remove("round").unwrap_or_default();
+            told.remove("next");
+            told.insert("reached".into(), reached);
+            told.insert("rounds".into(), rounds);
+            told.extend(goal);
+        }
+        let extra = Map::from_iter([(ATTRIBUTE.to_owned(), told)]);
+        rounds::pool(&stores, &target.path, &extra, target.replace)?;
+        remove(folder)
+    }
+
+    fn check_goal(&self, scene: &Scene) -> Result<(), RoundsError> {
+        if let Some(fault) = self.goal.fault("--") {
+            return Err(RoundsError::Goal(fault));
+        }
+        let names: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+        if !names.contains(&self.goal.slice.as_str()) {
+            return Err(RoundsError::Goal(format!(
+                "--target-slice: the scene has no slice `{}`; it has {}",
+                self.goal.slice,
+                names.join(", ")
+            )));
+        }
+        Ok(())
+    }
+
+    /// Refuses a finished store that is another render.
+    fn check_result(&self, scene: &Scene, path: &Path) -> Result<(), RoundsError> {
+        let target = TensorStore::open(path)
+            .ok()
+            .and_then(|store| store.attributes().remove(ATTRIBUTE));
+        let ours = self.goal.to_json();
+        // What was reached stands beside what was asked for.
+        let same = |theirs: &Value| {
+            ours.as_object()
+                .is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)))
+        };
+        if !target.as_ref().is_some_and(same) {
+            return Err(mismatch(path, ATTRIBUTE, target.as_ref(), Some(&ours)));
+        }
+        check_same(scene, path, &[("seeds", json!([scene.settings.seed]))])
+    }
+}
+
+fn mismatch(path: &Path, what: &'static str, theirs: Option<&Value>, ours: Option<&Value>) -> RoundsError {
+    let show = |v: Option<&Value>| v.map_or("nothing".into(), Value::to_string);
+    RenderError::Sink(SinkError::Mismatch {
+        path: path.to_owned(),
+        what,
+        theirs: show(theirs),
+        ours: show(ours),
+    })
+    .into()
+}
+
+/// Refuses a store of another scene or other choices, or with other attributes than these.
+fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) -> Result<(), RoundsError> {
+    let store = TensorStore::open(path).map_err(|e| RenderError::Sink(SinkError::Open(e)))?;
+    let theirs = store.attributes();
+    let of_scene = [
+        ("scene_sha256", Some(json!(scene.sha256))),
+        ("variant", scene.variant.as_ref().map(|v| json!(v))),
+        ("integrator", Some(json!(scene.settings.integrator.name()))),
+        ("max_depth", Some(json!(scene.settings.max_depth))),
+        ("tile", Some(json!(scene.settings.tile))),
+        ("version", Some(json!(env!("CARGO_PKG_VERSION")))),
+    ];
+    let expected = expected.iter().map(|(key, value)| (*key, Some(value.clone())));
+    for (key, ours) in expected.chain(of_scene) {
+        if theirs.get(key) != ours.as_ref() {
+            return Err(mismatch(path, key, theirs.get(key), ours.as_ref()));
+        }
+    }
+    let names: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+    if store.slice_names() != names {
+        let [theirs, ours] = [json!(store.slice_names()), json!(names)];
+        return Err(mismatch(path, "list of slices", Some(&theirs), Some(&ours)));
+    }
+    Ok(())
+}
+
+/// Removes the folder of rounds, if it is there.
+fn remove(folder: &Path) -> Result<(), RoundsError> {
+    match std::fs::remove_dir_all(folder) {
+        Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => Err(RoundsError::Remove {
+            path: folder.to_owned(),
+            cause,
+        }),
+        _ => Ok(()),
+    }
+}

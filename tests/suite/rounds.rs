@@ -1,0 +1,434 @@
+//! Renders to an error: the same bytes however they are made, errors that are honest, and means that are right.
+
+use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr};
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+use sunstone::render::{Part, Render, Summary, Target, Unwatched, Watch};
+use sunstone::rounds::{Goal, RoundPart, Standing, ToError, folder_of};
+use sunstone::store::merge::{Options, merge};
+use sunstone::store::zarr::{TensorStore, verify};
+use sunstone::tensor::field::Field;
+use sunstone::tensor::memory::Arrays;
+use sunstone::tensor::target::Next;
+use sunstone::transport::scene::Scene;
+
+const SLICES: &str = r#"
+[[slices]]
+name = "sum"
+[[slices]]
+name = "mueller"
+camera = { binned = 2 }
+polarization = "mueller"
+[[slices]]
+name = "flight"
+camera = { rows = [3, 11] }
+time = { start_ps = 10000, bin_ps = 500, bins = 24 }
+"#;
+
+fn room(integrator: &str) -> Scene {
+    let text = mirror_room(24, 16, 4, 4, SLICES);
+    scene(&text.replacen("[render]", &format!("[render]\nintegrator = \"{integrator}\""), 1))
+}
+
+fn goal(error: f64, share: f64) -> Goal {
+    Goal {
+        slice: "sum".into(),
+        error,
+        share,
+        first: 32,
+        most: 1 << 14,
+    }
+}
+
+fn to_error(goal: Goal, watch: &dyn Watch) -> ToError<'_> {
+    ToError {
+        goal,
+        watch,
+        begins: &|_: &Standing| {},
+        attributes: vec![],
+        threads: 0,
+    }
+}
+
+fn target(path: &Path, resume: bool) -> Target {
+    Target {
+        path: path.to_owned(),
+        resume,
+        replace: false,
+    }
+}
+
+/// A tile of any number of samples is that of a plain render of this number, to the bit, walks from the light included.
+#[test]
+fn a_tile_is_that_of_a_plain_render_of_its_samples() {
+    for integrator in ["path", "caustics", "bidirectional"] {
+        let mut scene = room(integrator);
+        scene.settings.replicates = 2;
+        scene.settings.spp = 24;
+        let counts: Vec<u32> = (0..36).map(|tile| [0, 4, 16, 24][tile % 4]).collect();
+        let own = Render::new(&scene)
+            .samples(&counts)
+            .to_arrays()
+            .expect("a render");
+        for n in [4, 16, 24] {
+            scene.settings.spp = n;
+            let plain = Render::new(&scene).to_arrays().expect("a render");
+            for field in [Field::Mean, Field::StdError, Field::TotalStdError] {
+                let [own, plain] = [&own, &plain].map(|a| a.get("sum", field).expect("the slice"));
+                let values = own.data.len() / (24 * 24);
+                let mut compared = 0;
+                for (i, (a, b)) in own.data.iter().zip(&plain.data).enumerate() {
+                    let (y, x) = (i / values / 24, i / values % 24);
+                    if counts[y / 4 * 6 + x / 4] == n {
+                        assert_eq!(a.to_bits(), b.to_bits(), "{integrator} {n} {field:?} {y} {x}");
+                        compared += 1;
+                    }
+                }
+                assert_eq!(compared, 9 * 16 * values);
+            }
+        }
+    }
+    let scene = room("path");
+    let few = Render::new(&scene).samples(&[1, 2]).to_arrays().map(drop);
+    assert!(few.is_err_and(|e| e.to_string().contains("36")));
+}
+
+/// Stops after a few tiles.
+struct Impatient(AtomicU32);
+
+impl Watch for Impatient {
+    fn tile_done(&self, _: &Summary) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+    fn interrupted(&self) -> bool {
+        self.0.load(Ordering::Relaxed) >= 17
+    }
+}
+
+/// Whole, stopped again and again, or in parts that are joined, with one thread or two: the same bytes.
+#[test]
+fn however_it_is_made_it_is_the_same() {
+    for integrator in ["path", "caustics"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let mut scene = room(integrator);
+        let whole = to_error(goal(0.08, 0.9), &Unwatched);
+        assert!(
+            whole
+                .render(&mut scene, &target(&at("whole"), false))
+                .expect("a render")
+                .complete
+        );
+        assert!(!folder_of(&at("whole")).exists());
+        assert!(verify(&at("whole")).expect("a store").faults.is_empty());
+        let store = TensorStore::open(&at("whole")).expect("a store");
+        let told = store.attributes()["target"].clone();
+        let number = |key: &str| told[key].as_f64().expect("a number");
+        assert!(number("rounds") >= 2.0 && number("reached") <= 0.08, "{told}");
+        let counts = store.read_samples([0, 0], [24, 24]).expect("counts");
+        let mean = counts.iter().map(|n| f64::from(*n)).sum::<f64>() / 576.0;
+        assert!(
+            (mean - number("mean_samples_per_pixel")).abs() < 0.1,
+            "{mean} {told}"
+        );
+        assert!(counts.iter().max() > counts.iter().min());
+
+        // It pools with a plain render of another seed, and the goal is not said of both.
+        scene.settings.seed = 77;
+        Render::new(&scene).to_store(&at("plain")).expect("a render");
+        scene.settings.seed = 0;
+        merge(&[at("whole"), at("plain")], &at("both"), Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        let both = TensorStore::open(&at("both")).expect("a store");
+        let sum = both.read_samples([0, 0], [24, 24]).expect("counts");
+        assert!(sum.iter().zip(&counts).all(|(sum, own)| *sum == own + 4));
+        assert!(!both.attributes().contains_key("target"));
+
+        let one = ToError {
+            threads: 1,
+            ..to_error(goal(0.08, 0.9), &Unwatched)
+        };
+        one.render(&mut scene, &target(&at("one"), false))
+            .expect("a render");
+        assert_same_store(&at("whole"), &at("one"));
+
+        let mut stops = 0;
+        loop {
+            let watch = Impatient(AtomicU32::new(0));
+            let part =
+                to_error(goal(0.08, 0.9), &watch).render(&mut scene, &target(&at("stopped"), stops > 0));
+            if part.expect("a part").complete {
+                break;
+            }
+            stops += 1;
+            let again = whole.render(&mut scene, &target(&at("stopped"), false));
+            assert!(again.is_err_and(|e| e.to_string().contains("--resume")));
+        }
+        assert!(stops >= 3, "{stops}");
+        assert_same_store(&at("whole"), &at("stopped"));
+        // It is there, and nothing is rendered again; of another goal it is another render.
+        let again = whole
+            .render(&mut scene, &target(&at("stopped"), true))
+            .expect("a store");
+        assert!(again.complete && again.samples == 0);
+        let other = to_error(goal(0.2, 0.7), &Unwatched).render(&mut scene, &target(&at("stopped"), true));
+        assert!(other.is_err_and(|e| e.to_string().contains("target differs")));
+
+        let rounds = folder_of(&at("joined"));
+        for round in 0.. {
+            let standing = whole.standing(&scene, &rounds, None).expect("rounds");
+            assert_eq!(standing.round, round);
+            if !matches!(standing.next, Next::Round(_)) {
+                break;
+            }
+            let light = at(&format!("light{round}"));
+            let parts = [1, 2].map(|number| {
+                let (path, part) = (at(&format!("{round}-{number}")), Part::Share { number, of: 2 });
+                let part = RoundPart {
+                    part,
+                    light: Some(&light),
+                };
+                let made = whole.part_of_round(&mut scene, &rounds, round, part, &target(&path, false));
+                assert!(made.expect("a part").complete);
+                path
+            });
+            std::fs::create_dir_all(&rounds).expect("a folder");
+            merge(&parts, &rounds.join(format!("{round}.zarr")), Options::default())
+                .unwrap_or_else(|e| panic!("{e}"));
+        }
+        whole
+            .render(&mut scene, &target(&at("joined"), true))
+            .expect("a render");
+        assert_same_store(&at("whole"), &at("joined"));
+    }
+}
+
+/// Totals and their errors of each pixel.
+#[derive(Clone)]
+struct Image {
+    means: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+impl Image {
+    fn of(mean: &[f32], error: &[f32]) -> Self {
+        let lanes = mean.len() / error.len();
+        let total = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>() / lanes as f64;
+        Self {
+            means: mean.chunks(lanes).map(total).collect(),
+            errors: error.iter().map(|e| f64::from(*e)).collect(),
+        }
+    }
+
+    /// Weighted sums of images that are independent.
+    fn pooled(images: &[Self], weights: &[f64]) -> Self {
+        let sum: f64 = weights.iter().sum();
+        let of = |f: &dyn Fn(&Self, f64) -> f64| {
+            images
+                .iter()
+                .zip(weights)
+                .map(|(i, w)| f(i, w / sum))
+                .sum::<f64>()
+        };
+        let pixels = 0..images[0].means.len();
+        Self {
+            means: pixels.clone().map(|p| of(&|i, w| w * i.means[p])).collect(),
+            errors: pixels
+                .map(|p| of(&|i, w| (w * i.errors[p]).powi(2)).sqrt())
+                .collect(),
+        }
+    }
+}
+
+/// What many renders say against the truth.
+#[derive(Debug)]
+struct Verdict {
+    /// Mean deviation of lit pixels, each in errors of the truth, over the error of this mean.
+    bias: f64,
+    /// Mean square of deviations in stated errors.
+    z2: f64,
+}
+
+impl Verdict {
+    fn of(renders: &[Image], truth: &[Image]) -> Self {
+        let all = Image::pooled(truth, &vec![1.0; truth.len()]);
+        let bright = all.means.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let lit: Vec<usize> = (0..all.means.len())
+            .filter(|p| all.means[*p] > 0.01 * bright)
+            .collect();
+        // What is known well tells most.
+        let off = |i: &Image| {
+            lit.iter()
+                .map(|p| (i.means[*p] - all.means[*p]) / all.errors[*p])
+                .sum::<f64>()
+        };
+        let moments = |images: &[Image]| {
+            let n = images.len() as f64;
+            let mean = images.iter().map(off).sum::<f64>() / n;
+            (
+                mean,
+                images.iter().map(|i| (off(i) - mean).powi(2)).sum::<f64>() / (n - 1.0) / n,
+            )
+        };
+        let ((mean, variance), (_, of_truth)) = (moments(renders), moments(truth));
+        let z2 = |i: &Image| {
+            let z2 = |p: &usize| {
+                (i.means[*p] - all.means[*p]).powi(2) / (i.errors[*p].powi(2) + all.errors[*p].powi(2))
+            };
+            lit.iter().map(z2).sum::<f64>() / lit.len() as f64
+        };
+        Self {
+            bias: mean / (variance + of_truth).sqrt(),
+            z2: renders.iter().map(z2).sum::<f64>() / renders.len() as f64,
+        }
+    }
+
+    fn is_honest(&self) -> bool {
+        self.bias.abs() < 5.0 && (0.8..1.25).contains(&self.z2)
+    }
+}
+
+/// Over 64 seeds, means are those of plain renders with other seeds (5 sigma), and deviations are as large as stated errors say. Where
+/// single pixels stop at their own errors, means are wrong; where weights ignore the numbers of samples, errors are: the same
+/// verdict finds both.
+#[test]
+fn errors_are_honest() {
+    const SEEDS: u64 = 64;
+    const ROUNDS: u64 = 8;
+    let text = mirror_room(32, 16, 32, 8, "[[slices]]\nname = \"sum\"\n");
+    let mut scene = scene(&text.replacen("[render]", "[render]\nintegrator = \"path\"", 1));
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut mean = 0.0;
+    let mut rounds = 0.0;
+    let mut counts: Vec<Vec<u32>> = vec![];
+    let renders: Vec<Image> = (0..SEEDS)
+        .map(|seed| {
+            scene.settings.seed = 1000 + seed;
+            let path = folder.path().join(seed.to_string());
+            let run = to_error(goal(0.05, 0.7), &Unwatched);
+            run.render(&mut scene, &target(&path, false)).expect("a render");
+            let store = TensorStore::open(&path).expect("a store");
+            let told = &store.attributes()["target"];
+            mean += told["mean_samples_per_pixel"].as_f64().unwrap_or(0.0) / SEEDS as f64;
+            rounds += told["rounds"].as_f64().unwrap_or(0.0) / SEEDS as f64;
+            // Of the first pixel of each tile.
+            let samples = store.read_samples([0, 0], [32, 32]).expect("counts");
+            counts.push(
+                (0..16)
+                    .map(|tile| samples[tile / 4 * 8 * 32 + tile % 4 * 8])
+                    .collect(),
+            );
+            let [mean, error] = [Field::Mean, Field::TotalStdError].map(|f| read(&store, "sum", f).data);
+            Image::of(&mean, &error)
+        })
+        .collect();
+    // Plain renders: the truth, and what is done to them below.
+    let image = |arrays: &Arrays| {
+        let [mean, error] =
+            [Field::Mean, Field::TotalStdError].map(|f| arrays.get("sum", f).expect("it").data);
+        Image::of(&mean, &error)
+    };
+    scene.settings.spp = 32;
+    let plain: Vec<Image> = (0..SEEDS * ROUNDS)
+        .map(|seed| {
+            scene.settings.seed = 100_000 + seed;
+            image(&Render::new(&scene).to_arrays().expect("a render"))
+        })
+        .collect();
+    let verdict = Verdict::of(&renders, &plain);
+    println!("{mean:.0} samples in {rounds:.1} rounds: {verdict:?}");
+    assert!(verdict.is_honest() && rounds > 2.0, "{verdict:?}");
+
+    let sets = plain.chunks(ROUNDS as usize);
+    // The same numbers of samples in the same tiles, but others.
+    let same: Vec<Image> = counts
+        .iter()
+        .zip(50_000..)
+        .map(|(counts, seed)| {
+            scene.settings.seed = seed;
+            scene.settings.spp = counts.iter().copied().max().unwrap_or(0);
+            image(&Render::new(&scene).samples(counts).to_arrays().expect("a render"))
+        })
+        .collect();
+    let same = Verdict::of(&same, &plain);
+    println!("the same numbers of other samples: {same:?}");
+    assert!(
+        same.is_honest() && (verdict.z2 - same.z2).abs() < 0.06,
+        "{verdict:?}, {same:?}"
+    );
+
+    let greedy: Vec<Image> = sets
+        .clone()
+        .map(|set| {
+            let upto: Vec<Image> = (1..=set.len())
+                .map(|n| Image::pooled(&set[..n], &vec![1.0; n]))
+                .collect();
+            let stop = |p: usize| {
+                upto.iter()
+                    .find(|i| i.errors[p] <= 0.1 * i.means[p])
+                    .unwrap_or(&upto[set.len() - 1])
+            };
+            let pixels = 0..set[0].means.len();
+            Image {
+                means: pixels.clone().map(|p| stop(p).means[p]).collect(),
+                errors: pixels.map(|p| stop(p).errors[p]).collect(),
+            }
+        })
+        .collect();
+    let verdict = Verdict::of(&greedy, &plain);
+    println!("pixels that stop by themselves: {verdict:?}");
+    assert!(!verdict.is_honest(), "{verdict:?}");
+
+    let unweighted: Vec<Image> = sets
+        .map(|set| {
+            let two = [set[0].clone(), Image::pooled(&set[1..], &[1.0; 7])];
+            Image {
+                means: Image::pooled(&two, &[1.0, 1.0]).means,
+                errors: Image::pooled(&two, &[1.0, 7.0]).errors,
+            }
+        })
+        .collect();
+    let verdict = Verdict::of(&unweighted, &plain);
+    println!("weights that ignore counts: {verdict:?}");
+    assert!(!verdict.is_honest(), "{verdict:?}");
+}
+
+#[test]
+fn the_command_says_what_was_reached_and_what_is_wrong() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");
+    let words = [
+        "render",
+        "scene.toml",
+        "--integrator",
+        "path",
+        "--no-figures",
+        "--target-error",
+        "0.1",
+    ];
+    let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
+    let out = with(&["--spp", "32", "-o", "s"], 0);
+    let told = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(told.contains("median") && told.contains("rounds"), "{told}");
+    let out = run(folder.path(), &["info", "s"], 0);
+    let told = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(told.contains("target") && told.contains("slice sum"), "{told}");
+    let most = ["--most-spp", "64", "-o", "most"];
+    let out = run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0);
+    let told = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(
+        told.contains("--most-spp 64") && told.contains("more than 0.10 %"),
+        "{told}"
+    );
+    for (more, mend) in [
+        (&["--target-slice", "none"][..], "sum, mueller, flight"),
+        (&["--target-share", "1.5"], "--target-share"),
+        (&["--spp", "2"], "--spp"),
+        (&["--most-spp", "8"], "--most-spp"),
+        (&["--part", "1/2"], "--rounds"),
+    ] {
+        let out = with(&[more, &["-o", "t"]].concat(), 2);
+        assert!(stderr(&out).contains(mend), "{}", stderr(&out));
+        assert!(!at("t").exists());
+    }
+}
