@@ -6,12 +6,14 @@
 //! on interruptions. In the end all are pooled into one store.
 
 use crate::render::{Part, Render, RenderError, SinkError, Target, Watch};
+use base::lock::Lock;
 use optics::sampling::mix::mix;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use store::merge::{MergeError, rounds};
+use store::place::is_address;
 use store::sink::is_finished;
-use store::zarr::TensorStore;
+use store::zarr::{CreateError, TensorStore};
 use tensor::sink::Summary;
 pub use tensor::target::Goal;
 use tensor::target::{ATTRIBUTE, Next, ROUND, Survey};
@@ -35,6 +37,22 @@ pub enum RoundsError {
         /// Their folder.
         path: PathBuf,
     },
+    /// What would be removed as rounds is something else.
+    #[error(
+        "{path} is in the way, and holds other things than rounds: {found}; move it away, or choose another name"
+    )]
+    Other {
+        /// Where rounds would be.
+        path: PathBuf,
+        /// What is in it.
+        found: String,
+    },
+    /// Rounds are pooled in a folder.
+    #[error("{path}: renders to an error are written into folders; render into a folder, and copy it there")]
+    Address {
+        /// Where the store was to be.
+        path: PathBuf,
+    },
     /// The folder of rounds cannot be removed.
     #[error("cannot remove {path}: {cause}")]
     Remove {
@@ -53,7 +71,7 @@ impl RoundsError {
             Self::Render(e) => crate::render::is_of_system(e),
             Self::Merge(e) => e.is_of_system(),
             Self::Remove { .. } => true,
-            Self::Goal(_) | Self::Rounds { .. } => false,
+            Self::Goal(_) | Self::Rounds { .. } | Self::Other { .. } | Self::Address { .. } => false,
         }
     }
 }
@@ -146,7 +164,15 @@ impl ToError<'_> {
     /// [`RoundsError`]; what was finished stays beside the target and can be resumed.
     pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
         self.check_goal(scene)?;
+        if is_address(&target.path) {
+            let path = target.path.clone();
+            return Err(RoundsError::Address { path });
+        }
         let folder = folder_of(&target.path);
+        // Of all rounds: who replaces them must not do so under the hands of another.
+        let lock = Lock::take(&folder);
+        let _lock =
+            lock.map_err(|e| RenderError::Sink(SinkError::Create(CreateError::locked(&target.path, e))))?;
         if target.resume && is_finished(&target.path) {
             self.check_result(scene, &target.path)?;
             remove(&folder)?;
@@ -159,9 +185,7 @@ impl ToError<'_> {
             remove(&folder)?;
         } else if target.path.exists() {
             let path = target.path.clone();
-            return Err(
-                RenderError::Sink(SinkError::Create(store::zarr::CreateError::Exists { path })).into(),
-            );
+            return Err(RenderError::Sink(SinkError::Create(CreateError::Exists { path })).into());
         } else if folder.exists() && !target.resume {
             return Err(RoundsError::Rounds { path: folder });
         }
@@ -383,8 +407,24 @@ fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) ->
     Ok(())
 }
 
-/// Removes the folder of rounds, if it is there.
+/// Whether a name is that of a round's store, or of what is beside it while it is written.
+fn is_of_rounds(name: &str) -> bool {
+    let name = name.trim_start_matches('.');
+    let rest = name.trim_start_matches(|c: char| c.is_ascii_digit());
+    rest.len() < name.len() && rest.starts_with(".zarr")
+}
+
+/// Removes the folder of rounds, if it is there and nothing else.
 fn remove(folder: &Path) -> Result<(), RoundsError> {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if !is_of_rounds(&name) {
+            return Err(RoundsError::Other {
+                path: folder.to_owned(),
+                found: name,
+            });
+        }
+    }
     match std::fs::remove_dir_all(folder) {
         Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => Err(RoundsError::Remove {
             path: folder.to_owned(),

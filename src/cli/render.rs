@@ -1,195 +1,25 @@
 //! `sunstone render`.
 
+mod arguments;
+mod in_doubt;
+mod progress;
 mod to_error;
+
+pub use arguments::Arguments;
 
 use super::failure::Failure;
 use super::places;
-use indicatif::{ProgressBar, ProgressStyle};
+use arguments::{again, named};
+use in_doubt::in_doubt;
+use progress::{INTERRUPTED, Progress};
 use serde_json::json;
-use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 use sunstone::figure::listed;
-use sunstone::render::{Choices, Part, Render, Summary, Target, Watch, cores, is_of_system, most_threads};
-use sunstone::store::doubt;
+use sunstone::render::{Choices, Render, Target, cores, is_of_system, most_threads};
 use sunstone::store::sink::{is_finished, is_finished_part};
-use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::coverage::missing;
-use sunstone::transport::scene::Integrator;
-
-/// Render a scene file to slices of T, with error bars, and draw its figures.
-///
-/// The result is a Zarr v3 store with a group per slice. Ctrl-C (or SIGTERM) finishes the tiles in flight; --resume goes on from
-/// there, or from a crash, to the very same bytes.
-#[derive(clap::Args)]
-pub struct Arguments {
-    /// Scene file (TOML).
-    scene: PathBuf,
-    /// Variant of the scene, if its file has [vary]: 0, 1, .. (`sunstone info SCENE` lists what they vary).
-    #[arg(long)]
-    variant: Option<u64>,
-    /// Store to write, a folder or an address (s3://, gs://, az://) [default: out/<scene folder>.zarr, of a variant
-    /// out/<scene folder>_variant<N>.zarr].
-    #[arg(short, long)]
-    output: Option<PathBuf>,
-    /// Samples per camera pixel, instead of the scene's.
-    #[arg(long)]
-    spp: Option<u32>,
-    /// Least number of independent groups of samples, instead of the scene's: fewer than 32 give less noise, and errors that are
-    /// known less well.
-    #[arg(long)]
-    replicates: Option<u32>,
-    /// Random seed, instead of the scene's. Renders of different seeds can be merged.
-    #[arg(long)]
-    seed: Option<u64>,
-    /// Which paths are traced, instead of what the scene says.
-    #[arg(long, value_parser = integrator)]
-    integrator: Option<Integrator>,
-    /// Worker threads [default: all cores; at most 8 for each]. The result does not depend on it.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Render part K of N alone, such as 3/8: every N-th tile. `sunstone merge` joins all N parts to the bytes of the whole.
-    #[arg(long, value_name = "K/N", value_parser = share, conflicts_with = "tiles")]
-    part: Option<Part>,
-    /// Folder in which all parts make the walks from the light together, where the scene has such: without, each part makes all.
-    #[arg(long, value_name = "FOLDER", requires = "part")]
-    light: Option<PathBuf>,
-    /// Render some tiles alone, such as 0-31: tiles of the image by their numbers, counted from 0 row by row.
-    #[arg(long, value_name = "A-B", value_parser = tiles)]
-    tiles: Option<Part>,
-    /// Go on with an unfinished render.
-    #[arg(long, conflicts_with = "force")]
-    resume: bool,
-    /// Replace an existing store.
-    #[arg(long)]
-    force: bool,
-    /// Keep only these slices of the scene (comma-separated names).
-    #[arg(long, value_delimiter = ',')]
-    slices: Vec<String>,
-    /// Do not draw the scene's figures.
-    #[arg(long)]
-    no_figures: bool,
-    #[command(flatten)]
-    target: to_error::TargetArguments,
-}
-
-/// An integrator by its name.
-fn integrator(name: &str) -> Result<Integrator, String> {
-    let all = [
-        Integrator::Auto,
-        Integrator::Path,
-        Integrator::Caustics,
-        Integrator::Bidirectional,
-    ];
-    let found = all.into_iter().find(|i| i.name() == name);
-    found.ok_or_else(|| format!("give one of {}", all.map(Integrator::name).join(", ")))
-}
-
-/// Two whole numbers with a sign between them.
-fn pair(text: &str, between: char) -> Option<[u32; 2]> {
-    let (a, b) = text.split_once(between)?;
-    Some([a.parse().ok()?, b.parse().ok()?])
-}
-
-/// `K/N`.
-fn share(text: &str) -> Result<Part, String> {
-    let [number, of] = pair(text, '/').ok_or("give K/N, such as 3/8: part 3 of 8")?;
-    let part = Part::Share { number, of };
-    part.fault(0).map_or(Ok(part), Err)
-}
-
-/// `A-B`, or one tile.
-fn tiles(text: &str) -> Result<Part, String> {
-    let one = || text.parse().ok().map(|tile| [tile, tile]);
-    let [first, last] = pair(text, '-')
-        .or_else(one)
-        .ok_or("give A-B, such as 0-31: tiles 0 to 31")?;
-    let part = Part::Tiles { first, last };
-    part.fault(u32::MAX).map_or(Ok(part), Err)
-}
-
-/// A part as options name it, and as part of a file name.
-fn named(part: Part) -> [String; 2] {
-    match part {
-        Part::Share { number, of } => [format!("--part {number}/{of}"), format!("part{number}of{of}")],
-        Part::Tiles { first, last } => [format!("--tiles {first}-{last}"), format!("tiles{first}-{last}")],
-    }
-}
-
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Shows progress: a bar on a terminal, a plain line every few seconds otherwise.
-struct Progress {
-    bar: Option<ProgressBar>,
-    last: Mutex<Instant>,
-    /// To be said once the render is under way: not to bury why it cannot be.
-    warnings: Mutex<Vec<String>>,
-    /// What is being rendered, where that is one of several things.
-    about: Mutex<String>,
-}
-
-impl Progress {
-    fn new(warnings: Vec<String>) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let style = ProgressStyle::with_template("{bar:32} {pos}/{len} tiles  {msg}  {eta} left")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(0).with_style(style)
-        });
-        Self {
-            bar,
-            last: Mutex::new(Instant::now()),
-            warnings: Mutex::new(warnings),
-            about: Mutex::default(),
-        }
-    }
-
-    /// Says what is rendered from now on.
-    fn about(&self, what: String) {
-        *self.about.lock().unwrap_or_else(PoisonError::into_inner) = what;
-    }
-
-    fn clear(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
-}
-
-impl Watch for Progress {
-    fn tile_done(&self, s: &Summary) {
-        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
-        for warning in warnings.drain(..) {
-            match &self.bar {
-                Some(bar) => bar.println(format!("warning: {warning}")),
-                None => eprintln!("warning: {warning}"),
-            }
-        }
-        drop(warnings);
-        let rate = s.samples as f64 / s.wall_s / 1e6;
-        let about = self.about.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(bar) = &self.bar {
-            bar.set_length(u64::from(s.tiles));
-            bar.set_position(u64::from(s.tiles_done));
-            bar.set_message(format!("{about}{rate:.2} Msamples/s"));
-            return;
-        }
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if last.elapsed() > Duration::from_secs(5) {
-            *last = Instant::now();
-            let left = f64::from(s.tiles - s.tiles_done) * s.wall_s / f64::from(s.tiles_done.max(1));
-            eprintln!(
-                "{about}{}/{} tiles, {rate:.2} Msamples/s, about {left:.0} s left",
-                s.tiles_done, s.tiles
-            );
-        }
-    }
-
-    fn interrupted(&self) -> bool {
-        INTERRUPTED.load(Ordering::Relaxed)
-    }
-}
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
@@ -294,54 +124,6 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The command that goes on with a render.
-fn again(a: &Arguments, target: &Target) -> String {
-    let slices = if a.slices.is_empty() {
-        String::new()
-    } else {
-        format!(" --slices {}", a.slices.join(","))
-    };
-    format!(
-        "sunstone render {} --resume{}{}{}{}{}{slices}{}{}{} -o {}",
-        quoted(&a.scene),
-        a.variant.map_or(String::new(), |v| format!(" --variant {v}")),
-        a.spp.map_or(String::new(), |v| format!(" --spp {v}")),
-        a.replicates
-            .map_or(String::new(), |v| format!(" --replicates {v}")),
-        a.seed.map_or(String::new(), |v| format!(" --seed {v}")),
-        a.integrator
-            .map_or(String::new(), |v| format!(" --integrator {}", v.name())),
-        a.part
-            .or(a.tiles)
-            .map_or(String::new(), |part| format!(" {}", named(part)[0])),
-        a.light
-            .as_ref()
-            .map_or(String::new(), |v| format!(" --light {}", quoted(v))),
-        a.target.words(),
-        quoted(&target.path),
-    )
-}
-
-/// In which slice most of the lit pixels have error bars that cannot be trusted yet, and how many; nothing where that is a thousandth
-/// or less.
-fn in_doubt(path: &Path) -> Result<String, Failure> {
-    let store = TensorStore::open(path).map_err(Failure::failed)?;
-    let mut most = (0.001, String::new());
-    for name in store.slice_names() {
-        let slice = store.slice(name).map_err(Failure::failed)?;
-        if let Some(doubt) = doubt::of(&slice).map_err(Failure::failed)?
-            && doubt.share() > most.0
-        {
-            let percent = 100.0 * doubt.share();
-            let told = format!(
-                ", {percent:.1} % of error bars cannot be trusted yet in slice {name} (sunstone info tells of all)"
-            );
-            most = (doubt.share(), told);
-        }
-    }
-    Ok(most.1)
-}
-
 /// Refuses more threads than [`most_threads`].
 fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
     let (cores, most) = (cores(), most_threads());
@@ -353,14 +135,4 @@ fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
         ))),
         _ => Ok(()),
     }
-}
-
-/// A path as a shell reads it.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        return text;
-    }
-    format!("'{}'", text.replace('\'', "'\\''"))
 }

@@ -432,3 +432,39 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
         assert!(!at("t").exists());
     }
 }
+
+/// What lies where rounds would be stays, whatever is asked for; and who renders them is not robbed of them.
+#[test]
+fn nothing_else_is_removed_and_one_renders() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("scene.toml"), mirror_room(24, 16, 4, 8, SLICES)).expect("a file");
+    let words = [
+        "render",
+        "scene.toml",
+        "--no-figures",
+        "--target-error",
+        "0.5",
+        "-o",
+    ];
+    let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
+    std::fs::create_dir_all(at("s.rounds")).expect("a folder");
+    std::fs::write(at("s.rounds/thesis.tex"), "years of work").expect("a file");
+    let told = stderr(&with(&["s", "--force"], 2));
+    assert!(
+        told.contains("thesis.tex") && told.contains("another name"),
+        "{told}"
+    );
+    assert!(at("s.rounds/thesis.tex").exists() && !at("s").exists());
+    let told = stderr(&with(&["s3://bucket/s.zarr"], 2));
+    assert!(told.contains("into a folder"), "{told}");
+    // While somebody is at it, --force removes nothing.
+    std::fs::create_dir_all(at("t.rounds/0.zarr")).expect("a folder");
+    let held = sunstone::base::lock::Lock::take(&at("t.rounds")).expect("nobody is there");
+    let told = stderr(&with(&["t", "--force"], 2));
+    assert!(told.contains("being written by process"), "{told}");
+    assert!(at("t.rounds/0.zarr").exists());
+    drop(held);
+    with(&["t", "--force"], 0);
+    assert!(at("t").exists() && !at("t.rounds").exists());
+}

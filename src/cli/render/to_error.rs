@@ -1,77 +1,16 @@
 //! `sunstone render --target-error`.
 
-use super::{Arguments, Progress, again, in_doubt};
+use super::arguments::{Arguments, again};
+use super::in_doubt::in_doubt;
+use super::progress::Progress;
 use crate::cli::failure::Failure;
 use crate::cli::{figure, output};
 use serde_json::Value;
-use std::path::PathBuf;
 use std::sync::Mutex;
 use sunstone::render::{Summary, Target};
 use sunstone::rounds::{Goal, RoundPart, RoundsError, Standing, ToError};
 use sunstone::tensor::target::Next;
 use sunstone::transport::scene::Scene;
-
-/// Samples of every pixel in the first round, unless `--spp` says another number.
-const FIRST: u32 = 64;
-
-/// Most samples of a pixel, unless `--most-spp` says another number.
-const MOST: u32 = 1 << 14;
-
-#[derive(clap::Args)]
-#[command(next_help_heading = "To an error, instead of to a number of samples")]
-pub(super) struct TargetArguments {
-    /// Render rounds of samples until half of the lit pixels of a slice have this relative standard error, such as 0.02. Tiles that
-    /// need no more get no more. --spp is then the number of samples of the first round [default: 64].
-    #[arg(long, value_name = "ERROR", conflicts_with = "tiles")]
-    target_error: Option<f64>,
-    /// Which slice [default: the first].
-    #[arg(long, value_name = "NAME", requires = "target_error")]
-    target_slice: Option<String>,
-    /// Share of the lit pixels that shall have the error, such as 0.9 [default: 0.5, the median].
-    #[arg(long, value_name = "SHARE", requires = "target_error")]
-    target_share: Option<f64>,
-    /// Most samples of a pixel, whatever its error [default: 16384].
-    #[arg(long, value_name = "N", requires = "target_error")]
-    most_spp: Option<u32>,
-    /// For many machines: folder of the rounds so far, 0.zarr, 1.zarr and so on. Prints where they stand, as JSON, and renders nothing
-    /// unless --round and --part say what.
-    #[arg(long, value_name = "FOLDER", requires = "target_error")]
-    rounds: Option<PathBuf>,
-    /// Round to render a part of.
-    #[arg(long, value_name = "K", requires_all = ["rounds", "part"])]
-    round: Option<u32>,
-}
-
-impl TargetArguments {
-    /// What is asked for, of a scene; with `--spp`.
-    pub fn goal(&self, spp: Option<u32>, scene: &Scene) -> Option<Goal> {
-        let first = || scene.slices.first().map_or(String::new(), |s| s.name.clone());
-        Some(Goal {
-            error: self.target_error?,
-            slice: self.target_slice.clone().unwrap_or_else(first),
-            share: self.target_share.unwrap_or(0.5),
-            first: spp.unwrap_or(FIRST),
-            most: self.most_spp.unwrap_or_else(|| MOST.max(spp.unwrap_or(FIRST))),
-        })
-    }
-
-    /// The same words again.
-    pub fn words(&self) -> String {
-        let mut words = String::new();
-        let mut word = |name: &str, value: Option<String>| {
-            if let Some(value) = value {
-                words += &format!(" --{name} {value}");
-            }
-        };
-        word("target-error", self.target_error.map(|v| v.to_string()));
-        word("target-slice", self.target_slice.clone());
-        word("target-share", self.target_share.map(|v| v.to_string()));
-        word("most-spp", self.most_spp.map(|v| v.to_string()));
-        word("rounds", self.rounds.as_deref().map(super::quoted));
-        word("round", self.round.map(|v| v.to_string()));
-        words
-    }
-}
 
 fn percent(share: f64) -> String {
     format!("{:.2} %", 100.0 * share)

@@ -75,7 +75,9 @@ impl CreateError {
         }
     }
 
-    pub(super) fn locked(path: &Path, error: LockError) -> Self {
+    /// Of a lock that could not be taken.
+    #[must_use]
+    pub fn locked(path: &Path, error: LockError) -> Self {
         let path = path.to_owned();
         match error {
             LockError::Held(holder) => Self::Locked { path, holder },

@@ -1,0 +1,26 @@
+//! What a finished render says of its error bars.
+
+use crate::cli::failure::Failure;
+use std::path::Path;
+use sunstone::store::doubt;
+use sunstone::store::zarr::TensorStore;
+
+/// In which slice most of the lit pixels have error bars that cannot be trusted yet, and how many; nothing where that is a thousandth
+/// or less.
+pub(super) fn in_doubt(path: &Path) -> Result<String, Failure> {
+    let store = TensorStore::open(path).map_err(Failure::failed)?;
+    let mut most = (0.001, String::new());
+    for name in store.slice_names() {
+        let slice = store.slice(name).map_err(Failure::failed)?;
+        if let Some(doubt) = doubt::of(&slice).map_err(Failure::failed)?
+            && doubt.share() > most.0
+        {
+            let percent = 100.0 * doubt.share();
+            let told = format!(
+                ", {percent:.1} % of error bars cannot be trusted yet in slice {name} (sunstone info tells of all)"
+            );
+            most = (doubt.share(), told);
+        }
+    }
+    Ok(most.1)
+}

@@ -1,0 +1,81 @@
+//! Progress of a render, and its end by Ctrl-C.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use sunstone::render::{Summary, Watch};
+
+pub(super) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Shows progress: a bar on a terminal, a plain line every few seconds otherwise.
+pub(super) struct Progress {
+    bar: Option<ProgressBar>,
+    last: Mutex<Instant>,
+    /// To be said once the render is under way: not to bury why it cannot be.
+    warnings: Mutex<Vec<String>>,
+    /// What is being rendered, where that is one of several things.
+    about: Mutex<String>,
+}
+
+impl Progress {
+    pub(super) fn new(warnings: Vec<String>) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{bar:32} {pos}/{len} tiles  {msg}  {eta} left")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new(0).with_style(style)
+        });
+        Self {
+            bar,
+            last: Mutex::new(Instant::now()),
+            warnings: Mutex::new(warnings),
+            about: Mutex::default(),
+        }
+    }
+
+    /// Says what is rendered from now on.
+    pub(super) fn about(&self, what: String) {
+        *self.about.lock().unwrap_or_else(PoisonError::into_inner) = what;
+    }
+
+    pub(super) fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Watch for Progress {
+    fn tile_done(&self, s: &Summary) {
+        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        for warning in warnings.drain(..) {
+            match &self.bar {
+                Some(bar) => bar.println(format!("warning: {warning}")),
+                None => eprintln!("warning: {warning}"),
+            }
+        }
+        drop(warnings);
+        let rate = s.samples as f64 / s.wall_s / 1e6;
+        let about = self.about.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(bar) = &self.bar {
+            bar.set_length(u64::from(s.tiles));
+            bar.set_position(u64::from(s.tiles_done));
+            bar.set_message(format!("{about}{rate:.2} Msamples/s"));
+            return;
+        }
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.elapsed() > Duration::from_secs(5) {
+            *last = Instant::now();
+            let left = f64::from(s.tiles - s.tiles_done) * s.wall_s / f64::from(s.tiles_done.max(1));
+            eprintln!(
+                "{about}{}/{} tiles, {rate:.2} Msamples/s, about {left:.0} s left",
+                s.tiles_done, s.tiles
+            );
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+}
