@@ -27,7 +27,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import numpy as np
 
 SCENE = environment.ROOT / "scenes/mirror_room/scene.toml"
-SPP = 16
+SPP = 64
 IMPORT = "import time; begun = time.perf_counter(); import pysunstone; print(time.perf_counter() - begun)"
 RENDER = "import sys, pysunstone as ps; ps.Scene.load(sys.argv[1]).render(sys.argv[2], spp=int(sys.argv[3]), threads=1)"
 
