@@ -271,7 +271,7 @@ def render(
         place = folder / _key(name, job, words)
         meter = _Meter(on, str(whole), report, target_error)
 
-        def parts_of(options: Sequence[str], into: Path) -> None:
+        def parts_of(options: Sequence[str], into: Path) -> list[str]:
             units = [
                 _Unit(
                     name,
@@ -282,14 +282,13 @@ def render(
                 for number in range(1, count + 1)
             ]
             _finish(on, units, progress, meter)
+            return [unit.place for unit in units]
 
         force = ["--force"] if overwrite else []
-        made = [str(place / f"{number}of{count}") for number in range(1, count + 1)]
         if not words:
-            parts_of((), place)
-            _run([name, "merge", *made, "-o", str(whole), *force])
+            _run([name, "merge", *parts_of((), place), "-o", str(whole), *force])
         else:
-            _to_error([name, "render", *job.options(), *words], words, place, parts_of, meter, made)
+            _to_error([name, "render", *job.options(), *words], words, place, parts_of, meter)
             if overwrite and whole.exists():
                 shutil.rmtree(whole)
             os.rename(place / "whole.zarr", whole)
@@ -301,9 +300,8 @@ def _to_error(
     command: Sequence[str],
     words: Sequence[str],
     place: Path,
-    parts_of: Callable[[Sequence[str], Path], None],
+    parts_of: Callable[[Sequence[str], Path], list[str]],
     meter: _Meter,
-    made: Sequence[str],
 ) -> None:
     """Render rounds until none is needed any more, and pool them in ``whole.zarr``."""
     rounds, whole = place / "whole.zarr.rounds", place / "whole.zarr"
@@ -314,11 +312,9 @@ def _to_error(
             break
         number = meter.round = standing["round"]
         into = place / f"round{number}"
-        parts_of([*words, "--rounds", str(rounds), "--round", str(number)], into)
+        parts = parts_of([*words, "--rounds", str(rounds), "--round", str(number)], into)
         rounds.mkdir(parents=True, exist_ok=True)
-        parts = [str(into / Path(part).name) for part in made]
-        if len(parts) > 1:
-            _run([command[0], "merge", *parts, "-o", str(rounds / f"{number}.zarr")])
+        _run([command[0], "merge", *parts, "-o", str(rounds / f"{number}.zarr")])
         shutil.rmtree(into, ignore_errors=True)
         shutil.rmtree(place / "light", ignore_errors=True)
     _run([*command, "--resume", "-o", str(whole)])

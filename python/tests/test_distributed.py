@@ -159,6 +159,8 @@ def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, 
     assert told[5].samples == 256 * 256 * 32 and told[-1].samples > told[5].samples and told[-1].samples_per_s > 0
     events = [event for _, event in client.get_events(distributed.TOPIC) if event["store"] == str(path)]
     assert [event["samples"] for event in events] == [t.samples for t in told]
+    # A round of one part is a round, too.
+    assert_same(one, distributed.render(SCENE, tmp_path / "single.zarr", parts=1, client=client, **goal))
     # What is there already is replaced where that is asked for, and not otherwise.
     with pytest.raises(FileExistsError, match="overwrite"):
         distributed.render(SCENE, path, parts=6, client=client, **goal)
