@@ -229,17 +229,21 @@ impl Survey {
             .collect();
         let wanted = goal.share * all.len() as f64;
         let plan = self.plan(&needs, &counts, wanted);
-        let cost = |plan: &Vec<f64>| -> f64 {
-            let tiles = self.tiles.iter().zip(plan);
-            tiles.map(|(t, n)| f64::from(t.pixels) * n).sum()
-        };
         let same: Vec<f64> = self
             .tiles
             .iter()
             .map(|t| t.at_least(everywhere.min(most)))
             .collect();
-        let cheapest = plan.filter(|plan| cost(plan) < cost(&same)).unwrap_or(same);
+        let cheapest = plan
+            .filter(|plan| self.cost(plan) < self.cost(&same))
+            .unwrap_or(same);
         self.round(&cheapest, goal)
+    }
+
+    /// Samples of all pixels, of so many of the pixels of each tile.
+    fn cost(&self, counts: &[f64]) -> f64 {
+        let tiles = self.tiles.iter().zip(counts);
+        tiles.map(|(t, n)| f64::from(t.pixels) * n).sum()
     }
 
     fn needs(&self, error: f64, least: usize) -> Vec<Needs> {
@@ -329,11 +333,7 @@ impl Survey {
             .zip(plan)
             .map(|(t, n)| (n - f64::from(t.samples)).max(0.0))
             .collect();
-        let of = |counts: &[f64]| -> f64 {
-            let tiles = self.tiles.iter().zip(counts);
-            tiles.map(|(t, n)| f64::from(t.pixels) * n).sum()
-        };
-        let share = (GROWTH * self.samples() as f64 / of(&more)).min(1.0);
+        let share = (GROWTH * self.samples() as f64 / self.cost(&more)).min(1.0);
         let left = |t: &Tile| goal.most.saturating_sub(t.samples);
         let tiles = self.tiles.iter().zip(&more);
         let mut counts: Vec<u32> = tiles.map(|(t, n)| round_count(n * share).min(left(t))).collect();
