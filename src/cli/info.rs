@@ -72,6 +72,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             part::ATTRIBUTE
         ));
     }
+    if store.is_sharded().map_err(Failure::input)? {
+        line(format!("  {:18} in shards", "files"));
+    }
     for name in store.slice_names() {
         let slice = store.slice(name).map_err(Failure::input)?;
         // Most light of a part is elsewhere.

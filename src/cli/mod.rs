@@ -31,6 +31,7 @@ mod reconstruct;
 mod render;
 mod rig;
 mod scheme;
+mod shard;
 mod source;
 mod trial;
 mod verify;
@@ -54,6 +55,7 @@ Examples:
   sunstone render scene.toml --spp 256 --seed 1 -o a.zarr
   sunstone render scene.toml --resume                    go on after Ctrl-C or a crash
   sunstone merge a.zarr b.zarr -o ab.zarr                pool renders of different seeds
+  sunstone shard ab.zarr -o s3://renders/ab.zarr         few large objects, read by ranges
   sunstone info out/mirror_room.zarr                     what a store holds
   sunstone verify out/mirror_room.zarr                   whether it is what was written
   sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals, objects of every pixel
@@ -86,6 +88,7 @@ enum Command {
     Probe(probe::Arguments),
     Figure(figure::Arguments),
     Merge(merge::Arguments),
+    Shard(shard::Arguments),
     Verify(verify::Arguments),
     Decompose(decompose::Arguments),
     Denoise(denoise::Arguments),
@@ -134,6 +137,7 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Probe(a) => probe::run(&a),
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
+        Command::Shard(a) => shard::run(&a),
         Command::Verify(a) => verify::run(&a),
         Command::Decompose(a) => decompose::run(&a),
         Command::Denoise(a) => denoise::run(&a),

@@ -3,7 +3,8 @@
 use crate::exr::{ExrOptions, export};
 use crate::merge::merge;
 use crate::probe::{Pattern, Probe, Pulse};
-use crate::zarr::{SampleGrid, TensorStore};
+use crate::shard::shard_to;
+use crate::zarr::{Limits, SampleGrid, TensorStore};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use serde_json::{Map, Value, json};
@@ -426,10 +427,18 @@ fn damaged_stores_answer_or_say_why() {
     };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[5; 32]));
     let (sound, broken) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let tested = runner.run(&prop::collection::vec(damage(), 1..4), |list| {
+    let sharded = whole.path().join("sharded");
+    let limits = Limits {
+        piece: 500,
+        enough: 10 << 10,
+        ..Limits::default()
+    };
+    shard_to(&a, &sharded, false, limits).unwrap();
+    let damages = (any::<bool>(), prop::collection::vec(damage(), 1..4));
+    let tested = runner.run(&damages, |(in_shards, list)| {
         let folder = folder();
         let damaged = folder.path().join("damaged");
-        copy(&a, &damaged);
+        copy(if in_shards { &sharded } else { &a }, &damaged);
         list.iter().for_each(|d| d.do_to(&damaged));
         // Of two, one whose manifest was made after the damage, so that it is met at last where it matters.
         if list.len() % 2 == 0 {

@@ -16,25 +16,41 @@ pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
     within(slice, None)
 }
 
+/// The box of errors of totals, as first index and shape, that tells of the pixels in a box of rows and columns: they and their
+/// neighbours. `None` as of [`of`].
+///
+/// # Errors
+/// As [`of`].
+pub fn around(
+    slice: &StoredSlice,
+    pixels: Option<[Range<usize>; 2]>,
+) -> Result<Option<(Vec<u64>, Vec<u64>)>, AccessError> {
+    if !slice.has(Field::TotalStdError) {
+        return Ok(None);
+    }
+    let [height, width] = slice.field_layout(Field::TotalStdError)?.shape()[..] else {
+        return Ok(None);
+    };
+    let [rows, columns] = pixels.unwrap_or([0..height as usize, 0..width as usize]);
+    let wider =
+        |of: &Range<usize>, length: u64| of.start.saturating_sub(1) as u64..(of.end as u64 + 1).min(length);
+    let read = [wider(&rows, height), wider(&columns, width)];
+    let start = read.iter().map(|r| r.start).collect();
+    Ok(Some((start, read.iter().map(|r| r.end - r.start).collect())))
+}
+
 /// [`of`] the pixels in a box of rows and columns.
 ///
 /// # Errors
 /// As [`of`].
 pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<Option<Doubt>, AccessError> {
-    if !slice.has(Field::TotalStdError) {
-        return Ok(None);
-    }
-    let layout = slice.field_layout(Field::TotalStdError)?;
-    let [height, width] = layout.shape()[..] else {
+    let Some((start, shape)) = around(slice, pixels.clone())? else {
         return Ok(None);
     };
-    let [rows, columns] = pixels.unwrap_or([0..height as usize, 0..width as usize]);
-    // They and their neighbours, which alone tell of them.
-    let around =
-        |of: &Range<usize>, length: u64| of.start.saturating_sub(1)..(of.end + 1).min(length as usize);
-    let read = [around(&rows, height), around(&columns, width)];
-    let start = [0, 1].map(|i| read[i].start as u64);
-    let shape = [0, 1].map(|i| read[i].len() as u64);
+    let layout = slice.field_layout(Field::TotalStdError)?;
+    let read = [0, 1].map(|i| start[i] as usize..(start[i] + shape[i]) as usize);
+    let all = layout.shape();
+    let [rows, columns] = pixels.unwrap_or([0..all[0] as usize, 0..all[1] as usize]);
     let part = |i: usize| Axis {
         coords: layout.axes[i].coords[read[i].clone()].to_vec(),
         ..layout.axes[i].clone()

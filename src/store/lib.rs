@@ -14,6 +14,7 @@ mod objects;
 pub mod place;
 pub mod probe;
 pub mod refusal;
+pub mod shard;
 pub mod sink;
 pub mod zarr;
 

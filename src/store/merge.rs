@@ -17,7 +17,7 @@
 //!
 //! Parts of one render ([`tensor::part`]) have no samples in common to pool: they are joined, to the bytes of the whole.
 
-mod at_once;
+pub(crate) mod at_once;
 mod error;
 mod join;
 mod pool;

@@ -4,25 +4,25 @@
 //! passing reason (5xx, a cut connection) are made again. Credentials, endpoint and region are those of the environment, by the
 //! names that each cloud gives them.
 
+mod get;
 pub(crate) mod lock;
 mod put;
 
+pub(crate) use get::Ask;
+
 use crate::refusal::Refusal;
-use futures_util::stream::{self, StreamExt, TryStreamExt};
+use futures_util::stream::TryStreamExt;
 use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::http::HttpBuilder;
 use object_store::path::Path as Key;
-use object_store::{
-    BackoffConfig, ClientOptions, Error, ObjectStore, ObjectStoreExt, RetryConfig, UpdateVersion,
-};
+use object_store::{BackoffConfig, ClientOptions, Error, ObjectStore, RetryConfig, UpdateVersion};
 use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, LazyLock, Once, mpsc};
 use std::time::{Duration, Instant};
 use tokio::runtime::{Builder, Runtime};
-use zarrs::storage::Bytes;
 
 /// Requests that are under way at once.
 const AT_ONCE: usize = 32;
@@ -32,9 +32,6 @@ const ATTEMPTS: usize = 6;
 const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
 /// How long requests are made again at most: what failed for longer has been made again by the client, which waits longer and longer.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Largest object that is read: no chunk is larger.
-const LARGEST: u64 = 4 << 30;
-
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
     Builder::new_multi_thread()
         .worker_threads(2)
@@ -155,31 +152,6 @@ impl Objects {
         tracing::trace!("{requests} requests");
     }
 
-    /// An object whole; `None` where there is none.
-    pub(crate) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
-        self.note(1);
-        let (store, key) = (self.store.clone(), self.key(key));
-        wait(async move { fetch(&*store, &key).await })?.map_err(|e| self.refusal(&e))
-    }
-
-    /// Objects whole, in their order.
-    pub(crate) fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
-        self.note(keys.len());
-        let keys: Vec<Key> = keys.iter().map(|key| self.key(key)).collect();
-        let store = self.store.clone();
-        let all = async move {
-            stream::iter(keys)
-                .map(|key| {
-                    let store = store.clone();
-                    async move { fetch(&*store, &key).await }
-                })
-                .buffered(AT_ONCE)
-                .try_collect()
-                .await
-        };
-        wait(all)?.map_err(|e| self.refusal(&e))
-    }
-
     /// Paths below the address of all objects there, sorted, with their sizes.
     pub(crate) fn list(&self) -> Result<Vec<(String, u64)>, Refusal> {
         self.note(1);
@@ -238,33 +210,6 @@ async fn up_to<T, F: Future<Output = Result<T, Error>>>(
         pause *= 2;
     }
     ask().await
-}
-
-async fn fetch(store: &dyn ObjectStore, key: &Key) -> Result<Option<Bytes>, Error> {
-    let mut attempts = ATTEMPTS;
-    loop {
-        attempts -= 1;
-        // The client has asked again itself, but where a connection was closed the moment that it was used.
-        let found = match up_to(2, || store.get(key)).await {
-            Ok(found) => found,
-            Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => return Ok(None),
-            Err(e) => return Err(e),
-        };
-        if found.meta.size > LARGEST {
-            let source = format!(
-                "{key} has {} bytes, which no file of a store has",
-                found.meta.size
-            );
-            return Err(Error::Generic {
-                store: "object",
-                source: source.into(),
-            });
-        }
-        match found.bytes().await {
-            Err(Error::Generic { .. }) if attempts > 0 => {}
-            result => return result.map(Some),
-        }
-    }
 }
 
 /// An error with all its causes.

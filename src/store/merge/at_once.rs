@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const THREADS: usize = 8;
 
 /// Does work on as many threads as it takes to keep the way to the stores busy, where any of these lies below an address.
-pub(super) fn many<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
+pub(crate) fn many<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;
     let pool = (far && more).then(|| rayon::ThreadPoolBuilder::new().num_threads(THREADS).build());

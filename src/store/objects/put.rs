@@ -97,25 +97,6 @@ impl Objects {
         wait(get)?.map_err(|e| self.refusal(&e))
     }
 
-    /// The last bytes of objects of known sizes, at most `length` of each.
-    pub(crate) fn ends(&self, all: &[(String, u64)], length: u64) -> Result<Vec<Bytes>, Refusal> {
-        self.note(all.len());
-        let all: Vec<(Key, u64)> = all.iter().map(|(key, size)| (self.key(key), *size)).collect();
-        let store = self.store.clone();
-        let get = async move {
-            stream::iter(all)
-                .map(|(key, size)| {
-                    let store = store.clone();
-                    let end = size.saturating_sub(length)..size;
-                    async move { again(|| store.get_range(&key, end.clone())).await }
-                })
-                .buffered(AT_ONCE)
-                .try_collect()
-                .await
-        };
-        wait(get)?.map_err(|e| self.refusal(&e))
-    }
-
     /// Removes objects, whether they are there or not.
     pub(crate) fn delete(&self, keys: Vec<String>) -> Result<(), Refusal> {
         if keys.is_empty() {

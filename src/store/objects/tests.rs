@@ -5,9 +5,11 @@ pub(crate) mod faulty;
 use super::lock::{NoLock, ObjectLock};
 use super::put::Put;
 use super::*;
+use object_store::ObjectStoreExt;
 use object_store::memory::InMemory;
 use std::collections::HashMap;
 use std::sync::Mutex;
+use zarrs::storage::Bytes;
 
 static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(Mutex::default);
 
@@ -164,9 +166,12 @@ fn what_fails_is_asked_again() {
         objects.put_many(all).expect("puts");
         let found = objects.list().expect("lists");
         assert_eq!(found.len(), keys.len());
+        let ends = found
+            .iter()
+            .map(|(key, size)| (key.clone(), Ask::End(4, Some(*size))));
         assert_eq!(
-            objects.ends(&found, 4).expect("reads"),
-            vec![bytes(n).slice(5..); keys.len()]
+            objects.ask(ends.clone().collect()).expect("reads"),
+            vec![Some((bytes(n).slice(5..), 9)); keys.len()]
         );
         assert_eq!(
             objects.get_many(&keys).expect("reads"),

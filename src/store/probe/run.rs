@@ -6,6 +6,7 @@ use super::result::ProbeResult;
 use super::{engine, plan};
 use crate::doubt;
 use crate::zarr::StoredSlice;
+use std::ops::Range;
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 
@@ -16,13 +17,17 @@ impl Probe {
     /// If the probe does not fit the slice, the result does not fit in memory, or a chunk is damaged.
     pub fn run(&self, slice: &StoredSlice) -> Result<ProbeResult, ProbeError> {
         let mut plan = plan::Plan::new(self, slice, Field::Mean)?;
-        plan.notes.extend(in_doubt(&plan, slice)?);
-        let (mean, std_error, shifted_out) = engine::run(&plan, slice, Field::Mean, Field::StdError)?;
-        let overflow = if slice.has(Field::Overflow) {
-            let plan = plan::Plan::new(&self.without_time(), slice, Field::Overflow)?;
-            Some(engine::run(&plan, slice, Field::Overflow, Field::OverflowStdError)?.0)
+        let of_overflow = if slice.has(Field::Overflow) {
+            Some(plan::Plan::new(&self.without_time(), slice, Field::Overflow)?)
         } else {
             None
+        };
+        fetch(&plan, of_overflow.as_ref(), slice)?;
+        plan.notes.extend(in_doubt(&plan, slice)?);
+        let (mean, std_error, shifted_out) = engine::run(&plan, slice, Field::Mean, Field::StdError)?;
+        let overflow = match of_overflow {
+            Some(plan) => Some(engine::run(&plan, slice, Field::Overflow, Field::OverflowStdError)?.0),
+            None => None,
         };
         Ok(ProbeResult {
             mean,
@@ -35,14 +40,39 @@ impl Probe {
     }
 }
 
-/// What the person should know of the error bars of the camera pixels that are read.
-fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, ProbeError> {
+/// Fetches what is read first of all fields, beside each other where it takes time to come.
+fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlice) -> Result<(), ProbeError> {
+    let mut regions = vec![];
+    let overflow = of_overflow.map(|plan| (plan, [Field::Overflow, Field::OverflowStdError]));
+    for (plan, fields) in [Some((plan, [Field::Mean, Field::StdError])), overflow]
+        .into_iter()
+        .flatten()
+    {
+        let ranges = plan
+            .axes
+            .iter()
+            .map(|a| (a.first as u64, (a.end - a.first) as u64));
+        let (start, shape): (Vec<u64>, Vec<u64>) = ranges.unzip();
+        regions.extend(fields.map(|field| (field, start.clone(), shape.clone())));
+    }
+    if let Some((start, shape)) = doubt::around(slice, pixels(plan))? {
+        regions.push((Field::TotalStdError, start, shape));
+    }
+    Ok(slice.fetch_together(&regions)?)
+}
+
+/// Rows and columns of the camera that are read; `None` of a slice without.
+fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     let read = |kind| {
         let axis = plan.axes.iter().find(|a| a.kind == kind)?;
         Some(axis.first..axis.end)
     };
-    let pixels = read(AxisKind::Y).zip(read(AxisKind::X)).map(|(y, x)| [y, x]);
-    let doubt = doubt::within(slice, pixels)?.filter(|d| d.doubtful > 0);
+    read(AxisKind::Y).zip(read(AxisKind::X)).map(|(y, x)| [y, x])
+}
+
+/// What the person should know of the error bars of the camera pixels that are read.
+fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, ProbeError> {
+    let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
     Ok(doubt.map(|d| {
         format!(
             "errors of {} of {} lit pixels of `{}` cannot be trusted yet: neighbours have met light that these have not",

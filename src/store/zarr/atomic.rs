@@ -7,10 +7,12 @@ use super::description;
 use super::error::OpenError;
 use super::manifest::{Entry, Manifest};
 use super::remote::Remote;
-use crate::place::Place;
+use super::shard;
+use crate::place::{Ask, Place};
 use base::whole_file;
 use std::fs;
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -20,6 +22,19 @@ use zarrs::storage::{
     Bytes, MaybeBytes, MaybeBytesIterator, OffsetBytesIterator, ReadableStorageTraits, StorageError,
     StoreKey, StorePrefix, WritableStorageTraits, store_set_partial_many,
 };
+
+/// A shard below an address of no more bytes is fetched whole: what is read of it next takes no other request.
+const SMALL: u64 = if cfg!(test) { 512 } else { 128 << 10 };
+
+/// The last bytes of a shard, which tell of all others.
+#[derive(Debug)]
+pub(super) struct Tail {
+    pub(super) bytes: Bytes,
+    /// Bytes of the shard.
+    pub(super) size: u64,
+    /// All of it, where it is small and took a request.
+    pub(super) whole: Option<Bytes>,
+}
 
 /// Zarr storage in a directory with atomic replacement of files, or below an address.
 #[derive(Debug)]
@@ -103,6 +118,17 @@ impl AtomicDirectory {
         }
     }
 
+    /// Writes a shard whole, whose checksum in the manifest is this.
+    pub(super) fn write_shard(&self, key: &str, bytes: Bytes, crc: u32) -> io::Result<()> {
+        match &self.remote {
+            None => whole_file::write(&self.root.join(key), &bytes),
+            Some(remote) => {
+                let size = bytes.len() as u64;
+                Ok(remote.put_as(key, bytes, Entry { crc, size })?)
+            }
+        }
+    }
+
     /// Removes a file, if it is there.
     pub(super) fn remove(&self, key: &str) -> io::Result<()> {
         match &self.remote {
@@ -136,10 +162,10 @@ impl AtomicDirectory {
 
     /// Gets files that are about to be read, beside each other, so far as they take time to come: of the first ones, as many as
     /// should be held at once. Says how many these were.
-    pub(super) fn fetch_ahead(&self, keys: &[String]) -> io::Result<usize> {
+    pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)]) -> io::Result<usize> {
         match &self.remote {
-            None => Ok(keys.len()),
-            Some(remote) => Ok(remote.fetch_ahead(keys, self.manifest.as_ref())?),
+            None => Ok(asks.len()),
+            Some(remote) => Ok(remote.fetch_ahead(asks, self.manifest.as_ref())?),
         }
     }
 
@@ -164,14 +190,108 @@ impl AtomicDirectory {
         Ok(bytes)
     }
 
+    /// Reads the tails of shards of so many frames each, those below an address beside each other, and holds them against the
+    /// manifest. `None` where there is no shard.
+    pub(super) fn read_tails(&self, all: &[(String, usize)]) -> io::Result<Vec<io::Result<Option<Tail>>>> {
+        let Some(remote) = &self.remote else {
+            let read = |(key, frames): &(String, usize)| {
+                let tail = self.read_tail(key, shard::tail_len(*frames))?;
+                self.check_tail(key, tail)
+            };
+            return Ok(all.iter().map(read).collect());
+        };
+        let mut asks = vec![];
+        let mut answers: Vec<Option<usize>> = vec![];
+        for (key, frames) in all {
+            let size = self.size(key);
+            let none = size.is_none() && self.manifest.is_some() || remote.lacks(key);
+            answers.push((!none).then_some(asks.len()));
+            if !none {
+                let ask = match size {
+                    Some(size) if size <= SMALL => Ask::Whole,
+                    size => Ask::End(shard::tail_len(*frames), size),
+                };
+                asks.push((key.clone(), ask));
+            }
+        }
+        let mut found = remote.objects().ask(asks)?;
+        let tail = |(answer, (key, frames)): (Option<usize>, &(String, usize))| {
+            let found = answer.and_then(|n| found[n].take());
+            let tail = found.map(|(bytes, size)| {
+                let at = bytes.len().saturating_sub(shard::tail_len(*frames) as usize);
+                let whole = (bytes.len() as u64 == size).then(|| bytes.clone());
+                let bytes = bytes.slice(at..);
+                Tail { bytes, size, whole }
+            });
+            self.check_tail(key, tail)
+        };
+        Ok(answers.into_iter().zip(all).map(tail).collect())
+    }
+
+    /// The last bytes of a file of a directory.
+    fn read_tail(&self, key: &str, length: u64) -> io::Result<Option<Tail>> {
+        let Some((mut file, size)) = self.open(key)? else {
+            return Ok(None);
+        };
+        let mut bytes = vec![];
+        file.seek(SeekFrom::Start(size.saturating_sub(length)))?;
+        file.take(length).read_to_end(&mut bytes)?;
+        Ok(Some(Tail {
+            bytes: bytes.into(),
+            size,
+            whole: None,
+        }))
+    }
+
+    /// Opens a file of a directory, and says how long it is; `None` where there is none.
+    fn open(&self, key: &str) -> io::Result<Option<(fs::File, u64)>> {
+        match base::input::open(&self.root.join(key)) {
+            Ok(file) => {
+                let size = file.metadata()?.len();
+                Ok(Some((file, size)))
+            }
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(e),
+        }
+    }
+
+    fn check_tail(&self, key: &str, tail: Option<Tail>) -> io::Result<Option<Tail>> {
+        let entry = tail.as_ref().map(|t| Entry::of_tail(t.size, &t.bytes));
+        self.check_entry(key, entry)?;
+        Ok(tail)
+    }
+
+    /// Reads bytes of a shard whose tail has been read. (Whether they are what was written, the tail tells.)
+    pub(super) fn read_part(&self, key: &str, range: Range<u64>) -> io::Result<Option<Bytes>> {
+        if let Some(remote) = &self.remote {
+            return Ok(remote.get_part(key, Ask::Bytes(range))?);
+        }
+        let Some((mut file, _)) = self.open(key)? else {
+            return Ok(None);
+        };
+        let mut bytes = vec![];
+        file.seek(SeekFrom::Start(range.start))?;
+        file.take(range.end - range.start).read_to_end(&mut bytes)?;
+        Ok(Some(bytes.into()))
+    }
+
+    /// Bytes of a file, as the manifest says.
+    pub(super) fn size(&self, key: &str) -> Option<u64> {
+        Some(self.manifest.as_ref()?.0.get(key)?.size)
+    }
+
     /// Refuses a file that is not what the manifest says, `None` being no file.
     fn check(&self, path: &str, bytes: Option<&[u8]>) -> io::Result<()> {
+        self.check_entry(path, bytes.map(|bytes| Entry::of(path, bytes)))
+    }
+
+    fn check_entry(&self, path: &str, found: Option<Entry>) -> io::Result<()> {
         let Some(manifest) = &self.manifest else {
             return Ok(());
         };
-        let reason = match (manifest.0.get(path), bytes) {
+        let reason = match (manifest.0.get(path), found) {
             (None, None) => return Ok(()),
-            (Some(entry), Some(bytes)) if *entry == Entry::of(path, bytes) => return Ok(()),
+            (Some(entry), Some(found)) if *entry == found => return Ok(()),
             (Some(_), Some(_)) => "it is not what was written when the store was finished",
             (Some(_), None) => "it is lost: its file is missing",
             (None, Some(_)) => "it was not there when the store was finished",

@@ -5,6 +5,7 @@ use super::check;
 use super::chunked::{ChunkedArray, Description};
 use super::describe;
 use super::error::CreateError;
+use super::sharded::Shardings;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -49,12 +50,22 @@ pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Resu
     Ok(())
 }
 
-pub(super) fn build(
-    path: &Path,
-    slices: &[(SliceLayout, Map<String, Value>)],
-    attributes: &Map<String, Value>,
-    samples: Option<SampleGrid>,
-) -> Result<(), CreateError> {
+/// What a new store is.
+#[derive(Clone, Copy)]
+pub(super) struct New<'a> {
+    pub(super) slices: &'a [(SliceLayout, Map<String, Value>)],
+    pub(super) attributes: &'a Map<String, Value>,
+    pub(super) samples: Option<SampleGrid>,
+    pub(super) shardings: &'a Shardings,
+}
+
+pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
+    let New {
+        slices,
+        attributes,
+        samples,
+        shardings,
+    } = new;
     let names: Vec<String> = slices.iter().map(|(layout, _)| layout.name.clone()).collect();
     describe::create_root(path, &names, attributes)?;
     let storage = Arc::new(AtomicDirectory::new(path));
@@ -70,11 +81,12 @@ pub(super) fn build(
             // of the camera.
             names: vec!["camera_y", "camera_x"],
             attributes,
+            sharding: shardings.get("samples").cloned(),
         };
         ChunkedArray::<u32>::create(&storage, "/samples", description)?;
     }
     for (layout, attributes) in slices {
-        describe::create_slice(&storage, layout, attributes)?;
+        describe::create_slice(&storage, layout, attributes, shardings)?;
     }
     describe::consolidate(path, &names).map_err(|e| CreateError::Write {
         path: PathBuf::from(path),

@@ -1,6 +1,7 @@
 //! Files of chunks: where they are, whether they are there, and copies of them from other stores.
 
-use super::chunked::{ChunkedArray, Number, SEAL};
+use super::chunked::{ChunkedArray, Number};
+use super::coding::SEAL;
 use super::error::AccessError;
 use std::path::PathBuf;
 
@@ -49,5 +50,11 @@ impl<T: Number> ChunkedArray<T> {
     pub(super) fn is_stored(&self, start: &[u64]) -> bool {
         let key = self.array.chunk_key(&self.index_of(start));
         self.array.storage().is_stored(key.as_str())
+    }
+
+    /// Bytes of the file of the chunk that begins at `start`, as the manifest says; 0 of none.
+    pub(super) fn stored_size(&self, start: &[u64]) -> u64 {
+        let key = self.array.chunk_key(&self.index_of(start));
+        self.array.storage().size(key.as_str()).unwrap_or(0)
     }
 }

@@ -1,31 +1,32 @@
 //! One chunked array of the store: reads and writes of any region, chunk by chunk, from many threads.
 //!
+//! Chunks are a file each, or lie in shards ([`super::sharded`]).
+//!
 //! A chunk file is checked before it is decoded: it must be exactly one Zstandard frame (RFC 8878, section 3.1.1)
 //! whose declared size is that of the chunk. A damaged file is therefore an error and never an allocation of a
 //! nonsensical size; damage inside the frame is found by the checksum behind it (CRC-32C, the `crc32c` codec of Zarr),
 //! which takes no time, being over what is stored and not over its many zeros.
 
-use std::cell::RefCell;
 use std::marker::PhantomData;
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Map, Value};
 
-use zarrs::array::codec::{BytesCodec, Crc32cCodec, ZstdCodec};
 use zarrs::array::{
-    Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, ChunkKeySeparator, CodecOptions,
-    ElementOwned, data_type,
+    Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, ChunkKeySeparator, CodecChain,
+    CodecOptions, ElementOwned, data_type,
 };
 
 use super::atomic::AtomicDirectory;
+use super::coding::{self, Coding};
 use super::error::{AccessError, CreateError, OpenError};
+use super::sharded::{Sharded, Sharding};
 use super::sparse_frame::{self, Content};
 use tensor::region::{self, Window};
 use tensor::sink::STRETCH;
 
-/// Zstandard level: noise of floating point numbers gets 8 % smaller at 1 and not at all at higher ones, only slower.
-const LEVEL: i32 = -2;
 /// Locks per array; a chunk always takes the same one.
 const STRIPES: usize = 64;
 /// A chunk may not hold more elements than this (a damaged description is refused before it allocates).
@@ -53,42 +54,16 @@ macro_rules! numbers {
 }
 numbers!(f32 => float32, f64 => float64, i32 => int32, i64 => int64, u16 => uint16, u32 => uint32);
 
-thread_local! {
-    /// A compression context takes longer to make than to use on a small chunk.
-    static COMPRESSOR: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
-}
-
-/// One Zstandard frame with its size.
-fn compress(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
-    COMPRESSOR.with_borrow_mut(|slot| {
-        let compressor = match slot {
-            Some(c) => c,
-            None => slot.insert(zstd::bulk::Compressor::new(LEVEL)?),
-        };
-        compressor.compress(bytes)
-    })
-}
-
-/// How the numbers of a chunk become the bytes of its file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Coding {
-    /// As they are.
-    Plain,
-    /// A Zstandard frame.
-    Frame,
-    /// A Zstandard frame and its CRC-32C.
-    SealedFrame,
-}
-
-/// Bytes of a CRC-32C.
-pub(super) const SEAL: usize = 4;
-
 /// An open array of numbers.
 pub(super) struct ChunkedArray<T> {
     pub(super) array: Array<AtomicDirectory>,
     pub(super) path: PathBuf,
+    /// What is written and read together; in a shard, several of its chunks.
     pub(super) chunk: Vec<u64>,
+    /// Of an array in shards.
+    pub(super) sharded: Option<Sharded>,
     coding: Coding,
+    codecs: Arc<CodecChain>,
     locks: Vec<Mutex<()>>,
     options: CodecOptions,
     number: PhantomData<T>,
@@ -100,6 +75,8 @@ pub(super) struct Description<'a> {
     pub(super) chunk: Vec<u64>,
     pub(super) names: Vec<&'a str>,
     pub(super) attributes: Map<String, Value>,
+    /// `None` of an array of chunks that are a file each.
+    pub(super) sharding: Option<Sharding>,
 }
 
 impl<T: Number> ChunkedArray<T> {
@@ -115,23 +92,38 @@ impl<T: Number> ChunkedArray<T> {
             cause,
         };
         let fill = zarrs::array::FillValue::new(vec![0; size_of::<T>()]);
-        let array = ArrayBuilder::new(description.shape, description.chunk.clone(), T::data_type(), fill)
-            .array_to_bytes_codec(Arc::new(BytesCodec::little()))
-            .bytes_to_bytes_codecs(vec![
-                Arc::new(ZstdCodec::new(LEVEL, false)),
-                Arc::new(Crc32cCodec::new()),
-            ])
+        let Description {
+            shape,
+            chunk,
+            names,
+            mut attributes,
+            sharding,
+        } = description;
+        let chunk = sharding.as_ref().map_or(chunk, |s| s.chunk.clone());
+        let stored = sharding.as_ref().map_or(&chunk, |s| &s.shard).clone();
+        let mut builder = ArrayBuilder::new(shape, stored, T::data_type(), fill);
+        match &sharding {
+            None => builder
+                .array_to_bytes_codec(coding::numbers())
+                .bytes_to_bytes_codecs(coding::frame()),
+            Some(sharding) => {
+                attributes.insert(coding::CHUNK.into(), chunk.clone().into());
+                builder.array_to_bytes_codec(coding::shard(&sharding.inner))
+            }
+        };
+        let array = builder
             // All chunks in one directory: one each per chunk would take longer to make than the chunks.
             .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
-            .dimension_names(Some(description.names))
-            .attributes(description.attributes)
+            .dimension_names(Some(names))
+            .attributes(attributes)
             .build(storage.clone(), node)
             .map_err(|e| failed(e.to_string()))?;
         let options = ArrayMetadataOptions::default().with_include_zarrs_metadata(false);
         array
             .store_metadata_opt(&options)
             .map_err(|e| failed(e.to_string()))?;
-        Ok(Self::over(array, path, description.chunk, Coding::SealedFrame))
+        let sharded = sharding.and_then(|s| Sharded::new(s.inner, s.shard));
+        Ok(Self::over(array, path, chunk, sharded, Coding::SealedFrame))
     }
 
     /// Opens an existing array and checks that it is one of ours: data type, dimension names, chunk grid, codecs.
@@ -165,48 +157,49 @@ impl<T: Number> ChunkedArray<T> {
                 array.shape()
             )));
         }
-        // What takes no options may be named by its name alone.
-        let codecs: Vec<&str> = json["codecs"].as_array().map_or(Vec::new(), |list| {
-            list.iter()
-                .filter_map(|c| c["name"].as_str().or(c.as_str()))
-                .collect()
-        });
-        let coding = match codecs[..] {
-            ["bytes", "zstd", "crc32c"] => Coding::SealedFrame,
-            ["bytes", "zstd"] => Coding::Frame,
-            ["bytes"] => Coding::Plain,
-            _ => {
-                return Err(damaged(format!(
-                    "its codecs {codecs:?} are not `bytes`, `zstd` and `crc32c`"
-                )));
+        let lengths =
+            |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
+        let stored = lengths(&json["chunk_grid"]["configuration"]["chunk_shape"]).unwrap_or_default();
+        let (coding, inner) = coding::of(&json["codecs"]).map_err(damaged)?;
+        let (chunk, sharded) = match inner {
+            None => (stored, None),
+            Some(inner) => {
+                let chunk = lengths(&json["attributes"][coding::CHUNK]).unwrap_or_default();
+                let sharded = Sharded::of(inner, &chunk, stored, array.shape());
+                let sharded =
+                    sharded.ok_or_else(|| damaged("its chunks do not fit into its shards".into()))?;
+                (chunk, Some(sharded))
             }
         };
-        let chunk: Option<Vec<u64>> = json["chunk_grid"]["configuration"]["chunk_shape"]
-            .as_array()
-            .and_then(|list| list.iter().map(Value::as_u64).collect());
-        let chunk = match chunk {
-            Some(chunk)
-                if chunk.len() == array.shape().len()
-                    && chunk.iter().zip(array.shape()).all(|(c, n)| (1..=*n).contains(c))
-                    && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK) =>
-            {
-                chunk
-            }
-            _ => {
-                return Err(damaged(
-                    "its chunk grid is not a regular one of chunks within its shape".into(),
-                ));
-            }
-        };
-        Ok(Self::over(array, path, chunk, coding))
+        let inside = chunk.len() == array.shape().len()
+            && chunk.iter().zip(array.shape()).all(|(c, n)| (1..=*n).contains(c))
+            && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK);
+        if !inside {
+            return Err(damaged(
+                "its chunk grid is not a regular one of chunks within its shape".into(),
+            ));
+        }
+        Ok(Self::over(array, path, chunk, sharded, coding))
     }
 
-    fn over(array: Array<AtomicDirectory>, path: PathBuf, chunk: Vec<u64>, coding: Coding) -> Self {
+    fn over(
+        array: Array<AtomicDirectory>,
+        path: PathBuf,
+        chunk: Vec<u64>,
+        sharded: Option<Sharded>,
+        coding: Coding,
+    ) -> Self {
+        let codecs = match &sharded {
+            Some(_) => Arc::new(coding::chain()),
+            None => array.codecs(),
+        };
         Self {
             array,
             path,
             chunk,
+            sharded,
             coding,
+            codecs,
             locks: (0..STRIPES).map(|_| Mutex::new(())).collect(),
             // Locks are held while a chunk is coded, so coding must not wander off into other tasks of the pool.
             options: CodecOptions::default()
@@ -237,7 +230,7 @@ impl<T: Number> ChunkedArray<T> {
         names.iter().map(|n| n.clone().unwrap_or_default()).collect()
     }
 
-    fn check(&self, start: &[u64], shape: &[u64]) -> Result<usize, AccessError> {
+    pub(super) fn check(&self, start: &[u64], shape: &[u64]) -> Result<usize, AccessError> {
         let inside = region::contains(self.shape(), start, shape);
         region::volume(shape)
             .filter(|_| inside)
@@ -262,32 +255,40 @@ impl<T: Number> ChunkedArray<T> {
         Ok(vec![T::default(); elements])
     }
 
-    /// Calls `f(chunk index, overlap start, overlap shape, chunk start, chunk is wholly covered)` for every chunk
-    /// that a region touches.
-    fn for_chunks(
+    /// What is coded together: a chunk, or one of a shard.
+    pub(super) fn unit(&self) -> &[u64] {
+        self.sharded.as_ref().map_or(&self.chunk, |s| &s.inner)
+    }
+
+    /// Indices of the units that a region touches, in the order in which they lie in their files.
+    pub(super) fn units(&self, start: &[u64], shape: &[u64]) -> Vec<Vec<u64>> {
+        let mut all = vec![];
+        if !shape.contains(&0) {
+            match &self.sharded {
+                None => within(&[&self.chunk], start, shape, &mut all),
+                Some(s) => within(&[&s.shard, &self.chunk, &s.inner], start, shape, &mut all),
+            }
+        }
+        all
+    }
+
+    /// Calls `f(unit's index, overlap start, overlap shape, unit's start, unit is wholly covered)` for units that a region touches.
+    fn for_units(
         &self,
+        units: &[Vec<u64>],
         start: &[u64],
         shape: &[u64],
         mut f: impl FnMut(&[u64], &[u64], &[u64], &[u64], bool) -> Result<(), AccessError>,
     ) -> Result<(), AccessError> {
-        if shape.contains(&0) {
-            return Ok(());
-        }
-        let axes = 0..start.len();
-        let lo: Vec<u64> = axes.clone().map(|a| start[a] / self.chunk[a]).collect();
-        let hi: Vec<u64> = axes
-            .clone()
-            .map(|a| (start[a] + shape[a]).div_ceil(self.chunk[a]))
-            .collect();
-        for index in region::indices(&lo, &hi) {
-            let (origin, valid) = region::chunk_box(self.shape(), &self.chunk, &index);
+        for index in units {
+            let (origin, valid) = region::chunk_box(self.shape(), self.unit(), index);
+            let axes = 0..start.len();
             let from: Vec<u64> = axes.clone().map(|a| start[a].max(origin[a])).collect();
             let size: Vec<u64> = axes
-                .clone()
                 .map(|a| (start[a] + shape[a]).min(origin[a] + valid[a]) - from[a])
                 .collect();
             let whole = size == valid;
-            f(&index, &from, &size, &origin, whole)?;
+            f(index, &from, &size, &origin, whole)?;
         }
         Ok(())
     }
@@ -295,64 +296,28 @@ impl<T: Number> ChunkedArray<T> {
     /// The values of a region, row-major.
     pub(super) fn read(&self, start: &[u64], shape: &[u64]) -> Result<Vec<T>, AccessError> {
         let mut values = self.zeros(self.check(start, shape)?)?;
-        let keys = self.keys_ahead(start, shape)?;
-        let (mut at, mut ahead) = (0, 0);
-        self.for_chunks(start, shape, |index, from, size, origin, _| {
-            if at == ahead && ahead < keys.len() {
-                ahead += self.fetch_ahead(&keys[at..], index)?;
-            }
-            at += 1;
-            if let Some(chunk) = self.read_chunk(index)? {
-                let inner = difference(from, origin);
-                let outer = difference(from, start);
-                let source = Window {
-                    shape: &self.chunk,
-                    at: &inner,
-                };
-                region::copy(&chunk, source, &mut values, Window { shape, at: &outer }, size);
-            }
-            Ok(())
-        })?;
-        Ok(values)
-    }
-
-    /// Files of the chunks that a region touches, in the order in which they are read, where they are worth fetching ahead.
-    pub(super) fn keys_ahead(&self, start: &[u64], shape: &[u64]) -> Result<Vec<String>, AccessError> {
-        let mut keys = vec![];
-        if self.array.storage().remote().is_some() {
-            self.for_chunks(start, shape, |index, _, _, _, _| {
-                keys.push(self.array.chunk_key(index).as_str().to_owned());
+        let units = self.units(start, shape);
+        for units in self.batches(&units) {
+            let asks = self.asks(units)?;
+            let (mut at, mut ahead) = (0, 0);
+            self.for_units(units, start, shape, |index, from, size, origin, _| {
+                if at == ahead && ahead < asks.len() {
+                    ahead += self.fetch_ahead(&asks[at..], index)?;
+                }
+                at += 1;
+                if let Some(chunk) = self.read_unit(index)? {
+                    let inner = difference(from, origin);
+                    let outer = difference(from, start);
+                    let source = Window {
+                        shape: self.unit(),
+                        at: &inner,
+                    };
+                    region::copy(&chunk, source, &mut values, Window { shape, at: &outer }, size);
+                }
                 Ok(())
             })?;
         }
-        Ok(keys)
-    }
-
-    /// Fetches the first ones of these files ahead, `index` being the first one's, and says how many.
-    pub(super) fn fetch_ahead(&self, keys: &[String], index: &[u64]) -> Result<usize, AccessError> {
-        let fetched = self.array.storage().fetch_ahead(keys);
-        fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
-    }
-
-    /// Fetches the files of the first ones of several regions ahead, of several arrays of one store, and says of how many regions.
-    pub(super) fn fetch_regions(
-        arrays: &[&Self],
-        regions: &[(Vec<u64>, Vec<u64>)],
-    ) -> Result<usize, AccessError> {
-        let Some(first) = arrays.first().filter(|a| a.array.storage().remote().is_some()) else {
-            return Ok(regions.len());
-        };
-        let mut keys = vec![];
-        let mut ends = vec![];
-        for (start, shape) in regions {
-            for array in arrays {
-                array.check(start, shape)?;
-                keys.extend(array.keys_ahead(start, shape)?);
-            }
-            ends.push(keys.len());
-        }
-        let fetched = first.fetch_ahead(&keys, &[])?;
-        Ok(ends.iter().filter(|end| **end <= fetched).count().max(1))
+        Ok(values)
     }
 
     /// Writes a region, row-major. Other elements of the chunks it touches keep their values. For `touched` see
@@ -372,15 +337,21 @@ impl<T: Number> ChunkedArray<T> {
                 found: values.len(),
             });
         }
+        if self.sharded.is_some() {
+            return Err(AccessError::Sharded {
+                path: self.path.clone(),
+            });
+        }
         let zero = T::default();
-        self.for_chunks(start, shape, |index, from, size, origin, whole| {
+        let units = self.units(start, shape);
+        self.for_units(&units, start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
             if shape == self.chunk && origin == start {
                 // The region is this chunk and nothing else: no copy.
                 let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
                 return self.store(index, values, touched.filter(enough));
             }
-            let old = if whole { None } else { self.read_chunk(index)? };
+            let old = if whole { None } else { self.read_unit(index)? };
             let elements = self.chunk.iter().product::<u64>() as usize;
             let mut chunk = old.unwrap_or_else(|| vec![zero; elements]);
             let inner = difference(from, origin);
@@ -412,58 +383,57 @@ impl<T: Number> ChunkedArray<T> {
             let stored = self.array.store_chunk_opt(index, chunk.to_vec(), &self.options);
             return stored.map_err(|e| failed(e.to_string()));
         }
-        // What zarrs' codecs would make, without a copy of the values and a new context for every chunk.
-        let mut frame = match content {
-            Content::Sparse(frame) => frame,
-            _ => compress(bytes).map_err(|e| failed(e.to_string()))?,
-        };
+        let mut frame = coding::encode(bytes, content).map_err(|e| failed(e.to_string()))?;
         if self.coding == Coding::SealedFrame {
-            frame.extend(crc32c::crc32c(&frame).to_le_bytes());
+            coding::seal(&mut frame);
         }
         let key = self.array.chunk_key(index);
         let stored = self.array.storage().write(key.as_str(), frame.into());
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
-    /// The values of one whole chunk (padded at the edge of the array), `None` if it is not stored (all zero).
-    fn read_chunk(&self, index: &[u64]) -> Result<Option<Vec<T>>, AccessError> {
+    /// The values of one whole unit (padded at the edge of the array), `None` if it is not stored (all zero).
+    fn read_unit(&self, index: &[u64]) -> Result<Option<Vec<T>>, AccessError> {
+        if let Some(sharded) = &self.sharded {
+            let bytes = self.read_piece(sharded, index)?;
+            return bytes.map(|bytes| self.decode(index, &bytes)).transpose();
+        }
+        let key = self.array.chunk_key(index);
+        let read = self.array.storage().read(key.as_str());
+        let bytes = read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?;
+        bytes.map(|bytes| self.decode(index, &bytes)).transpose()
+    }
+
+    /// The values that the bytes of a unit mean.
+    fn decode(&self, index: &[u64], bytes: &[u8]) -> Result<Vec<T>, AccessError> {
         let failed = |cause: String| AccessError::Chunk {
             path: self.path.clone(),
             chunk: index.to_vec(),
             cause,
         };
-        let key = self.array.chunk_key(index);
-        let read = self.array.storage().read(key.as_str());
-        let Some(bytes) = read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))? else {
-            return Ok(None);
-        };
-        let elements = self.chunk.iter().product::<u64>() as usize;
+        let elements = self.unit().iter().product::<u64>() as usize;
         let expected = (elements * size_of::<T>()) as u64;
         let declared = match self.coding {
             Coding::Plain => Some(bytes.len() as u64),
-            Coding::Frame => sparse_frame::content_size(&bytes),
-            Coding::SealedFrame => sparse_frame::content_size(&bytes[..bytes.len().saturating_sub(SEAL)]),
+            Coding::Frame => sparse_frame::content_size(bytes),
+            Coding::SealedFrame => {
+                sparse_frame::content_size(&bytes[..bytes.len().saturating_sub(coding::SEAL)])
+            }
         };
         if declared != Some(expected) {
             let found = declared.map_or("no complete Zstandard frame".into(), |n| format!("{n} bytes"));
             return Err(failed(format!("it holds {found} instead of {expected} bytes")));
         }
-        let shape = self.array.chunk_shape(index).map_err(|e| failed(e.to_string()))?;
+        let nonzero = |n: &u64| NonZeroU64::new(*n);
+        let shape: Option<Vec<NonZeroU64>> = self.unit().iter().map(nonzero).collect();
+        let shape = shape.ok_or_else(|| failed("it is empty".into()))?;
         let (data_type, fill) = (self.array.data_type(), self.array.fill_value());
-        let decoded = self
-            .array
-            .codecs()
-            .decode(
-                std::borrow::Cow::Borrowed(&bytes[..]),
-                &shape,
-                data_type,
-                fill,
-                &self.options,
-            )
-            .map_err(|e| failed(e.to_string()))?;
+        let bytes = std::borrow::Cow::Borrowed(bytes);
+        let decoded = self.codecs.decode(bytes, &shape, data_type, fill, &self.options);
+        let decoded = decoded.map_err(|e| failed(e.to_string()))?;
         let values = T::from_array_bytes(data_type, decoded).map_err(|e| failed(e.to_string()))?;
         if values.len() == elements {
-            Ok(Some(values))
+            Ok(values)
         } else {
             Err(failed(format!(
                 "it holds {} elements instead of {elements}",
@@ -483,6 +453,29 @@ impl<T: Number> ChunkedArray<T> {
 
 fn difference(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// Indices of the last of these units, one within the other, that a region touches: all of the first one's first, and so on.
+fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>>) {
+    let Some((unit, smaller)) = units.split_first() else {
+        return;
+    };
+    let axes = 0..start.len();
+    let end = |a: usize| start[a] + shape[a];
+    let lo: Vec<u64> = axes.clone().map(|a| start[a] / unit[a]).collect();
+    let hi: Vec<u64> = axes.clone().map(|a| end(a).div_ceil(unit[a])).collect();
+    for index in region::indices(&lo, &hi) {
+        if smaller.is_empty() {
+            all.push(index);
+            continue;
+        }
+        let from: Vec<u64> = axes.clone().map(|a| start[a].max(index[a] * unit[a])).collect();
+        let size: Vec<u64> = axes
+            .clone()
+            .map(|a| end(a).min((index[a] + 1) * unit[a]) - from[a])
+            .collect();
+        within(smaller, &from, &size, all);
+    }
 }
 
 fn node_path(storage: &AtomicDirectory, node: &str) -> PathBuf {

@@ -2,7 +2,8 @@
 //!
 //! Layout of the directory (Zarr v3 core specification; conventions of `xarray` for names and coordinates):
 //! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/` and, where time is
-//! resolved, `NAME/{overflow,overflow_std_error}/` and, of renders, `NAME/total_std_error/`, beside one coordinate array per axis. Each group carries
+//! resolved, `NAME/{overflow,overflow_std_error}/` and, of renders, `NAME/total_std_error/`, beside one coordinate array per axis. All but
+//! coordinates may lie in shards. Each group carries
 //! `consolidated_metadata` in the inline form that zarr-python 3 writes, so that readers open it with one read.
 
 use std::path::Path;
@@ -15,6 +16,8 @@ use super::check;
 use super::chunked::{ChunkedArray, Description};
 use super::description::{read_json, to_bytes, write_json};
 use super::error::{CreateError, OpenError};
+use super::sharded::Shardings;
+use crate::place::Ask;
 use base::whole_file;
 use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -78,6 +81,7 @@ pub(super) fn create_slice(
     storage: &Arc<AtomicDirectory>,
     layout: &SliceLayout,
     attributes: &Map<String, Value>,
+    shardings: &Shardings,
 ) -> Result<(), CreateError> {
     let name = &layout.name;
     let mut attributes = attributes.clone();
@@ -104,6 +108,7 @@ pub(super) fn create_slice(
                 ("units".to_owned(), json!(VALUE_UNITS)),
                 ("long_name".to_owned(), json!(field.long_name())),
             ]),
+            sharding: shardings.get(&format!("{name}/{}", field.name())).cloned(),
         };
         ChunkedArray::<f32>::create(storage, &format!("/{name}/{}", field.name()), description)?;
     }
@@ -146,6 +151,7 @@ fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) 
         chunk: vec![axis.len()],
         names: vec![kind.name()],
         attributes,
+        sharding: None,
     };
     let path = storage.root().join(slice).join(kind.name());
     let failed = |e: super::error::AccessError| CreateError::Write {
@@ -218,7 +224,8 @@ pub(super) fn read_layout(
             mean.shape().len()
         )));
     }
-    let coordinates: Vec<String> = names.iter().map(|n| format!("{slice}/{n}/c.0")).collect();
+    let coordinates = names.iter().map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
+    let coordinates: Vec<(String, Ask)> = coordinates.collect();
     let fetched = storage.fetch_ahead(&coordinates);
     fetched.map_err(|e| OpenError::of_read(mean.path(), &e))?;
     let mut axes: Vec<Axis> = Vec::new();

@@ -276,6 +276,24 @@ pub enum AccessError {
         /// What was found.
         cause: String,
     },
+    /// A shard is truncated, corrupt, exchanged or unreadable.
+    #[error(
+        "shard {shard:?} of {path} cannot be read: {cause}; restore it from a copy, or make it again (`sunstone shard`)"
+    )]
+    Shard {
+        /// The array.
+        path: PathBuf,
+        /// Index of the shard in the grid of shards.
+        shard: Vec<u64>,
+        /// What was found.
+        cause: String,
+    },
+    /// The array is in shards, which are not changed.
+    #[error("{path} is in shards, which are not changed: write another store, and shard it")]
+    Sharded {
+        /// The array.
+        path: PathBuf,
+    },
     /// An object store refused a chunk, or could not be asked.
     #[error("chunk {chunk:?} of {path} cannot be read: {refusal}")]
     Remote {
@@ -342,6 +360,23 @@ impl AccessError {
             None => Self::Chunk {
                 path,
                 chunk,
+                cause: error.to_string(),
+            },
+        }
+    }
+
+    /// The error of a shard's file.
+    pub(super) fn of_shard(path: &Path, shard: &[u64], error: &std::io::Error) -> Self {
+        let (path, shard) = (path.to_owned(), shard.to_vec());
+        match Refusal::in_io(error) {
+            Some(refusal) => Self::Remote {
+                path,
+                chunk: shard,
+                refusal: Box::new(refusal.clone()),
+            },
+            None => Self::Shard {
+                path,
+                shard,
                 cause: error.to_string(),
             },
         }

@@ -160,6 +160,7 @@ impl FrameStore {
                 "long_name".to_owned(),
                 json!("digital numbers as the sensor gave them"),
             )]),
+            sharding: None,
         };
         let node = format!("/{GROUP}/raw");
         let raw = match layout.number {
@@ -460,6 +461,7 @@ fn column(
         chunk: shape.iter().map(|n| (*n).max(1)).collect(),
         names: names.to_vec(),
         attributes: Map::from_iter([("units".to_owned(), json!(units))]),
+        sharding: None,
     };
     let array = ChunkedArray::<f64>::create(storage, node, description)?;
     Ok(array.write(&vec![0; shape.len()], shape, values, None)?)

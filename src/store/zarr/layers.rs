@@ -155,6 +155,7 @@ fn coordinate<T: Number>(
         chunk: vec![n],
         names: vec![name],
         attributes: told(units, long_name, labels),
+        sharding: None,
     };
     put(storage, name, description, values)
 }
@@ -181,6 +182,7 @@ fn array<T: Number>(
             layer.long_name,
             layer.labels.as_ref().map(|l| json!(l)),
         ),
+        sharding: None,
     };
     put(storage, layer.name, description, values)
 }

@@ -1,10 +1,11 @@
 //! What files a finished store is made of: the last thing that is written of it, and what `verify` and every reader go by.
 //!
 //! A text file of a line a file: checksum, size and path below the store, sorted by path, under a head that counts them and
-//! over the checksum of all lines. The checksum of a chunk is the CRC-32C that its file ends with, that of a description
-//! (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
+//! over the checksum of all lines. The checksum of a chunk is the CRC-32C that its file ends with, that of a shard the one of its tail
+//! ([`shard::checksum`]), that of a description (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
 
 use super::error::OpenError;
+use super::shard::{self, Shards};
 use crate::place::{Objects, Place};
 use base::whole_file;
 use rayon::prelude::*;
@@ -58,6 +59,22 @@ impl Entry {
         }
     }
 
+    /// The entry of a file that is read whole, which may be a shard.
+    pub(super) fn of_any(path: &str, bytes: &[u8], shards: &Shards) -> Self {
+        let Some(frames) = shards.frames(path) else {
+            return Self::of(path, bytes);
+        };
+        let size = bytes.len() as u64;
+        let tail = size.saturating_sub(shard::tail_len(frames)) as usize;
+        Self::of_tail(size, &bytes[tail..])
+    }
+
+    /// The entry of a shard of so many bytes with this tail.
+    pub(super) fn of_tail(size: u64, tail: &[u8]) -> Self {
+        let crc = shard::checksum(tail);
+        Self { crc, size }
+    }
+
     /// The entry of a file of so many bytes that ends with its checksum.
     pub(super) fn sealed(size: u64, seal: &[u8]) -> Self {
         let crc = seal.try_into().map_or(0, u32::from_le_bytes);
@@ -65,9 +82,15 @@ impl Entry {
     }
 
     /// The entry of a file on disk, of which only the end is read where that tells enough.
-    fn read(root: &Path, path: &str) -> io::Result<Self> {
+    fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
+        if let Some(frames) = shards.frames(path) {
+            let mut tail = Vec::new();
+            file.seek(SeekFrom::Start(size.saturating_sub(shard::tail_len(frames))))?;
+            file.read_to_end(&mut tail)?;
+            return Ok(Self::of_tail(size, &tail));
+        }
         if is_plain(path) || size < 4 {
             let mut bytes = Vec::new();
             file.read_to_end(&mut bytes)?;
@@ -125,9 +148,10 @@ impl Manifest {
     /// As [`Self::write`], under a name of its own.
     pub(super) fn write_as(root: &Path, name: &str) -> io::Result<()> {
         let paths = files(root)?;
+        let shards = Shards::in_folder(root, &paths);
         let entries: BTreeMap<String, Entry> = paths
             .into_par_iter()
-            .map(|path| Ok((path.clone(), Entry::read(root, &path)?)))
+            .map(|path| Ok((path.clone(), Entry::read(root, &path, &shards)?)))
             .collect::<io::Result<_>>()?;
         whole_file::write(&root.join(name), text(&entries).as_bytes())
     }

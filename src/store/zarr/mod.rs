@@ -17,6 +17,7 @@ mod build;
 mod check;
 mod chunk_file;
 mod chunked;
+mod coding;
 mod describe;
 mod description;
 mod error;
@@ -30,6 +31,10 @@ pub(crate) mod progress;
 mod remote;
 mod remote_store;
 mod samples;
+mod shard;
+mod shard_shape;
+mod sharded;
+mod sharding;
 mod slice;
 mod sparse_frame;
 mod verify;
@@ -43,7 +48,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde_json::{Map, Value};
 
 use self::atomic::AtomicDirectory;
-use self::build::{ORIGIN, build, check_slices};
+use self::build::{New, ORIGIN, build, check_slices};
 use self::chunked::ChunkedArray;
 use self::manifest::Manifest;
 use self::partial::Values;
@@ -56,6 +61,7 @@ pub use self::build::SampleGrid;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::layers::write_layers;
+pub(crate) use self::shard_shape::Limits;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
@@ -142,20 +148,36 @@ impl TensorStore {
         origin: Option<&str>,
         fill: impl FnOnce(&Self) -> Result<(), E>,
     ) -> Result<Self, E> {
+        let new = New {
+            slices,
+            attributes,
+            samples,
+            shardings: &HashMap::new(),
+        };
+        Self::create_new(path, new, replace, origin, fill)
+    }
+
+    fn create_new<E: From<CreateError>>(
+        path: &Path,
+        new: New,
+        replace: bool,
+        origin: Option<&str>,
+        fill: impl FnOnce(&Self) -> Result<(), E>,
+    ) -> Result<Self, E> {
         let path = path.to_owned();
         let refused = |refusal| {
             let path = path.clone();
             CreateError::Remote { path, refusal }
         };
         if let Some(objects) = remote_store::objects_of(&path).map_err(refused)? {
-            check_slices(slices)?;
+            check_slices(new.slices)?;
             let making = Making {
                 path: &path,
                 objects,
                 replace,
                 origin,
             };
-            let (storage, held) = making.begin(|folder| build(folder, slices, attributes, samples))?;
+            let (storage, held) = making.begin(|folder| build(folder, new))?;
             let store = Self::over(storage, State::Writing, Some(held))
                 .map_err(|e| CreateError::of_open(&path, e))?;
             fill(&store)?;
@@ -180,7 +202,7 @@ impl TensorStore {
         if exists && !is_store(&path) {
             return Err(CreateError::NotAStore { path }.into());
         }
-        check_slices(slices)?;
+        check_slices(new.slices)?;
         let part = staging::part_of(&path);
         let make = || -> Result<(), E> {
             let mark = part.join(ORIGIN);
@@ -188,7 +210,7 @@ impl TensorStore {
             if !origin.is_some_and(same) {
                 // What another process left there is of no use.
                 staging::remove(&part).map_err(io)?;
-                build(&part, slices, attributes, samples)?;
+                build(&part, new)?;
                 if let Some(origin) = origin {
                     whole_file::write(&mark, origin.as_bytes()).map_err(io)?;
                 }

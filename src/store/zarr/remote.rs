@@ -4,8 +4,9 @@
 //! manifest and of the root's description, beside each other. Chunks that are about to be read are fetched ahead.
 
 use super::manifest::{self, Entry, Manifest};
+use super::shard::{self, Shards};
 use crate::objects::lock::Hold;
-use crate::place::Objects;
+use crate::place::{Ask, Objects};
 use crate::refusal::Refusal;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -15,6 +16,10 @@ use zarrs::storage::Bytes;
 /// What is fetched ahead at once: files, and their bytes as far as a manifest tells them.
 const AHEAD_FILES: usize = 64;
 const AHEAD_BYTES: u64 = 64 << 20;
+/// Ranges of one file that are this near to each other are one request, of so many bytes at most: one more takes longer than
+/// what lies between.
+const GAP: u64 = 32 << 10;
+const AT_A_TIME: u64 = 8 << 20;
 
 /// What is known of a file of a store that is being written.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +46,7 @@ pub(super) struct Remote {
     /// Descriptions by their files, of the root's consolidated metadata.
     descriptions: Mutex<HashMap<String, Bytes>>,
     /// What has been fetched and not been read yet; `None` of what is not there.
-    ahead: Mutex<HashMap<String, Option<Bytes>>>,
+    ahead: Mutex<HashMap<(String, Ask), Option<Bytes>>>,
     /// `None` of a store that is read.
     writing: Mutex<Option<Writing>>,
 }
@@ -86,46 +91,72 @@ impl Remote {
 
     /// A file, fetched now unless it has been fetched ahead.
     pub(super) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
-        let fetched = self.ahead().remove(key);
+        self.get_part(key, Ask::Whole)
+    }
+
+    /// What is asked of a file, fetched now unless it has been fetched ahead.
+    pub(super) fn get_part(&self, key: &str, ask: Ask) -> Result<Option<Bytes>, Refusal> {
+        let wanted = (key.to_owned(), ask);
+        let fetched = self.ahead().remove(&wanted);
         match fetched {
             Some(bytes) => Ok(bytes),
-            None => self.objects.get(key),
+            None => Ok(self
+                .objects
+                .ask(vec![wanted])?
+                .pop()
+                .flatten()
+                .map(|(bytes, _)| bytes)),
         }
     }
 
     /// See [`super::atomic::AtomicDirectory::fetch_ahead`].
-    pub(super) fn fetch_ahead(&self, keys: &[String], manifest: Option<&Manifest>) -> Result<usize, Refusal> {
-        let (mut wanted, mut bytes, mut passed) = (vec![], 0, 0);
-        for key in keys {
-            let size = match manifest {
+    pub(super) fn fetch_ahead(
+        &self,
+        asks: &[(String, Ask)],
+        manifest: Option<&Manifest>,
+    ) -> Result<usize, Refusal> {
+        let (mut wanted, mut bytes, mut passed) = (Vec::<Request>::new(), 0, 0);
+        for (key, ask) in asks {
+            let size = match (ask, manifest) {
+                // Of what is not stored.
+                (Ask::Bytes(range), _) if range.is_empty() => None,
+                (Ask::Bytes(range), _) => Some(range.end - range.start),
                 // A chunk of zeros, which has no file.
-                Some(manifest) => manifest.0.get(key).map(|entry| entry.size),
-                None => (!self.lacks(key)).then_some(0),
+                (_, Some(manifest)) => manifest.0.get(key).map(|entry| entry.size),
+                (_, None) => (!self.lacks(key)).then_some(0),
             };
             if let Some(size) = size {
-                if wanted.len() == AHEAD_FILES || (bytes + size > AHEAD_BYTES && !wanted.is_empty()) {
+                if bytes + size > AHEAD_BYTES && !wanted.is_empty() {
                     break;
                 }
-                bytes += size;
-                if !self.ahead().contains_key(key) {
-                    wanted.push(key.clone());
+                let has = self.ahead().contains_key(&(key.clone(), ask.clone()));
+                if !has && !wanted.last_mut().is_some_and(|last| last.takes(key, ask)) {
+                    if wanted.len() == AHEAD_FILES {
+                        break;
+                    }
+                    wanted.push(Request::of(key, ask));
                 }
+                bytes += size;
             }
             passed += 1;
         }
         if !wanted.is_empty() {
-            let found = self.objects.get_many(&wanted)?;
-            self.ahead().extend(wanted.into_iter().zip(found));
+            let all = wanted.iter().map(|r| (r.key.clone(), r.ask.clone())).collect();
+            let found = self.objects.ask(all)?;
+            let answers = wanted.into_iter().zip(found);
+            let parts = answers.flat_map(|(request, found)| request.parts(found.map(|(bytes, _)| bytes)));
+            self.ahead().extend(parts);
         }
         Ok(passed)
     }
 
     /// Keeps files that are read next, or that they are not there.
     pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
-        self.ahead().extend(files);
+        let whole = |(key, bytes)| ((key, Ask::Whole), bytes);
+        self.ahead().extend(files.into_iter().map(whole));
     }
 
-    fn ahead(&self) -> MutexGuard<'_, HashMap<String, Option<Bytes>>> {
+    fn ahead(&self) -> MutexGuard<'_, HashMap<(String, Ask), Option<Bytes>>> {
         self.ahead.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -154,10 +185,15 @@ impl Remote {
 
     /// Puts a file.
     pub(super) fn put(&self, key: &str, bytes: Bytes) -> Result<(), Refusal> {
-        self.may_write()?;
         let entry = Entry::of(key, &bytes);
+        self.put_as(key, bytes, entry)
+    }
+
+    /// [`Self::put`] of a file with this entry of the manifest.
+    pub(super) fn put_as(&self, key: &str, bytes: Bytes, entry: Entry) -> Result<(), Refusal> {
+        self.may_write()?;
         self.objects.put(key, bytes.clone())?;
-        self.ahead().remove(key);
+        self.ahead().remove(&(key.to_owned(), Ask::Whole));
         if key.ends_with("zarr.json") {
             self.keep_description(key.to_owned(), bytes);
         }
@@ -206,26 +242,87 @@ impl Remote {
             .as_ref()
             .map(|w| w.known.clone())
             .unwrap_or_default();
-        let (mut entries, mut found, mut plain) = (BTreeMap::new(), vec![], vec![]);
+        let shards = Shards::of(self.descriptions().iter().filter_map(|(path, bytes)| {
+            let json = serde_json::from_slice(bytes).ok()?;
+            Some((path.as_str(), json))
+        }));
+        let (mut entries, mut found, mut asks) = (BTreeMap::new(), vec![], vec![]);
         for (key, what) in known.into_iter().filter(|(key, _)| manifest::is_part(key)) {
-            match what {
-                Known::Put(entry) => drop(entries.insert(key, entry)),
-                Known::Found(size) if size < 4 || manifest::is_plain(&key) => plain.push(key),
-                Known::Found(size) => found.push((key, size)),
-            }
+            let size = match what {
+                Known::Put(entry) => {
+                    entries.insert(key, entry);
+                    continue;
+                }
+                Known::Found(size) => size,
+            };
+            let ask = match shards.frames(&key) {
+                Some(frames) => Ask::End(shard::tail_len(frames), Some(size)),
+                None if size < 4 || manifest::is_plain(&key) => Ask::Whole,
+                None => Ask::End(4, Some(size)),
+            };
+            asks.push((key.clone(), ask.clone()));
+            found.push((key, size, ask));
         }
-        let seals = self.objects.ends(&found, 4)?;
-        for ((key, size), seal) in found.into_iter().zip(seals) {
-            entries.insert(key, Entry::sealed(size, &seal));
-        }
-        for (key, bytes) in plain.iter().zip(self.objects.get_many(&plain)?) {
-            let entry = Entry::of(key, bytes.as_deref().unwrap_or_default());
-            entries.insert(key.clone(), entry);
+        for ((key, size, ask), bytes) in found.into_iter().zip(self.objects.ask(asks)?) {
+            let bytes = bytes.map(|(bytes, _)| bytes).unwrap_or_default();
+            let entry = match ask {
+                Ask::End(4, _) => Entry::sealed(size, &bytes),
+                Ask::End(..) => Entry::of_tail(size, &bytes),
+                _ => Entry::of(&key, &bytes),
+            };
+            entries.insert(key, entry);
         }
         self.put(name, manifest::text(&entries).into())
     }
 
     pub(super) fn objects(&self) -> &Objects {
         &self.objects
+    }
+}
+
+/// One request for one file, or for ranges of it that lie beside each other.
+struct Request {
+    key: String,
+    ask: Ask,
+    parts: Vec<Ask>,
+}
+
+impl Request {
+    fn of(key: &str, ask: &Ask) -> Self {
+        Self {
+            key: key.to_owned(),
+            ask: ask.clone(),
+            parts: vec![ask.clone()],
+        }
+    }
+
+    /// Takes a range that follows in the same file, if it does.
+    fn takes(&mut self, key: &str, ask: &Ask) -> bool {
+        let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
+            return false;
+        };
+        let near = (all.end..=all.end + GAP).contains(&next.start) && next.end - all.start <= AT_A_TIME;
+        if key != self.key || !near {
+            return false;
+        }
+        all.end = next.end;
+        self.parts.push(ask.clone());
+        true
+    }
+
+    /// The answer, cut into what was asked for.
+    fn parts(self, found: Option<Bytes>) -> impl Iterator<Item = ((String, Ask), Option<Bytes>)> {
+        let Self { key, ask, parts } = self;
+        parts.into_iter().map(move |part| {
+            let cut = |bytes: &Bytes| match (&ask, &part) {
+                (Ask::Bytes(all), Ask::Bytes(part)) => {
+                    let at = |offset: u64| ((offset - all.start) as usize).min(bytes.len());
+                    bytes.slice(at(part.start)..at(part.end))
+                }
+                _ => bytes.clone(),
+            };
+            let bytes = found.as_ref().map(cut);
+            ((key.clone(), part), bytes)
+        })
     }
 }

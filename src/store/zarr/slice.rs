@@ -113,7 +113,7 @@ impl StoredSlice {
         &self.0.attributes
     }
 
-    fn field(&self, field: Field) -> Result<&(SliceLayout, ChunkedArray<f32>), AccessError> {
+    pub(super) fn field(&self, field: Field) -> Result<&(SliceLayout, ChunkedArray<f32>), AccessError> {
         self.0.fields[field as usize]
             .as_ref()
             .ok_or_else(|| AccessError::NoField {
@@ -199,8 +199,24 @@ impl StoredSlice {
         fields: &[Field],
         regions: &[(Vec<u64>, Vec<u64>)],
     ) -> Result<usize, AccessError> {
-        let arrays = fields.iter().map(|field| Ok(&self.field(*field)?.1));
-        ChunkedArray::fetch_regions(&arrays.collect::<Result<Vec<_>, _>>()?, regions)
+        let of_region = |(start, shape): &(Vec<u64>, Vec<u64>)| {
+            let of = |field: &Field| Ok((&self.field(*field)?.1, start.clone(), shape.clone()));
+            fields.iter().map(of).collect::<Result<Vec<_>, AccessError>>()
+        };
+        let regions = regions.iter().map(of_region);
+        ChunkedArray::fetch_regions(&regions.collect::<Result<Vec<_>, _>>()?)
+    }
+
+    /// Gets a region each of several fields, as [`Self::fetch_ahead`], all or none of them.
+    ///
+    /// # Errors
+    /// As [`Self::fetch_ahead`].
+    pub fn fetch_together(&self, regions: &[(Field, Vec<u64>, Vec<u64>)]) -> Result<(), AccessError> {
+        let of = |(field, start, shape): &(Field, Vec<u64>, Vec<u64>)| {
+            Ok((&self.field(*field)?.1, start.clone(), shape.clone()))
+        };
+        let regions = regions.iter().map(of).collect::<Result<Vec<_>, AccessError>>()?;
+        ChunkedArray::fetch_regions(&[regions]).map(drop)
     }
 
     /// Reads a region given as first index and shape, row-major.

@@ -569,4 +569,7 @@ fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
 #[cfg(feature = "object-stores")]
 mod remote;
 #[cfg(feature = "object-stores")]
+mod remote_shards;
+#[cfg(feature = "object-stores")]
 mod remote_writing;
+mod shards;

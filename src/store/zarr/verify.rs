@@ -3,6 +3,7 @@
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
 use super::part;
+use super::shard::{self, Shards};
 use crate::place::{Objects, Place};
 use crate::refusal::Refusal;
 use rayon::prelude::*;
@@ -10,8 +11,9 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use tensor::part::Part;
 
-/// Objects that are held at once.
+/// Objects that are held at once, and their bytes.
 const BATCH: usize = 64;
+const BATCH_BYTES: u64 = 64 << 20;
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -64,11 +66,12 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
         path: path.to_owned(),
         cause: e.to_string(),
     })?;
+    let shards = Shards::in_folder(path, entries.keys());
     let faults: BTreeSet<String> = entries
         .par_iter()
         .filter_map(|(name, entry)| {
             let told = match Place::read_file(&path.join(name)) {
-                Ok(bytes) => fault(name, bytes.as_deref(), *entry)?,
+                Ok(bytes) => fault(name, bytes.as_deref(), *entry, &shards)?,
                 Err(e) => format!("cannot be read: {e}"),
             };
             Some(format!("{name}: {told}"))
@@ -105,14 +108,28 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
             path: path.to_owned(),
         });
     };
-    let mut names: Vec<String> = entries.keys().cloned().collect();
-    names.sort_unstable();
     let mut faults = BTreeSet::new();
-    for batch in names.chunks(BATCH) {
-        let found = objects.get_many(batch).map_err(refused)?;
-        for (name, bytes) in batch.iter().zip(found) {
-            let told = fault(name, bytes.as_deref(), entries[name]);
-            faults.extend(told.map(|told| format!("{name}: {told}")));
+    let mut shards = Shards::default();
+    // Descriptions first, which say what the others are.
+    let (mut descriptions, mut others): (Vec<String>, _) = entries
+        .keys()
+        .cloned()
+        .partition(|name| name.ends_with("zarr.json"));
+    descriptions.sort_unstable();
+    others.sort_unstable();
+    for names in [descriptions, others] {
+        let mut read = vec![];
+        for batch in batches(&names, &entries) {
+            let found = objects.get_many(batch).map_err(refused)?;
+            for (name, bytes) in batch.iter().zip(found) {
+                let told = fault(name, bytes.as_deref(), entries[name], &shards);
+                faults.extend(told.map(|told| format!("{name}: {told}")));
+                let json = bytes.filter(|_| name.ends_with("zarr.json"));
+                read.extend(json.and_then(|b| Some((name.as_str(), serde_json::from_slice(&b).ok()?))));
+            }
+        }
+        if !read.is_empty() {
+            shards = Shards::of(read);
         }
     }
     let (found, unlisted) = match objects.list() {
@@ -131,6 +148,21 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
     })
 }
 
+/// Names in their order, of as many files as should be held at once.
+fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a [String]> {
+    let (mut all, mut from, mut bytes) = (vec![], 0, 0);
+    for (n, name) in names.iter().enumerate() {
+        let size = entries.get(name).map_or(0, |e| e.size);
+        if n > from && (n - from == BATCH || bytes + size > BATCH_BYTES) {
+            all.push(&names[from..n]);
+            (from, bytes) = (n, 0);
+        }
+        bytes += size;
+    }
+    all.push(&names[from..]);
+    all
+}
+
 fn verified(entries: &HashMap<String, Entry>, mut faults: BTreeSet<String>, found: &[String]) -> Verified {
     let foreign = found.iter().filter(|name| !entries.contains_key(*name));
     faults.extend(foreign.map(|name| format!("{name}: no part of the store when it was finished")));
@@ -143,13 +175,17 @@ fn verified(entries: &HashMap<String, Entry>, mut faults: BTreeSet<String>, foun
     }
 }
 
-fn fault(name: &str, bytes: Option<&[u8]>, entry: Entry) -> Option<String> {
+fn fault(name: &str, bytes: Option<&[u8]>, entry: Entry, shards: &Shards) -> Option<String> {
     let Some(bytes) = bytes else {
         return Some("is missing".into());
     };
-    let found = Entry::of(name, bytes);
+    let found = Entry::of_any(name, bytes, shards);
     if found.size != entry.size {
         return Some(format!("has {} bytes instead of {}", found.size, entry.size));
+    }
+    if let Some(frames) = shards.frames(name) {
+        let other = || (found != entry).then(|| "is not what was written".into());
+        return shard::fault(bytes, frames).or_else(other);
     }
     // A chunk ends with the checksum of what comes before.
     let sealed = manifest::is_plain(name)

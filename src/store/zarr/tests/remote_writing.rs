@@ -12,12 +12,12 @@ use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord
 
 const LOCK: &str = "s.zarr/.sunstone-lock";
 
-fn address(scheme: &str, name: &str) -> PathBuf {
+pub(super) fn address(scheme: &str, name: &str) -> PathBuf {
     PathBuf::from(format!("{scheme}://{name}/s.zarr"))
 }
 
 /// The objects of a store with their bytes.
-fn objects_of(name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+pub(super) fn objects_of(name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
     let address = address("memory", name);
     let objects = remote_store::objects_of(&address)
         .expect("an address")
@@ -107,7 +107,7 @@ fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
 
 /// Does `make` with a process that is killed before every third of its changes, and lets `again` go on: never is what is not whole taken for
 /// finished, and in the end it is as `expected`. Says how many changes there are.
-fn kill_everywhere(
+pub(super) fn kill_everywhere(
     name: &str,
     expected: &BTreeMap<PathBuf, Vec<u8>>,
     make: impl Fn(&Path) -> bool,

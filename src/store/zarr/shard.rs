@@ -1,0 +1,295 @@
+//! A shard: many chunks in one file, as Zarr's codec `sharding_indexed` has them, its index at the end.
+//!
+//! Sealed frames (a Zstandard frame and its CRC-32C each), then a table of the frames' seals, then the index: where each frame lies,
+//! as two numbers of 64 bits, both all ones where there is none, and the CRC-32C of these. The table is ours: the codec leaves bytes
+//! between frames and index to whoever writes. With it the manifest's line of a shard, which has the checksum of table and
+//! index, tells a frame that was exchanged for another sound one, though a frame alone is read: a shard's last bytes and a
+//! frame are enough to know that they are those that were written. (The index alone would not do: of frames that
+//! do not compress, all shards have the same.)
+
+use serde_json::Value;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::path::Path;
+
+/// Bytes of a CRC-32C.
+const SEAL: usize = 4;
+/// Bytes of a frame's place in the index.
+const PLACE: usize = 16;
+/// Both numbers of a frame that is not there.
+const NOWHERE: u64 = u64::MAX;
+/// A shard has no more frames (a damaged description is refused before it allocates).
+pub(super) const MAX_FRAMES: usize = 1 << 16;
+
+/// Where a frame lies in its shard, with its seal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Piece {
+    pub(super) offset: u64,
+    pub(super) size: u64,
+    pub(super) seal: u32,
+}
+
+impl Piece {
+    pub(super) fn range(self) -> Range<u64> {
+        self.offset..self.offset + self.size
+    }
+
+    /// Says what is wrong with the bytes of the frame, if anything.
+    pub(super) fn fault(self, bytes: &[u8]) -> Option<&'static str> {
+        match bytes.split_last_chunk::<SEAL>() {
+            Some((frame, seal)) if u32::from_le_bytes(*seal) == self.seal => {
+                (crc32c::crc32c(frame) != self.seal).then_some("its checksum is not that of its bytes")
+            }
+            _ => Some("it is not what was written when its shard was"),
+        }
+    }
+}
+
+/// The last bytes of a shard of so many frames, which tell of all others: the seals and the index.
+pub(super) fn tail_len(frames: usize) -> u64 {
+    (frames * (SEAL + PLACE) + SEAL) as u64
+}
+
+/// The checksum of a shard in the manifest: that of its tail but for the index's own, which would undo what the index says.
+pub(super) fn checksum(tail: &[u8]) -> u32 {
+    crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
+}
+
+/// Puts the bytes of a shard together.
+pub(super) struct Builder {
+    bytes: Vec<u8>,
+    pieces: Vec<Option<Piece>>,
+}
+
+impl Builder {
+    pub(super) fn new(frames: usize) -> Self {
+        Self {
+            bytes: vec![],
+            pieces: vec![None; frames],
+        }
+    }
+
+    /// Adds the sealed frame of this number.
+    pub(super) fn push(&mut self, number: usize, frame: &[u8]) {
+        let seal = frame.last_chunk().map_or(0, |seal| u32::from_le_bytes(*seal));
+        self.pieces[number] = Some(Piece {
+            offset: self.bytes.len() as u64,
+            size: frame.len() as u64,
+            seal,
+        });
+        self.bytes.extend_from_slice(frame);
+    }
+
+    /// The file, with its checksum in the manifest; `None` without frames.
+    pub(super) fn finish(self) -> Option<(Vec<u8>, u32)> {
+        let Self { mut bytes, pieces } = self;
+        if pieces.iter().all(Option::is_none) {
+            return None;
+        }
+        let tail = bytes.len();
+        for piece in &pieces {
+            bytes.extend(piece.map_or(0, |p| p.seal).to_le_bytes());
+        }
+        let index = bytes.len();
+        for piece in &pieces {
+            let place = piece.map_or([NOWHERE; 2], |p| [p.offset, p.size]);
+            bytes.extend(place.into_iter().flat_map(u64::to_le_bytes));
+        }
+        let seal = crc32c::crc32c(&bytes[index..]);
+        bytes.extend(seal.to_le_bytes());
+        let checksum = checksum(&bytes[tail..]);
+        Some((bytes, checksum))
+    }
+}
+
+/// What the tail of a shard of `size` bytes says: the frames by their numbers.
+pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
+    let Some(data) = size
+        .checked_sub(tail_len(frames))
+        .filter(|_| tail.len() as u64 == tail_len(frames))
+    else {
+        return Err("it is shorter than its index");
+    };
+    let (seals, index) = tail.split_at(frames * SEAL);
+    let (index, seal) = index.split_at(frames * PLACE);
+    if seal != crc32c::crc32c(index).to_le_bytes() {
+        return Err("the checksum of its index is not that of its bytes");
+    }
+    let number = |bytes: &[u8]| bytes.try_into().map_or(NOWHERE, u64::from_le_bytes);
+    let piece = |(seal, place): (&[u8], &[u8])| {
+        let (offset, size) = place.split_at(PLACE / 2);
+        let (offset, size) = (number(offset), number(size));
+        if [offset, size] == [NOWHERE; 2] {
+            return Ok(None);
+        }
+        match offset.checked_add(size) {
+            Some(end) if end <= data && size > SEAL as u64 => Ok(Some(Piece {
+                offset,
+                size,
+                seal: seal.try_into().map_or(0, u32::from_le_bytes),
+            })),
+            _ => Err("its index names bytes that it does not have"),
+        }
+    };
+    seals
+        .chunks_exact(SEAL)
+        .zip(index.chunks_exact(PLACE))
+        .map(piece)
+        .collect()
+}
+
+/// Says what is wrong with a whole shard, if anything: every byte of it belongs to a frame or tells of them.
+pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
+    let size = bytes.len() as u64;
+    let Some(data) = size.checked_sub(tail_len(frames)) else {
+        return Some("it is shorter than its index".into());
+    };
+    let pieces = match parse(&bytes[data as usize..], size, frames) {
+        Ok(pieces) => pieces,
+        Err(reason) => return Some(reason.into()),
+    };
+    let mut there: Vec<(usize, Piece)> = pieces
+        .into_iter()
+        .enumerate()
+        .filter_map(|(n, p)| Some((n, p?)))
+        .collect();
+    there.sort_unstable_by_key(|(_, piece)| piece.offset);
+    let mut end = 0;
+    for (number, piece) in there {
+        if piece.offset != end {
+            return Some(format!(
+                "its chunk {number} begins at byte {} instead of {end}",
+                piece.offset
+            ));
+        }
+        end = piece.range().end;
+        if let Some(reason) = piece.fault(&bytes[piece.offset as usize..end as usize]) {
+            return Some(format!("its chunk {number}: {reason}"));
+        }
+    }
+    (end != data).then(|| format!("its chunks end at byte {end} instead of {data}"))
+}
+
+/// Which files of a store are shards, and of how many frames, as the descriptions of its arrays say.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shards(HashMap<String, usize>);
+
+impl Shards {
+    /// Of descriptions by the paths of their files.
+    pub(super) fn of<'a>(descriptions: impl IntoIterator<Item = (&'a str, Value)>) -> Self {
+        let found = descriptions.into_iter().filter_map(|(path, json)| {
+            let folder = path.strip_suffix("/zarr.json")?;
+            let lengths =
+                |value: &Value| -> Option<Vec<u64>> { value.as_array()?.iter().map(Value::as_u64).collect() };
+            let codec = json["codecs"].get(0)?;
+            let shard = lengths(&json["chunk_grid"]["configuration"]["chunk_shape"])?;
+            let chunk = lengths(&codec["configuration"]["chunk_shape"])?;
+            if codec["name"] != CODEC || shard.len() != chunk.len() {
+                return None;
+            }
+            Some((folder.to_owned(), frames(&shard, &chunk)?))
+        });
+        Self(found.collect())
+    }
+
+    /// Of the descriptions of a folder, of which these are all files.
+    pub(super) fn in_folder<'a>(root: &Path, files: impl IntoIterator<Item = &'a String>) -> Self {
+        let descriptions = files.into_iter().filter_map(|path| {
+            let bytes = path
+                .ends_with("/zarr.json")
+                .then(|| base::input::read(&root.join(path)));
+            Some((path.as_str(), serde_json::from_slice(&bytes?.ok()?).ok()?))
+        });
+        Self::of(descriptions)
+    }
+
+    /// How many frames a file has; `None` of what is no shard.
+    pub(super) fn frames(&self, path: &str) -> Option<usize> {
+        let (folder, name) = path.rsplit_once('/')?;
+        self.0.get(folder).filter(|_| name.starts_with("c.")).copied()
+    }
+}
+
+/// Name of the codec.
+pub(super) const CODEC: &str = "sharding_indexed";
+
+/// How many chunks a shard has; `None` where they do not fit.
+pub(super) fn frames(shard: &[u64], chunk: &[u64]) -> Option<usize> {
+    let along = |(s, c): (&u64, &u64)| (*c > 0 && *s > 0 && s % c == 0).then(|| s / c);
+    let counts: Vec<u64> = shard.iter().zip(chunk).map(along).collect::<Option<_>>()?;
+    tensor::region::volume(&counts).filter(|n| (1..=MAX_FRAMES).contains(n))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sealed(bytes: &[u8]) -> Vec<u8> {
+        [bytes, &crc32c::crc32c(bytes).to_le_bytes()].concat()
+    }
+
+    fn example() -> (Vec<u8>, u32, [Vec<u8>; 2]) {
+        let frames = [sealed(b"first frame"), sealed(b"second")];
+        let mut builder = Builder::new(4);
+        builder.push(2, &frames[0]);
+        builder.push(1, &frames[1]);
+        let (bytes, checksum) = builder.finish().unwrap();
+        (bytes, checksum, frames)
+    }
+
+    #[test]
+    fn what_is_put_together_is_found() {
+        let (bytes, sum, frames) = example();
+        let tail = &bytes[bytes.len() - tail_len(4) as usize..];
+        assert_eq!(checksum(tail), sum);
+        let pieces = parse(tail, bytes.len() as u64, 4).unwrap();
+        assert_eq!((pieces[0], pieces[3]), (None, None));
+        for (number, frame) in [(2, &frames[0]), (1, &frames[1])] {
+            let piece = pieces[number].unwrap();
+            let range = piece.range().start as usize..piece.range().end as usize;
+            assert_eq!(&bytes[range], &frame[..]);
+            assert_eq!(piece.fault(frame), None);
+        }
+        // A sound frame, but another one.
+        assert!(pieces[2].unwrap().fault(&frames[1]).is_some());
+        assert_eq!(fault(&bytes, 4), None);
+        assert!(Builder::new(3).finish().is_none());
+    }
+
+    /// Two shards of frames alike in size have the same index, and not the same checksum.
+    #[test]
+    fn checksums_tell_frames() {
+        let shard = |content: &[u8]| {
+            let mut builder = Builder::new(1);
+            builder.push(0, &sealed(content));
+            builder.finish().unwrap()
+        };
+        let ((a, of_a), (b, of_b)) = (shard(b"abc"), shard(b"abd"));
+        assert_eq!(a[a.len() - 20..], b[b.len() - 20..]);
+        assert_ne!(of_a, of_b);
+    }
+
+    proptest! {
+        /// One changed or lost byte anywhere is a fault.
+        #[test]
+        fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
+            let (sound, sum, _) = example();
+            let mut bytes = sound.clone();
+            let at = at.index(bytes.len());
+            if cut {
+                bytes.remove(at);
+            } else {
+                bytes[at] = byte;
+            }
+            let tail = &bytes[bytes.len() - tail_len(4) as usize..];
+            let noticed = fault(&bytes, 4).is_some() || checksum(tail) != sum;
+            prop_assert!(bytes == sound || noticed);
+        }
+
+        #[test]
+        fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), frames in 1_usize..6) {
+            prop_assert!(fault(&bytes, frames).is_some() || bytes.is_empty());
+        }
+    }
+}

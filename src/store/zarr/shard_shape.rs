@@ -1,0 +1,185 @@
+//! How large the shards of an array are, and the chunks in them: by what its chunks take that are a file each.
+//!
+//! A chunk in a shard is a block of few pixels with all else that a chunk has, so that a pixel's profile is a small part of a file. A
+//! shard is a block of chunks, grown along the axes behind the camera's first, so that one shard has all of a pixel, and then
+//! along the camera's, until shards are large enough for their number to be small.
+
+use super::shard;
+use super::sharded::Sharding;
+use tensor::region;
+
+/// How large is large enough.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// Bytes that a chunk in a shard may take, on average.
+    pub(crate) piece: u64,
+    /// Bytes from which on shards are large enough, on average of those of an array.
+    pub(crate) enough: u64,
+    /// Bytes that no shard has more of, unless one chunk has: a shard is put together in memory.
+    pub(crate) most: u64,
+    /// Chunks of a shard: its tail, 20 bytes each, comes before the first value.
+    pub(crate) pieces: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            piece: 16 << 10,
+            enough: 4 << 20,
+            most: 48 << 20,
+            pieces: 1 << 12,
+        }
+    }
+}
+
+/// An array to be cut.
+pub(super) struct Array<'a> {
+    /// Lengths of its axes.
+    pub(super) shape: &'a [u64],
+    /// Lengths of its chunks.
+    pub(super) chunk: &'a [u64],
+    /// Axes of the camera, the first ones.
+    pub(super) camera: usize,
+    /// Bytes of the file of each chunk, in row-major order, 0 of none.
+    pub(super) sizes: &'a [u64],
+}
+
+/// How an array is cut best.
+pub(super) fn choose(array: &Array, limits: Limits) -> Sharding {
+    let inner = inner(array, limits);
+    let grid: Vec<u64> = array
+        .shape
+        .iter()
+        .zip(array.chunk)
+        .map(|(n, c)| n.div_ceil(*c))
+        .collect();
+    let mut counts = vec![1; grid.len()];
+    while let Some(next) = grown(array, &grid, &counts) {
+        let shards = shards(&grid, array.sizes, &counts);
+        let (many, total): (u64, u64) = shards
+            .iter()
+            .fold((0, 0), |(n, t), s| (n + u64::from(*s > 0), t + s));
+        if total >= limits.enough.saturating_mul(many.max(1)) {
+            break;
+        }
+        let largest = self::shards(&grid, array.sizes, &next).into_iter().max();
+        let pieces = shard::frames(&product(array.chunk, &next), &inner);
+        if largest > Some(limits.most) || pieces.is_none_or(|n| n > limits.pieces) {
+            break;
+        }
+        counts = next;
+    }
+    Sharding {
+        inner,
+        chunk: array.chunk.to_vec(),
+        shard: product(array.chunk, &counts),
+    }
+}
+
+fn product(a: &[u64], b: &[u64]) -> Vec<u64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+/// Chunks in shards: the chunk divided along the camera's axes until it takes no more than it may.
+fn inner(array: &Array, limits: Limits) -> Vec<u64> {
+    let mut inner = array.chunk.to_vec();
+    let stored = array.sizes.iter().filter(|s| **s > 0).count().max(1);
+    let total: u64 = array.sizes.iter().sum();
+    // What a chunk takes, on average.
+    let mut bytes = total as f64 / stored as f64;
+    let whole = region::volume(array.chunk).unwrap_or(usize::MAX);
+    while bytes > limits.piece as f64 {
+        let Some(axis) = (0..array.camera)
+            .max_by_key(|a| inner[*a])
+            .filter(|a| inner[*a] > 1)
+        else {
+            break;
+        };
+        let factor = (2..=inner[axis]).find(|f| inner[axis] % f == 0).unwrap_or(1);
+        let next = inner[axis] / factor;
+        // Numbers that hardly take a byte each are no reason for ever more frames: a tail is to stay short.
+        let pieces = whole / (region::volume(&inner).unwrap_or(1) / factor as usize).max(1);
+        if pieces > limits.pieces {
+            break;
+        }
+        inner[axis] = next;
+        bytes /= factor as f64;
+    }
+    inner
+}
+
+/// Chunks of a shard along each axis, grown by one step; `None` if it has all.
+fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
+    let more = |axis: &usize| counts[*axis] < grid[*axis];
+    let behind = (array.camera..grid.len()).rev().find(more);
+    let camera = || {
+        (0..array.camera)
+            .filter(more)
+            .min_by_key(|a| counts[*a] * array.chunk[*a])
+    };
+    let axis = behind.or_else(camera)?;
+    let mut next = counts.to_vec();
+    next[axis] = (2 * next[axis]).min(grid[axis]);
+    Some(next)
+}
+
+/// Bytes of each shard of so many chunks.
+fn shards(grid: &[u64], sizes: &[u64], counts: &[u64]) -> Vec<u64> {
+    let of: Vec<u64> = grid.iter().zip(counts).map(|(g, c)| g.div_ceil(*c)).collect();
+    let mut bytes = vec![0; region::volume(&of).unwrap_or(0)];
+    for (index, size) in region::indices(&vec![0; grid.len()], grid).zip(sizes) {
+        let at = index
+            .iter()
+            .zip(counts)
+            .zip(&of)
+            .fold(0, |at, ((i, c), n)| at * n + i / c);
+        bytes[at as usize] += size;
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cut(shape: &[u64], chunk: &[u64], bytes: u64) -> Sharding {
+        let grid: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
+        let sizes = &vec![bytes; grid as usize];
+        let camera = 2;
+        let array = Array {
+            shape,
+            chunk,
+            camera,
+            sizes,
+        };
+        choose(&array, Limits::default())
+    }
+
+    #[test]
+    fn a_pixel_is_in_one_shard_and_a_shard_is_large() {
+        // 64 tiles of 32 by 32 pixels and 200 bins of 16 elements, chunks of one element, 300 kB each.
+        let found = cut(&[256, 256, 200, 4, 4], &[32, 32, 200, 1, 1], 300 << 10);
+        assert_eq!(found.inner[2..], [200, 1, 1]);
+        let pixels = found.inner[0] * found.inner[1];
+        assert!((16..=64).contains(&pixels), "{found:?}");
+        assert_eq!(found.shard[2..], [200, 4, 4], "all of a pixel");
+        assert_eq!(found.shard[..2], [32, 32], "16 chunks are enough");
+    }
+
+    #[test]
+    fn what_is_small_is_one_shard() {
+        let found = cut(&[100, 90], &[32, 32], 2000);
+        assert_eq!((found.inner, found.shard), (vec![32, 32], vec![128, 96]));
+        let odd = cut(&[7, 11, 5], &[7, 7, 5], 60 << 10);
+        assert_eq!((odd.inner, odd.shard), (vec![7, 1, 5], vec![7, 14, 5]));
+    }
+
+    #[test]
+    fn a_shard_is_bounded() {
+        let found = cut(&[64, 64, 9], &[32, 32, 9], 80 << 20);
+        assert_eq!(found.shard, [32, 32, 9]);
+        // Of nothing, one shard, whose tail is short.
+        let nothing = cut(&[4096, 4096, 9], &[32, 32, 9], 0);
+        assert!(shard::frames(&nothing.shard, &nothing.inner).unwrap() <= Limits::default().pieces);
+    }
+}

@@ -1,0 +1,285 @@
+//! Arrays in shards: their tails, which are kept once read, and their chunks, of which each is read alone.
+
+use super::chunked::{ChunkedArray, Number};
+use super::error::AccessError;
+use super::shard::{self, Piece};
+use crate::place::Ask;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tensor::region;
+use zarrs::storage::Bytes;
+
+/// Tails that are kept of an array, each some 10 kB.
+const KEPT: usize = 256;
+/// Shards that are read from at once.
+const AT_ONCE: usize = 64;
+
+/// How an array is cut.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Sharding {
+    /// Lengths of a chunk in a shard.
+    pub(super) inner: Vec<u64>,
+    /// Lengths of what is read together ([`ChunkedArray::chunk`]).
+    pub(super) chunk: Vec<u64>,
+    /// Lengths of a shard.
+    pub(super) shard: Vec<u64>,
+}
+
+/// Arrays that lie in shards, by their nodes, such as `steady/mean`.
+pub(super) type Shardings = HashMap<String, Sharding>;
+
+/// What the tail of a shard says.
+#[derive(Debug)]
+struct Contents {
+    pieces: Vec<Option<Piece>>,
+    /// The shard, where it is small and was fetched.
+    whole: Option<Bytes>,
+}
+
+/// The shards of an open array.
+pub(super) struct Sharded {
+    pub(super) inner: Vec<u64>,
+    pub(super) shard: Vec<u64>,
+    /// Chunks of a shard.
+    pub(super) frames: usize,
+    /// By the index of the shard; `None` of one of zeros.
+    kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
+}
+
+impl Sharded {
+    pub(super) fn new(inner: Vec<u64>, shard: Vec<u64>) -> Option<Self> {
+        Some(Self {
+            frames: shard::frames(&shard, &inner)?,
+            inner,
+            shard,
+            kept: Mutex::default(),
+        })
+    }
+
+    /// [`Self::new`] of an array of this shape, if the chunks of a shard make up whole `chunk`s, and these whole shards.
+    pub(super) fn of(inner: Vec<u64>, chunk: &[u64], shard: Vec<u64>, shape: &[u64]) -> Option<Self> {
+        let axes = [inner.len(), chunk.len(), shard.len()] == [shape.len(); 3];
+        let fits = axes
+            && (0..shape.len()).all(|a| {
+                let (i, c, s) = (inner[a], chunk[a], shard[a]);
+                i > 0 && c > 0 && c % i == 0 && s % c == 0 && s < shape[a].saturating_add(c)
+            });
+        if fits { Self::new(inner, shard) } else { None }
+    }
+
+    /// The index of the shard of a chunk, and the chunk's number in it.
+    pub(super) fn place(&self, index: &[u64]) -> (Vec<u64>, usize) {
+        let mut number = 0;
+        let mut shard = Vec::with_capacity(index.len());
+        for (a, i) in index.iter().enumerate() {
+            let along = self.shard[a] / self.inner[a];
+            shard.push(i / along);
+            number = number * along as usize + (i % along) as usize;
+        }
+        (shard, number)
+    }
+
+    fn kept(&self) -> MutexGuard<'_, HashMap<Vec<u64>, Option<Arc<Contents>>>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn keep(&self, index: Vec<u64>, contents: Option<Arc<Contents>>) {
+        let mut kept = self.kept();
+        if kept.len() >= KEPT {
+            kept.clear();
+        }
+        kept.insert(index, contents);
+    }
+}
+
+impl<T: Number> ChunkedArray<T> {
+    /// Reads the tails of shards of arrays of one store that are not known yet, beside each other.
+    fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
+        let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
+        for one @ (array, sharded, index) in all {
+            let twice = wanted.iter().any(|w| std::ptr::eq(w.0, *array) && w.2 == *index);
+            if !twice && !sharded.kept().contains_key(index) {
+                wanted.push(one);
+            }
+        }
+        let Some((first, _, index)) = wanted.first() else {
+            return Ok(());
+        };
+        let key = |(array, sharded, index): &&(&Self, &Sharded, Vec<u64>)| {
+            (array.array.chunk_key(index).as_str().to_owned(), sharded.frames)
+        };
+        let keys: Vec<_> = wanted.iter().map(key).collect();
+        let tails = first.array.storage().read_tails(&keys);
+        let tails = tails.map_err(|e| AccessError::of_shard(&first.path, index, &e))?;
+        for ((array, sharded, index), tail) in wanted.into_iter().zip(tails) {
+            let tail = tail.map_err(|e| AccessError::of_shard(&array.path, index, &e))?;
+            let contents = |tail: super::atomic::Tail| {
+                let pieces = shard::parse(&tail.bytes, tail.size, sharded.frames);
+                let pieces = pieces
+                    .map_err(|e| AccessError::of_shard(&array.path, index, &std::io::Error::other(e)))?;
+                let whole = tail.whole;
+                Ok(Arc::new(Contents { pieces, whole }))
+            };
+            sharded.keep(index.clone(), tail.map(contents).transpose()?);
+        }
+        Ok(())
+    }
+
+    fn contents(&self, sharded: &Sharded, shard: &[u64]) -> Result<Option<Arc<Contents>>, AccessError> {
+        if let Some(kept) = sharded.kept().get(shard) {
+            return Ok(kept.clone());
+        }
+        Self::open_shards(&[(self, sharded, shard.to_vec())])?;
+        Ok(sharded.kept().get(shard).cloned().flatten())
+    }
+
+    /// The bytes of a chunk of a shard; `None` if it is not stored (all zero).
+    pub(super) fn read_piece(&self, sharded: &Sharded, index: &[u64]) -> Result<Option<Bytes>, AccessError> {
+        let (shard, number) = sharded.place(index);
+        let Some(contents) = self.contents(sharded, &shard)? else {
+            return Ok(None);
+        };
+        let Some(piece) = contents.pieces[number] else {
+            return Ok(None);
+        };
+        let range = piece.range();
+        let bytes = match &contents.whole {
+            Some(whole) => whole.slice(range.start as usize..range.end as usize),
+            None => {
+                let key = self.array.chunk_key(&shard);
+                let read = self.array.storage().read_part(key.as_str(), range);
+                read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?
+                    .unwrap_or_default()
+            }
+        };
+        match piece.fault(&bytes) {
+            None => Ok(Some(bytes)),
+            Some(reason) => Err(AccessError::Chunk {
+                path: self.path.clone(),
+                chunk: index.to_vec(),
+                cause: format!("of {}: {reason}", self.array.chunk_key(&shard).as_str()),
+            }),
+        }
+    }
+
+    /// Units in their order, of as many shards as are read from at once.
+    pub(super) fn batches<'a>(&self, units: &'a [Vec<u64>]) -> Vec<&'a [Vec<u64>]> {
+        let Some(sharded) = &self.sharded else {
+            return vec![units];
+        };
+        let (mut all, mut from, mut shards) = (vec![], 0, 0);
+        let mut last = None;
+        for (n, index) in units.iter().enumerate() {
+            let (shard, _) = sharded.place(index);
+            if last.as_ref() != Some(&shard) {
+                if shards == AT_ONCE {
+                    all.push(&units[from..n]);
+                    (from, shards) = (n, 0);
+                }
+                shards += 1;
+                last = Some(shard);
+            }
+        }
+        all.push(&units[from..]);
+        all
+    }
+
+    /// What is to be asked for units, where it is worth asking ahead.
+    pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
+        if self.array.storage().remote().is_none() {
+            return Ok(vec![]);
+        }
+        if let Some(sharded) = &self.sharded {
+            let mut shards: Vec<_> = units
+                .iter()
+                .map(|i| (self, sharded, sharded.place(i).0))
+                .collect();
+            shards.dedup_by(|a, b| a.2 == b.2);
+            Self::open_shards(&shards)?;
+        }
+        units.iter().map(|index| self.ask(index)).collect()
+    }
+
+    fn ask(&self, index: &[u64]) -> Result<(String, Ask), AccessError> {
+        let Some(sharded) = &self.sharded else {
+            return Ok((self.array.chunk_key(index).as_str().to_owned(), Ask::Whole));
+        };
+        let (shard, number) = sharded.place(index);
+        let contents = self.contents(sharded, &shard)?;
+        let piece = contents
+            .filter(|c| c.whole.is_none())
+            .and_then(|c| c.pieces[number]);
+        let key = self.array.chunk_key(&shard).as_str().to_owned();
+        // Nothing is asked for what is not stored, or is here.
+        Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
+    }
+
+    /// Fetches the first ones of what is asked for ahead, `index` being the first one's, and says how many.
+    pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)], index: &[u64]) -> Result<usize, AccessError> {
+        let fetched = self.array.storage().fetch_ahead(asks);
+        fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
+    }
+
+    /// Fetches the units of the first ones of several regions ahead, each of some arrays of one store, and says of how many
+    /// regions.
+    pub(super) fn fetch_regions(regions: &[Vec<(&Self, Vec<u64>, Vec<u64>)>]) -> Result<usize, AccessError> {
+        let first = regions
+            .first()
+            .and_then(|r| r.first())
+            .map(|(array, _, _)| *array);
+        let Some(first) = first.filter(|a| a.array.storage().remote().is_some()) else {
+            return Ok(regions.len());
+        };
+        let mut shards: Vec<(&Self, &Sharded, Vec<u64>)> = vec![];
+        let mut units = vec![];
+        for region in regions {
+            let mut of_region = vec![];
+            let mut more = vec![];
+            for (array, start, shape) in region {
+                array.check(start, shape)?;
+                let found = array.units(start, shape);
+                if let Some(sharded) = &array.sharded {
+                    let mut new: Vec<_> = found
+                        .iter()
+                        .map(|i| (*array, sharded, sharded.place(i).0))
+                        .collect();
+                    new.dedup_by(|a, b| a.2 == b.2);
+                    more.extend(new);
+                }
+                of_region.extend(found.into_iter().map(|index| (*array, index)));
+            }
+            if shards.len() + more.len() > AT_ONCE {
+                break;
+            }
+            shards.extend(more);
+            units.push(of_region);
+        }
+        Self::open_shards(&shards)?;
+        let (mut asks, mut ends) = (vec![], vec![]);
+        for of_region in units {
+            for (array, index) in of_region {
+                asks.push(array.ask(&index)?);
+            }
+            ends.push(asks.len());
+        }
+        let fetched = first.fetch_ahead(&asks, &[])?;
+        Ok(ends.iter().filter(|end| **end <= fetched).count().max(1))
+    }
+
+    /// The number of shards along each axis.
+    pub(super) fn shard_grid(&self, sharded: &Sharded) -> Vec<u64> {
+        let along = self.shape().iter().zip(&sharded.shard);
+        along.map(|(n, s)| n.div_ceil(*s)).collect()
+    }
+
+    /// Start and shape, clipped to the array, of the chunks ([`ChunkedArray::chunk`]) of a shard, in the order in which it has them.
+    pub(super) fn chunks_of(&self, sharded: &Sharded, shard: &[u64]) -> Vec<(Vec<u64>, Vec<u64>)> {
+        let (origin, size) = region::chunk_box(self.shape(), &sharded.shard, shard);
+        let chunks = region::chunks(&size, self.chunk());
+        let moved = |(start, size): (Vec<u64>, Vec<u64>)| {
+            let start = start.iter().zip(&origin).map(|(s, o)| s + o).collect();
+            (start, size)
+        };
+        chunks.map(moved).collect()
+    }
+}

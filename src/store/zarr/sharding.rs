@@ -1,0 +1,224 @@
+//! Stores in shards, made of stores whose chunks are a file each: the same values, in few files.
+//!
+//! A shard is put together in memory and written whole, so that one that is there is done, and who was killed goes on with the next.
+
+use super::build::{New, SampleGrid};
+use super::chunked::{ChunkedArray, Number};
+use super::coding;
+use super::error::{AccessError, CreateError, OpenError};
+use super::shard::Builder;
+use super::shard_shape::{self, Limits};
+use super::sharded::{Sharded, Sharding, Shardings};
+use super::sparse_frame::{self, Content};
+use super::{StoredSlice, TensorStore};
+use rayon::prelude::*;
+use serde_json::{Map, Value};
+use std::path::Path;
+use tensor::axes::{AxisKind, SliceLayout};
+use tensor::field::Field;
+use tensor::region::{self, Window};
+
+/// Shards that are put together at once.
+const AT_ONCE: usize = 4;
+
+impl TensorStore {
+    /// Whether its arrays lie in shards.
+    ///
+    /// # Errors
+    /// If a slice cannot be opened.
+    pub fn is_sharded(&self) -> Result<bool, OpenError> {
+        for name in self.slice_names() {
+            if self.slice(name)?.is_sharded() {
+                return Ok(true);
+            }
+        }
+        Ok(self.samples.as_ref().is_some_and(|s| s.sharded.is_some()))
+    }
+
+    /// Makes a store at `path` with all that a finished one has, in shards. See [`TensorStore::create_from`].
+    pub(crate) fn create_sharded<E>(
+        path: &Path,
+        of: &Self,
+        replace: bool,
+        origin: &str,
+        limits: Limits,
+    ) -> Result<(), E>
+    where
+        E: From<CreateError> + From<OpenError> + From<AccessError>,
+    {
+        let slices: Vec<StoredSlice> = of
+            .slice_names()
+            .iter()
+            .map(|name| of.slice(name))
+            .collect::<Result<_, _>>()?;
+        let layouts: Vec<_> = slices
+            .iter()
+            .map(|slice| (slice.layout().clone(), written_attributes(slice)))
+            .collect();
+        let mut shardings = Shardings::new();
+        for slice in &slices {
+            let camera = camera_axes(slice.layout());
+            for field in Field::ALL.into_iter().filter(|f| slice.has(*f)) {
+                let node = format!("{}/{}", slice.name(), field.name());
+                shardings.insert(node, chosen(&slice.field(field)?.1, camera, limits));
+            }
+        }
+        let samples = of.samples.as_deref().map(|samples| {
+            shardings.insert("samples".into(), chosen(samples, 2, limits));
+            let length = |n: &u64| u32::try_from(*n).unwrap_or(u32::MAX);
+            let (shape, chunk) = (samples.shape(), samples.chunk());
+            SampleGrid {
+                camera: [length(&shape[1]), length(&shape[0])],
+                tile: length(&chunk[0].max(chunk[1])),
+            }
+        });
+        let new = New {
+            slices: &layouts,
+            attributes: &of.attributes(),
+            samples,
+            shardings: &shardings,
+        };
+        let fill = |store: &Self| -> Result<(), E> {
+            for slice in &slices {
+                let target = store.slice(slice.name())?;
+                for field in Field::ALL.into_iter().filter(|f| slice.has(*f)) {
+                    fill(&target.field(field)?.1, &slice.field(field)?.1)?;
+                }
+            }
+            // Last: what has no samples is not taken for rendered.
+            if let (Some(target), Some(source)) = (&store.samples, &of.samples) {
+                fill(target, source)?;
+            }
+            Ok(store.finish()?)
+        };
+        Self::create_new(path, new, replace, Some(origin), fill).map(drop)
+    }
+}
+
+impl StoredSlice {
+    /// Whether its arrays lie in shards.
+    #[must_use]
+    pub fn is_sharded(&self) -> bool {
+        self.field(Field::Mean)
+            .is_ok_and(|(_, mean)| mean.sharded.is_some())
+    }
+}
+
+/// The attributes of a slice without those that its layout makes, in their order.
+fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
+    let made = ["time_start_ps", "time_bin_ps"];
+    let kept = slice
+        .attributes()
+        .iter()
+        .filter(|(key, _)| !made.contains(&key.as_str()));
+    kept.map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
+fn camera_axes(layout: &SliceLayout) -> usize {
+    let of_camera = |kind| matches!(kind, AxisKind::Y | AxisKind::X);
+    layout.axes.iter().take_while(|axis| of_camera(axis.kind)).count()
+}
+
+/// How an array of a finished store is cut best.
+fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> Sharding {
+    let sizes: Vec<u64> = region::chunks(array.shape(), array.chunk())
+        .map(|(start, _)| array.stored_size(&start))
+        .collect();
+    let array = shard_shape::Array {
+        shape: array.shape(),
+        chunk: array.chunk(),
+        camera,
+        sizes: &sizes,
+    };
+    shard_shape::choose(&array, limits)
+}
+
+/// Writes all shards of an array that are not there yet.
+fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result<(), AccessError> {
+    let Some(sharded) = &target.sharded else {
+        return Ok(());
+    };
+    let grid = target.shard_grid(sharded);
+    let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();
+    // Some at once, so that one is put together while another is written, and no more, for the memory they take.
+    for some in all.chunks(AT_ONCE) {
+        some.par_iter()
+            .try_for_each(|shard| write(target, sharded, shard, source))?;
+    }
+    Ok(())
+}
+
+fn write<T: Number>(
+    target: &ChunkedArray<T>,
+    sharded: &Sharded,
+    shard: &[u64],
+    source: &ChunkedArray<T>,
+) -> Result<(), AccessError> {
+    let storage = target.array.storage();
+    let key = target.array.chunk_key(shard);
+    if storage.is_stored(key.as_str()) {
+        return Ok(());
+    }
+    let chunks = target.chunks_of(sharded, shard);
+    let frames = chunks
+        .par_iter()
+        .filter(|(start, _)| source.is_listed(start))
+        .map(|(start, size)| frames(target, sharded, start, size, &source.read(start, size)?))
+        .collect::<Result<Vec<_>, AccessError>>()?;
+    let mut builder = Builder::new(sharded.frames);
+    for (number, frame) in frames.into_iter().flatten() {
+        builder.push(number, &frame);
+    }
+    let Some((bytes, checksum)) = builder.finish() else {
+        return Ok(());
+    };
+    let written = storage.write_shard(key.as_str(), bytes.into(), checksum);
+    written.map_err(|e| AccessError::of_write(target.path(), &e))
+}
+
+/// The sealed frames, with their numbers in their shard, of the values of a chunk that begins at `start`.
+fn frames<T: Number>(
+    target: &ChunkedArray<T>,
+    sharded: &Sharded,
+    start: &[u64],
+    size: &[u64],
+    values: &[T],
+) -> Result<Vec<(usize, Vec<u8>)>, AccessError> {
+    let failed = |cause: String| AccessError::Write {
+        path: target.path().to_owned(),
+        cause,
+    };
+    if cfg!(target_endian = "big") {
+        return Err(failed(
+            "shards are made by machines alone that write the lowest byte first".into(),
+        ));
+    }
+    let zeros = vec![0; start.len()];
+    let mut piece = vec![T::default(); region::volume(&sharded.inner).unwrap_or(0)];
+    let mut all = vec![];
+    for index in target.units(start, size) {
+        let (origin, valid) = region::chunk_box(target.shape(), &sharded.inner, &index);
+        let at: Vec<u64> = origin.iter().zip(start).map(|(o, s)| o - s).collect();
+        if valid != sharded.inner {
+            piece.fill(T::default());
+        }
+        let (from, into) = (
+            Window { shape: size, at: &at },
+            Window {
+                shape: &sharded.inner,
+                at: &zeros,
+            },
+        );
+        region::copy(values, from, &mut piece, into, &valid);
+        let bytes: &[u8] = bytemuck::cast_slice(&piece);
+        let content = sparse_frame::encode(bytes, None);
+        // Negative zeros are stored, as they are among what else their chunk has.
+        if content == Content::Zero {
+            continue;
+        }
+        let mut frame = coding::encode(bytes, content).map_err(|e| failed(e.to_string()))?;
+        coding::seal(&mut frame);
+        all.push((sharded.place(&index).1, frame));
+    }
+    Ok(all)
+}
