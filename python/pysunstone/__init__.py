@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pysunstone.mitsuba import from_mitsuba
     from pysunstone.mueller import decompose
     from pysunstone.scene import Scene, Slice, Slices
+    from pysunstone.shards import shard
     from pysunstone.stores import open_store
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "pbrdf",
     "phase",
     "reconstruct",
+    "shard",
     "simulate",
 ]
 
@@ -66,6 +68,7 @@ _HOMES = {
     "learn": "learning",
     "open_store": "stores",
     "reconstruct": "capture",
+    "shard": "shards",
     "simulate": "capture",
 }
 

@@ -21,11 +21,12 @@ from typing import Any, Literal, cast
 
 import numpy as np
 import xarray as xr
-from zarr.abc.store import ByteRequest, Store
+from zarr.abc.store import ByteRequest, RangeByteRequest, Store, SuffixByteRequest
 from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import FsspecStore, LocalStore, WrapperStore
 
 from .boxes import bins
+from .shards import Shards, Tail
 
 __all__ = [
     "DamagedStoreError",
@@ -76,33 +77,70 @@ class _CheckedStore(WrapperStore[Store]):
     """A store whose files must be as its manifest says.
 
     Zarr takes a chunk without a file for zeros. Here a file that the manifest lists must be there, of its size, and a chunk must
-    end with the checksum of its line (whether its bytes have that checksum, Zarr's codec checks).
+    end with the checksum of its line (whether its bytes have that checksum, Zarr's codec checks). Of a shard some bytes are read, which
+    its tail must tell of; that is fetched once and kept.
     """
 
-    def __init__(self, store: Store, name: str, entries: Mapping[str, _Entry]) -> None:
+    def __init__(self, store: Store, name: str, entries: Mapping[str, _Entry], shards: Shards) -> None:
         super().__init__(store)
         self._name = name
         self._entries = entries
+        self._shards = shards
+        self._tails: dict[str, Tail] = {}
 
     async def get(
         self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
+        entry, chunks = self._entries.get(key), self._shards.chunks(key)
+        if entry is not None and chunks is not None and byte_range is not None:
+            return await self._part(key, entry, chunks, prototype, byte_range)
         found = await self._store.get(key, prototype, byte_range)
-        entry = self._entries.get(key)
         if entry is None or byte_range is not None:
             return found
         if found is None:
-            raise DamagedStoreError(f"{self._name}: {key} is lost: render it again, or copy the store whole")
+            raise self._damaged(key, "is lost")
         same = len(found) == entry.size
-        if same and not key.endswith(_ROOT):
+        if same and chunks is not None:
+            same = Tail(found[-Shards.tail_length(chunks) :].to_bytes(), chunks).checksum == entry.crc
+        elif same and not key.endswith(_ROOT):
             same = found[-4:].to_bytes() == struct.pack("<I", entry.crc)
         if not same:
-            raise DamagedStoreError(f"{self._name}: {key} is not what was written: render it again, or copy the store whole")
+            raise self._damaged(key, "is not what was written")
+        return found
+
+    def _damaged(self, key: str, what: str) -> DamagedStoreError:
+        return DamagedStoreError(f"{self._name}: {key} {what}: render it again, or copy the store whole")
+
+    async def _part(
+        self, key: str, entry: _Entry, chunks: int, prototype: BufferPrototype, byte_range: ByteRequest
+    ) -> Buffer:
+        """Some bytes of a shard."""
+        tail = self._tails.get(key)
+        if tail is None:
+            length = Shards.tail_length(chunks)
+            # From a place that is right only if the shard is as long as it should be.
+            last = await self._store.get(key, prototype, RangeByteRequest(entry.size - length, entry.size + 1))
+            if last is None:
+                raise self._damaged(key, "is lost")
+            same = len(last) == length
+            tail = Tail(last.to_bytes(), chunks) if same else None
+            if tail is None or tail.checksum != entry.crc:
+                raise self._damaged(key, "is not what was written")
+            self._tails[key] = tail
+        if isinstance(byte_range, SuffixByteRequest) and byte_range.suffix == len(tail.index):
+            return prototype.buffer.from_bytes(tail.index)
+        found = await self._store.get(key, prototype, byte_range)
+        if found is None:
+            raise self._damaged(key, "is lost")
+        if isinstance(byte_range, RangeByteRequest):
+            fault = tail.fault(byte_range.start, byte_range.end, found.to_bytes())
+            if fault:
+                raise self._damaged(key, f"is damaged, {fault}")
         return found
 
     def _with_store(self, store: Store) -> _CheckedStore:
         # Zarr makes read-only copies so.
-        return type(self)(store, self._name, self._entries)
+        return type(self)(store, self._name, self._entries, self._shards)
 
     def with_read_only(self, read_only: bool = False) -> _CheckedStore:
         return self._with_store(self._store.with_read_only(read_only))
@@ -169,7 +207,7 @@ def open_store(
         )
     store = location.store()
     if entries is not None:
-        store = _CheckedStore(store, location.name, entries)
+        store = _CheckedStore(store, location.name, entries, Shards.of(_description(location)))
     known = list(attributes.get("slices", []))
     if slices is not None and (strange := [s for s in slices if s not in known]):
         raise StoreError(f"{location.name} has no slice `{strange[0]}`; it has: {', '.join(known)}")
@@ -341,8 +379,18 @@ def _cut(data: xr.Dataset, chunks: Literal["auto"] | Mapping[Hashable, int] | No
     if importlib.util.find_spec("dask") is None or not data.data_vars:
         return data
     largest = max(data.data_vars.values(), key=lambda array: array.size)
-    stored = largest.encoding.get("preferred_chunks") or dict(largest.sizes)
+    stored = _stored(largest)
     return data.chunk(pieces(dict(largest.sizes), stored, largest.dtype.itemsize))
+
+
+def _stored(array: xr.DataArray) -> Mapping[Hashable, int]:
+    """Lengths of what is best read together: a chunk; of an array in shards, a shard, or what was a chunk before where that is too much."""
+    for lengths in (array.encoding.get("shards"), array.attrs.get("unsharded_chunk")):
+        if lengths:
+            cut = {dim: min(n, length) for (dim, n), length in zip(array.sizes.items(), lengths, strict=True)}
+            if math.prod(cut.values()) * array.dtype.itemsize <= _PIECE:
+                return cut
+    return array.encoding.get("preferred_chunks") or dict(array.sizes)
 
 
 def pieces(sizes: Mapping[Hashable, int], stored: Mapping[Hashable, int], itemsize: int) -> dict[Hashable, int]:

@@ -24,7 +24,7 @@ pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
 pub fn around(
     slice: &StoredSlice,
     pixels: Option<[Range<usize>; 2]>,
-) -> Result<Option<(Vec<u64>, Vec<u64>)>, AccessError> {
+) -> Result<Option<[Vec<u64>; 2]>, AccessError> {
     if !slice.has(Field::TotalStdError) {
         return Ok(None);
     }
@@ -36,7 +36,7 @@ pub fn around(
         |of: &Range<usize>, length: u64| of.start.saturating_sub(1) as u64..(of.end as u64 + 1).min(length);
     let read = [wider(&rows, height), wider(&columns, width)];
     let start = read.iter().map(|r| r.start).collect();
-    Ok(Some((start, read.iter().map(|r| r.end - r.start).collect())))
+    Ok(Some([start, read.iter().map(|r| r.end - r.start).collect()]))
 }
 
 /// [`of`] the pixels in a box of rows and columns.
@@ -44,7 +44,7 @@ pub fn around(
 /// # Errors
 /// As [`of`].
 pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<Option<Doubt>, AccessError> {
-    let Some((start, shape)) = around(slice, pixels.clone())? else {
+    let Some([start, shape]) = around(slice, pixels.clone())? else {
         return Ok(None);
     };
     let layout = slice.field_layout(Field::TotalStdError)?;

@@ -55,7 +55,7 @@ fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlic
         let (start, shape): (Vec<u64>, Vec<u64>) = ranges.unzip();
         regions.extend(fields.map(|field| (field, start.clone(), shape.clone())));
     }
-    if let Some((start, shape)) = doubt::around(slice, pixels(plan))? {
+    if let Some([start, shape]) = doubt::around(slice, pixels(plan))? {
         regions.push((Field::TotalStdError, start, shape));
     }
     Ok(slice.fetch_together(&regions)?)

@@ -95,7 +95,9 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
         else {
             break;
         };
-        let factor = (2..=inner[axis]).find(|f| inner[axis] % f == 0).unwrap_or(1);
+        let factor = (2..=inner[axis])
+            .find(|f| inner[axis].is_multiple_of(*f))
+            .unwrap_or(1);
         let next = inner[axis] / factor;
         // Numbers that hardly take a byte each are no reason for ever more frames: a tail is to stay short.
         let pieces = whole / (region::volume(&inner).unwrap_or(1) / factor as usize).max(1);

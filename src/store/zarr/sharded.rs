@@ -25,6 +25,13 @@ pub(super) struct Sharding {
     pub(super) shard: Vec<u64>,
 }
 
+/// A region of an array.
+pub(super) struct Region<'a, T> {
+    pub(super) array: &'a ChunkedArray<T>,
+    pub(super) start: Vec<u64>,
+    pub(super) shape: Vec<u64>,
+}
+
 /// Arrays that lie in shards, by their nodes, such as `steady/mean`.
 pub(super) type Shardings = HashMap<String, Sharding>;
 
@@ -143,14 +150,13 @@ impl<T: Number> ChunkedArray<T> {
             return Ok(None);
         };
         let range = piece.range();
-        let bytes = match &contents.whole {
-            Some(whole) => whole.slice(range.start as usize..range.end as usize),
-            None => {
-                let key = self.array.chunk_key(&shard);
-                let read = self.array.storage().read_part(key.as_str(), range);
-                read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?
-                    .unwrap_or_default()
-            }
+        let bytes = if let Some(whole) = &contents.whole {
+            whole.slice(range.start as usize..range.end as usize)
+        } else {
+            let key = self.array.chunk_key(&shard);
+            let read = self.array.storage().read_part(key.as_str(), range);
+            read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?
+                .unwrap_or_default()
         };
         match piece.fault(&bytes) {
             None => Ok(Some(bytes)),
@@ -222,11 +228,8 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Fetches the units of the first ones of several regions ahead, each of some arrays of one store, and says of how many
     /// regions.
-    pub(super) fn fetch_regions(regions: &[Vec<(&Self, Vec<u64>, Vec<u64>)>]) -> Result<usize, AccessError> {
-        let first = regions
-            .first()
-            .and_then(|r| r.first())
-            .map(|(array, _, _)| *array);
+    pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
+        let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
         let Some(first) = first.filter(|a| a.array.storage().remote().is_some()) else {
             return Ok(regions.len());
         };
@@ -235,7 +238,7 @@ impl<T: Number> ChunkedArray<T> {
         for region in regions {
             let mut of_region = vec![];
             let mut more = vec![];
-            for (array, start, shape) in region {
+            for Region { array, start, shape } in region {
                 array.check(start, shape)?;
                 let found = array.units(start, shape);
                 if let Some(sharded) = &array.sharded {

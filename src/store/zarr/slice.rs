@@ -11,6 +11,7 @@ use super::chunked::ChunkedArray;
 use super::describe;
 use super::error::{AccessError, OpenError};
 use super::partial::{self, Values};
+use super::sharded::Region;
 use tensor::array::Tensor;
 use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
@@ -200,11 +201,19 @@ impl StoredSlice {
         regions: &[(Vec<u64>, Vec<u64>)],
     ) -> Result<usize, AccessError> {
         let of_region = |(start, shape): &(Vec<u64>, Vec<u64>)| {
-            let of = |field: &Field| Ok((&self.field(*field)?.1, start.clone(), shape.clone()));
+            let of = |field: &Field| self.region(*field, start, shape);
             fields.iter().map(of).collect::<Result<Vec<_>, AccessError>>()
         };
         let regions = regions.iter().map(of_region);
         ChunkedArray::fetch_regions(&regions.collect::<Result<Vec<_>, _>>()?)
+    }
+
+    fn region(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Region<'_, f32>, AccessError> {
+        Ok(Region {
+            array: &self.field(field)?.1,
+            start: start.to_vec(),
+            shape: shape.to_vec(),
+        })
     }
 
     /// Gets a region each of several fields, as [`Self::fetch_ahead`], all or none of them.
@@ -212,9 +221,7 @@ impl StoredSlice {
     /// # Errors
     /// As [`Self::fetch_ahead`].
     pub fn fetch_together(&self, regions: &[(Field, Vec<u64>, Vec<u64>)]) -> Result<(), AccessError> {
-        let of = |(field, start, shape): &(Field, Vec<u64>, Vec<u64>)| {
-            Ok((&self.field(*field)?.1, start.clone(), shape.clone()))
-        };
+        let of = |(field, start, shape): &(Field, Vec<u64>, Vec<u64>)| self.region(*field, start, shape);
         let regions = regions.iter().map(of).collect::<Result<Vec<_>, AccessError>>()?;
         ChunkedArray::fetch_regions(&[regions]).map(drop)
     }

@@ -267,3 +267,40 @@ fn exchanged_frames_are_found() {
         ["a/c.0: is not what was written"]
     );
 }
+
+/// What chunks of a shard cost by their size: `SUNSTONE_STORE=PATH cargo test --release -p sunstone-store -- --ignored --nocapture costs`.
+#[test]
+#[ignore = "a measurement"]
+fn costs_of_small_chunks() {
+    let input = PathBuf::from(std::env::var_os("SUNSTONE_STORE").expect("a store"));
+    let store = TensorStore::open(&input).expect("opens");
+    let dir = tempfile::tempdir().expect("a folder");
+    let size = |path: &Path, folder: &str| -> usize {
+        let all = files(path).into_iter();
+        let of = all.filter(|(name, _)| name.starts_with(folder) && !name.ends_with("zarr.json"));
+        of.map(|(_, bytes)| bytes.len()).sum()
+    };
+    for kib in [2, 4, 8, 16, 32, 64, 1 << 20] {
+        let limits = Limits {
+            piece: kib << 10,
+            ..Limits::default()
+        };
+        let out = dir.path().join("out");
+        let begun = std::time::Instant::now();
+        shard_to(&input, &out, true, limits).expect("shards");
+        let seconds = begun.elapsed().as_secs_f64();
+        let sharded = TensorStore::open(&out).expect("opens");
+        let of: Vec<String> = store
+            .slice_names()
+            .iter()
+            .map(|name| {
+                let slice = sharded.slice(name).expect("a slice");
+                let inner = slice.field(Field::Mean).expect("has it").1.unit().to_vec();
+                let folder = format!("{name}/mean");
+                let more = 100.0 * (size(&out, &folder) as f64 / size(&input, &folder) as f64 - 1.0);
+                format!("{name} {} x {} px {more:+.2} %", inner[0], inner[1])
+            })
+            .collect();
+        println!("{kib} KiB, {seconds:.1} s: {}", of.join(", "));
+    }
+}
