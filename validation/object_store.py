@@ -75,7 +75,7 @@ class Proxy(http.server.ThreadingHTTPServer):
     def reset(self, share=0.0, seed=0):
         with self.lock:
             self.share, self.random = share, random.Random(seed)
-            self.requests, self.bytes, self.sent, self.failed = [], 0, 0, 0
+            self.requests, self.bytes, self.sent, self.failed, self.ranges = [], 0, 0, 0, 0
 
     def kinds(self):
         """Requests by what they are for."""
@@ -109,6 +109,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         with server.lock:
             server.requests.append((self.command, self.path))
             server.sent += len(body)
+            server.ranges += "Range" in self.headers
             fails = server.random.random() < server.share
             cut = server.random.random() < 0.5
             server.failed += fails

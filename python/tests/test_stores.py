@@ -6,6 +6,7 @@ import functools
 import http.server
 import importlib.util
 import json
+import math
 import pickle
 import shutil
 import signal
@@ -22,8 +23,9 @@ import xarray as xr
 import zarr
 
 import rendered
-from pysunstone import stores
+from pysunstone import shards, stores
 from pysunstone.boxes import bins
+from pysunstone.command import CommandError
 from pysunstone.stores import open_store
 
 def array(tree: xr.DataTree, path: str) -> xr.DataArray:
@@ -279,3 +281,54 @@ def test_entries_stand_for_pixels() -> None:
     for bad in ([1, 4], [1.5, 5.6], [float("nan")]):
         with pytest.raises(ValueError):
             bins(bad)
+
+
+@pytest.fixture
+def sharded(tmp_path: Path) -> Path:
+    return Path(shards.shard(rendered.store(), tmp_path / "shards.zarr"))
+
+
+def test_a_store_in_shards_is_the_same(sharded: Path) -> None:
+    plain, tree, alone = open_store(rendered.store()), open_store(sharded), xr.open_datatree(sharded, engine="zarr")
+    assert len(list(sharded.rglob("c.*"))) < len(list(Path(rendered.store()).rglob("c.*")))
+    for name in SLICES:
+        for field in plain[name].to_dataset().data_vars:
+            there = plain[name][field].values.view("u4")
+            for other in (tree, alone):
+                assert np.array_equal(other[name][field].values.view("u4"), there), f"{name}/{field}"
+        assert tree[name].to_dataset().drop_vars(list(plain[name].data_vars)).drop_attrs().identical(
+            plain[name].to_dataset().drop_vars(list(plain[name].data_vars)).drop_attrs()
+        )
+    one = array(open_store(sharded, chunks=None), "timed/mean")[0, 4]
+    assert np.array_equal(one.values, array(plain, "timed/mean")[0, 4].values)
+    assert pickle.loads(pickle.dumps(array(tree, "steady/mean"))).equals(array(tree, "steady/mean").compute())
+    with pytest.raises(CommandError, match="in shards already"):
+        shards.shard(sharded, sharded.with_name("twice.zarr"))
+    with pytest.raises(CommandError, match="--force"):
+        shards.shard(rendered.store(), sharded)
+    assert shards.shard(rendered.store(), sharded, force=True) == str(sharded)
+
+
+@pytest.mark.parametrize("fault", ["lost", "cut", "chunk", "seals", "index", "swapped"])
+@pytest.mark.parametrize("part", [False, True])
+def test_damage_of_a_shard_is_an_error(sharded: Path, fault: str, part: bool) -> None:
+    shard = sorted((sharded / "full/mean").glob("c.*"))[0]
+    told = json.loads((sharded / "full/mean/zarr.json").read_text())
+    lengths = told["chunk_grid"]["configuration"]["chunk_shape"], told["codecs"][0]["configuration"]["chunk_shape"]
+    chunks = math.prod(s // c for s, c in zip(*lengths, strict=True))
+    assert chunks > 1
+    content = bytearray(shard.read_bytes())
+    tail = len(content) - shards.Shards.tail_length(chunks)
+    if fault == "lost":
+        shard.unlink()
+    elif fault == "cut":
+        shard.write_bytes(content[:-1])
+    elif fault == "swapped":
+        shutil.copy(sharded / "full/std_error" / shard.name, shard)
+    else:
+        content[{"chunk": 9, "seals": tail + 1, "index": len(content) - 20}[fault]] ^= 1
+        shard.write_bytes(content)
+    full = array(open_store(sharded, chunks=None), "full/mean")
+    inner = lengths[1]
+    with pytest.raises((stores.DamagedStoreError, ValueError, RuntimeError), match="full/mean|crc32c|checksum"):
+        (full[: inner[0], : inner[1]] if part else full).load()

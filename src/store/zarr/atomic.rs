@@ -3,6 +3,7 @@
 //! In a directory values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
 //! never see and [`AtomicDirectory::remove_leftovers`] deletes.
 
+use super::coordinates;
 use super::description;
 use super::error::OpenError;
 use super::manifest::{Entry, Manifest};
@@ -24,7 +25,7 @@ use zarrs::storage::{
 };
 
 /// A shard below an address of no more bytes is fetched whole: what is read of it next takes no other request.
-const SMALL: u64 = if cfg!(test) { 512 } else { 128 << 10 };
+const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
 /// The last bytes of a shard, which tell of all others.
 #[derive(Debug)]
@@ -88,6 +89,14 @@ impl AtomicDirectory {
             None => self.root.join(node).is_dir(),
             Some(remote) => remote.has_description(node, self.manifest.as_ref()),
         }
+    }
+
+    /// Whether the description of an array below an address tells its coordinates.
+    pub(super) fn tells(&self, node: &str) -> bool {
+        let description = |remote: &Remote| remote.description(&format!("{node}/zarr.json"));
+        let json = self.remote.as_ref().and_then(description);
+        let json: Option<Value> = json.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        json.is_some_and(|json| json["attributes"].get(coordinates::VALUES).is_some())
     }
 
     /// Whether there is a description of a group or an array, such as `/steady/mean`.

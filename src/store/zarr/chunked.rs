@@ -21,6 +21,7 @@ use zarrs::array::{
 
 use super::atomic::AtomicDirectory;
 use super::coding::{self, Coding};
+use super::coordinates;
 use super::error::{AccessError, CreateError, OpenError};
 use super::sharded::{Sharded, Sharding};
 use super::sparse_frame::{self, Content};
@@ -228,6 +229,11 @@ impl<T: Number> ChunkedArray<T> {
     pub(super) fn names(&self) -> Vec<String> {
         let names = self.array.dimension_names().as_deref().unwrap_or_default();
         names.iter().map(|n| n.clone().unwrap_or_default()).collect()
+    }
+
+    /// `n` coordinates that the array's description tells, if it does.
+    pub(super) fn told(&self, n: u64) -> Option<Vec<f64>> {
+        coordinates::read_values(self.array.attributes().get(coordinates::VALUES)?, n as usize)
     }
 
     pub(super) fn check(&self, start: &[u64], shape: &[u64]) -> Result<usize, AccessError> {

@@ -14,6 +14,7 @@ use serde_json::{Map, Value, json};
 use super::atomic::AtomicDirectory;
 use super::check;
 use super::chunked::{ChunkedArray, Description};
+use super::coordinates;
 use super::description::{read_json, to_bytes, write_json};
 use super::error::{CreateError, OpenError};
 use super::sharded::Shardings;
@@ -94,7 +95,7 @@ pub(super) fn create_slice(
         &group_json(&attributes),
     )?;
     for axis in &layout.axes {
-        create_coordinates(storage, name, axis)?;
+        create_coordinates(storage, name, axis, !shardings.is_empty())?;
     }
     for field in Field::ALL {
         let Some(layout) = field.layout_in(layout) else {
@@ -123,7 +124,13 @@ fn is_index(kind: AxisKind) -> bool {
     )
 }
 
-fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) -> Result<(), CreateError> {
+/// Writes the coordinates of an axis; `tell` has their description tell them too.
+fn create_coordinates(
+    storage: &Arc<AtomicDirectory>,
+    slice: &str,
+    axis: &Axis,
+    tell: bool,
+) -> Result<(), CreateError> {
     let kind = axis.kind;
     let mut attributes = Map::new();
     attributes.insert("units".into(), json!(kind.units()));
@@ -145,6 +152,8 @@ fn create_coordinates(storage: &Arc<AtomicDirectory>, slice: &str, axis: &Axis) 
         }
         _ => {}
     }
+    let told = tell.then(|| coordinates::told(&axis.coords)).flatten();
+    attributes.extend(told.map(|value| (coordinates::VALUES.to_owned(), value)));
     let node = format!("/{slice}/{}", kind.name());
     let description = Description {
         shape: vec![axis.len()],
@@ -182,6 +191,13 @@ fn read_axis(
         path: storage.root().join(slice).join(kind.name()),
         reason,
     };
+    let checked = |coords: Vec<f64>| {
+        let axis = Axis { kind, coords, chunk };
+        match check::coordinates_fault(&axis) {
+            Some(reason) => Err(damaged(reason)),
+            None => Ok(axis),
+        }
+    };
     let length = |shape: &[u64]| match shape {
         [n] if *n == expected && (1..=MAX_AXIS).contains(n) => Ok(*n),
         _ => Err(damaged(format!(
@@ -191,18 +207,20 @@ fn read_axis(
     let coords: Vec<f64> = if is_index(kind) {
         let array = ChunkedArray::<i64>::open(storage, &node)?;
         let n = length(array.shape())?;
+        if let Some(coords) = array.told(n) {
+            return checked(coords);
+        }
         let values = array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?;
         values.into_iter().map(|v| v as f64).collect()
     } else {
         let array = ChunkedArray::<f64>::open(storage, &node)?;
         let n = length(array.shape())?;
+        if let Some(coords) = array.told(n) {
+            return checked(coords);
+        }
         array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?
     };
-    let axis = Axis { kind, coords, chunk };
-    match check::coordinates_fault(&axis) {
-        Some(reason) => Err(damaged(reason)),
-        None => Ok(axis),
-    }
+    checked(coords)
 }
 
 /// Rebuilds the layout of a slice from its `mean` array, its coordinate arrays and its attributes.
@@ -224,9 +242,9 @@ pub(super) fn read_layout(
             mean.shape().len()
         )));
     }
-    let coordinates = names.iter().map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
-    let coordinates: Vec<(String, Ask)> = coordinates.collect();
-    let fetched = storage.fetch_ahead(&coordinates);
+    let coordinates = names.iter().filter(|n| !storage.tells(&format!("{slice}/{n}")));
+    let coordinates = coordinates.map(|n| (format!("{slice}/{n}/c.0"), Ask::Whole));
+    let fetched = storage.fetch_ahead(&coordinates.collect::<Vec<_>>());
     fetched.map_err(|e| OpenError::of_read(mean.path(), &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {

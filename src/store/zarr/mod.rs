@@ -18,6 +18,7 @@ mod check;
 mod chunk_file;
 mod chunked;
 mod coding;
+mod coordinates;
 mod describe;
 mod description;
 mod error;

@@ -24,6 +24,7 @@ fn a_profile_is_few_ranges() {
     assert_eq!(requests(&store), 2);
     let slice = store.slice("timed").expect("a slice");
     let opened = requests(&store);
+    assert_eq!(opened, 2, "its coordinates came with the root's description");
     let shape = slice.layout().shape();
     let region = |y, x| {
         let (mut at, mut profile) = (vec![0; shape.len()], shape.clone());
