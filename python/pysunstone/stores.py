@@ -122,6 +122,9 @@ class _CheckedStore(WrapperStore[Store]):
             last = await self._store.get(key, prototype, RangeByteRequest(entry.size - length, entry.size + 1))
             if last is None:
                 raise self._damaged(key, "is lost")
+            if len(last) == entry.size:
+                # Plain web servers may know whole files alone.
+                last = last[-length:]
             same = len(last) == length
             tail = Tail(last.to_bytes(), chunks) if same else None
             if tail is None or tail.checksum != entry.crc:
@@ -133,6 +136,8 @@ class _CheckedStore(WrapperStore[Store]):
         if found is None:
             raise self._damaged(key, "is lost")
         if isinstance(byte_range, RangeByteRequest):
+            if len(found) == entry.size:
+                found = found[byte_range.start : byte_range.end]
             fault = tail.fault(byte_range.start, byte_range.end, found.to_bytes())
             if fault:
                 raise self._damaged(key, f"is damaged, {fault}")

@@ -167,6 +167,14 @@ def test_a_store_is_read_over_http(url: str) -> None:
         open_store(f"{url}/nothing.zarr")
 
 
+def test_shards_are_read_over_http(url: str) -> None:
+    """From a server that knows no ranges of bytes."""
+    pytest.importorskip("aiohttp", reason="fsspec reads http with it")
+    shards.shard(rendered.store(), rendered.folder() / "served.zarr")
+    there, here = (array(open_store(place, chunks=None), "full/mean") for place in (f"{url}/served.zarr", rendered.store()))
+    assert there[3, 5].equals(here[3, 5]) and there.equals(here)
+
+
 def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
     with pytest.raises(stores.NotAStoreError, match="there is nothing"):
         open_store(tmp_path / "none.zarr")

@@ -64,7 +64,7 @@ impl ShardError {
 /// Copies a finished store into a new one, `out`, in shards (an existing store is overwritten only with `replace`).
 ///
 /// Values and attributes are the same, to the bit. Killed at any moment, it leaves no store that reads as one, and the same call goes on
-/// where it was. It takes the memory of four shards, some 200 MB at most.
+/// where it was. It takes the memory of four shards, twice: some 400 MB at most.
 ///
 /// # Errors
 /// If the input is no finished store of a whole render, is in shards already, or anything cannot be read or written.

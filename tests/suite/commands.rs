@@ -309,6 +309,21 @@ fn a_chain_of_commands() {
 }
 
 #[test]
+fn a_store_in_shards_answers_as_before() {
+    let dir = rendered();
+    let d = dir.path();
+    run(d, &["shard", "out/room.zarr", "-o", "shards.zarr"]);
+    run(d, &["verify", "shards.zarr"]);
+    assert!(run(d, &["info", "shards.zarr"]).contains("in shards"));
+    let probe = |store: &str| run(d, &["probe", store, "xt", "-k", "x=3", "--csv", "-"]);
+    assert_eq!(probe("shards.zarr"), probe("out/room.zarr"));
+    let again = refused(d, &["shard", "shards.zarr", "-o", "twice.zarr"]);
+    assert!(again.contains("in shards already"), "{again}");
+    let onto = refused(d, &["shard", "out/room.zarr", "-o", "out/room.zarr"]);
+    assert!(onto.contains("-o"), "{onto}");
+}
+
+#[test]
 fn bad_input_is_refused_with_a_mend() {
     let dir = rendered();
     let d = dir.path();

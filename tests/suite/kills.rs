@@ -197,6 +197,34 @@ fn merges_and_exports() {
     println!("{} merges and exports killed: {outcomes:?}", trials());
 }
 
+#[test]
+fn copies_into_shards() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::write(at.join("scene.toml"), mirror_room(64, 64, 4, 16, SLICES)).expect("a scene");
+    run(at, &["render", "scene.toml", "--no-figures", "-o", "a.zarr"], 0);
+    let shard = |store: &'static str| ["shard", "a.zarr", "--force", "-o", store];
+    let longest = duration(at, &shard("whole.zarr"));
+    let mut random = Stream::new(3, 0, 0);
+    let mut outcomes = Outcomes::default();
+    let input = files(&at.join("a.zarr"));
+    for trial in 0..trials() {
+        if trial % 2 == 0 {
+            let _ = std::fs::remove_dir_all(at.join("s.zarr"));
+        }
+        let one = shard("s.zarr");
+        let some = vec![&one[..]; 1 + trial as usize % 3];
+        kill_some(at, &some, &mut random, longest);
+        check(at, "s.zarr", &mut outcomes);
+        run(at, &one, 0);
+        assert_same_store(&at.join("s.zarr"), &at.join("whole.zarr"));
+        only(at, &["scene.toml", "a.zarr", "whole.zarr", "s.zarr"]);
+    }
+    assert_eq!(outcomes.unfinished, 0, "a copy is there whole or not at all");
+    assert!(files(&at.join("a.zarr")) == input);
+    println!("{} copies into shards killed: {outcomes:?}", trials());
+}
+
 /// Of several at one place, one writes and the others are told who does.
 #[test]
 fn one_writes() {
