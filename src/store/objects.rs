@@ -4,11 +4,9 @@
 //! passing reason (5xx, a cut connection) are made again. Credentials, endpoint and region are those of the environment, by the
 //! names that each cloud gives them.
 
-mod get;
+pub(crate) mod get;
 pub(crate) mod lock;
 mod put;
-
-pub(crate) use get::Ask;
 
 use crate::refusal::Refusal;
 use futures_util::stream::TryStreamExt;

@@ -1,7 +1,7 @@
 //! Object stores in a build without them: every address is refused, and there is nothing else to do.
 
 use crate::refusal::Refusal;
-use std::ops::Range;
+use get::Ask;
 use std::path::Path;
 use zarrs::storage::Bytes;
 
@@ -13,12 +13,17 @@ enum Never {}
 #[derive(Clone, Debug)]
 pub(crate) struct Objects(Never);
 
-/// What is asked of an object.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Ask {
-    Whole,
-    Bytes(Range<u64>),
-    End(u64, Option<u64>),
+/// What is asked of objects.
+pub(crate) mod get {
+    use std::ops::Range;
+
+    /// What is asked of an object.
+    #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+    pub(crate) enum Ask {
+        Whole,
+        Bytes(Range<u64>),
+        End(u64, Option<u64>),
+    }
 }
 
 impl Objects {

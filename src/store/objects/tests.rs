@@ -2,6 +2,7 @@
 
 pub(crate) mod faulty;
 
+use super::get::Ask;
 use super::lock::{NoLock, ObjectLock};
 use super::put::Put;
 use super::*;

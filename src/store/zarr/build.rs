@@ -5,7 +5,7 @@ use super::check;
 use super::chunked::{ChunkedArray, Description};
 use super::describe;
 use super::error::CreateError;
-use super::sharded::Shardings;
+use super::shard_grid::Shardings;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -23,7 +23,7 @@ use super::atomic::AtomicDirectory;
 use super::coding::{self, Coding};
 use super::coordinates;
 use super::error::{AccessError, CreateError, OpenError};
-use super::sharded::{Sharded, Sharding};
+use super::shard_grid::{Sharded, Sharding};
 use super::sparse_frame::{self, Content};
 use tensor::region::{self, Window};
 use tensor::sink::STRETCH;

@@ -17,7 +17,7 @@ use super::chunked::{ChunkedArray, Description};
 use super::coordinates;
 use super::description::{read_json, to_bytes, write_json};
 use super::error::{CreateError, OpenError};
-use super::sharded::Shardings;
+use super::shard_grid::Shardings;
 use crate::place::Ask;
 use base::whole_file;
 use tensor::axes::{Axis, AxisKind, SliceLayout};

@@ -33,6 +33,7 @@ mod remote;
 mod remote_store;
 mod samples;
 mod shard;
+mod shard_grid;
 mod shard_shape;
 mod sharded;
 mod sharding;

@@ -5,7 +5,7 @@
 //! along the camera's, until shards are large enough for their number to be small.
 
 use super::shard;
-use super::sharded::Sharding;
+use super::shard_grid::Sharding;
 use tensor::region;
 
 /// How large is large enough.
