@@ -96,7 +96,7 @@ impl AtomicDirectory {
         let description = |remote: &Remote| remote.description(&format!("{node}/zarr.json"));
         let json = self.remote.as_ref().and_then(description);
         let json: Option<Value> = json.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        json.is_some_and(|json| json["attributes"].get(coordinates::VALUES).is_some())
+        json.is_some_and(|json| coordinates::tell(&json["attributes"]))
     }
 
     /// Whether there is a description of a group or an array, such as `/steady/mean`.

@@ -233,7 +233,7 @@ impl<T: Number> ChunkedArray<T> {
 
     /// `n` coordinates that the array's description tells, if it does.
     pub(super) fn told(&self, n: u64) -> Option<Vec<f64>> {
-        coordinates::read_values(self.array.attributes().get(coordinates::VALUES)?, n as usize)
+        coordinates::read(self.array.attributes(), n as usize)
     }
 
     pub(super) fn check(&self, start: &[u64], shape: &[u64]) -> Result<usize, AccessError> {

@@ -3,38 +3,51 @@
 //! Most axes are regular (pixels, bins of time) or short (wavelengths, elements of a matrix). Their arrays have them all the same,
 //! for other programs.
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
-/// Attribute of the array: first coordinate and step, or a list.
-pub(super) const VALUES: &str = "values";
-/// Longest list.
-const LIST: usize = 16;
+/// Attribute of the array: first coordinate and step.
+const REGULAR: &str = "start_and_step";
+/// Attribute of the array: all coordinates.
+const ALL: &str = "values";
+/// Most coordinates of a list.
+const MOST: usize = 16;
 
-/// What tells these coordinates, if anything short does, to the bit.
-pub(super) fn told(coords: &[f64]) -> Option<Value> {
+/// The attribute that tells these coordinates, if anything short does, to the bit. (Lists of numbers, which other formats have too.)
+pub(super) fn told(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
-        [start, next, ..] => Some(json!({"start": start, "step": next - start})),
+        [start, next, ..] => Some((REGULAR, json!([start, next - start]))),
         _ => None,
     };
-    let list = (coords.len() <= LIST).then(|| json!(coords));
-    let same = |value: &Value| {
+    let list = (coords.len() <= MOST).then(|| (ALL, json!(coords)));
+    let same = |(key, value): &(&str, Value)| {
         // As it will be read: numbers go through a text.
-        let read = serde_json::from_str(&value.to_string()).ok();
-        let read = read.and_then(|value| read_values(&value, coords.len()));
-        read.is_some_and(|read| read.iter().zip(coords).all(|(a, b)| a.to_bits() == b.to_bits()))
+        let parsed = serde_json::from_str(&value.to_string()).ok();
+        let again =
+            parsed.and_then(|value| read(&Map::from_iter([((*key).to_owned(), value)]), coords.len()));
+        again.is_some_and(|again| {
+            let mut pairs = again.iter().zip(coords);
+            pairs.all(|(a, b)| a.to_bits() == b.to_bits())
+        })
     };
-    [regular, list].into_iter().flatten().find(same)
+    let found = [regular, list].into_iter().flatten().find(same);
+    found.map(|(key, value)| (key.to_owned(), value))
 }
 
-/// `n` coordinates that are told; `None` if they are not.
-pub(super) fn read_values(value: &Value, n: usize) -> Option<Vec<f64>> {
-    if let Some(list) = value.as_array() {
-        let coords: Vec<f64> = list.iter().map(Value::as_f64).collect::<Option<_>>()?;
-        return (coords.len() == n).then_some(coords);
+/// Whether attributes tell coordinates.
+pub(super) fn tell(attributes: &Value) -> bool {
+    [REGULAR, ALL].iter().any(|key| attributes.get(key).is_some())
+}
+
+/// `n` coordinates that attributes tell; `None` if they do not.
+pub(super) fn read(attributes: &Map<String, Value>, n: usize) -> Option<Vec<f64>> {
+    let list = |key| -> Option<Vec<f64>> {
+        let list = attributes.get(key)?.as_array()?;
+        list.iter().map(Value::as_f64).collect()
+    };
+    match list(REGULAR).as_deref() {
+        Some([start, step]) => Some((0..n).map(|i| start + i as f64 * step).collect()),
+        _ => list(ALL).filter(|coords| coords.len() == n),
     }
-    let [start, step] = ["start", "step"].map(|key| value[key].as_f64());
-    let (start, step) = start.zip(step)?;
-    Some((0..n).map(|i| start + i as f64 * step).collect())
 }
 
 #[cfg(test)]
@@ -48,14 +61,21 @@ mod tests {
             .map(|i| f64::from(i) / 3.0 + 1e-3 * f64::from(i * i))
             .collect();
         for coords in [&bins[..], &[450.0, 550.0, 660.0], &[7.0], &[0.0, 1.0], &thirds] {
-            let value = told(coords).expect("is told");
-            assert!(value.to_string().len() < 400);
-            assert_eq!(read_values(&value, coords.len()).expect("is read"), coords);
+            let told = told(coords).expect("is told");
+            assert!(told.1.to_string().len() < 400);
+            let attributes = Map::from_iter([told]);
+            assert_eq!(read(&attributes, coords.len()).expect("is read"), coords);
+            assert!(tell(&Value::Object(attributes)));
         }
         let odd: Vec<f64> = (0..40).map(|i| f64::from(i * i)).collect();
         assert_eq!(told(&odd), None);
-        assert_eq!(read_values(&json!([1.0, 2.0]), 3), None);
-        assert_eq!(read_values(&json!({"start": 1.0}), 3), None);
-        assert_eq!(read_values(&json!("x"), 3), None);
+        for other in [
+            json!({}),
+            json!({"values": [1.0, 2.0]}),
+            json!({"start_and_step": 1.0}),
+            json!({"values": "x"}),
+        ] {
+            assert_eq!(read(other.as_object().expect("a table"), 3), None);
+        }
     }
 }

@@ -152,8 +152,7 @@ fn create_coordinates(
         }
         _ => {}
     }
-    let told = tell.then(|| coordinates::told(&axis.coords)).flatten();
-    attributes.extend(told.map(|value| (coordinates::VALUES.to_owned(), value)));
+    attributes.extend(tell.then(|| coordinates::told(&axis.coords)).flatten());
     let node = format!("/{slice}/{}", kind.name());
     let description = Description {
         shape: vec![axis.len()],
