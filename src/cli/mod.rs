@@ -28,6 +28,7 @@ mod progress;
 mod project;
 mod ptu;
 mod reconstruct;
+mod remove;
 mod render;
 mod rig;
 mod scheme;
@@ -87,6 +88,7 @@ enum Command {
     Figure(figure::Arguments),
     Merge(merge::Arguments),
     Verify(verify::Arguments),
+    Remove(remove::Arguments),
     Decompose(decompose::Arguments),
     Denoise(denoise::Arguments),
     Scheme(scheme::Arguments),
@@ -135,6 +137,7 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Figure(a) => figure::run(&a),
         Command::Merge(a) => merge::run(&a),
         Command::Verify(a) => verify::run(&a),
+        Command::Remove(a) => remove::run(&a),
         Command::Decompose(a) => decompose::run(&a),
         Command::Denoise(a) => denoise::run(&a),
         Command::Scheme(a) => scheme::run(&a),

@@ -104,7 +104,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         super::output::print(&format!(
             "{store}: {}{} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
-            part.map_or(String::new(), |part| format!("{part}, {} tiles, ", summary.tiles)),
+            part.map_or(String::new(), |part| format!(
+                "{part}, {} tiles, {} samples, ",
+                summary.tiles, summary.samples
+            )),
             scene.slices.len(),
             scene.settings.spp,
             summary.wall_s,

@@ -29,6 +29,7 @@ mod partial;
 pub(crate) mod progress;
 mod remote;
 mod remote_store;
+mod remove;
 mod samples;
 mod slice;
 mod sparse_frame;
@@ -56,6 +57,7 @@ pub use self::build::SampleGrid;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::layers::write_layers;
+pub use self::remove::{PlaceLock, RemoveError, remove};
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
