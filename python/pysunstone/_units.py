@@ -72,11 +72,14 @@ class Command:
         Its words.
     below
         Words that name files of the worker: their places among ``words``, and what stands there, from the worker's own folder.
+    may_refuse
+        Whether it may refuse, and then says nothing.
     """
 
     command: str | None
     words: tuple[str, ...]
     below: tuple[tuple[int, str], ...] = ()
+    may_refuse: bool = False
 
     def __call__(self) -> str:
         """Run it. Who else writes the same store, as a worker does that was thought dead, is waited for; if that has died, the
@@ -88,9 +91,12 @@ class Command:
             try:
                 return run_command([_found(self.command), *words])
             except RenderError as e:
-                if LOCKED not in str(e):
+                if LOCKED in str(e):
+                    time.sleep(PAUSE_S)
+                elif self.may_refuse:
+                    return ""
+                else:
                     raise
-                time.sleep(PAUSE_S)
 
 
 @dataclass(frozen=True)

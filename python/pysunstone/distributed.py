@@ -276,16 +276,12 @@ class _Address:
     """A result below an address: all that is done with it a worker does, which may write there. This process need not."""
 
     def __init__(self, path: str, command: str | None) -> None:
-        self.path, self.command = path.rstrip("/"), command
-        self._done: list[str] = []
+        self.path, self.command, self._overwrite = path.rstrip("/"), command, False
 
     def begin(self, client: Any, overwrite: bool) -> None:
-        try:
-            self.run(client, "info", self.path)
-        except RenderError:
-            # Nothing is there, or nothing finished; or it cannot be asked, and the first part says why.
-            return
-        if not overwrite:
+        self._overwrite = overwrite
+        # It refuses where nothing is there, or nothing finished; or it cannot ask, and the first part says why.
+        if once(client, Command(self.command, ("info", self.path), may_refuse=True)) and not overwrite:
             raise FileExistsError(_there(self.path))
 
     def run(self, client: Any, *words: str) -> str:
@@ -306,7 +302,11 @@ class _Address:
         return f"{self.path}.rounds", self.path
 
     def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
-        self.run(client, "merge", *parts, "-o", whole, *(["--force"] if force else []))
+        if whole == self.path:
+            # Others had long to put something there.
+            self.begin(client, self._overwrite)
+        # A worker may die when it has joined them and not told: whoever joins them again finds the result there.
+        self.run(client, "merge", *parts, "-o", whole, "--force")
         self.remove(client, parts)
 
     def remove(self, client: Any, places: Sequence[str]) -> None:

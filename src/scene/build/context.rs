@@ -30,7 +30,7 @@ pub(crate) struct Context {
     /// What files hold that is not used, and what was mended, a sentence each.
     pub notes: Vec<String>,
     /// Files that were read, by their names.
-    files: RefCell<BTreeSet<String>>,
+    pub files: RefCell<BTreeSet<String>>,
 }
 
 impl Context {
@@ -106,7 +106,7 @@ impl Context {
     }
 
     /// The files that the scene is made of, sorted.
-    pub fn files(&self) -> Vec<String> {
+    pub fn used(&self) -> Vec<String> {
         self.files.borrow().iter().cloned().collect()
     }
 

@@ -249,7 +249,10 @@ fn read(
             "use a PNG, JPEG, OpenEXR or Radiance HDR file",
         )
     })?;
-    let encoded = !matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
+    let encoded = !matches!(
+        image,
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
+    );
     let image = image.to_rgb32f();
     let first = textures.texels.len() as u32;
     let wavelengths = ctx.wavelengths.clone();

@@ -1,10 +1,10 @@
 //! Stores that are removed, and the locks of places that hold several.
 
+use super::build::ORIGIN;
 use super::describe::slice_names_of;
 use super::error::{CreateError, OpenError};
 use super::manifest;
 use super::remote_store::{self, Held, ROOT};
-use super::build::ORIGIN;
 use super::{description, is_store};
 use crate::place::Objects;
 use crate::refusal::Refusal;
@@ -164,7 +164,9 @@ mod tests {
         assert!(matches!(remove(&path), Err(RemoveError::NotAStore { .. })));
         assert!(path.join("letter.txt").is_file());
         let address = Path::new("memory://remove-other/a");
-        let objects = remote_store::objects_of(address).expect("a place").expect("an address");
+        let objects = remote_store::objects_of(address)
+            .expect("a place")
+            .expect("an address");
         assert!(!remove(address).expect("nothing there"));
         objects.put("letter.txt", b"dear".to_vec().into()).expect("puts");
         assert!(matches!(remove(address), Err(RemoveError::NotAStore { .. })));
@@ -174,7 +176,10 @@ mod tests {
     #[test]
     fn stores_go_whole_and_may_be_made_again() {
         let folder = tempfile::tempdir().expect("a folder");
-        for path in [folder.path().join("a.zarr"), "memory://remove-store/a.zarr".into()] {
+        for path in [
+            folder.path().join("a.zarr"),
+            "memory://remove-store/a.zarr".into(),
+        ] {
             for _ in 0..2 {
                 let store = TensorStore::create(&path, &[], &serde_json::Map::new(), None, false);
                 drop(store.expect("a store"));
@@ -183,7 +188,11 @@ mod tests {
             }
         }
         let objects = remote_store::objects_of(Path::new("memory://remove-store/a.zarr"));
-        let left = objects.expect("a place").expect("an address").list().expect("lists");
+        let left = objects
+            .expect("a place")
+            .expect("an address")
+            .list()
+            .expect("lists");
         assert!(left.is_empty(), "{left:?}");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
     }

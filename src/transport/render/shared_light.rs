@@ -216,3 +216,25 @@ fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     }
     Err(wrong())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_made_once_and_again_where_they_are_spoilt() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let of = |part| SharedLight::new(&folder.path().join("light"), "key".into(), part, 2);
+        assert_eq!(of(1).number("threshold", || 0.25).to_bits(), 0.25_f32.to_bits());
+        let kept = of(2).number("threshold", || panic!("it is there"));
+        assert_eq!(kept.to_bits(), 0.25_f32.to_bits());
+        let file = folder.path().join("light/key.threshold");
+        for spoilt in [&b""[..], b"\0\0\0\0\0\0\0\x01", b"long enough to be more"] {
+            fs::write(&file, spoilt).expect("writes");
+            assert_eq!(of(2).number("threshold", || 0.5).to_bits(), 0.5_f32.to_bits());
+        }
+        // Another render's are not taken.
+        let other = SharedLight::new(&folder.path().join("light"), "other".into(), 1, 2);
+        assert_eq!(other.number("threshold", || 1.0).to_bits(), 1.0_f32.to_bits());
+    }
+}
