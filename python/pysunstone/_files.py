@@ -16,7 +16,7 @@ from typing import Any
 from pysunstone._native import RenderError
 from pysunstone.scene import Scene
 
-__all__ = ["Luggage", "folder_of", "pack"]
+__all__ = ["Luggage", "folder_of", "pack", "sent", "variant_of"]
 
 #: How often a scene is sent again while workers die under it.
 ATTEMPTS = 20
@@ -88,6 +88,11 @@ def pack(scene: Scene) -> Luggage:
     own = Path(*["above"] * depth, path.parent.name or "scene")
     files = {os.path.normpath(own / name): content for name, content in found.items()}
     return Luggage(str(own / path.name), scene.text, files)
+
+
+def variant_of(scene: Scene) -> int | None:
+    """Which variant of its text a scene is."""
+    return scene._native.variant
 
 
 def folder_of(worker: Any, name: str) -> Path:

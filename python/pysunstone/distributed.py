@@ -33,7 +33,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pysunstone._files import pack, sent
+from pysunstone._files import pack, sent, variant_of
 from pysunstone._native import RenderError
 from pysunstone._units import TOPIC, Command, Meter, Metrics, Unit, finish, once, run_command
 from pysunstone.command import CommandError, find
@@ -172,7 +172,7 @@ def render(
     words = [word for key, value in goal.items() if value is not None for word in (f"--target-{key}", str(value))]
     words += [] if most_spp is None else ["--most-spp", str(most_spp)]
     if isinstance(scene, Scene) and variant is None:
-        variant = scene._native.variant
+        variant = variant_of(scene)
     job = Job("" if isinstance(scene, Scene) else scene, None, spp, seed, variant, integrator, tuple(slices))
     if parts is not None and parts < 1:
         raise ValueError(f"parts is {parts}; give at least 1")

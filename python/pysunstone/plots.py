@@ -171,7 +171,8 @@ def plot_profile(
         ax.legend(fontsize=7)
     ax.set_xlabel(f"travel time [{mean['t'].attrs.get('units', 'ps')}]")
     # Names of quantities are longer than a small plot is high.
-    inches = ax.get_window_extent().height / ax.get_figure(root=True).dpi
+    figure = ax.get_figure(root=True)
+    inches = ax.get_window_extent().height / figure.dpi if figure else 2.5
     width = max(20, int(inches * 72 / (_LABEL_PT * _PER_CHARACTER)))
     name = f"{mean.attrs.get('long_name', 'value')} [{mean.attrs.get('units', '1')}]"
     ax.set_ylabel("\n".join(textwrap.wrap(name, width)), fontsize=_LABEL_PT)

@@ -66,7 +66,7 @@ def scene_in(folder: Path) -> Path:
     for path, made in (
         (folder / "shapes" / "tile.ply", TILE),
         (file.parent / "images" / "paint.png", _native.encode_image(np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5)),
-        (file, (SCENE.replace('name = "ball"\nwavelengths', "wavelengths") + MORE).encode()),
+        (file, (SCENE.replace('name = "ball"\nwavelengths', "wavelengths").replace("max_depth = 4", "max_depth = 4, tile = 8") + MORE).encode()),
     ):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(made)
@@ -219,7 +219,7 @@ def test_walks_from_the_light_are_the_same_without_a_folder_in_common(bucket: st
 
 def test_rounds_to_an_error_are_those_of_one_process(bucket: str, cluster: Any, client: Any, tmp_path: Path) -> None:
     file = scene_in(tmp_path)
-    words = ["--spp", 32, "--target-error", 0.08, "--target-slice", "steady", "--slices", "steady"]
+    words = ["--spp", 32, "--target-error", 0.02, "--target-slice", "steady", "--slices", "steady"]
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", tmp_path / "one.zarr")
     # The command alone writes it there, too.
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", f"{bucket}/alone.zarr")
@@ -228,7 +228,7 @@ def test_rounds_to_an_error_are_those_of_one_process(bucket: str, cluster: Any, 
     address = f"{bucket}/rounds.zarr"
     with Killer(cluster, 8.0):
         distributed.render(
-            file, address, 32, parts=2, client=client, command=command(), target_error=0.08, target_slice="steady", slices=["steady"]
+            file, address, 32, parts=2, client=client, command=command(), target_error=0.02, target_slice="steady", slices=["steady"]
         )
     assert one == content(download(address, tmp_path / "there.zarr"))
     attributes = json.loads((tmp_path / "there.zarr" / "zarr.json").read_text())["attributes"]
