@@ -17,13 +17,15 @@ class Killer(threading.Thread):
     Only those that run: one that dies while it starts is given up by the process that watches it, until no worker is left.
     """
 
-    def __init__(self, cluster: Any, every: float) -> None:
+    def __init__(self, cluster: Any, every: float, most: int = 8) -> None:
         super().__init__(daemon=True)
-        self.cluster, self.every, self.kills, self.done = cluster, every, 0, threading.Event()
+        # Where the machine is so busy that a worker takes longer to start than it lives, nothing would ever end.
+        self.cluster, self.every, self.most = cluster, every, most
+        self.kills, self.done = 0, threading.Event()
 
     def run(self) -> None:
         chance = random.Random(20)
-        while not self.done.wait(self.every * chance.uniform(0.5, 1.5)):
+        while self.kills < self.most and not self.done.wait(self.every * chance.uniform(0.5, 1.5)):
             nannies = [nanny for nanny in self.cluster.workers.values() if nanny.status == Status.running]
             pids = [nanny.pid for nanny in nannies if nanny.process is not None and nanny.process.status == Status.running and nanny.pid]
             if pids:
